@@ -1,0 +1,83 @@
+//! The pilot: an n-th order linear system in controllable canonical form (paper, section "Quadcopter
+//! Pilot Model").
+//!
+//! ```text
+//! ẋ_1 = x_2, ..., ẋ_{n-1} = x_n
+//! ẋ_n = -θ_1 x_1 - ... - θ_n x_n + u_p         u_p = ŷ - y_v, the error seen [m]
+//! y_p = θ_{n+1} x_1 + ... + θ_{2n} x_n         the stick [-1, 1]
+//! ```
+//!
+//! that is `y_p/u_p = (θ_{2n} s^{n-1} + ... + θ_{n+1}) / (s^n + θ_n s^{n-1} + ... + θ_1)`. With the
+//! error in metres, state `x_i` has unit `m·s^(n-i+1)`, `θ_i` (i ≤ n) `1/s^(n-i+1)` and `θ_{n+i}`
+//! `1/(m·s^(n-i+1))`.
+
+use crate::Scalar;
+use nalgebra::{Complex, DMatrix};
+
+/// The published θ (paper, section "Pilot Model Estimation"), as printed: four decimals.
+///
+/// Flown from rest on an ideal attitude loop it goes to about 5 m for a 10 m target and has a slowly
+/// growing mode, so the paper's figure cannot be reproduced from these digits (docs/method.md).
+pub const PAPER_THETA: [f64; 6] = [0.2454, 1.2477, 1.0164, -0.0005, 0.0052, -0.0575];
+
+/// Structure of a linear pilot: its order. The parameters θ are passed to each call, since they are
+/// what is identified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pilot {
+    /// Order `n`, the number of states, at least 1.
+    pub order: usize,
+}
+
+impl Default for Pilot {
+    /// The paper's third-order pilot.
+    fn default() -> Self {
+        Self { order: 3 }
+    }
+}
+
+impl Pilot {
+    /// Number of parameters, `2n`.
+    pub fn n_parameters(&self) -> usize {
+        2 * self.order
+    }
+
+    /// Writes `f_p(x, u; θ)` into `dx`; `u` is the error `ŷ - y_v` [m].
+    pub fn derivative<T: Scalar>(&self, x: &[T], u: T, theta: &[T], dx: &mut [T]) {
+        let n = self.order;
+        dx[..n - 1].copy_from_slice(&x[1..n]);
+        dx[n - 1] = (0..n).fold(u, |sum, i| sum - theta[i] * x[i]);
+    }
+
+    /// The stick `y_p = h_p(x; θ)`, dimensionless; *not* clipped to the stick's limits.
+    pub fn output<T: Scalar>(&self, x: &[T], theta: &[T]) -> T {
+        let n = self.order;
+        (1..n).fold(theta[n] * x[0], |sum, i| sum + theta[n + i] * x[i])
+    }
+
+    /// The poles: roots of `s^n + θ_n s^{n-1} + ... + θ_1` [1/s], sorted by real, then imaginary part.
+    pub fn poles(&self, theta: &[f64]) -> Vec<Complex<f64>> {
+        roots(&theta[..self.order])
+    }
+
+    /// The static gain `y_p/u_p` at s = 0 [1/m]; infinite for a pilot that integrates.
+    pub fn static_gain(&self, theta: &[f64]) -> f64 {
+        theta[self.order] / theta[0]
+    }
+}
+
+/// Roots of the monic polynomial `s^n + c[n-1] s^{n-1} + ... + c[0]`: eigenvalues of its companion
+/// matrix, sorted by real, then imaginary part.
+pub fn roots(c: &[f64]) -> Vec<Complex<f64>> {
+    let n = c.len();
+    let companion = DMatrix::from_fn(n, n, |i, j| match i + 1 == n {
+        true => -c[j],
+        false => f64::from(i + 1 == j),
+    });
+    let mut roots: Vec<_> = companion.complex_eigenvalues().iter().copied().collect();
+    roots.sort_by(|a, b| {
+        (a.re, a.im)
+            .partial_cmp(&(b.re, b.im))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
+    roots
+}

@@ -1,0 +1,73 @@
+//! What a user may choose about a fit.
+
+use pilotage_models::{Pilot, Quadcopter};
+
+/// The collocation scheme (paper: forward Euler, its matrix D).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SchemeName {
+    /// Forward Euler, first order: the paper's D.
+    Euler,
+    /// Trapezoid, second order.
+    Trapezoid,
+    /// Hermite–Simpson, fourth order.
+    HermiteSimpson,
+}
+
+/// What is known of the states at the first sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InitialState {
+    /// Nothing: every state of every run is free (the paper's implicit states).
+    Free,
+    /// The vehicle hovers at the first recorded position; the pilot's states are free.
+    VehicleAtRest,
+    /// The vehicle hovers at the first recorded position and the pilot's states are zero.
+    AtRest,
+}
+
+/// What is compared with the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Objective {
+    /// The vehicle's response: sum of squared position residuals [m²] (the paper's).
+    Response,
+    /// The stick, with the pilot driven by the recorded error: sum of squared stick residuals [1].
+    Stick,
+}
+
+/// Options of a fit, with their defaults.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Collocation scheme. Default: trapezoid.
+    pub scheme: SchemeName,
+    /// Initial states. Default: the vehicle at rest.
+    pub initial_state: InitialState,
+    /// Objective. Default: the vehicle's response.
+    pub objective: Objective,
+    /// The pilot's structure. Default: third order.
+    pub pilot: Pilot,
+    /// The vehicle. Default: the project's own quadcopter.
+    pub vehicle: Quadcopter,
+    /// A start for θ; none: estimated from the data.
+    pub start: Option<Vec<f64>>,
+    /// Limit on |y_p|, dimensionless. Default: 1.
+    pub stick_limit: f64,
+    /// Scaled KKT residual at which a solve counts as converged. Default: 1e-8.
+    pub tolerance: f64,
+    /// Iteration limit of one solve. Default: 200.
+    pub max_iterations: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            scheme: SchemeName::Trapezoid,
+            initial_state: InitialState::VehicleAtRest,
+            objective: Objective::Response,
+            pilot: Pilot::default(),
+            vehicle: Quadcopter::default(),
+            start: None,
+            stick_limit: 1.0,
+            tolerance: 1e-8,
+            max_iterations: 200,
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! What a fit gives, and the file that hands it on.
+
+/// One run as the identified pilot flies it in the optimiser's solution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunFit {
+    /// Name of the trial.
+    pub name: String,
+    /// Node times [s].
+    pub time: Vec<f64>,
+    /// Target at the nodes [m].
+    pub target: Vec<f64>,
+    /// Model position at the nodes [m].
+    pub position: Vec<f64>,
+    /// Model stick at the nodes.
+    pub stick: Vec<f64>,
+    /// Recorded minus modelled, at the nodes; NaN where no sample is.
+    pub residual: Vec<f64>,
+}
+
+/// The outcome of a fit, converged or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// θ, in the units of [`pilotage_models::pilot`].
+    pub theta: Vec<f64>,
+    /// Sum of squared residuals: [m²] for the response, [1] for the stick.
+    pub objective: f64,
+    /// True when the scaled KKT residual reached the tolerance.
+    pub converged: bool,
+    /// One word for how the solve ended, such as `converged` or `iteration-limit`.
+    pub status: String,
+    /// Scaled KKT residual of the returned iterate.
+    pub kkt: f64,
+    /// SQP iterations.
+    pub iterations: usize,
+    /// Wall time of the fit [s].
+    pub seconds: f64,
+    /// The runs.
+    pub runs: Vec<RunFit>,
+}
+
+/// The result file `pilot.toml`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PilotFile {
+    /// θ.
+    pub theta: Vec<f64>,
+    /// Limit on |y_p| that the fit used.
+    pub stick_limit: f64,
+    /// False marks the best iterate of a fit that did not converge.
+    pub converged: bool,
+}

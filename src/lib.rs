@@ -1,0 +1,17 @@
+//! **pilotage** identifies how a human pilot acts on a vehicle, and hands that pilot on as an FMU that
+//! any simulation tool can run.
+//!
+//! From recorded flights to a target it fits one pilot model θ for all runs, by constrained
+//! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
+//! fits the vehicle's response, not the stick.
+
+pub mod identification;
+pub mod series;
+pub mod sqp;
+pub mod transcription;
+pub mod vehicle;
+
+#[doc(hidden)]
+pub mod cli;
+
+pub use pilotage_models as models;

@@ -1,0 +1,30 @@
+//! Named time series with units: what trials, results and tables are made of.
+
+/// One signal of a [`Series`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Name, unique within the series.
+    pub name: String,
+    /// Unit as written in the header (`m`, `rad/s`); empty for none.
+    pub unit: String,
+    /// One value for each time; NaN where the sample is missing.
+    pub values: Vec<f64>,
+}
+
+/// Signals over a common time axis [s].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Series {
+    /// Comment lines of the file, without the leading `#`.
+    pub comments: Vec<String>,
+    /// Times [s], strictly increasing.
+    pub time: Vec<f64>,
+    /// The signals, each of `time.len()` values.
+    pub columns: Vec<Column>,
+}
+
+impl Series {
+    /// The column of that name.
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|c| c.name == name)
+    }
+}

@@ -1,0 +1,1 @@
+//! From an ODE and a mesh to a nonlinear program, by collocation.
