@@ -1,26 +1,35 @@
 //! The command line: parse, resolve, act. The only place that knows clap, stdout and stderr.
+//!
+//! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+mod failure;
+
+pub use failure::{Failure, Outcome};
+
+use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// How a command that could run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Exit code 0.
-    Done,
-    /// It ran, but the answer is no (not converged, invalid): exit code 1.
-    No,
+/// Identify how a human pilot acts on a vehicle, and hand that pilot on as an FMU.
+#[derive(Debug, Parser)]
+#[command(version, about, max_term_width = 100, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
 }
 
-/// Bad use or bad input: exit code 2.
-#[derive(Debug, Clone)]
-pub struct Failure {
-    /// What is wrong and where.
-    pub message: String,
-    /// What to do next.
-    pub hint: Option<String>,
-}
+/// The commands, in the order in which a user meets them.
+#[derive(Debug, Subcommand)]
+enum Command {}
 
-/// Entry point of the command.
+/// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let outcome: Result<Outcome, Failure> = match Cli::parse().command {};
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::No) => ExitCode::from(1),
+        Err(failure) => {
+            eprintln!("{failure}");
+            ExitCode::from(2)
+        }
+    }
 }
