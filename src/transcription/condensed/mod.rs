@@ -31,16 +31,19 @@ pub struct Condensed {
     runs: Vec<RunSweep>,
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
-    /// Constraint values of the QP: those of the iterate, or shifted by a correction.
+    /// Constraint values of the QP: those of the iterate, or moved by a correction.
     c: Vec<f64>,
     g: Vec<f64>,
+    /// Constraint values of the iterate.
+    c_iterate: Vec<f64>,
+    g_iterate: Vec<f64>,
+    last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
     parameter_hessian: Vec<f64>,
     gauss_newton: Arrow,
     exact: Option<Arrow>,
     singular: bool,
-    last: Option<(Hessian, f64)>,
     /// Inequalities of the last QP's working set.
     working: Vec<RowAt>,
 }
@@ -49,21 +52,32 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
         self.prepare(problem);
         self.linearise_parameters(problem, at);
-        self.c.clone_from(&at.c);
-        self.g.clone_from(&at.g);
+        self.c_iterate.clone_from(&at.c);
+        self.g_iterate.clone_from(&at.g);
+        self.last = None;
         self.singular = false;
         for (j, run) in self.runs.iter_mut().enumerate() {
-            run.linearise(problem, j, at, exact, &mut self.gradient, &mut self.lagrangian);
+            run.linearise(
+                problem,
+                j,
+                at,
+                exact,
+                &mut self.gradient,
+                &mut self.lagrangian,
+            );
             self.singular |= !run.sweep_sensitivities(problem, j);
-            run.sweep_offsets(problem, j, &at.c);
-            for (i, (f, l)) in run.theta_gradient.iter().zip(&run.theta_lagrangian).enumerate() {
+            for (i, (f, l)) in run
+                .theta_gradient
+                .iter()
+                .zip(&run.theta_lagrangian)
+                .enumerate()
+            {
                 self.gradient[problem.layout.theta + i] += f;
                 self.lagrangian[problem.layout.theta + i] += l;
             }
         }
         self.gauss_newton = self.reduce(problem, Hessian::GaussNewton);
         self.exact = exact.then(|| self.reduce(problem, Hessian::Exact));
-        self.last = None;
     }
 
     fn gradient(&self) -> &[f64] {
@@ -81,6 +95,46 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         damping: f64,
         step: &mut Step,
     ) -> Result<(), QpFailure> {
+        self.c.clone_from(&self.c_iterate);
+        self.g.clone_from(&self.g_iterate);
+        self.solve_shifted(problem, hessian, damping, step)
+    }
+
+    fn correct(
+        &mut self,
+        problem: &Collocation<D, C>,
+        trial: &Iterate,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
+        // The equalities hold in the QP, so J d₀ = -c; for the inequalities J d₀ is their change.
+        self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
+        let dtheta = &step.d[problem.layout.theta..];
+        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
+            for b in 0..problem.runs[j].time.len() {
+                let k = b * problem.scheme.unknown_nodes();
+                let x = at.z + k * problem.n_states();
+                let change = run.bounded_change(k, &step.d[x..x + problem.n_states()], dtheta);
+                self.g[at.g + b] = trial.g[at.g + b] - change;
+            }
+        }
+        for (i, row) in self.parameter_rows.iter().enumerate() {
+            let at = problem.layout.parameter_constraints + i;
+            self.g[at] = trial.g[at] - dense::dot(row, dtheta);
+        }
+        self.solve_shifted(problem, hessian, damping, step)
+    }
+}
+
+impl Condensed {
+    /// The QP with the constraint values in `c` and `g`.
+    fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
         if self.singular {
             return Err(QpFailure::NoSolution);
         }
@@ -91,8 +145,13 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         };
         matrix.add_diagonal(damping);
         let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
+        for (j, run) in self.runs.iter_mut().enumerate() {
+            run.sweep_offsets(problem, j, &self.c);
+        }
         let mut q = vec![0.0; matrix.size()];
-        self.each_local(&mut q, problem, |run, j, local| run.reduce_vector(problem, j, hessian, local));
+        self.each_local(&mut q, problem, |run, j, local| {
+            run.reduce_vector(problem, j, hessian, local)
+        });
 
         let mut rho: Vec<f64> = q.iter().map(|v| -v).collect();
         factor.solve(&mut rho);
@@ -111,48 +170,24 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
                 break;
             }
         }
-        self.working = rows.iter().zip(&eta).filter(|(_, y)| **y != 0.0).map(|(row, _)| row.at).collect();
+        self.working = rows
+            .iter()
+            .zip(&eta)
+            .filter(|(_, y)| **y != 0.0)
+            .map(|(row, _)| row.at)
+            .collect();
         self.write_step(problem, hessian, damping, &rho, &rows, &eta, step);
         step.violation = violation;
         Ok(())
     }
 
-    fn correct(&mut self, problem: &Collocation<D, C>, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure> {
-        let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
-        // J d₀ = -c for the equalities; for the bounded signals J d₀ is their linear change.
-        let (c, g) = (self.c.clone(), self.g.clone());
-        self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
-        let dtheta = &step.d[problem.layout.theta..];
-        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
-            for b in 0..problem.runs[j].time.len() {
-                let k = b * problem.scheme.unknown_nodes();
-                let x = at.z + k * problem.n_states();
-                let change = run.bounded_change(k, &step.d[x..x + problem.n_states()], dtheta);
-                self.g[at.g + b] = trial.g[at.g + b] - change;
-            }
-        }
-        for (i, row) in self.parameter_rows.iter().enumerate() {
-            let at = problem.layout.parameter_constraints + i;
-            self.g[at] = trial.g[at] - dense::dot(row, dtheta);
-        }
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.sweep_offsets(problem, j, &self.c);
-        }
-        let outcome = self.solve(problem, hessian, damping, step);
-        (self.c, self.g) = (c, g);
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.sweep_offsets(problem, j, &self.c);
-        }
-        outcome
-    }
-}
-
-impl Condensed {
     /// Allocates the workspace at the first use.
     fn prepare<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
         let variables = problem.layout.theta + problem.n_parameters();
         if self.runs.len() != problem.runs.len() || self.gradient.len() != variables {
-            self.runs = (0..problem.runs.len()).map(|j| RunSweep::new(problem, j)).collect();
+            self.runs = (0..problem.runs.len())
+                .map(|j| RunSweep::new(problem, j))
+                .collect();
             self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
             self.working.clear();
@@ -162,7 +197,11 @@ impl Condensed {
     }
 
     /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
-    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>, at: &Iterate) {
+    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        at: &Iterate,
+    ) {
         let (p, theta) = (problem.n_parameters(), problem.theta(&at.z));
         let eta = &at.eta[problem.layout.parameter_constraints..];
         self.parameter_rows = vec![vec![0.0; p]; eta.len()];
@@ -182,7 +221,11 @@ impl Condensed {
     }
 
     /// The reduced Hessian.
-    fn reduce<D: Dynamics, C: ParameterConstraints>(&self, problem: &Collocation<D, C>, kind: Hessian) -> Arrow {
+    fn reduce<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+        kind: Hessian,
+    ) -> Arrow {
         let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
         let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
         for (j, run) in self.runs.iter().enumerate() {
@@ -198,8 +241,12 @@ impl Condensed {
 
     /// Calls `add` for each run with a local vector over `[θ; its free states]` and sums the results
     /// into the global one.
-    fn each_local<D, C>(&self, global: &mut [f64], problem: &Collocation<D, C>, mut add: impl FnMut(&RunSweep, usize, &mut [f64]))
-    where
+    fn each_local<D, C>(
+        &self,
+        global: &mut [f64],
+        problem: &Collocation<D, C>,
+        mut add: impl FnMut(&RunSweep, usize, &mut [f64]),
+    ) where
         D: Dynamics,
         C: ParameterConstraints,
     {
@@ -215,7 +262,11 @@ impl Condensed {
     }
 
     /// Steps of all nodes from the reduced variables.
-    fn expand<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>, rho: &[f64]) {
+    fn expand<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+    ) {
         let p = problem.n_parameters();
         let mut local = rho[..p].to_vec();
         let mut first = p;
@@ -236,16 +287,25 @@ impl Condensed {
         rows: &mut Vec<Row>,
     ) -> bool {
         use crate::sqp::Problem;
-        let (p, n, s) = (problem.n_parameters(), problem.n_states(), problem.scheme.unknown_nodes());
+        let (p, n, s) = (
+            problem.n_parameters(),
+            problem.n_states(),
+            problem.scheme.unknown_nodes(),
+        );
         let (lower, upper) = problem.limits();
-        let outside = |row: usize, value: f64| crate::sqp::iterate::violation(value, lower[row], upper[row]) > ROW_TOLERANCE;
+        let outside = |row: usize, value: f64| {
+            crate::sqp::iterate::violation(value, lower[row], upper[row]) > ROW_TOLERANCE
+        };
         let mut wanted: Vec<RowAt> = Vec::new();
         for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
             for b in 0..problem.runs[j].time.len() {
                 let dx = &run.dx[b * s * n..(b * s + 1) * n];
                 let value = self.g[at.g + b] + run.bounded_change(b * s, dx, &rho[..p]);
                 if outside(at.g + b, value) {
-                    wanted.push(RowAt::Bounded { run: j, boundary: b });
+                    wanted.push(RowAt::Bounded {
+                        run: j,
+                        boundary: b,
+                    });
                 }
             }
         }
@@ -281,7 +341,11 @@ impl Condensed {
         let (index, entries, value) = match at {
             RowAt::Parameter(i) => {
                 let index = problem.layout.parameter_constraints + i;
-                (index, self.parameter_rows[i].iter().copied().enumerate().collect(), self.g[index])
+                (
+                    index,
+                    self.parameter_rows[i].iter().copied().enumerate().collect(),
+                    self.g[index],
+                )
             }
             RowAt::Bounded { run: j, boundary } => {
                 let index = problem.layout.runs[j].g + boundary;
@@ -290,11 +354,21 @@ impl Condensed {
                 let offset = run.bounded_row(boundary * problem.scheme.unknown_nodes(), &mut local);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
-                let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v)).collect();
+                let entries = local
+                    .iter()
+                    .enumerate()
+                    .map(|(i, v)| (column(i), *v))
+                    .collect();
                 (index, entries, self.g[index] + offset)
             }
         };
-        Row { at, index, entries, lower: lower[index] - value, upper: upper[index] - value }
+        Row {
+            at,
+            index,
+            entries,
+            lower: lower[index] - value,
+            upper: upper[index] - value,
+        }
     }
 
     /// The full step and multipliers from the reduced solution.
