@@ -6,6 +6,7 @@
 //! fits the vehicle's response, not the stick.
 
 pub mod identification;
+pub mod output;
 pub mod series;
 pub mod sqp;
 pub mod transcription;
