@@ -3,6 +3,9 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod failure;
+mod format;
+mod terminal;
+mod vehicle;
 
 pub use failure::{Failure, Outcome};
 
@@ -19,11 +22,16 @@ struct Cli {
 
 /// The commands, in the order in which a user meets them.
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    /// Show or check the coefficients of the vehicle.
+    Vehicle(vehicle::Args),
+}
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
-    let outcome: Result<Outcome, Failure> = match Cli::parse().command {};
+    let outcome = match Cli::parse().command {
+        Command::Vehicle(args) => vehicle::run(args),
+    };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
