@@ -11,6 +11,7 @@ pub mod nearest;
 pub mod output;
 pub mod series;
 pub mod sqp;
+pub mod synthetic;
 pub mod transcription;
 pub mod vehicle;
 

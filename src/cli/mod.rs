@@ -3,8 +3,10 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod failure;
+mod folder;
 mod format;
 mod terminal;
+mod trials;
 mod vehicle;
 
 pub use failure::{Failure, Outcome};
@@ -23,6 +25,8 @@ struct Cli {
 /// The commands, in the order in which a user meets them.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Check recorded flights, or make synthetic ones.
+    Trials(trials::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
 }
@@ -30,6 +34,7 @@ enum Command {
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Trials(args) => trials::run(args),
         Command::Vehicle(args) => vehicle::run(args),
     };
     match outcome {

@@ -6,4 +6,4 @@ pub mod trials;
 
 pub use options::{InitialState, Objective, Options, SchemeName};
 pub use result::{Fit, PilotFile, RunFit};
-pub use trials::Trial;
+pub use trials::{Trial, TrialError, TrialSet};
