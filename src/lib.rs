@@ -9,6 +9,7 @@ pub mod document;
 pub mod identification;
 pub mod nearest;
 pub mod output;
+pub mod report;
 pub mod series;
 pub mod sqp;
 pub mod synthetic;

@@ -94,8 +94,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 impl Synth {
     fn run(&self) -> Result<Outcome, Failure> {
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
-        folder::create_new(&self.output, self.force)?;
         let flights = self.flights().fly(&self.human(), &vehicle)?;
+        folder::create_new(&self.output, self.force)?;
         let mut manifest = format!("# {}\n", self.command());
         for flight in &flights {
             let file = format!("{}.csv", flight.name);
