@@ -51,18 +51,18 @@ impl Plot {
         );
         let frame = Frame::new(x, y, self.height);
         let mut svg = self.legend();
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\n",
+            "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">",
             self.height,
             escape(&self.description)
         );
         svg += &frame.grid();
         svg += &frame.labels(&self.x_label, &self.y_label);
         for line in &self.lines {
-            let _ = write!(
+            let _ = writeln!(
                 svg,
-                "<path class=\"line {}\" d=\"{}\"><title>{}</title></path>\n",
+                "<path class=\"line {}\" d=\"{}\"><title>{}</title></path>",
                 line.class,
                 frame.path(&line.x, &line.y),
                 escape(&line.label)
@@ -80,9 +80,9 @@ impl Plot {
                 continue;
             }
             seen.push(&line.label);
-            let _ = write!(
+            let _ = writeln!(
                 html,
-                "<li><svg viewBox=\"0 0 28 10\" aria-hidden=\"true\"><path class=\"line {}\" d=\"M1 5H27\"/></svg>{}</li>\n",
+                "<li><svg viewBox=\"0 0 28 10\" aria-hidden=\"true\"><path class=\"line {}\" d=\"M1 5H27\"/></svg>{}</li>",
                 line.class,
                 escape(&line.label)
             );
@@ -128,9 +128,9 @@ impl Frame {
         let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         for &tick in &self.x.ticks {
             let x = self.px(tick);
-            let _ = write!(
+            let _ = writeln!(
                 svg,
-                "<path d=\"M{x:.1} {top}V{bottom}\"/><text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n",
+                "<path d=\"M{x:.1} {top}V{bottom}\"/><text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
                 bottom + 18.0,
                 self.x.label(tick)
             );
@@ -138,9 +138,9 @@ impl Frame {
         for &tick in &self.y.ticks {
             let y = self.py(tick);
             let class = if tick == 0.0 { " class=\"zero\"" } else { "" };
-            let _ = write!(
+            let _ = writeln!(
                 svg,
-                "<path{class} d=\"M{left} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
+                "<path{class} d=\"M{left} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
                 left - 8.0,
                 y + 4.5,
                 self.y.label(tick)
