@@ -40,7 +40,7 @@ struct Synth {
     #[arg(long)]
     force: bool,
     /// Targets [m].
-    #[arg(long, value_delimiter = ',', default_values_t = Flights::default().targets, allow_negative_numbers = true)]
+    #[arg(long, value_delimiter = ',', default_values_t = Flights::default().targets, allow_hyphen_values = true)]
     targets: Vec<f64>,
     /// Runs to each target.
     #[arg(long, default_value_t = Flights::default().runs)]

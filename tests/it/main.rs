@@ -1,0 +1,7 @@
+//! Integration tests: one binary, one module for each topic.
+
+mod arrows;
+mod bad_files;
+mod command;
+mod trials;
+mod vehicle;
