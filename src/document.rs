@@ -191,6 +191,34 @@ impl<'a> Table<'a> {
         self.value(field, "a string", DeValue::as_str)
     }
 
+    /// A boolean.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn boolean(&self, field: &str) -> Result<Option<bool>, DocumentError> {
+        self.value(field, "true or false", DeValue::as_bool)
+    }
+
+    /// A table within this one (`[field]`).
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn table(&self, field: &str) -> Result<Option<Table<'a>>, DocumentError> {
+        let line = self.line(field);
+        self.value(field, "a table", |value| {
+            Some(Table {
+                source: self.source,
+                table: value.as_table()?,
+                line,
+            })
+        })
+    }
+
+    /// Number of fields.
+    pub fn count(&self) -> usize {
+        self.table.len()
+    }
+
     /// The tables of an array of tables (`[[field]]`); none where the field is missing.
     ///
     /// # Errors

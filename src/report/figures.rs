@@ -1,7 +1,6 @@
 //! The figures of a report.
 
 use super::plot::{Line, Plot};
-use super::tables::residual_unit;
 use crate::identification::{Fit, Objective, RunFit, Trial};
 use crate::series::Series;
 
@@ -130,7 +129,7 @@ pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
 
 /// Recorded minus modelled.
 pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
-    let label = format!("residual [{}]", residual_unit(objective));
+    let label = format!("residual [{}]", objective.unit());
     let mut lines = modelled(fit, targets, |run| &run.residual);
     (lines.iter_mut()).for_each(|line| line.label = line.label.replace("model, ", "goal "));
     plot("recorded minus modelled over time", &label, 300.0, lines)

@@ -12,4 +12,4 @@ pub use figures::ClosedLoop;
 pub use number::significant;
 pub use page::{Report, page};
 pub use plot::{Line, Plot};
-pub use tables::{Parameter, parameters, rms};
+pub use tables::rms;

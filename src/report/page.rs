@@ -73,7 +73,7 @@ fn header(report: &Report) -> String {
         true => ("good", "converged".to_owned()),
         false => ("bad", format!("not converged: {}", fit.status)),
     };
-    let unit = match tables::residual_unit(options.objective) {
+    let unit = match options.objective.unit() {
         "1" => String::new(),
         unit => format!(" {unit}"),
     };
@@ -193,42 +193,17 @@ fn numbers(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identification::RunFit;
-    use crate::models::{Dynamics, Joint};
+    use crate::identification::simulate;
+    use crate::models::Joint;
     use crate::synthetic::{Flights, Human};
 
-    /// A fit as it could be: the joint system from rest, integrated by Heun's method.
+    /// A fit as it could be: the trials flown in closed loop.
     fn plausible_fit(options: &Options, trials: &[Trial], theta: &[f64]) -> Fit {
         let joint = Joint {
             vehicle: options.vehicle,
             pilot: options.pilot,
         };
-        let runs = trials.iter().map(|trial| {
-            let mut run = RunFit {
-                name: trial.name.clone(),
-                time: trial.time.clone(),
-                target: trial.target.clone(),
-                position: Vec::new(),
-                stick: Vec::new(),
-                residual: Vec::new(),
-            };
-            let n = joint.n_states();
-            let (mut x, mut k1, mut k2) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-            for (k, &target) in trial.target.iter().enumerate() {
-                run.position.push(x[0]);
-                run.stick.push(joint.bounded(&x, &[target], theta));
-                run.residual.push(trial.position[k] - x[0]);
-                for _ in 0..10 {
-                    joint.derivative(&x, &[target], theta, &mut k1);
-                    let ahead: Vec<f64> = x.iter().zip(&k1).map(|(x, k)| x + 0.005 * k).collect();
-                    joint.derivative(&ahead, &[target], theta, &mut k2);
-                    x.iter_mut()
-                        .zip(k1.iter().zip(&k2))
-                        .for_each(|(x, (k1, k2))| *x += 0.0025 * (k1 + k2));
-                }
-            }
-            run
-        });
+        let runs = trials.iter().map(|trial| simulate(&joint, theta, trial));
         Fit {
             theta: theta.to_vec(),
             objective: 1234.5,

@@ -2,49 +2,22 @@
 
 use super::html::{escape, table};
 use super::number::significant;
+use crate::identification::pilot_file::{superscript, units};
 use crate::identification::{Fit, InitialState, Objective, Options, SchemeName, Trial};
 use crate::models::Pilot;
 use crate::vehicle::{FIELDS, Mode};
 
-/// Name, unit and meaning of one component of θ.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parameter {
-    /// Its symbol, `θ1`.
-    pub symbol: String,
-    /// Its unit, `1/s³`.
-    pub unit: String,
-    /// Which coefficient of the pilot's transfer function it is.
-    pub meaning: String,
-}
-
-/// The components of θ, in order (units: [`crate::models::pilot`]).
-pub fn parameters(pilot: Pilot) -> Vec<Parameter> {
-    let n = pilot.order;
-    let power = |symbol: &str, power: usize| match power {
-        0 => String::new(),
-        1 => symbol.to_owned(),
-        _ => format!("{symbol}{}", superscript(power)),
-    };
+/// Which coefficient of the pilot's transfer function each component of θ is.
+fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
     let term = |i: usize| match i {
         0 => "1".to_owned(),
-        _ => power("s", i),
+        1 => "s".to_owned(),
+        _ => format!("s{}", superscript(i)),
     };
-    let denominator = (0..n).map(|i| (format!("1/{}", power("s", n - i)), "denominator", i));
-    let numerator = (0..n).map(|i| (format!("1/(m·{})", power("s", n - i)), "numerator", i));
-    (denominator.chain(numerator).enumerate())
-        .map(|(k, (unit, part, i))| Parameter {
-            symbol: format!("θ{}", k + 1),
-            unit,
-            meaning: format!("{part}, coefficient of {}", term(i)),
-        })
-        .collect()
-}
-
-/// A whole number as superscript digits.
-fn superscript(number: usize) -> String {
-    let digits = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-    let digit = |c: char| c.to_digit(10).map_or(c, |d| digits[d as usize]);
-    number.to_string().chars().map(digit).collect()
+    let part = move |part: &'static str| {
+        (0..pilot.order).map(move |i| format!("{part}, coefficient of {}", term(i)))
+    };
+    part("denominator").chain(part("numerator"))
 }
 
 /// Root mean square of the values that are numbers.
@@ -54,27 +27,20 @@ pub fn rms<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
-/// Unit of the objective's residuals.
-pub fn residual_unit(objective: Objective) -> &'static str {
-    match objective {
-        Objective::Response => "m",
-        Objective::Stick => "1",
-    }
-}
-
 /// Text for a cell: escaped, with a true minus sign.
 fn cell(text: impl AsRef<str>) -> String {
     escape(text.as_ref()).replace('-', "\u{2212}")
 }
 
 pub fn theta(fit: &Fit, pilot: Pilot) -> String {
-    let rows: Vec<_> = (parameters(pilot).into_iter().zip(&fit.theta))
-        .map(|(parameter, value)| {
+    let names = units(pilot).into_iter().zip(meanings(pilot));
+    let rows: Vec<_> = (fit.theta.iter().zip(names).enumerate())
+        .map(|(i, (value, (unit, meaning)))| {
             vec![
-                parameter.symbol,
+                format!("θ{}", i + 1),
                 cell(significant(*value, 6)),
-                parameter.unit,
-                parameter.meaning,
+                unit,
+                meaning,
             ]
         })
         .collect();
@@ -112,7 +78,7 @@ pub fn poles(fit: &Fit, pilot: Pilot) -> String {
 }
 
 pub fn runs(fit: &Fit, trials: &[Trial], options: &Options) -> String {
-    let unit = residual_unit(options.objective);
+    let unit = options.objective.unit();
     let rows: Vec<_> = (fit.runs.iter().zip(trials))
         .map(|(run, trial)| {
             let summary = trial.summary();
@@ -244,27 +210,5 @@ fn initial_state(initial_state: InitialState) -> &'static str {
         InitialState::Free => "all free (the paper's)",
         InitialState::VehicleAtRest => "vehicle hovers at the first position, pilot free",
         InitialState::AtRest => "vehicle hovers at the first position, pilot at zero",
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units_of_theta_follow_from_metres_in_and_stick_out() {
-        let units: Vec<_> = parameters(Pilot { order: 3 })
-            .into_iter()
-            .map(|p| p.unit)
-            .collect();
-        assert_eq!(
-            units,
-            ["1/s³", "1/s²", "1/s", "1/(m·s³)", "1/(m·s²)", "1/(m·s)"]
-        );
-        let last = parameters(Pilot { order: 12 }).remove(12);
-        assert_eq!(
-            (last.symbol.as_str(), last.unit.as_str()),
-            ("θ13", "1/(m·s¹²)")
-        );
     }
 }
