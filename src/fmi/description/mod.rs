@@ -1,0 +1,22 @@
+//! modelDescription.xml of FMI 2.0 (section 2.2 and 4.3.1): typed, for Model Exchange and
+//! Co-Simulation, of any tool.
+//!
+//! A description that this project writes reads back as the same value, field by field.
+
+mod enums;
+mod model;
+mod structure;
+mod units;
+mod variable;
+mod write;
+mod xml;
+
+pub use enums::{Causality, DependencyKind, Initial, NamingConvention, Variability};
+pub use model::{
+    CoSimulation, DefaultExperiment, LogCategory, ModelDescription, ModelExchange, Tool,
+};
+pub use structure::{ModelStructure, Unknown};
+pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
+pub use variable::{
+    BaseType, IntegerAttributes, RealAttributes, RealVariable, ScalarVariable, VariableKind,
+};
