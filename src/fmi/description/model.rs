@@ -1,6 +1,8 @@
 //! The root element and what describes the FMU as a whole.
 
-use super::{ModelStructure, NamingConvention, ScalarVariable, SimpleType, Unit};
+use super::{
+    ModelStructure, NamingConvention, ScalarVariable, SimpleType, TypeKind, Unit, VariableKind,
+};
 
 /// A modelDescription.xml (FMI 2.0, section 2.2.1).
 ///
@@ -57,6 +59,20 @@ impl ModelDescription {
             .iter()
             .enumerate()
             .find(|(_, v)| v.name == name)
+    }
+
+    /// Name of a real variable's unit: its own, else that of its declared type.
+    pub fn unit_of<'a>(&'a self, variable: &'a ScalarVariable) -> Option<&'a str> {
+        let VariableKind::Real(real) = &variable.kind else {
+            return None;
+        };
+        real.attributes.unit.as_deref().or_else(|| {
+            let name = real.declared_type.as_deref()?;
+            match &self.types.iter().find(|t| t.name == name)?.kind {
+                TypeKind::Real(declared) => declared.unit.as_deref(),
+                _ => None,
+            }
+        })
     }
 }
 
@@ -141,4 +157,60 @@ pub struct Tool {
     pub name: String,
     /// The XML between `<Tool>` and `</Tool>`, as it stands.
     pub content: String,
+}
+
+impl CoSimulation {
+    /// The boolean attributes by their names in XML.
+    pub fn flags(&self) -> [(&'static str, bool); 9] {
+        [
+            ("needsExecutionTool", self.needs_execution_tool),
+            (
+                "canHandleVariableCommunicationStepSize",
+                self.can_handle_variable_communication_step_size,
+            ),
+            ("canInterpolateInputs", self.can_interpolate_inputs),
+            ("canRunAsynchronuously", self.can_run_asynchronously),
+            (
+                "canBeInstantiatedOnlyOncePerProcess",
+                self.can_be_instantiated_only_once_per_process,
+            ),
+            (
+                "canNotUseMemoryManagementFunctions",
+                self.can_not_use_memory_management_functions,
+            ),
+            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
+            ("canSerializeFMUstate", self.can_serialize_fmu_state),
+            (
+                "providesDirectionalDerivative",
+                self.provides_directional_derivative,
+            ),
+        ]
+    }
+}
+
+impl ModelExchange {
+    /// The boolean attributes by their names in XML.
+    pub fn flags(&self) -> [(&'static str, bool); 7] {
+        [
+            ("needsExecutionTool", self.needs_execution_tool),
+            (
+                "completedIntegratorStepNotNeeded",
+                self.completed_integrator_step_not_needed,
+            ),
+            (
+                "canBeInstantiatedOnlyOncePerProcess",
+                self.can_be_instantiated_only_once_per_process,
+            ),
+            (
+                "canNotUseMemoryManagementFunctions",
+                self.can_not_use_memory_management_functions,
+            ),
+            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
+            ("canSerializeFMUstate", self.can_serialize_fmu_state),
+            (
+                "providesDirectionalDerivative",
+                self.provides_directional_derivative,
+            ),
+        ]
+    }
 }

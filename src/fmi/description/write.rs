@@ -101,33 +101,6 @@ impl CoSimulation {
         list(xml, "SourceFiles", &self.source_files, write_source_file);
         xml.close();
     }
-
-    /// The boolean attributes by their names in XML.
-    pub fn flags(&self) -> [(&'static str, bool); 9] {
-        [
-            ("needsExecutionTool", self.needs_execution_tool),
-            (
-                "canHandleVariableCommunicationStepSize",
-                self.can_handle_variable_communication_step_size,
-            ),
-            ("canInterpolateInputs", self.can_interpolate_inputs),
-            ("canRunAsynchronuously", self.can_run_asynchronously),
-            (
-                "canBeInstantiatedOnlyOncePerProcess",
-                self.can_be_instantiated_only_once_per_process,
-            ),
-            (
-                "canNotUseMemoryManagementFunctions",
-                self.can_not_use_memory_management_functions,
-            ),
-            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
-            ("canSerializeFMUstate", self.can_serialize_fmu_state),
-            (
-                "providesDirectionalDerivative",
-                self.provides_directional_derivative,
-            ),
-        ]
-    }
 }
 
 impl ModelExchange {
@@ -139,31 +112,6 @@ impl ModelExchange {
         }
         list(xml, "SourceFiles", &self.source_files, write_source_file);
         xml.close();
-    }
-
-    /// The boolean attributes by their names in XML.
-    pub fn flags(&self) -> [(&'static str, bool); 7] {
-        [
-            ("needsExecutionTool", self.needs_execution_tool),
-            (
-                "completedIntegratorStepNotNeeded",
-                self.completed_integrator_step_not_needed,
-            ),
-            (
-                "canBeInstantiatedOnlyOncePerProcess",
-                self.can_be_instantiated_only_once_per_process,
-            ),
-            (
-                "canNotUseMemoryManagementFunctions",
-                self.can_not_use_memory_management_functions,
-            ),
-            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
-            ("canSerializeFMUstate", self.can_serialize_fmu_state),
-            (
-                "providesDirectionalDerivative",
-                self.provides_directional_derivative,
-            ),
-        ]
     }
 }
 
