@@ -122,7 +122,12 @@ mod tests {
 
     #[test]
     fn decimal_steps_are_counted() {
-        for (stop, step, steps) in [(15.0, 0.05, 300), (1.0, 0.1, 10), (0.3, 0.1, 3), (1e4, 1e-3, 10_000_000)] {
+        for (stop, step, steps) in [
+            (15.0, 0.05, 300),
+            (1.0, 0.1, 10),
+            (0.3, 0.1, 3),
+            (1e4, 1e-3, 10_000_000),
+        ] {
             assert_eq!(Clock::new(0.0, stop, step).unwrap().steps(), steps);
         }
         // Summing 0.1 ten times gives 0.9999999999999999.
@@ -132,15 +137,53 @@ mod tests {
     #[test]
     fn bad_clocks_say_why() {
         for (start, stop, step, message) in [
-            (0.0, 1.0, 0.0, "the communication step is 0 s, expected a positive number"),
-            (0.0, 1.0, f64::NAN, "the communication step is NaN s, expected a positive number"),
-            (1.0, 1.0, 0.1, "the simulation would run from 1 s to 1 s, expected a stop after the start"),
-            (0.0, f64::INFINITY, 0.1, "the simulation would run from 0 s to inf s, expected a stop after the start"),
-            (0.0, 1.0, 0.375, "1 s are 2.6666666666666665 steps of 0.375 s, expected a whole number: stop at 0.75 s or 1.125 s, or change the step"),
-            (0.0, 1.0, 2.0, "1 s are 0.5 steps of 2 s, expected a whole number: stop at 0 s or 2 s, or change the step"),
-            (0.0, 1.0, 1e-16, "1e16 steps are too many: times would no longer differ"),
+            (
+                0.0,
+                1.0,
+                0.0,
+                "the communication step is 0 s, expected a positive number",
+            ),
+            (
+                0.0,
+                1.0,
+                f64::NAN,
+                "the communication step is NaN s, expected a positive number",
+            ),
+            (
+                1.0,
+                1.0,
+                0.1,
+                "the simulation would run from 1 s to 1 s, expected a stop after the start",
+            ),
+            (
+                0.0,
+                f64::INFINITY,
+                0.1,
+                "the simulation would run from 0 s to inf s, expected a stop after the start",
+            ),
+            (
+                0.0,
+                1.0,
+                0.375,
+                "1 s are 2.6666666666666665 steps of 0.375 s, expected a whole number: stop at 0.75 s or 1.125 s, or change the step",
+            ),
+            (
+                0.0,
+                1.0,
+                2.0,
+                "1 s are 0.5 steps of 2 s, expected a whole number: stop at 0 s or 2 s, or change the step",
+            ),
+            (
+                0.0,
+                1.0,
+                1e-16,
+                "1e16 steps are too many: times would no longer differ",
+            ),
         ] {
-            assert_eq!(Clock::new(start, stop, step).unwrap_err().to_string(), message);
+            assert_eq!(
+                Clock::new(start, stop, step).unwrap_err().to_string(),
+                message
+            );
         }
     }
 }

@@ -193,10 +193,14 @@ fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), Master
     let propagation = Propagation::of(system);
     each(system, Stage::Setup, |slave| slave.setup(experiment))?;
     apply_settings(system, |role| role != Role::Input)?;
-    each(system, Stage::EnterInitialization, |slave| slave.enter_initialization())?;
+    each(system, Stage::EnterInitialization, |slave| {
+        slave.enter_initialization()
+    })?;
     apply_settings(system, |role| role == Role::Input)?;
     propagate(system, &propagation)?;
-    each(system, Stage::ExitInitialization, |slave| slave.exit_initialization())
+    each(system, Stage::ExitInitialization, |slave| {
+        slave.exit_initialization()
+    })
 }
 
 fn each(
@@ -255,7 +259,9 @@ fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), Maste
         if sweep == MAX_SWEEPS {
             let names = propagation.repeated.iter();
             return Err(MasterError::AlgebraicLoop {
-                names: names.map(|&c| system.port_name(system.connections[c].from)).collect(),
+                names: names
+                    .map(|&c| system.port_name(system.connections[c].from))
+                    .collect(),
                 sweeps: MAX_SWEEPS,
             });
         }
@@ -273,7 +279,10 @@ fn is_close(a: &Value, b: &Value) -> bool {
 
 /// Passes one value along one connection.
 fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterError> {
-    let (from, to) = (system.variable(connection.from), system.variable(connection.to));
+    let (from, to) = (
+        system.variable(connection.from),
+        system.variable(connection.to),
+    );
     let (from_handle, kind, to_handle) = (from.handle, from.kind, to.handle);
     let name = from.name.clone();
     let failed = |instance: &str| {

@@ -10,6 +10,8 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`slave`] | what a slave offers: variables, and ten calls |
+//! | [`fmu_slave`] | an FMU of FMI 2.0 as a slave |
+//! | [`native_slave`] | the models of this project as slaves |
 //! | [`system`] | who is wired to whom, checked |
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi and Gauss-Seidel, and the order that dependencies give |
@@ -18,14 +20,18 @@
 
 pub mod algorithms;
 pub mod clock;
+pub mod fmu_slave;
 pub mod master;
+pub mod native_slave;
 pub mod recorder;
 pub mod slave;
 pub mod system;
 
 pub use algorithms::Algorithm;
 pub use clock::Clock;
+pub use fmu_slave::FmuSlave;
 pub use master::{Ending, MasterError, Run, run};
+pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use slave::{Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
 pub use system::{System, SystemError};

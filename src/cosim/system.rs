@@ -19,7 +19,11 @@ pub enum SystemError {
         name: String,
     },
     /// No such slave.
-    #[error("`{text}`: there is no instance `{instance}`{}, known are {}", did_you_mean(nearest), list(known))]
+    #[error(
+        "`{text}`: there is no instance `{instance}`{}, known are {}",
+        did_you_mean(nearest),
+        list(known)
+    )]
     UnknownInstance {
         /// As given.
         text: String,
@@ -31,7 +35,10 @@ pub enum SystemError {
         known: Vec<String>,
     },
     /// No such variable.
-    #[error("`{text}`: `{instance}` has no variable `{variable}`{}", did_you_mean(nearest))]
+    #[error(
+        "`{text}`: `{instance}` has no variable `{variable}`{}",
+        did_you_mean(nearest)
+    )]
     UnknownVariable {
         /// As given.
         text: String,
@@ -77,7 +84,9 @@ pub enum SystemError {
         to_kind: Kind,
     },
     /// The ends are of different units.
-    #[error("`{from}` is in {from_unit} and `{to}` is in {to_unit}: a connection does not convert units")]
+    #[error(
+        "`{from}` is in {from_unit} and `{to}` is in {to_unit}: a connection does not convert units"
+    )]
     UnitMismatch {
         /// Where the connection begins.
         from: String,
@@ -298,10 +307,13 @@ impl System {
     }
 
     pub(super) fn ports(&self) -> impl Iterator<Item = Port> {
-        self.instances.iter().enumerate().flat_map(|(slave, instance)| {
-            let variables = 0..instance.slave.variables().len();
-            variables.map(move |variable| Port { slave, variable })
-        })
+        self.instances
+            .iter()
+            .enumerate()
+            .flat_map(|(slave, instance)| {
+                let variables = 0..instance.slave.variables().len();
+                variables.map(move |variable| Port { slave, variable })
+            })
     }
 
     /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
@@ -367,7 +379,12 @@ impl System {
 
     fn check_types(&self, connection: Connection) -> Result<(), SystemError> {
         let (from, to) = (self.variable(connection.from), self.variable(connection.to));
-        let names = || (self.port_name(connection.from), self.port_name(connection.to));
+        let names = || {
+            (
+                self.port_name(connection.from),
+                self.port_name(connection.to),
+            )
+        };
         if from.kind != to.kind {
             let (from_name, to_name) = names();
             return Err(SystemError::KindMismatch {

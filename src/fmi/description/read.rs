@@ -60,8 +60,8 @@ pub enum ReadError {
         found: String,
     },
     /// A value that is needed is missing or cannot be understood.
-    #[error("modelDescription.xml, {0}")]
-    Unusable(#[source] Box<Finding>),
+    #[error("modelDescription.xml, {}: {}", .0.place, .0.rule)]
+    Unusable(Box<Finding>),
 }
 
 /// A description as it was read: the values, where they stand, and what was wrong.
