@@ -1,6 +1,7 @@
 //! Who is wired to whom, checked at the door.
 
 use super::slave::{Kind, Role, Slave, Value, Variable};
+use crate::nearest::{did_you_mean, nearest};
 use thiserror::Error;
 
 /// Why slaves cannot be wired as asked.
@@ -21,7 +22,7 @@ pub enum SystemError {
     /// No such slave.
     #[error(
         "`{text}`: there is no instance `{instance}`{}, known are {}",
-        did_you_mean(nearest),
+        did_you_mean(nearest.as_deref()),
         list(known)
     )]
     UnknownInstance {
@@ -37,7 +38,7 @@ pub enum SystemError {
     /// No such variable.
     #[error(
         "`{text}`: `{instance}` has no variable `{variable}`{}",
-        did_you_mean(nearest)
+        did_you_mean(nearest.as_deref())
     )]
     UnknownVariable {
         /// As given.
@@ -139,13 +140,6 @@ pub enum SystemError {
         /// The variable.
         name: String,
     },
-}
-
-fn did_you_mean(nearest: &Option<String>) -> String {
-    match nearest {
-        Some(name) => format!("; did you mean `{name}`?"),
-        None => String::new(),
-    }
 }
 
 fn other_way_round(swapped: bool, from: &str, to: &str) -> String {
@@ -408,15 +402,4 @@ impl System {
             _ => Ok(()),
         }
     }
-}
-
-/// The most similar of some names, if it is similar at all.
-fn nearest<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    const SIMILAR: f64 = 0.7;
-    let wanted = wanted.to_lowercase();
-    names
-        .map(|name| (strsim::jaro_winkler(&wanted, &name.to_lowercase()), name))
-        .filter(|(similarity, _)| *similarity >= SIMILAR)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, name)| name)
 }

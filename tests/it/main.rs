@@ -1,3 +1,8 @@
-//! The integration tests: one binary, one module per topic.
+//! Integration tests: one binary, one module for each topic.
 
+mod arrows;
+mod bad_files;
+mod command;
 mod fmi;
+mod trials;
+mod vehicle;
