@@ -5,7 +5,9 @@
 //! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
 //! fits the vehicle's response, not the stick.
 
+pub mod cosim;
 pub mod document;
+pub mod fmi;
 pub mod identification;
 pub mod nearest;
 pub mod output;

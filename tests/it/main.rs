@@ -3,5 +3,6 @@
 mod arrows;
 mod bad_files;
 mod command;
+mod fmi;
 mod trials;
 mod vehicle;
