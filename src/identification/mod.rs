@@ -1,12 +1,22 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
+<<<<<<< HEAD
 pub mod constraints;
 pub mod options;
 pub mod problem;
 pub mod result;
 pub mod start;
+=======
+mod names;
+pub mod options;
+pub mod pilot_file;
+pub mod result;
+pub mod simulate;
+>>>>>>> cli
 pub mod trials;
 
 pub use options::{InitialState, Objective, Options, SchemeName};
+pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};
-pub use trials::Trial;
+pub use simulate::simulate;
+pub use trials::{Trial, TrialError, TrialSet};

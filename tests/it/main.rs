@@ -1,0 +1,9 @@
+//! Integration tests: one binary, one module for each topic.
+
+mod arrows;
+mod bad_files;
+mod command;
+mod examples;
+mod fmi;
+mod trials;
+mod vehicle;
