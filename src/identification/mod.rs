@@ -1,18 +1,13 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
-<<<<<<< HEAD
 pub mod constraints;
-pub mod options;
-pub mod problem;
-pub mod result;
-pub mod start;
-=======
 mod names;
 pub mod options;
 pub mod pilot_file;
+pub mod problem;
 pub mod result;
 pub mod simulate;
->>>>>>> cli
+pub mod start;
 pub mod trials;
 
 pub use options::{InitialState, Objective, Options, SchemeName};

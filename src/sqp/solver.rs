@@ -123,15 +123,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             } else {
                 self.options.min_step
             };
-<<<<<<< HEAD
             if let Some((alpha, ratio)) = self.search(shortest) {
                 let damping = self.damping;
                 self.accept(alpha, ratio);
-=======
-            if let Some(alpha) = self.search(shortest) {
-                let damping = self.damping;
-                self.accept(alpha);
->>>>>>> cli
                 return Some(Accepted {
                     alpha,
                     damping,
@@ -167,16 +161,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             .map(|()| false)
     }
 
-<<<<<<< HEAD
     /// The step length at which the merit falls enough, and how the fall compares with the model's.
     /// Leaves the accepted point in `trial`.
     fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
-=======
-    /// Backtracking on the merit, with one second-order correction at full length. Leaves the
-    /// accepted point in `trial`.
-    fn search(&mut self, shortest: f64) -> Option<f64> {
-        let outside = infeasibility(self.problem, &self.current);
->>>>>>> cli
         let slope: f64 = self
             .qp
             .gradient()
@@ -184,7 +171,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             .zip(&self.step.d)
             .map(|(g, d)| g * d)
             .sum();
-<<<<<<< HEAD
         let model = self
             .merit
             .prepare(self.problem, &self.current, &self.step, slope);
@@ -203,54 +189,15 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             let value = self.merit.value(self.problem, &self.trial);
             if test.passes(value, alpha) {
                 return Some((alpha, test.ratio(value)));
-=======
-        let decrease = (outside - self.step.violation).max(0.0);
-        let descent = self.merit.prepare(slope, self.step.curvature, decrease);
-        let merit = self.merit.value(self.problem, &self.current);
-        // Differences below rounding cannot be told from a decrease.
-        let rounding = 10.0 * f64::EPSILON * merit.abs();
-        let armijo = self.options.armijo;
-        let enough =
-            |value: f64, alpha: f64| value <= merit + armijo * alpha * descent.min(0.0) + rounding;
-        let mut alpha = 1.0;
-        while alpha >= shortest {
-            self.try_step(alpha);
-            if enough(self.merit.value(self.problem, &self.trial), alpha) {
-                return Some(alpha);
-            }
-            if alpha == 1.0
-                && self.corrected()
-                && enough(self.merit.value(self.problem, &self.trial), 1.0)
-            {
-                return Some(alpha);
->>>>>>> cli
             }
             alpha *= 0.5;
         }
         None
     }
 
-<<<<<<< HEAD
     /// The full step, as it is or with a second-order correction, if either passes and the correction
     /// is short.
     fn full_step(&mut self, test: &Descent) -> Option<f64> {
-=======
-    /// Second-order correction of the full step into `trial`.
-    fn corrected(&mut self) -> bool {
-        if !self.trial.is_finite() {
-            return false;
-        }
-        let uncorrected = self.step.clone();
-        self.work.qps += 1;
-        if self
-            .qp
-            .correct(self.problem, &self.trial, &mut self.step)
-            .is_err()
-        {
-            self.step = uncorrected;
-            return false;
-        }
->>>>>>> cli
         self.try_step(1.0);
         let value = self.merit.value(self.problem, &self.trial);
         if test.is_rounding() && test.passes(value, 1.0) {
@@ -273,7 +220,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         test.passes(corrected, 1.0).then(|| test.ratio(corrected))
     }
 
-<<<<<<< HEAD
     /// Second-order correction of the full step in `trial`. Returns the length of the correction
     /// relative to the step: the contraction of a simplified Newton step, small where the
     /// linearisation holds (Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
@@ -289,17 +235,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
         for ((t, z), d) in self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d) {
             *t = z + d;
-=======
-    fn try_step(&mut self, alpha: f64) {
-        for ((t, z), d) in self
-            .trial
-            .z
-            .iter_mut()
-            .zip(&self.current.z)
-            .zip(&self.step.d)
-        {
-            *t = z + alpha * d;
->>>>>>> cli
         }
         self.trial.evaluate(self.problem);
         self.work.evaluations += 1;
@@ -313,7 +248,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         moved / self.step.d.iter().copied().fold(f64::MIN_POSITIVE, norm)
     }
 
-<<<<<<< HEAD
     fn try_step(&mut self, alpha: f64) {
         for ((t, z), d) in self
             .trial
@@ -325,10 +259,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             *t = z + alpha * d;
         }
         self.trial.evaluate(self.problem);
-=======
-    /// Makes `trial` current, moves the multipliers by the same fraction, adapts the damping.
-    fn accept(&mut self, alpha: f64) {
->>>>>>> cli
         blend(
             &mut self.trial.lambda,
             &self.current.lambda,
@@ -341,27 +271,11 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             &self.step.eta,
             alpha,
         );
-<<<<<<< HEAD
         self.work.evaluations += 1;
     }
 
     /// Makes `trial` current and adapts the damping to how well the model held.
     fn accept(&mut self, alpha: f64, ratio: f64) {
-=======
-        let before = self.merit.value(self.problem, &self.current);
-        let after = self.merit.value(self.problem, &self.trial);
-        let slope: f64 = self
-            .qp
-            .gradient()
-            .iter()
-            .zip(&self.step.d)
-            .map(|(g, d)| g * d)
-            .sum();
-        let outside = infeasibility(self.problem, &self.current) - self.step.violation;
-        let predicted = alpha * (self.merit.penalty() * outside - slope)
-            - 0.5 * alpha * alpha * self.step.curvature;
-        let ratio = (before - after) / predicted;
->>>>>>> cli
         if alpha < 0.5 || ratio < 0.25 {
             self.raise_damping();
         } else if alpha == 1.0 && ratio > 0.5 {
@@ -398,7 +312,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             kkt,
             work: self.work,
         }
-<<<<<<< HEAD
     }
 }
 
@@ -426,8 +339,6 @@ impl Descent {
     /// Decrease over the decrease that the model predicts for the full step.
     fn ratio(&self, value: f64) -> f64 {
         (self.start - value + self.rounding()) / (self.model.decrease + self.rounding())
-=======
->>>>>>> cli
     }
 }
 
