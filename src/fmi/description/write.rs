@@ -83,9 +83,9 @@ fn write_category(category: &LogCategory, xml: &mut Xml) {
     xml.close();
 }
 
-fn write_source_file(name: &String, xml: &mut Xml) {
+fn write_source_file(name: impl AsRef<str>, xml: &mut Xml) {
     xml.open("File");
-    xml.text("name", name);
+    xml.text("name", name.as_ref());
     xml.close();
 }
 
