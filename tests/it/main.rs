@@ -3,6 +3,8 @@
 mod arrows;
 mod bad_files;
 mod command;
+mod cosim;
 mod fmi;
+mod foreign;
 mod trials;
 mod vehicle;
