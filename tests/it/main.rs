@@ -4,6 +4,7 @@ mod arrows;
 mod bad_files;
 mod command;
 mod cosim;
+mod examples;
 mod fmi;
 mod foreign;
 mod trials;
