@@ -1,1 +1,25 @@
 //! A sparse SQP for any nonlinear program. It has never heard of ODEs, pilots or FMI.
+//!
+//! The globalisation is the ℓ1 exact penalty merit with Armijo backtracking and a second-order
+//! correction, and a Levenberg–Marquardt term in the QP that grows when the model is not to be
+//! trusted ([`solver`], [`globalisation`]). Quadratic programs are solved through [`QpSolver`].
+
+pub mod convergence;
+pub mod convex;
+pub mod globalisation;
+pub mod iterate;
+pub mod options;
+pub mod problem;
+pub mod qp;
+pub mod solution;
+pub mod solver;
+pub mod status;
+
+pub use convergence::Kkt;
+pub use iterate::Iterate;
+pub use options::{Hessian, Options};
+pub use problem::{Problem, SparseProblem};
+pub use qp::{QpFailure, QpSolver, Step};
+pub use solution::{Iteration, Solution, Work};
+pub use solver::solve;
+pub use status::Status;

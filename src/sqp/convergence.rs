@@ -1,0 +1,54 @@
+//! The scaled KKT residual, as IPOPT defines it (Wächter & Biegler, Math. Program. 106, 2006, eq. 5),
+//! with two-sided inequalities.
+
+use super::iterate::violation;
+use super::{Iterate, Problem};
+
+/// Multipliers beyond this mean scale the dual residual down (Wächter & Biegler: s_max).
+const MULTIPLIER_SCALE: f64 = 100.0;
+
+/// The parts of the KKT residual at a point.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Kkt {
+    /// `‖∇f + Jᵀλ + Gᵀη‖∞ / s_d`.
+    pub dual: f64,
+    /// Largest violation of a constraint.
+    pub primal: f64,
+    /// Largest product of a multiplier with the distance from its limit, over `s_c`.
+    pub complementarity: f64,
+}
+
+impl Kkt {
+    /// The parts at an iterate with the gradient of its Lagrangian.
+    pub fn at<P: Problem + ?Sized>(problem: &P, at: &Iterate, lagrangian_gradient: &[f64]) -> Self {
+        let (lower, upper) = problem.limits();
+        let mean = |sum: f64, n: usize| sum / n.max(1) as f64;
+        let sum_eta: f64 = at.eta.iter().map(|v| v.abs()).sum();
+        let sum_lambda: f64 = at.lambda.iter().map(|v| v.abs()).sum();
+        let scale = |mean: f64| mean.max(MULTIPLIER_SCALE) / MULTIPLIER_SCALE;
+        let s_d = scale(mean(sum_eta + sum_lambda, at.eta.len() + at.lambda.len()));
+        let s_c = scale(mean(sum_eta, at.eta.len()));
+        let rows = at.g.iter().zip(lower.iter().zip(upper));
+        let outside = rows.clone().map(|(&g, (&l, &u))| violation(g, l, u));
+        let products = rows.zip(&at.eta).map(|((&g, (&l, &u)), &eta)| match eta {
+            e if e > 0.0 => e * (u - g).abs(),
+            e if e < 0.0 => -e * (g - l).abs(),
+            _ => 0.0,
+        });
+        Self {
+            dual: max_abs(lagrangian_gradient) / s_d,
+            primal: outside.fold(max_abs(&at.c), f64::max),
+            complementarity: products.fold(0.0, f64::max) / s_c,
+        }
+    }
+
+    /// The scaled KKT residual: the largest part; NaN if any is.
+    pub fn residual(&self) -> f64 {
+        let sum = self.dual + self.primal + self.complementarity;
+        if sum.is_nan() { f64::NAN } else { self.dual.max(self.primal).max(self.complementarity) }
+    }
+}
+
+fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) })
+}

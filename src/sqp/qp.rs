@@ -1,0 +1,59 @@
+//! The seam at which the QP of an SQP iteration is solved: any sparse problem by clarabel
+//! ([`super::SparseQp`]), a structured one by its own elimination.
+
+use super::{Hessian, Iterate, Problem};
+
+/// Step and multipliers that a QP gives.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Step {
+    /// Step `d` in all variables.
+    pub d: Vec<f64>,
+    /// Multipliers of the linearised equalities.
+    pub lambda: Vec<f64>,
+    /// Multipliers of the linearised inequalities, signed as in [`Iterate::eta`].
+    pub eta: Vec<f64>,
+    /// `dᵀ(H + μ diag w) d`.
+    pub curvature: f64,
+    /// ℓ1 norm of the linearised constraints' violation that remains: zero unless they are
+    /// inconsistent and the QP was relaxed.
+    pub violation: f64,
+    /// Number of active inequalities.
+    pub active: usize,
+}
+
+/// Why a QP has no usable solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum QpFailure {
+    /// The Hessian has negative curvature in the null space of the equalities: more damping helps.
+    #[error("the QP is not convex")]
+    NotConvex,
+    /// The linearised constraints have no common point.
+    #[error("the linearised constraints are inconsistent")]
+    Infeasible,
+    /// The QP solver stopped without a solution.
+    #[error("the QP solver found no solution")]
+    NoSolution,
+}
+
+/// Solves the quadratic programs of an SQP on problems of type `P`:
+///
+/// ```text
+/// min ∇fᵀd + ½ dᵀ(H + μ diag w) d   subject to   c + J d = 0,   lower ≤ g + G d ≤ upper
+/// ```
+pub trait QpSolver<P: Problem + ?Sized> {
+    /// Takes the derivatives at an iterate; `exact` asks for the exact Hessian beside Gauss–Newton.
+    fn linearise(&mut self, problem: &P, at: &Iterate, exact: bool);
+
+    /// `∇f` at the last linearisation.
+    fn gradient(&self) -> &[f64];
+
+    /// `∇f + Jᵀλ + Gᵀη` at the last linearisation with its multipliers.
+    fn lagrangian_gradient(&self) -> &[f64];
+
+    /// Solves the QP of the last linearisation.
+    fn solve(&mut self, problem: &P, hessian: Hessian, damping: f64, step: &mut Step) -> Result<(), QpFailure>;
+
+    /// Second-order correction (Nocedal & Wright, eq. 18.36): solves the last QP again, with its
+    /// constraints shifted to `J d + c(z + d₀) - J d₀`, where `trial` is the point `z + d₀`.
+    fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
+}

@@ -1,0 +1,141 @@
+//! The reduced Hessian: an arrowhead of shared parameters and each run's free initial states.
+//!
+//! ```text
+//! | Θ    C_1  C_2 ... |   θ: p
+//! | C_1ᵀ D_1          |   free initial states of run 1
+//! | C_2ᵀ      D_2     |   ...
+//! ```
+
+use super::dense::{axpy, cholesky, cholesky_solve, dot};
+
+/// Symmetric arrowhead matrix, row-major blocks.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Arrow {
+    /// Number of shared parameters.
+    pub p: usize,
+    /// `Θ`, p × p.
+    pub theta: Vec<f64>,
+    /// One block pair for each run.
+    pub runs: Vec<ArrowRun>,
+}
+
+/// The blocks of one run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ArrowRun {
+    /// Number of free initial states.
+    pub n: usize,
+    /// `C_jᵀ`, n × p.
+    pub cross: Vec<f64>,
+    /// `D_j`, n × n.
+    pub diagonal: Vec<f64>,
+}
+
+impl Arrow {
+    /// A zero matrix for `p` parameters and these numbers of free initial states.
+    pub fn zeros(p: usize, free: &[usize]) -> Self {
+        let run = |&n: &usize| ArrowRun { n, cross: vec![0.0; n * p], diagonal: vec![0.0; n * n] };
+        Self { p, theta: vec![0.0; p * p], runs: free.iter().map(run).collect() }
+    }
+
+    /// Sets run `j`'s blocks, and adds to `Θ`, from the run's local matrix over `[θ; free states]`.
+    pub fn set_run(&mut self, j: usize, local: &[f64]) {
+        let (p, run) = (self.p, &mut self.runs[j]);
+        let r = p + run.n;
+        for i in 0..p {
+            axpy(1.0, &local[i * r..i * r + p], &mut self.theta[i * p..(i + 1) * p]);
+        }
+        for i in 0..run.n {
+            let row = &local[(p + i) * r..(p + i + 1) * r];
+            run.cross[i * p..(i + 1) * p].copy_from_slice(&row[..p]);
+            run.diagonal[i * run.n..(i + 1) * run.n].copy_from_slice(&row[p..]);
+        }
+    }
+
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        self.p + self.runs.iter().map(|r| r.n).sum::<usize>()
+    }
+
+    /// Adds `value` to the whole diagonal.
+    pub fn add_diagonal(&mut self, value: f64) {
+        (0..self.p).for_each(|i| self.theta[i * self.p + i] += value);
+        for run in &mut self.runs {
+            (0..run.n).for_each(|i| run.diagonal[i * run.n + i] += value);
+        }
+    }
+
+    /// Cholesky by the Schur complement on θ; None when not positive definite.
+    pub fn factor(&self) -> Option<ArrowFactor> {
+        let p = self.p;
+        let mut schur = self.theta.clone();
+        let mut runs = Vec::with_capacity(self.runs.len());
+        for run in &self.runs {
+            let n = run.n;
+            let mut l = run.diagonal.clone();
+            if !cholesky(&mut l, n) {
+                return None;
+            }
+            // Row i is column i of D⁻¹ Cᵀ.
+            let mut solved = vec![0.0; p * n];
+            for i in 0..p {
+                let row = &mut solved[i * n..(i + 1) * n];
+                (0..n).for_each(|k| row[k] = run.cross[k * p + i]);
+                cholesky_solve(&l, n, row);
+                for m in 0..p {
+                    let coupling: f64 = (0..n).map(|k| run.cross[k * p + m] * row[k]).sum();
+                    schur[m * p + i] -= coupling;
+                }
+            }
+            runs.push((n, l, solved));
+        }
+        cholesky(&mut schur, p).then_some(ArrowFactor { p, schur, runs })
+    }
+
+    /// Upper triangle as triplets.
+    pub fn triplets(&self) -> Vec<(usize, usize, f64)> {
+        let p = self.p;
+        let mut out: Vec<_> = (0..p).flat_map(|i| (i..p).map(move |j| (i, j))).map(|(i, j)| (i, j, self.theta[i * p + j])).collect();
+        let mut first = p;
+        for run in &self.runs {
+            for k in 0..run.n {
+                out.extend((0..p).map(|i| (i, first + k, run.cross[k * p + i])));
+                out.extend((0..=k).map(|i| (first + i, first + k, run.diagonal[i * run.n + k])));
+            }
+            first += run.n;
+        }
+        out
+    }
+}
+
+/// Factors of an [`Arrow`].
+#[derive(Debug, Clone)]
+pub struct ArrowFactor {
+    p: usize,
+    schur: Vec<f64>,
+    /// Size, Cholesky factor of `D_j`, rows of `(D_j⁻¹ C_jᵀ)ᵀ`.
+    runs: Vec<(usize, Vec<f64>, Vec<f64>)>,
+}
+
+impl ArrowFactor {
+    /// Solves in place.
+    pub fn solve(&self, b: &mut [f64]) {
+        let (theta, rest) = b.split_at_mut(self.p);
+        let mut first = 0;
+        for (n, _, solved) in &self.runs {
+            for i in 0..self.p {
+                theta[i] -= dot(&solved[i * n..(i + 1) * n], &rest[first..first + n]);
+            }
+            first += n;
+        }
+        cholesky_solve(&self.schur, self.p, theta);
+        first = 0;
+        for (n, l, solved) in &self.runs {
+            let local = &mut rest[first..first + n];
+            cholesky_solve(l, *n, local);
+            for i in 0..self.p {
+                axpy(-theta[i], &solved[i * n..(i + 1) * n], local);
+            }
+            first += n;
+        }
+    }
+}
