@@ -5,9 +5,16 @@
 //! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
 //! fits the vehicle's response, not the stick.
 
+pub mod cosim;
+pub mod document;
+pub mod fmi;
 pub mod identification;
+pub mod nearest;
+pub mod output;
+pub mod report;
 pub mod series;
 pub mod sqp;
+pub mod synthetic;
 pub mod transcription;
 pub mod vehicle;
 

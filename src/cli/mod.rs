@@ -3,6 +3,11 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod failure;
+mod folder;
+mod format;
+mod terminal;
+mod trials;
+mod vehicle;
 
 pub use failure::{Failure, Outcome};
 
@@ -19,11 +24,19 @@ struct Cli {
 
 /// The commands, in the order in which a user meets them.
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    /// Check recorded flights, or make synthetic ones.
+    Trials(trials::Args),
+    /// Show or check the coefficients of the vehicle.
+    Vehicle(vehicle::Args),
+}
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
-    let outcome: Result<Outcome, Failure> = match Cli::parse().command {};
+    let outcome = match Cli::parse().command {
+        Command::Trials(args) => trials::run(args),
+        Command::Vehicle(args) => vehicle::run(args),
+    };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),

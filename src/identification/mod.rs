@@ -1,9 +1,14 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
+mod names;
 pub mod options;
+pub mod pilot_file;
 pub mod result;
+pub mod simulate;
 pub mod trials;
 
 pub use options::{InitialState, Objective, Options, SchemeName};
+pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};
-pub use trials::Trial;
+pub use simulate::simulate;
+pub use trials::{Trial, TrialError, TrialSet};

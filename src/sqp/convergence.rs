@@ -45,10 +45,17 @@ impl Kkt {
     /// The scaled KKT residual: the largest part; NaN if any is.
     pub fn residual(&self) -> f64 {
         let sum = self.dual + self.primal + self.complementarity;
-        if sum.is_nan() { f64::NAN } else { self.dual.max(self.primal).max(self.complementarity) }
+        if sum.is_nan() {
+            f64::NAN
+        } else {
+            self.dual.max(self.primal).max(self.complementarity)
+        }
     }
 }
 
 fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(0.0, |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) })
+    v.iter().fold(
+        0.0,
+        |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) },
+    )
 }

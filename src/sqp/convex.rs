@@ -4,7 +4,8 @@
 use super::QpFailure;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT, ZeroConeT,
+    DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus,
+    SupportedConeT, ZeroConeT,
 };
 
 /// Tolerance on gap and feasibility: two orders below the SQP's own.
@@ -49,15 +50,28 @@ impl ConvexQp {
     /// that inconsistent rows still give a step.
     pub fn solve(&self, relaxed: Option<f64>) -> Result<ConvexSolution, QpFailure> {
         let sides = self.sides();
-        let n_slack = if relaxed.is_some() { self.lower.len() } else { 0 };
+        let n_slack = if relaxed.is_some() {
+            self.lower.len()
+        } else {
+            0
+        };
         let n = self.q.len();
         let n_zero = sides.iter().take_while(|s| s.sign == 0.0).count();
-        let mut cones: Vec<SupportedConeT<f64>> = vec![ZeroConeT(n_zero), NonnegativeConeT(sides.len() - n_zero)];
+        let mut cones: Vec<SupportedConeT<f64>> =
+            vec![ZeroConeT(n_zero), NonnegativeConeT(sides.len() - n_zero)];
         let mut b: Vec<f64> = sides.iter().map(|s| s.limit).collect();
         let mut entries = self.stacked(&sides);
         let mut q = self.q.clone();
         if let Some(cost) = relaxed {
-            relax(&mut entries, &mut q, &mut b, &mut cones, &sides, n_slack, cost);
+            relax(
+                &mut entries,
+                &mut q,
+                &mut b,
+                &mut cones,
+                &sides,
+                n_slack,
+                cost,
+            );
         }
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
@@ -68,8 +82,8 @@ impl ConvexQp {
             .map_err(|_| QpFailure::NoSolution)?;
         let p = csc(q.len(), q.len(), &self.p);
         let a = csc(b.len(), q.len(), &entries);
-        let mut solver =
-            DefaultSolver::new(&p, &q, &a, &b, &cones, settings).map_err(|_| QpFailure::NoSolution)?;
+        let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings)
+            .map_err(|_| QpFailure::NoSolution)?;
         solver.solve();
         match solver.solution.status {
             SolverStatus::Solved | SolverStatus::AlmostSolved => {}
@@ -83,23 +97,45 @@ impl ConvexQp {
             y[side.row] += if side.sign < 0.0 { -z } else { *z };
         }
         let x = solver.solution.x[..n].to_vec();
-        let violation = if relaxed.is_some() { self.violation(&x) } else { 0.0 };
+        let violation = if relaxed.is_some() {
+            self.violation(&x)
+        } else {
+            0.0
+        };
         Ok(ConvexSolution { x, y, violation })
     }
 
     /// Equalities first (sign 0), then the finite sides of the inequalities.
     fn sides(&self) -> Vec<Side> {
-        let rows = || self.lower.iter().copied().zip(self.upper.iter().copied()).enumerate();
+        let rows = || {
+            self.lower
+                .iter()
+                .copied()
+                .zip(self.upper.iter().copied())
+                .enumerate()
+        };
         let mut sides: Vec<Side> = rows()
             .filter(|(_, (l, u))| l == u)
-            .map(|(row, (limit, _))| Side { row, sign: 0.0, limit })
+            .map(|(row, (limit, _))| Side {
+                row,
+                sign: 0.0,
+                limit,
+            })
             .collect();
         for (row, (l, u)) in rows().filter(|(_, (l, u))| l != u) {
             if u.is_finite() {
-                sides.push(Side { row, sign: 1.0, limit: u });
+                sides.push(Side {
+                    row,
+                    sign: 1.0,
+                    limit: u,
+                });
             }
             if l.is_finite() {
-                sides.push(Side { row, sign: -1.0, limit: -l });
+                sides.push(Side {
+                    row,
+                    sign: -1.0,
+                    limit: -l,
+                });
             }
         }
         sides
@@ -111,7 +147,9 @@ impl ConvexQp {
         for (k, side) in sides.iter().enumerate() {
             copies[side.row].push((k, if side.sign < 0.0 { -1.0 } else { 1.0 }));
         }
-        let expand = |&(i, j, v): &(usize, usize, f64)| copies[i].iter().map(move |&(k, sign)| (k, j, sign * v));
+        let expand = |&(i, j, v): &(usize, usize, f64)| {
+            copies[i].iter().map(move |&(k, sign)| (k, j, sign * v))
+        };
         self.a.iter().flat_map(expand).collect()
     }
 
@@ -121,7 +159,9 @@ impl ConvexQp {
             ax[i] += v * x[j];
         }
         let outside = ax.iter().zip(self.lower.iter().zip(&self.upper));
-        outside.map(|(v, (l, u))| super::iterate::violation(*v, *l, *u)).sum()
+        outside
+            .map(|(v, (l, u))| super::iterate::violation(*v, *l, *u))
+            .sum()
     }
 }
 

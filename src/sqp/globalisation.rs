@@ -45,6 +45,9 @@ impl Merit {
 /// ℓ1 norm of all constraint violations.
 pub fn infeasibility<P: Problem + ?Sized>(problem: &P, at: &Iterate) -> f64 {
     let (lower, upper) = problem.limits();
-    let outside = at.g.iter().zip(lower.iter().zip(upper)).map(|(&g, (&l, &u))| violation(g, l, u));
+    let outside =
+        at.g.iter()
+            .zip(lower.iter().zip(upper))
+            .map(|(&g, (&l, &u))| violation(g, l, u));
     at.c.iter().map(|c| c.abs()).sum::<f64>() + outside.sum::<f64>()
 }

@@ -50,5 +50,12 @@ pub trait SparseProblem: Problem {
 
     /// Writes the Hessian of `f + λᵀc + ηᵀg` in the pattern's order, or, with
     /// [`Hessian::GaussNewton`](super::Hessian::GaussNewton), a positive semidefinite approximation.
-    fn hessian(&self, z: &[f64], lambda: &[f64], eta: &[f64], kind: super::Hessian, values: &mut [f64]);
+    fn hessian(
+        &self,
+        z: &[f64],
+        lambda: &[f64],
+        eta: &[f64],
+        kind: super::Hessian,
+        values: &mut [f64],
+    );
 }

@@ -51,7 +51,13 @@ pub trait QpSolver<P: Problem + ?Sized> {
     fn lagrangian_gradient(&self) -> &[f64];
 
     /// Solves the QP of the last linearisation.
-    fn solve(&mut self, problem: &P, hessian: Hessian, damping: f64, step: &mut Step) -> Result<(), QpFailure>;
+    fn solve(
+        &mut self,
+        problem: &P,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure>;
 
     /// Second-order correction (Nocedal & Wright, eq. 18.36): solves the last QP again, with its
     /// constraints shifted to `J d + c(z + d₀) - J d₀`, where `trial` is the point `z + d₀`.

@@ -68,10 +68,15 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         if !self.current.is_finite() {
             return self.finish(Status::UndefinedStart, Kkt::default());
         }
-        let mut last = Accepted { alpha: 0.0, damping: self.damping, exact: false };
+        let mut last = Accepted {
+            alpha: 0.0,
+            damping: self.damping,
+            exact: false,
+        };
         loop {
             // Without multipliers the exact Hessian is that of the objective alone.
-            self.qp.linearise(self.problem, &self.current, self.work.iterations > 0);
+            self.qp
+                .linearise(self.problem, &self.current, self.work.iterations > 0);
             self.work.linearisations += 1;
             let kkt = Kkt::at(self.problem, &self.current, self.qp.lagrangian_gradient());
             let stop = observer(&self.log(&last, kkt)).is_break();
@@ -88,7 +93,11 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                 Some(accepted) => last = accepted,
                 None => {
                     let feasible = kkt.primal <= self.options.tolerance.sqrt();
-                    let status = if feasible { Status::NoProgress } else { Status::Infeasible };
+                    let status = if feasible {
+                        Status::NoProgress
+                    } else {
+                        Status::Infeasible
+                    };
                     return self.finish(status, kkt);
                 }
             }
@@ -107,11 +116,19 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                     continue;
                 }
             };
-            let shortest = if raised < PATIENCE { SHORT_STEP } else { self.options.min_step };
+            let shortest = if raised < PATIENCE {
+                SHORT_STEP
+            } else {
+                self.options.min_step
+            };
             if let Some(alpha) = self.search(shortest) {
                 let damping = self.damping;
                 self.accept(alpha);
-                return Some(Accepted { alpha, damping, exact });
+                return Some(Accepted {
+                    alpha,
+                    damping,
+                    exact,
+                });
             }
             raised += 1;
             self.raise_damping();
@@ -123,34 +140,54 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     fn solve_qp(&mut self) -> Result<bool, QpFailure> {
         if self.work.iterations > 0 {
             self.work.qps += 1;
-            match self.qp.solve(self.problem, Hessian::Exact, self.damping, &mut self.step) {
+            match self
+                .qp
+                .solve(self.problem, Hessian::Exact, self.damping, &mut self.step)
+            {
                 Err(QpFailure::NotConvex) => {}
                 outcome => return outcome.map(|()| true),
             }
         }
         self.work.qps += 1;
-        self.qp.solve(self.problem, Hessian::GaussNewton, self.damping, &mut self.step).map(|()| false)
+        self.qp
+            .solve(
+                self.problem,
+                Hessian::GaussNewton,
+                self.damping,
+                &mut self.step,
+            )
+            .map(|()| false)
     }
 
     /// Backtracking on the merit, with one second-order correction at full length. Leaves the
     /// accepted point in `trial`.
     fn search(&mut self, shortest: f64) -> Option<f64> {
         let outside = infeasibility(self.problem, &self.current);
-        let slope: f64 = self.qp.gradient().iter().zip(&self.step.d).map(|(g, d)| g * d).sum();
+        let slope: f64 = self
+            .qp
+            .gradient()
+            .iter()
+            .zip(&self.step.d)
+            .map(|(g, d)| g * d)
+            .sum();
         let decrease = (outside - self.step.violation).max(0.0);
         let descent = self.merit.prepare(slope, self.step.curvature, decrease);
         let merit = self.merit.value(self.problem, &self.current);
         // Differences below rounding cannot be told from a decrease.
         let rounding = 10.0 * f64::EPSILON * merit.abs();
         let armijo = self.options.armijo;
-        let enough = |value: f64, alpha: f64| value <= merit + armijo * alpha * descent.min(0.0) + rounding;
+        let enough =
+            |value: f64, alpha: f64| value <= merit + armijo * alpha * descent.min(0.0) + rounding;
         let mut alpha = 1.0;
         while alpha >= shortest {
             self.try_step(alpha);
             if enough(self.merit.value(self.problem, &self.trial), alpha) {
                 return Some(alpha);
             }
-            if alpha == 1.0 && self.corrected() && enough(self.merit.value(self.problem, &self.trial), 1.0) {
+            if alpha == 1.0
+                && self.corrected()
+                && enough(self.merit.value(self.problem, &self.trial), 1.0)
+            {
                 return Some(alpha);
             }
             alpha *= 0.5;
@@ -165,7 +202,11 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
         let uncorrected = self.step.clone();
         self.work.qps += 1;
-        if self.qp.correct(self.problem, &self.trial, &mut self.step).is_err() {
+        if self
+            .qp
+            .correct(self.problem, &self.trial, &mut self.step)
+            .is_err()
+        {
             self.step = uncorrected;
             return false;
         }
@@ -176,7 +217,13 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 
     fn try_step(&mut self, alpha: f64) {
-        for ((t, z), d) in self.trial.z.iter_mut().zip(&self.current.z).zip(&self.step.d) {
+        for ((t, z), d) in self
+            .trial
+            .z
+            .iter_mut()
+            .zip(&self.current.z)
+            .zip(&self.step.d)
+        {
             *t = z + alpha * d;
         }
         self.trial.evaluate(self.problem);
@@ -185,13 +232,30 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
 
     /// Makes `trial` current, moves the multipliers by the same fraction, adapts the damping.
     fn accept(&mut self, alpha: f64) {
-        blend(&mut self.trial.lambda, &self.current.lambda, &self.step.lambda, alpha);
-        blend(&mut self.trial.eta, &self.current.eta, &self.step.eta, alpha);
+        blend(
+            &mut self.trial.lambda,
+            &self.current.lambda,
+            &self.step.lambda,
+            alpha,
+        );
+        blend(
+            &mut self.trial.eta,
+            &self.current.eta,
+            &self.step.eta,
+            alpha,
+        );
         let before = self.merit.value(self.problem, &self.current);
         let after = self.merit.value(self.problem, &self.trial);
-        let slope: f64 = self.qp.gradient().iter().zip(&self.step.d).map(|(g, d)| g * d).sum();
+        let slope: f64 = self
+            .qp
+            .gradient()
+            .iter()
+            .zip(&self.step.d)
+            .map(|(g, d)| g * d)
+            .sum();
         let outside = infeasibility(self.problem, &self.current) - self.step.violation;
-        let predicted = alpha * (self.merit.penalty() * outside - slope) - 0.5 * alpha * alpha * self.step.curvature;
+        let predicted = alpha * (self.merit.penalty() * outside - slope)
+            - 0.5 * alpha * alpha * self.step.curvature;
         let ratio = (before - after) / predicted;
         if alpha < 0.5 || ratio < 0.25 {
             self.raise_damping();
@@ -223,7 +287,12 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 
     fn finish(self, status: Status, kkt: Kkt) -> Solution {
-        Solution { status, iterate: self.current, kkt, work: self.work }
+        Solution {
+            status,
+            iterate: self.current,
+            kkt,
+            work: self.work,
+        }
     }
 }
 

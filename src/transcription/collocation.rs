@@ -92,7 +92,11 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
     /// Parameters in their units.
     pub fn physical_theta(&self, z: &[f64]) -> Vec<f64> {
-        self.theta(z).iter().zip(&self.model.scales.parameters).map(|(t, s)| t * s).collect()
+        self.theta(z)
+            .iter()
+            .zip(&self.model.scales.parameters)
+            .map(|(t, s)| t * s)
+            .collect()
     }
 
     /// Interval and fraction of the interval at which node `k` lies.
@@ -115,7 +119,13 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     /// `f` of its nodes.
     pub(super) fn defects(&self, h: f64, x: &[f64], f: &[f64], out: &mut [f64]) {
         let n = self.n_states();
-        for (i, (row, out)) in self.scheme.weights.iter().zip(out.chunks_exact_mut(n)).enumerate() {
+        for (i, (row, out)) in self
+            .scheme
+            .weights
+            .iter()
+            .zip(out.chunks_exact_mut(n))
+            .enumerate()
+        {
             for (l, value) in out.iter_mut().enumerate() {
                 let sum: f64 = row.iter().enumerate().map(|(j, a)| a * f[j * n + l]).sum();
                 *value = x[(i + 1) * n + l] - x[l] - h * sum;
@@ -140,7 +150,9 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         for (k, f) in f.chunks_exact_mut(n).enumerate() {
             let (interval, fraction) = self.place(j, k);
             run.inputs_at(interval, fraction, &mut input);
-            let (measured, bounded) = self.model.values(self.node(z, j, k), &input, self.theta(z), f);
+            let (measured, bounded) =
+                self.model
+                    .values(self.node(z, j, k), &input, self.theta(z), f);
             if let Some(sample) = self.sample(j, k) {
                 squares += (sample - measured).powi(2);
             }
@@ -159,20 +171,38 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
     /// Scaled values of the constraints on θ.
     pub(super) fn constraint_values(&self, theta: &[f64], out: &mut [f64]) {
-        let physical: Vec<f64> = theta.iter().zip(&self.model.scales.parameters).map(|(t, s)| t * s).collect();
+        let physical: Vec<f64> = theta
+            .iter()
+            .zip(&self.model.scales.parameters)
+            .map(|(t, s)| t * s)
+            .collect();
         self.constraints.values(&physical, out);
-        out.iter_mut().zip(&self.constraint_scales).for_each(|(v, s)| *v /= s);
+        out.iter_mut()
+            .zip(&self.constraint_scales)
+            .for_each(|(v, s)| *v /= s);
     }
 
     /// Scaled first and second derivatives of the constraints on θ with respect to θ̄_i and θ̄_j.
-    pub(super) fn constraint_derivatives(&self, theta: &[f64], i: usize, j: usize) -> Vec<HyperDual64> {
+    pub(super) fn constraint_derivatives(
+        &self,
+        theta: &[f64],
+        i: usize,
+        j: usize,
+    ) -> Vec<HyperDual64> {
         let scales = &self.model.scales.parameters;
-        let mut physical: Vec<HyperDual64> = theta.iter().zip(scales).map(|(t, s)| HyperDual64::from(t * s)).collect();
+        let mut physical: Vec<HyperDual64> = theta
+            .iter()
+            .zip(scales)
+            .map(|(t, s)| HyperDual64::from(t * s))
+            .collect();
         physical[i].eps1 = scales[i];
         physical[j].eps2 = scales[j];
         let mut out = vec![HyperDual64::from(0.0); self.constraints.count()];
         self.constraints.values(&physical, &mut out);
-        out.iter().zip(&self.constraint_scales).map(|(v, s)| *v / *s).collect()
+        out.iter()
+            .zip(&self.constraint_scales)
+            .map(|(v, s)| *v / *s)
+            .collect()
     }
 }
 
@@ -190,7 +220,9 @@ impl<D: Dynamics, C: ParameterConstraints> Problem for Collocation<D, C> {
     }
 
     fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
-        let objective = (0..self.runs.len()).map(|j| self.evaluate_run(z, j, c, g)).sum();
+        let objective = (0..self.runs.len())
+            .map(|j| self.evaluate_run(z, j, c, g))
+            .sum();
         self.constraint_values(self.theta(z), &mut g[self.layout.parameter_constraints..]);
         objective
     }

@@ -45,13 +45,24 @@ impl Layout {
             .map(|run| {
                 let known = run.initial.iter().flatten().count();
                 let nodes = 1 + s * run.intervals();
-                let layout = RunLayout { z, c, g, known, nodes };
+                let layout = RunLayout {
+                    z,
+                    c,
+                    g,
+                    known,
+                    nodes,
+                };
                 z += n * nodes;
                 c += known + n * s * run.intervals();
                 g += run.time.len();
                 layout
             })
             .collect();
-        Self { runs, theta: z, parameter_constraints: g, n_equalities: c }
+        Self {
+            runs,
+            theta: z,
+            parameter_constraints: g,
+            n_equalities: c,
+        }
     }
 }

@@ -28,7 +28,10 @@ impl Run {
 
     /// Inputs at the fraction `c` of an interval.
     pub fn inputs_at(&self, interval: usize, c: f64, out: &mut [f64]) {
-        let (from, to) = (&self.inputs[interval], &self.inputs[(interval + 1).min(self.inputs.len() - 1)]);
+        let (from, to) = (
+            &self.inputs[interval],
+            &self.inputs[(interval + 1).min(self.inputs.len() - 1)],
+        );
         for ((o, a), b) in out.iter_mut().zip(from).zip(to) {
             *o = a + c * (b - a);
         }

@@ -69,20 +69,38 @@ impl<D: Dynamics> NodeModel<D> {
     /// If the model has more than [`MAX_SIZE`] states or parameters.
     pub fn new(dynamics: D, scales: Scales) -> Self {
         let (n, p) = (dynamics.n_states(), dynamics.n_parameters());
-        assert!(n <= MAX_SIZE && p <= MAX_SIZE, "{n} states and {p} parameters: at most {MAX_SIZE} of each");
-        let all_pairs = (0..n + p).flat_map(|i| (i..n + p).map(move |j| (i, j))).collect();
-        let all_entries = (0..n).flat_map(|i| (0..n + p).map(move |j| (i, j))).collect();
-        let mut model = Self { dynamics, scales, pairs: all_pairs, entries: all_entries };
+        assert!(
+            n <= MAX_SIZE && p <= MAX_SIZE,
+            "{n} states and {p} parameters: at most {MAX_SIZE} of each"
+        );
+        let all_pairs = (0..n + p)
+            .flat_map(|i| (i..n + p).map(move |j| (i, j)))
+            .collect();
+        let all_entries = (0..n)
+            .flat_map(|i| (0..n + p).map(move |j| (i, j)))
+            .collect();
+        let mut model = Self {
+            dynamics,
+            scales,
+            pairs: all_pairs,
+            entries: all_entries,
+        };
         model.find_patterns();
         model
     }
 
     /// Keeps the pairs and entries that are not zero at one of several random points.
     fn find_patterns(&mut self) {
-        let (n, p, w) = (self.dynamics.n_states(), self.dynamics.n_parameters(), self.dynamics.n_inputs());
+        let (n, p, w) = (
+            self.dynamics.n_states(),
+            self.dynamics.n_parameters(),
+            self.dynamics.n_inputs(),
+        );
         let mut random = ChaCha8Rng::seed_from_u64(0x70696c6f74);
         let mut draw = |count: usize| -> Vec<f64> {
-            (0..count).map(|_| random.next_u32() as f64 / u32::MAX as f64 * 2.0 - 1.0).collect()
+            (0..count)
+                .map(|_| random.next_u32() as f64 / u32::MAX as f64 * 2.0 - 1.0)
+                .collect()
         };
         let mut pair_used = vec![false; self.pairs.len()];
         let mut entry_used = vec![false; self.entries.len()];
@@ -90,11 +108,21 @@ impl<D: Dynamics> NodeModel<D> {
         let mut first = FirstOrder::default();
         for _ in 0..8 {
             let (x, input, theta, weight) = (draw(n), draw(w), draw(p), draw(n));
-            let weights = Weights { f: &weight, measured: 0.7, bounded: -0.3 };
+            let weights = Weights {
+                f: &weight,
+                measured: 0.7,
+                bounded: -0.3,
+            };
             self.second_order(&x, &input, &theta, weights, &mut second);
             self.first_order(&x, &input, &theta, &mut first);
-            pair_used.iter_mut().zip(&second).for_each(|(used, v)| *used |= *v != 0.0);
-            entry_used.iter_mut().zip(&first.jacobian).for_each(|(used, v)| *used |= *v != 0.0);
+            pair_used
+                .iter_mut()
+                .zip(&second)
+                .for_each(|(used, v)| *used |= *v != 0.0);
+            entry_used
+                .iter_mut()
+                .zip(&first.jacobian)
+                .for_each(|(used, v)| *used |= *v != 0.0);
         }
         let mut used = pair_used.iter();
         self.pairs.retain(|_| *used.next().unwrap_or(&true));
@@ -118,8 +146,13 @@ impl<D: Dynamics> NodeModel<D> {
         self.unscale(x, theta, &mut xs, &mut ts, |v| v);
         let (xs, ts) = (&xs[..x.len()], &ts[..theta.len()]);
         self.dynamics.derivative(xs, input, ts, f);
-        f.iter_mut().zip(&self.scales.states).for_each(|(f, s)| *f /= s);
-        (self.dynamics.measured(xs, input, ts), self.dynamics.bounded(xs, input, ts))
+        f.iter_mut()
+            .zip(&self.scales.states)
+            .for_each(|(f, s)| *f /= s);
+        (
+            self.dynamics.measured(xs, input, ts),
+            self.dynamics.bounded(xs, input, ts),
+        )
     }
 
     /// Values and first derivatives.
@@ -153,7 +186,14 @@ impl<D: Dynamics> NodeModel<D> {
     }
 
     /// Writes the second derivatives of the weighted sum at [`pairs`](Self::pairs) into `out`.
-    pub fn second_order(&self, x: &[f64], input: &[f64], theta: &[f64], weights: Weights<'_>, out: &mut [f64]) {
+    pub fn second_order(
+        &self,
+        x: &[f64],
+        input: &[f64],
+        theta: &[f64],
+        weights: Weights<'_>,
+        out: &mut [f64],
+    ) {
         let n = x.len();
         let zero = HyperDual64::from(0.0);
         let (mut xs, mut ts, mut dx) = ([zero; MAX_SIZE], [zero; MAX_SIZE], [zero; MAX_SIZE]);
@@ -172,7 +212,14 @@ impl<D: Dynamics> NodeModel<D> {
         }
     }
 
-    fn unscale<T: Scalar>(&self, x: &[f64], theta: &[f64], xs: &mut [T], ts: &mut [T], lift: impl Fn(f64) -> T) {
+    fn unscale<T: Scalar>(
+        &self,
+        x: &[f64],
+        theta: &[f64],
+        xs: &mut [T],
+        ts: &mut [T],
+        lift: impl Fn(f64) -> T,
+    ) {
         for ((out, value), scale) in xs.iter_mut().zip(x).zip(&self.scales.states) {
             *out = lift(value * scale);
         }

@@ -66,7 +66,9 @@ impl Scheme {
 
     /// True when no unknown node's derivative enters, so that an interval needs no linear solve.
     pub fn is_explicit(&self) -> bool {
-        self.weights.iter().all(|row| row[1..].iter().all(|a| *a == 0.0))
+        self.weights
+            .iter()
+            .all(|row| row[1..].iter().all(|a| *a == 0.0))
     }
 }
 
@@ -81,17 +83,28 @@ mod tests {
     fn coefficients_satisfy_the_order_conditions() {
         for scheme in SCHEMES {
             let moment = |row: &[f64], k: usize| -> f64 {
-                row.iter().zip(scheme.abscissae).map(|(a, c)| a * c.powi(k as i32 - 1)).sum()
+                row.iter()
+                    .zip(scheme.abscissae)
+                    .map(|(a, c)| a * c.powi(k as i32 - 1))
+                    .sum()
             };
             let last = scheme.weights[scheme.unknown_nodes() - 1];
             for k in 1..=scheme.order {
-                assert!((moment(last, k) - 1.0 / k as f64).abs() < 1e-15, "{}, B({k})", scheme.name);
+                assert!(
+                    (moment(last, k) - 1.0 / k as f64).abs() < 1e-15,
+                    "{}, B({k})",
+                    scheme.name
+                );
             }
             for (i, row) in scheme.weights.iter().enumerate() {
                 let used = row.iter().filter(|a| **a != 0.0).count();
                 for k in 1..=used {
                     let exact = scheme.abscissae[i + 1].powi(k as i32) / k as f64;
-                    assert!((moment(row, k) - exact).abs() < 1e-15, "{}, C({k})", scheme.name);
+                    assert!(
+                        (moment(row, k) - exact).abs() < 1e-15,
+                        "{}, C({k})",
+                        scheme.name
+                    );
                 }
             }
         }

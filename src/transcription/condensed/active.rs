@@ -41,11 +41,20 @@ impl Row {
 }
 
 /// Minimises `½ ρᵀ H ρ + qᵀ ρ` within the rows.
-pub fn solve(matrix: &Arrow, factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Result<ConvexSolution, QpFailure> {
+pub fn solve(
+    matrix: &Arrow,
+    factor: &ArrowFactor,
+    q: &[f64],
+    rows: &[Row],
+) -> Result<ConvexSolution, QpFailure> {
     let qp = ConvexQp {
         p: matrix.triplets(),
         q: q.to_vec(),
-        a: rows.iter().enumerate().flat_map(|(i, row)| row.entries.iter().map(move |&(c, v)| (i, c, v))).collect(),
+        a: rows
+            .iter()
+            .enumerate()
+            .flat_map(|(i, row)| row.entries.iter().map(move |&(c, v)| (i, c, v)))
+            .collect(),
         lower: rows.iter().map(|row| row.lower).collect(),
         upper: rows.iter().map(|row| row.upper).collect(),
     };
@@ -57,10 +66,22 @@ pub fn solve(matrix: &Arrow, factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> R
 }
 
 /// The exact solution with the rows active that `rough` has active; None when that guess is wrong.
-fn polish(factor: &ArrowFactor, q: &[f64], rows: &[Row], rough: &ConvexSolution) -> Option<ConvexSolution> {
-    let limit = |i: usize| if rough.y[i] > 0.0 { rows[i].upper } else { rows[i].lower };
-    let active: Vec<usize> =
-        (0..rows.len()).filter(|&i| rough.y[i].abs() > (limit(i) - rows[i].value(&rough.x)).abs()).collect();
+fn polish(
+    factor: &ArrowFactor,
+    q: &[f64],
+    rows: &[Row],
+    rough: &ConvexSolution,
+) -> Option<ConvexSolution> {
+    let limit = |i: usize| {
+        if rough.y[i] > 0.0 {
+            rows[i].upper
+        } else {
+            rows[i].lower
+        }
+    };
+    let active: Vec<usize> = (0..rows.len())
+        .filter(|&i| rough.y[i].abs() > (limit(i) - rows[i].value(&rough.x)).abs())
+        .collect();
     let m = active.len();
     let mut free: Vec<f64> = q.iter().map(|v| -v).collect();
     factor.solve(&mut free);
@@ -74,11 +95,17 @@ fn polish(factor: &ArrowFactor, q: &[f64], rows: &[Row], rough: &ConvexSolution)
             column
         })
         .collect();
-    let mut schur: Vec<f64> = active.iter().flat_map(|&i| columns.iter().map(move |c| rows[i].value(c))).collect();
+    let mut schur: Vec<f64> = active
+        .iter()
+        .flat_map(|&i| columns.iter().map(move |c| rows[i].value(c)))
+        .collect();
     if !cholesky(&mut schur, m) {
         return None;
     }
-    let mut y: Vec<f64> = active.iter().map(|&i| rows[i].value(&free) - limit(i)).collect();
+    let mut y: Vec<f64> = active
+        .iter()
+        .map(|&i| rows[i].value(&free) - limit(i))
+        .collect();
     cholesky_solve(&schur, m, &mut y);
     let mut x = free;
     for (column, y) in columns.iter().zip(&y) {
@@ -87,9 +114,14 @@ fn polish(factor: &ArrowFactor, q: &[f64], rows: &[Row], rough: &ConvexSolution)
     let signs = active.iter().zip(&y).all(|(&i, y)| y * rough.y[i] >= 0.0);
     let inside = rows.iter().all(|row| {
         let scale = 1.0 + row.lower.abs().min(row.upper.abs());
-        crate::sqp::iterate::violation(row.value(&x), row.lower, row.upper) <= POLISH_TOLERANCE * scale
+        crate::sqp::iterate::violation(row.value(&x), row.lower, row.upper)
+            <= POLISH_TOLERANCE * scale
     });
     let mut all = vec![0.0; rows.len()];
     active.iter().zip(&y).for_each(|(&i, y)| all[i] = *y);
-    (signs && inside).then_some(ConvexSolution { x, y: all, violation: 0.0 })
+    (signs && inside).then_some(ConvexSolution {
+        x,
+        y: all,
+        violation: 0.0,
+    })
 }

@@ -33,8 +33,16 @@ pub struct ArrowRun {
 impl Arrow {
     /// A zero matrix for `p` parameters and these numbers of free initial states.
     pub fn zeros(p: usize, free: &[usize]) -> Self {
-        let run = |&n: &usize| ArrowRun { n, cross: vec![0.0; n * p], diagonal: vec![0.0; n * n] };
-        Self { p, theta: vec![0.0; p * p], runs: free.iter().map(run).collect() }
+        let run = |&n: &usize| ArrowRun {
+            n,
+            cross: vec![0.0; n * p],
+            diagonal: vec![0.0; n * n],
+        };
+        Self {
+            p,
+            theta: vec![0.0; p * p],
+            runs: free.iter().map(run).collect(),
+        }
     }
 
     /// Sets run `j`'s blocks, and adds to `Θ`, from the run's local matrix over `[θ; free states]`.
@@ -42,7 +50,11 @@ impl Arrow {
         let (p, run) = (self.p, &mut self.runs[j]);
         let r = p + run.n;
         for i in 0..p {
-            axpy(1.0, &local[i * r..i * r + p], &mut self.theta[i * p..(i + 1) * p]);
+            axpy(
+                1.0,
+                &local[i * r..i * r + p],
+                &mut self.theta[i * p..(i + 1) * p],
+            );
         }
         for i in 0..run.n {
             let row = &local[(p + i) * r..(p + i + 1) * r];
@@ -94,7 +106,10 @@ impl Arrow {
     /// Upper triangle as triplets.
     pub fn triplets(&self) -> Vec<(usize, usize, f64)> {
         let p = self.p;
-        let mut out: Vec<_> = (0..p).flat_map(|i| (i..p).map(move |j| (i, j))).map(|(i, j)| (i, j, self.theta[i * p + j])).collect();
+        let mut out: Vec<_> = (0..p)
+            .flat_map(|i| (i..p).map(move |j| (i, j)))
+            .map(|(i, j)| (i, j, self.theta[i * p + j]))
+            .collect();
         let mut first = p;
         for run in &self.runs {
             for k in 0..run.n {

@@ -53,10 +53,22 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.g.clone_from(&at.g);
         self.singular = false;
         for (j, run) in self.runs.iter_mut().enumerate() {
-            run.linearise(problem, j, at, exact, &mut self.gradient, &mut self.lagrangian);
+            run.linearise(
+                problem,
+                j,
+                at,
+                exact,
+                &mut self.gradient,
+                &mut self.lagrangian,
+            );
             self.singular |= !run.sweep_sensitivities(problem, j);
             run.sweep_offsets(problem, j, &at.c);
-            for (i, (f, l)) in run.theta_gradient.iter().zip(&run.theta_lagrangian).enumerate() {
+            for (i, (f, l)) in run
+                .theta_gradient
+                .iter()
+                .zip(&run.theta_lagrangian)
+                .enumerate()
+            {
                 self.gradient[problem.layout.theta + i] += f;
                 self.lagrangian[problem.layout.theta + i] += l;
             }
@@ -92,7 +104,9 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         matrix.add_diagonal(damping);
         let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
         let mut q = vec![0.0; matrix.size()];
-        self.each_local(&mut q, problem, |run, j, local| run.reduce_vector(problem, j, hessian, local));
+        self.each_local(&mut q, problem, |run, j, local| {
+            run.reduce_vector(problem, j, hessian, local)
+        });
 
         let mut rho: Vec<f64> = q.iter().map(|v| -v).collect();
         factor.solve(&mut rho);
@@ -111,13 +125,23 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
                 break;
             }
         }
-        self.working = rows.iter().zip(&eta).filter(|(_, y)| **y != 0.0).map(|(row, _)| row.at).collect();
+        self.working = rows
+            .iter()
+            .zip(&eta)
+            .filter(|(_, y)| **y != 0.0)
+            .map(|(row, _)| row.at)
+            .collect();
         self.write_step(problem, hessian, damping, &rho, &rows, &eta, step);
         step.violation = violation;
         Ok(())
     }
 
-    fn correct(&mut self, problem: &Collocation<D, C>, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure> {
+    fn correct(
+        &mut self,
+        problem: &Collocation<D, C>,
+        trial: &Iterate,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
         let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
         // J d₀ = -c for the equalities; for the bounded signals J d₀ is their linear change.
         let (c, g) = (self.c.clone(), self.g.clone());
@@ -152,7 +176,9 @@ impl Condensed {
     fn prepare<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
         let variables = problem.layout.theta + problem.n_parameters();
         if self.runs.len() != problem.runs.len() || self.gradient.len() != variables {
-            self.runs = (0..problem.runs.len()).map(|j| RunSweep::new(problem, j)).collect();
+            self.runs = (0..problem.runs.len())
+                .map(|j| RunSweep::new(problem, j))
+                .collect();
             self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
             self.working.clear();
@@ -162,7 +188,11 @@ impl Condensed {
     }
 
     /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
-    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>, at: &Iterate) {
+    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        at: &Iterate,
+    ) {
         let (p, theta) = (problem.n_parameters(), problem.theta(&at.z));
         let eta = &at.eta[problem.layout.parameter_constraints..];
         self.parameter_rows = vec![vec![0.0; p]; eta.len()];
@@ -182,7 +212,11 @@ impl Condensed {
     }
 
     /// The reduced Hessian.
-    fn reduce<D: Dynamics, C: ParameterConstraints>(&self, problem: &Collocation<D, C>, kind: Hessian) -> Arrow {
+    fn reduce<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+        kind: Hessian,
+    ) -> Arrow {
         let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
         let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
         for (j, run) in self.runs.iter().enumerate() {
@@ -198,8 +232,12 @@ impl Condensed {
 
     /// Calls `add` for each run with a local vector over `[θ; its free states]` and sums the results
     /// into the global one.
-    fn each_local<D, C>(&self, global: &mut [f64], problem: &Collocation<D, C>, mut add: impl FnMut(&RunSweep, usize, &mut [f64]))
-    where
+    fn each_local<D, C>(
+        &self,
+        global: &mut [f64],
+        problem: &Collocation<D, C>,
+        mut add: impl FnMut(&RunSweep, usize, &mut [f64]),
+    ) where
         D: Dynamics,
         C: ParameterConstraints,
     {
@@ -215,7 +253,11 @@ impl Condensed {
     }
 
     /// Steps of all nodes from the reduced variables.
-    fn expand<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>, rho: &[f64]) {
+    fn expand<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+    ) {
         let p = problem.n_parameters();
         let mut local = rho[..p].to_vec();
         let mut first = p;
@@ -236,16 +278,25 @@ impl Condensed {
         rows: &mut Vec<Row>,
     ) -> bool {
         use crate::sqp::Problem;
-        let (p, n, s) = (problem.n_parameters(), problem.n_states(), problem.scheme.unknown_nodes());
+        let (p, n, s) = (
+            problem.n_parameters(),
+            problem.n_states(),
+            problem.scheme.unknown_nodes(),
+        );
         let (lower, upper) = problem.limits();
-        let outside = |row: usize, value: f64| crate::sqp::iterate::violation(value, lower[row], upper[row]) > ROW_TOLERANCE;
+        let outside = |row: usize, value: f64| {
+            crate::sqp::iterate::violation(value, lower[row], upper[row]) > ROW_TOLERANCE
+        };
         let mut wanted: Vec<RowAt> = Vec::new();
         for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
             for b in 0..problem.runs[j].time.len() {
                 let dx = &run.dx[b * s * n..(b * s + 1) * n];
                 let value = self.g[at.g + b] + run.bounded_change(b * s, dx, &rho[..p]);
                 if outside(at.g + b, value) {
-                    wanted.push(RowAt::Bounded { run: j, boundary: b });
+                    wanted.push(RowAt::Bounded {
+                        run: j,
+                        boundary: b,
+                    });
                 }
             }
         }
@@ -281,7 +332,11 @@ impl Condensed {
         let (index, entries, value) = match at {
             RowAt::Parameter(i) => {
                 let index = problem.layout.parameter_constraints + i;
-                (index, self.parameter_rows[i].iter().copied().enumerate().collect(), self.g[index])
+                (
+                    index,
+                    self.parameter_rows[i].iter().copied().enumerate().collect(),
+                    self.g[index],
+                )
             }
             RowAt::Bounded { run: j, boundary } => {
                 let index = problem.layout.runs[j].g + boundary;
@@ -290,11 +345,21 @@ impl Condensed {
                 let offset = run.bounded_row(boundary * problem.scheme.unknown_nodes(), &mut local);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
-                let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v)).collect();
+                let entries = local
+                    .iter()
+                    .enumerate()
+                    .map(|(i, v)| (column(i), *v))
+                    .collect();
                 (index, entries, self.g[index] + offset)
             }
         };
-        Row { at, index, entries, lower: lower[index] - value, upper: upper[index] - value }
+        Row {
+            at,
+            index,
+            entries,
+            lower: lower[index] - value,
+            upper: upper[index] - value,
+        }
     }
 
     /// The full step and multipliers from the reduced solution.

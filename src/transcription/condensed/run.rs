@@ -2,10 +2,10 @@
 
 use super::dense::{axpy, dot, lu_factor, lu_solve, lu_solve_transposed};
 use crate::sqp::{Hessian, Iterate};
+use crate::transcription::Collocation;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::layout::RunLayout;
 use crate::transcription::node::{FirstOrder, Weights};
-use crate::transcription::Collocation;
 use pilotage_models::Dynamics;
 
 /// Workspace of one run; everything is allocated once.
@@ -35,11 +35,22 @@ pub struct RunSweep {
 
 impl RunSweep {
     /// Workspace for run `j`.
-    pub fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
-        let (n, p, s) = (problem.n_states(), problem.n_parameters(), problem.scheme.unknown_nodes());
+    pub fn new<D: Dynamics, C: ParameterConstraints>(
+        problem: &Collocation<D, C>,
+        j: usize,
+    ) -> Self {
+        let (n, p, s) = (
+            problem.n_states(),
+            problem.n_parameters(),
+            problem.scheme.unknown_nodes(),
+        );
         let (run, nodes) = (&problem.runs[j], problem.layout.runs[j].nodes);
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let implicit = if problem.scheme.is_explicit() { 0 } else { run.intervals() };
+        let implicit = if problem.scheme.is_explicit() {
+            0
+        } else {
+            run.intervals()
+        };
         Self {
             n,
             p,
@@ -90,7 +101,11 @@ impl RunSweep {
             let sample = problem.sample(j, k);
             self.residual[k] = sample.map_or(0.0, |value| value - first.measured);
             let pull = sample.map_or(0.0, |_| -2.0 * run.weight * self.residual[k]);
-            let eta = if k % s == 0 { at.eta[place.g + k / s] } else { 0.0 };
+            let eta = if k % s == 0 {
+                at.eta[place.g + k / s]
+            } else {
+                0.0
+            };
             node_weights(problem, j, k, &at.lambda, &mut omega);
             let columns = place.z + k * n;
             let mut add = |c: usize, objective: f64, all: f64| match c < n {
@@ -111,7 +126,11 @@ impl RunSweep {
                 add(c, 0.0, omega[i] * value);
             }
             if exact {
-                let weights = Weights { f: &omega, measured: pull, bounded: eta };
+                let weights = Weights {
+                    f: &omega,
+                    measured: pull,
+                    bounded: eta,
+                };
                 let out = &mut self.second[k * pairs..(k + 1) * pairs];
                 problem.model.second_order(x, &input, theta, weights, out);
             }
@@ -119,14 +138,26 @@ impl RunSweep {
     }
 
     /// Adds `λ` through the parts of the defects that are linear: `X_i - X_0`, and the known states.
-    fn defect_transposed(&self, place: RunLayout, at: &Iterate, s: usize, intervals: usize, out: &mut [f64]) {
+    fn defect_transposed(
+        &self,
+        place: RunLayout,
+        at: &Iterate,
+        s: usize,
+        intervals: usize,
+        out: &mut [f64],
+    ) {
         let n = self.n;
         let known = (0..n).filter(|i| !self.free.contains(i));
-        known.zip(&at.lambda[place.c..]).for_each(|(i, lambda)| out[place.z + i] += lambda);
+        known
+            .zip(&at.lambda[place.c..])
+            .for_each(|(i, lambda)| out[place.z + i] += lambda);
         for interval in 0..intervals {
             for i in 0..s {
                 let row = place.c + place.known + (interval * s + i) * n;
-                let (start, node) = (place.z + interval * s * n, place.z + (interval * s + i + 1) * n);
+                let (start, node) = (
+                    place.z + interval * s * n,
+                    place.z + (interval * s + i + 1) * n,
+                );
                 for l in 0..n {
                     out[node + l] += at.lambda[row + l];
                     out[start + l] -= at.lambda[row + l];
@@ -179,19 +210,34 @@ impl RunSweep {
         let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
         self.e[..n].fill(0.0);
         let known = (0..n).filter(|i| !self.free.contains(i));
-        known.zip(&c[place.c..]).for_each(|(i, value)| self.e[i] = -value);
+        known
+            .zip(&c[place.c..])
+            .for_each(|(i, value)| self.e[i] = -value);
         for interval in 0..run.intervals() {
             let start = interval * s;
             let (done, rest) = self.e.split_at_mut((start + 1) * n);
             let to = &mut rest[..s * n];
             let nodes = &self.first[start..=start + s];
-            start_transition(problem, run.step(interval), &nodes[0], &done[start * n..], to, 1);
+            start_transition(
+                problem,
+                run.step(interval),
+                &nodes[0],
+                &done[start * n..],
+                to,
+                1,
+            );
             let rows = place.c + place.known + start * n;
             axpy(-1.0, &c[rows..rows + s * n], to);
             if !problem.scheme.is_explicit() {
                 let size = s * n;
                 let lu = &self.lu[interval * size * size..(interval + 1) * size * size];
-                lu_solve(lu, size, &self.pivots[interval * size..(interval + 1) * size], to, 1);
+                lu_solve(
+                    lu,
+                    size,
+                    &self.pivots[interval * size..(interval + 1) * size],
+                    to,
+                    1,
+                );
             }
         }
     }
@@ -211,7 +257,11 @@ impl RunSweep {
             if problem.sample(j, k).is_some() {
                 self.project(&first.measured_gradient, s, &mut row);
                 for i in 0..r {
-                    axpy(2.0 * problem.runs[j].weight * row[i], &row, &mut matrix[i * r..(i + 1) * r]);
+                    axpy(
+                        2.0 * problem.runs[j].weight * row[i],
+                        &row,
+                        &mut matrix[i * r..(i + 1) * r],
+                    );
                 }
             }
             if kind == Hessian::Exact {
@@ -231,11 +281,19 @@ impl RunSweep {
         let mut add = |a: usize, b: usize| match (a < n, b < n) {
             (true, true) => {
                 for i in 0..r {
-                    axpy(w * s[a * r + i], &s[b * r..(b + 1) * r], &mut matrix[i * r..(i + 1) * r]);
+                    axpy(
+                        w * s[a * r + i],
+                        &s[b * r..(b + 1) * r],
+                        &mut matrix[i * r..(i + 1) * r],
+                    );
                 }
             }
             (true, false) => (0..r).for_each(|i| matrix[i * r + b - n] += w * s[a * r + i]),
-            (false, true) => axpy(w, &s[b * r..(b + 1) * r], &mut matrix[(a - n) * r..(a - n + 1) * r]),
+            (false, true) => axpy(
+                w,
+                &s[b * r..(b + 1) * r],
+                &mut matrix[(a - n) * r..(a - n + 1) * r],
+            ),
             (false, false) => matrix[(a - n) * r + b - n] += w,
         };
         add(a, b);
@@ -269,7 +327,15 @@ impl RunSweep {
         let mut full = vec![0.0; n + self.p];
         let mut row = vec![0.0; r];
         for k in 0..self.first.len() {
-            self.model_gradient(problem, j, k, kind, &self.e[k * n..(k + 1) * n], &zero, &mut full);
+            self.model_gradient(
+                problem,
+                j,
+                k,
+                kind,
+                &self.e[k * n..(k + 1) * n],
+                &zero,
+                &mut full,
+            );
             self.project(&full, &self.s[k * n * r..(k + 1) * n * r], &mut row);
             axpy(1.0, &row, vector);
         }
@@ -292,11 +358,18 @@ impl RunSweep {
         if problem.sample(j, k).is_some() {
             let h = &first.measured_gradient;
             let change = dot(&h[..n], dx) + dot(&h[n..], dtheta);
-            axpy(2.0 * problem.runs[j].weight * (change - self.residual[k]), h, out);
+            axpy(
+                2.0 * problem.runs[j].weight * (change - self.residual[k]),
+                h,
+                out,
+            );
         }
         if kind == Hessian::Exact {
             let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
-            for (w, &(a, b)) in self.second[k * pairs..(k + 1) * pairs].iter().zip(&problem.model.pairs) {
+            for (w, &(a, b)) in self.second[k * pairs..(k + 1) * pairs]
+                .iter()
+                .zip(&problem.model.pairs)
+            {
                 out[a] += w * step(b);
                 if a != b {
                     out[b] += w * step(a);
@@ -368,14 +441,23 @@ impl RunSweep {
             if !problem.scheme.is_explicit() {
                 let size = s * n;
                 let lu = &self.lu[interval * size * size..(interval + 1) * size * size];
-                lu_solve_transposed(lu, size, &self.pivots[interval * size..(interval + 1) * size], out);
+                lu_solve_transposed(
+                    lu,
+                    size,
+                    &self.pivots[interval * size..(interval + 1) * size],
+                    out,
+                );
             }
             let carry = &mut head[start * n..];
             for (i, row) in problem.scheme.weights.iter().enumerate() {
                 let part = &out[i * n..(i + 1) * n];
                 axpy(-1.0, part, carry);
                 let factor = -run.step(interval) * row[0];
-                for (value, &(l, c)) in self.first[start].jacobian.iter().zip(&problem.model.entries) {
+                for (value, &(l, c)) in self.first[start]
+                    .jacobian
+                    .iter()
+                    .zip(&problem.model.entries)
+                {
                     if c < n {
                         carry[c] += factor * value * part[l];
                     }
@@ -383,7 +465,9 @@ impl RunSweep {
             }
         }
         let known = (0..n).filter(|i| !self.free.contains(i));
-        known.zip(lambda.iter_mut()).for_each(|(i, out)| *out = -right[i]);
+        known
+            .zip(lambda.iter_mut())
+            .for_each(|(i, out)| *out = -right[i]);
         curvature
     }
 }
@@ -402,7 +486,11 @@ pub fn node_weights<D: Dynamics, C: ParameterConstraints>(
     let mut add = |interval: usize, column: usize| {
         for (i, row) in problem.scheme.weights.iter().enumerate() {
             let rows = place.c + place.known + (interval * s + i) * n;
-            axpy(-run.step(interval) * row[column], &lambda[rows..rows + n], out);
+            axpy(
+                -run.step(interval) * row[column],
+                &lambda[rows..rows + n],
+                out,
+            );
         }
     };
     if k % s == 0 && k > 0 {
@@ -423,7 +511,12 @@ fn start_transition<D: Dynamics, C: ParameterConstraints>(
     columns: usize,
 ) {
     let n = problem.n_states();
-    for (row, to) in problem.scheme.weights.iter().zip(to.chunks_exact_mut(n * columns)) {
+    for (row, to) in problem
+        .scheme
+        .weights
+        .iter()
+        .zip(to.chunks_exact_mut(n * columns))
+    {
         to.copy_from_slice(&from[..n * columns]);
         if row[0] == 0.0 {
             continue;
@@ -431,7 +524,11 @@ fn start_transition<D: Dynamics, C: ParameterConstraints>(
         for (value, &(i, c)) in first.jacobian.iter().zip(&problem.model.entries) {
             if c < n {
                 let source = &from[c * columns..(c + 1) * columns];
-                axpy(h * row[0] * value, source, &mut to[i * columns..(i + 1) * columns]);
+                axpy(
+                    h * row[0] * value,
+                    source,
+                    &mut to[i * columns..(i + 1) * columns],
+                );
             }
         }
     }

@@ -1,4 +1,23 @@
 //! Recorded flights.
+//!
+//! One run is one CSV file with the columns `time` [s], `target` [m], `position` [m] and, where it was
+//! recorded, `stick` [-1 to 1]; further columns are passed over. A manifest (TOML) lists runs:
+//!
+//! ```toml
+//! [[run]]
+//! file = "10m-run1.csv"     # beside the manifest
+//! weight = 1.0              # of its squared residuals; 1 where it is missing
+//! use = "fit"               # or "validation": kept out of the fit; "fit" where it is missing
+//! ```
+
+mod error;
+mod manifest;
+mod read;
+mod summary;
+
+pub use error::TrialError;
+pub use manifest::TrialSet;
+pub use summary::Summary;
 
 /// One recorded flight to a target.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,23 @@
 //! Named time series with units: what trials, results and tables are made of.
+//!
+//! On disk a series is a CSV file with one header row; a name carries its unit in brackets:
+//!
+//! ```text
+//! # pilot: A. Example
+//! time [s],target [m],position [m]
+//! 0,10,0
+//! 0.05,10,0.0013
+//! 0.1,10,
+//! ```
+//!
+//! Lines that begin with `#` are comments, an empty cell is a missing sample (NaN), and the time column
+//! comes first.
+
+mod error;
+mod read;
+mod write;
+
+pub use error::SeriesError;
 
 /// One signal of a [`Series`].
 #[derive(Debug, Clone, PartialEq)]

@@ -1,0 +1,16 @@
+//! What goes to the terminal.
+
+use super::Failure;
+use std::io::{ErrorKind, Write};
+
+/// Prints to stdout. A reader that has gone (`pilotage ... | head`) is no failure.
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    let written = stdout.write_all(text.as_bytes());
+    match written.and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::new(format!("cannot write to stdout: {error}")))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,266 @@
+//! `pilotage trials`: recorded flights, checked or made.
+
+use super::{Failure, Outcome, folder, terminal, vehicle};
+use crate::identification::trials::{Summary, TrialSet};
+use crate::output;
+use crate::synthetic::{Flight, Flights, Human};
+use clap::Subcommand;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Arguments of `pilotage trials`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Check trial files and show each in a few numbers.
+    Check {
+        /// Trials (CSV) or manifests (TOML).
+        #[arg(required = true)]
+        trials: Vec<PathBuf>,
+        /// Print one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Let a synthetic human fly: one CSV file a run, and a manifest.
+    Synth(Box<Synth>),
+}
+
+/// Options of `pilotage trials synth`; the defaults are those of [`Human`] and [`Flights`].
+#[derive(Debug, clap::Args)]
+struct Synth {
+    /// Folder to write into.
+    #[arg(short, long, default_value = "trials")]
+    output: PathBuf,
+    /// Write into a folder that is not empty.
+    #[arg(long)]
+    force: bool,
+    /// Targets [m].
+    #[arg(long, value_delimiter = ',', default_values_t = Flights::default().targets, allow_hyphen_values = true)]
+    targets: Vec<f64>,
+    /// Runs to each target.
+    #[arg(long, default_value_t = Flights::default().runs)]
+    runs: usize,
+    /// Duration of a run [s].
+    #[arg(long, default_value_t = Flights::default().duration)]
+    duration: f64,
+    /// Samples per second [1/s].
+    #[arg(long, default_value_t = Flights::default().rate)]
+    rate: f64,
+    /// Seed of the random numbers.
+    #[arg(long, default_value_t = Flights::default().seed)]
+    seed: u64,
+    /// Standard deviation of gain, lead, delay and omega-n from run to run, relative.
+    #[arg(long, default_value_t = Flights::default().variation)]
+    variation: f64,
+    /// The human's gain k [1/m].
+    #[arg(long, default_value_t = Human::default().gain)]
+    gain: f64,
+    /// The human's lead time T_L [s].
+    #[arg(long, default_value_t = Human::default().lead)]
+    lead: f64,
+    /// The human's reaction delay τ [s].
+    #[arg(long, default_value_t = Human::default().delay)]
+    delay: f64,
+    /// Natural frequency of the arm ω_n [rad/s].
+    #[arg(long, default_value_t = Human::default().frequency)]
+    omega_n: f64,
+    /// Damping ratio of the arm ζ.
+    #[arg(long, default_value_t = Human::default().damping)]
+    zeta: f64,
+    /// Standard deviation of the remnant noise, relative to the stick that the target calls for.
+    #[arg(long, default_value_t = Human::default().remnant)]
+    remnant: f64,
+    /// Correlation time of the remnant [s].
+    #[arg(long, default_value_t = Human::default().remnant_time)]
+    remnant_time: f64,
+    /// The vehicle that is flown (TOML); the default vehicle where it is missing.
+    #[arg(long)]
+    vehicle: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    match args.command {
+        Command::Check { trials, json } => check(&trials, json),
+        Command::Synth(synth) => synth.run(),
+    }
+}
+
+impl Synth {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
+        let flights = self.flights().fly(&self.human(), &vehicle)?;
+        folder::create_new(&self.output, self.force)?;
+        let mut manifest = format!("# {}\n", self.command());
+        for flight in &flights {
+            let file = format!("{}.csv", flight.name);
+            manifest += &format!("\n[[run]]\nfile = \"{file}\"\nweight = 1.0\nuse = \"fit\"\n");
+            self.save(&file, &self.to_csv(flight))?;
+        }
+        self.save("trials.toml", &manifest)?;
+        let folder = self.output.display();
+        terminal::print(&format!(
+            "{} flights in {folder}, listed in {folder}/trials.toml\n\n\
+             next: pilotage trials check {folder}/trials.toml\n      \
+             pilotage fit {folder}/trials.toml -o pilot.toml\n",
+            flights.len()
+        ))?;
+        Ok(Outcome::Done)
+    }
+
+    fn flights(&self) -> Flights {
+        Flights {
+            targets: self.targets.clone(),
+            runs: self.runs,
+            duration: self.duration,
+            rate: self.rate,
+            seed: self.seed,
+            variation: self.variation,
+        }
+    }
+
+    fn human(&self) -> Human {
+        Human {
+            gain: self.gain,
+            lead: self.lead,
+            delay: self.delay,
+            frequency: self.omega_n,
+            damping: self.zeta,
+            remnant: self.remnant,
+            remnant_time: self.remnant_time,
+        }
+    }
+
+    /// The command that makes these flights again, whatever the defaults will be.
+    fn command(&self) -> String {
+        let targets: Vec<String> = self.targets.iter().map(f64::to_string).collect();
+        let vehicle = self.vehicle.as_ref();
+        let vehicle =
+            vehicle.map_or_else(String::new, |file| format!(" --vehicle {}", file.display()));
+        format!(
+            "pilotage trials synth --targets {} --runs {} --duration {} --rate {} --seed {} \
+             --variation {} --gain {} --lead {} --delay {} --omega-n {} --zeta {} --remnant {} \
+             --remnant-time {}{vehicle}",
+            targets.join(","),
+            self.runs,
+            self.duration,
+            self.rate,
+            self.seed,
+            self.variation,
+            self.gain,
+            self.lead,
+            self.delay,
+            self.omega_n,
+            self.zeta,
+            self.remnant,
+            self.remnant_time,
+        )
+    }
+
+    /// A flight with its origin in the comments.
+    fn to_csv(&self, flight: &Flight) -> String {
+        let human = &flight.human;
+        let mut series = flight.series.clone();
+        series.comments = vec![
+            format!("made by: {}", self.command()),
+            format!(
+                "pilot: synthetic human; in this run gain {:.4} 1/m, lead {:.3} s, delay {:.3} s, omega-n {:.2} rad/s",
+                human.gain, human.lead, human.delay, human.frequency
+            ),
+        ];
+        series.to_csv()
+    }
+
+    fn save(&self, file: &str, content: &str) -> Result<(), Failure> {
+        let path = self.output.join(file);
+        let written = output::write(&path, content.as_bytes());
+        written.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+    }
+}
+
+fn check(trials: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
+    let set = TrialSet::read(trials)?;
+    match json {
+        true => terminal::print(&format!("{:#}\n", to_json(&set)))?,
+        false => terminal::print(&to_table(&set))?,
+    }
+    Ok(Outcome::Done)
+}
+
+/// Each trial with its summary and what it is used for.
+fn uses(set: &TrialSet) -> Vec<(&crate::identification::Trial, Summary, &'static str)> {
+    let fit = set.fit.iter().map(|trial| (trial, "fit"));
+    let validation = set.validation.iter().map(|trial| (trial, "validation"));
+    (fit.chain(validation))
+        .map(|(trial, used)| (trial, trial.summary(), used))
+        .collect()
+}
+
+fn to_json(set: &TrialSet) -> Value {
+    let trials: Vec<Value> = (uses(set).iter())
+        .map(|(trial, summary, used)| {
+            json!({
+                "name": trial.name,
+                "file": trial.origin,
+                "sha256": trial.sha256,
+                "use": used,
+                "weight": trial.weight,
+                "samples": summary.samples,
+                "missing": summary.missing,
+                "duration_s": summary.duration,
+                "rate_per_s": summary.rate,
+                "largest_gap": summary.largest_gap,
+                "target_m": summary.target,
+                "final_error_m": summary.final_error,
+                "overshoot": summary.overshoot,
+                "peak_stick": summary.peak_stick,
+            })
+        })
+        .collect();
+    json!({ "trials": trials })
+}
+
+fn to_table(set: &TrialSet) -> String {
+    let uses = uses(set);
+    let width = uses
+        .iter()
+        .map(|(trial, ..)| trial.name.chars().count())
+        .max();
+    let width = width.unwrap_or(0).max(5);
+    let mut text = format!(
+        "{:<width$}  use         weight  samples  missing   rate  target  final error  overshoot  peak stick\n\
+         {:<width$}                                       [1/s]     [m]          [m]        [%]         [1]\n",
+        "trial", ""
+    );
+    for (trial, summary, used) in &uses {
+        let stick = summary
+            .peak_stick
+            .map_or("-".into(), |peak| format!("{peak:.3}"));
+        text += &format!(
+            "{:<width$}  {used:<10}  {:>6}  {:>7}  {:>7}  {:>5.2}  {:>6}  {:>11.3}  {:>9.1}  {stick:>10}\n",
+            trial.name,
+            trial.weight,
+            summary.samples,
+            summary.missing,
+            summary.rate,
+            summary.target,
+            summary.final_error,
+            100.0 * summary.overshoot,
+        );
+    }
+    for (trial, summary, _) in uses
+        .iter()
+        .filter(|(_, summary, _)| summary.largest_gap > 1.5)
+    {
+        text += &format!(
+            "note: {}: the longest time step is {:.1} times the usual one; is a stretch of the recording lost?\n",
+            trial.name, summary.largest_gap
+        );
+    }
+    text
+}

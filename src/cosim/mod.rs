@@ -1,0 +1,37 @@
+//! Co-simulation: slaves that are wired together and stepped side by side.
+//!
+//! ```text
+//! slaves + connections -> System -> run(clock, algorithm) -> Recorder
+//! ```
+//!
+//! The master knows [`Slave`]s, not FMUs, and counts time (`t = t0 + k·h`) instead of summing it. It
+//! never gets a value after a set without a step between them, as FMI 2.0 asks (section 4.2.4).
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | [`slave`] | what a slave offers: variables, and ten calls |
+//! | [`fmu_slave`] | an FMU of FMI 2.0 as a slave |
+//! | [`native_slave`] | the models of this project as slaves |
+//! | [`system`] | who is wired to whom, checked |
+//! | [`clock`] | communication points, counted |
+//! | [`algorithms`] | Jacobi and Gauss-Seidel, and the order that dependencies give |
+//! | [`master`] | initialization and the stepping loop |
+//! | [`recorder`] | where the rows go |
+
+pub mod algorithms;
+pub mod clock;
+pub mod fmu_slave;
+pub mod master;
+pub mod native_slave;
+pub mod recorder;
+pub mod slave;
+pub mod system;
+
+pub use algorithms::Algorithm;
+pub use clock::Clock;
+pub use fmu_slave::FmuSlave;
+pub use master::{Ending, MasterError, Run, run};
+pub use native_slave::NativeSlave;
+pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
+pub use slave::{Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
+pub use system::{System, SystemError};

@@ -1,0 +1,228 @@
+//! What the master knows of a simulation unit.
+
+/// Why a slave's call failed, in the slave's own words.
+pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A simulation unit.
+///
+/// The master calls [`setup`](Self::setup), sets parameters, then
+/// [`enter_initialization`](Self::enter_initialization), exchanges values until they are consistent,
+/// [`exit_initialization`](Self::exit_initialization), then in turn sets inputs,
+/// [`step`](Self::step)s and gets outputs, and at the end [`terminate`](Self::terminate)s.
+pub trait Slave {
+    /// The variables, in an order that never changes.
+    fn variables(&self) -> &[Variable];
+
+    /// Says when the simulation starts and ends and how exact it shall be.
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError>;
+
+    /// Begins to solve for consistent initial values.
+    fn enter_initialization(&mut self) -> Result<(), SlaveError>;
+
+    /// Ends it; the slave is at the start time.
+    fn exit_initialization(&mut self) -> Result<(), SlaveError>;
+
+    /// Sets reals by their handles, in their units.
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError>;
+
+    /// Gets reals by their handles, in their units.
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError>;
+
+    /// Sets a variable of any kind.
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError>;
+
+    /// Gets a variable of any kind.
+    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError>;
+
+    /// Advances from time `t` by `h` [s], inputs as they were set last.
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError>;
+
+    /// Ends the simulation.
+    fn terminate(&mut self) -> Result<(), SlaveError>;
+}
+
+/// How far a step came.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress {
+    /// To its end.
+    Done,
+    /// The slave could not finish the step; it stands at this time [s].
+    Discarded {
+        /// Where it stands [s].
+        reached: f64,
+    },
+    /// The slave wants the simulation to end at this time [s].
+    EndRequested {
+        /// Where it stands [s].
+        reached: f64,
+    },
+}
+
+/// When a simulation starts and ends and how exact it shall be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Experiment {
+    /// Start time [s].
+    pub start: f64,
+    /// Stop time [s].
+    pub stop: f64,
+    /// Relative tolerance for slaves with error control; `None` leaves it to each slave.
+    pub tolerance: Option<f64>,
+}
+
+/// A variable of a slave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// Name, unique within the slave.
+    pub name: String,
+    /// What calls refer to it by.
+    pub handle: u32,
+    /// Type of its values.
+    pub kind: Kind,
+    /// What it is for.
+    pub role: Role,
+    /// Whether a user may give its start value.
+    pub settable: bool,
+    /// Unit of a real; `None` if the slave does not say.
+    pub unit: Option<Unit>,
+    /// Of an output: positions in [`Slave::variables`] of the inputs that it depends on at once
+    /// (direct feedthrough).
+    pub feedthrough: Vec<usize>,
+    /// The same during initialization.
+    pub initial_feedthrough: Vec<usize>,
+}
+
+impl Variable {
+    /// A variable without unit and feedthrough; parameters and inputs are settable.
+    pub fn new(name: impl Into<String>, handle: u32, kind: Kind, role: Role) -> Self {
+        Self {
+            name: name.into(),
+            handle,
+            kind,
+            role,
+            settable: matches!(role, Role::Parameter | Role::Input),
+            unit: None,
+            feedthrough: Vec::new(),
+            initial_feedthrough: Vec::new(),
+        }
+    }
+}
+
+/// Type of a variable's values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Floating point.
+    Real,
+    /// 32-bit integer.
+    Integer,
+    /// True or false.
+    Boolean,
+    /// Text.
+    String,
+    /// Integer with names.
+    Enumeration,
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Real => "Real",
+            Self::Integer => "Integer",
+            Self::Boolean => "Boolean",
+            Self::String => "String",
+            Self::Enumeration => "Enumeration",
+        })
+    }
+}
+
+/// What a variable is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Constant while the simulation runs.
+    Parameter,
+    /// Fed by another slave, or kept at its start value.
+    Input,
+    /// May feed inputs, and is recorded.
+    Output,
+    /// Neither.
+    Local,
+}
+
+impl std::fmt::Display for Role {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Parameter => "a parameter",
+            Self::Input => "an input",
+            Self::Output => "an output",
+            Self::Local => "a local variable",
+        })
+    }
+}
+
+/// A unit by its name and, where the slave defines it, its meaning in SI base units and radian.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Name, for example `m/s`.
+    pub name: String,
+    /// Meaning.
+    pub base: Option<Base>,
+}
+
+/// `value in base units = factor·value + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Base {
+    /// Exponents of kg, m, s, A, K, mol, cd, rad.
+    pub exponents: [i32; 8],
+    /// Factor to the base units.
+    pub factor: f64,
+    /// Offset to the base units.
+    pub offset: f64,
+}
+
+impl Unit {
+    /// Whether values in both units mean the same: by their meaning where both define it, else by name.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (&self.base, &other.base) {
+            (Some(a), Some(b)) => a == b,
+            _ => self.name == other.name,
+        }
+    }
+}
+
+/// A value of any kind; an enumeration's is an integer.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// Of a real.
+    Real(f64),
+    /// Of an integer or an enumeration.
+    Integer(i32),
+    /// Of a boolean.
+    Boolean(bool),
+    /// Of a string.
+    String(String),
+}
+
+impl Value {
+    /// The value of that kind which a user wrote.
+    pub fn parse(text: &str, kind: Kind) -> Option<Self> {
+        Some(match kind {
+            Kind::Real => Self::Real(text.trim().parse().ok()?),
+            Kind::Integer | Kind::Enumeration => Self::Integer(text.trim().parse().ok()?),
+            Kind::Boolean => Self::Boolean(match text.trim() {
+                "true" | "1" => true,
+                "false" | "0" => false,
+                _ => return None,
+            }),
+            Kind::String => Self::String(text.to_owned()),
+        })
+    }
+
+    /// As a number for a table; booleans are 0 and 1, a string is NaN.
+    pub fn as_number(&self) -> f64 {
+        match self {
+            Self::Real(value) => *value,
+            Self::Integer(value) => f64::from(*value),
+            Self::Boolean(value) => f64::from(u8::from(*value)),
+            Self::String(_) => f64::NAN,
+        }
+    }
+}

@@ -1,0 +1,405 @@
+//! Who is wired to whom, checked at the door.
+
+use super::slave::{Kind, Role, Slave, Value, Variable};
+use crate::nearest::{did_you_mean, nearest};
+use thiserror::Error;
+
+/// Why slaves cannot be wired as asked.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SystemError {
+    /// Two slaves of one name.
+    #[error("two instances are named `{name}`; give one another name")]
+    DuplicateInstance {
+        /// The name.
+        name: String,
+    },
+    /// A name that is no file's stem either.
+    #[error("`{name}` cannot name an instance: it must not be empty")]
+    EmptyInstance {
+        /// The name.
+        name: String,
+    },
+    /// No such slave.
+    #[error(
+        "`{text}`: there is no instance `{instance}`{}, known are {}",
+        did_you_mean(nearest.as_deref()),
+        list(known)
+    )]
+    UnknownInstance {
+        /// As given.
+        text: String,
+        /// What was taken for the instance's name.
+        instance: String,
+        /// The most similar name.
+        nearest: Option<String>,
+        /// All names.
+        known: Vec<String>,
+    },
+    /// No such variable.
+    #[error(
+        "`{text}`: `{instance}` has no variable `{variable}`{}",
+        did_you_mean(nearest.as_deref())
+    )]
+    UnknownVariable {
+        /// As given.
+        text: String,
+        /// Name of the slave.
+        instance: String,
+        /// What was taken for the variable's name.
+        variable: String,
+        /// The most similar name, with the instance.
+        nearest: Option<String>,
+    },
+    /// A connection does not begin at an output.
+    #[error("`{from}` -> `{to}`: `{from}` is {role}, a connection begins at an output{}", other_way_round(*swapped, from, to))]
+    NotAnOutput {
+        /// Where the connection begins.
+        from: String,
+        /// Where it ends.
+        to: String,
+        /// What `from` is.
+        role: Role,
+        /// Whether it would be right the other way round.
+        swapped: bool,
+    },
+    /// A connection does not end at an input.
+    #[error("`{from}` -> `{to}`: `{to}` is {role}, a connection ends at an input")]
+    NotAnInput {
+        /// Where the connection begins.
+        from: String,
+        /// Where it ends.
+        to: String,
+        /// What `to` is.
+        role: Role,
+    },
+    /// The ends are of different types.
+    #[error("`{from}` -> `{to}`: {from_kind} cannot feed {to_kind}")]
+    KindMismatch {
+        /// Where the connection begins.
+        from: String,
+        /// Where it ends.
+        to: String,
+        /// Type of the output.
+        from_kind: Kind,
+        /// Type of the input.
+        to_kind: Kind,
+    },
+    /// The ends are of different units.
+    #[error(
+        "`{from}` is in {from_unit} and `{to}` is in {to_unit}: a connection does not convert units"
+    )]
+    UnitMismatch {
+        /// Where the connection begins.
+        from: String,
+        /// Where it ends.
+        to: String,
+        /// Unit of the output.
+        from_unit: String,
+        /// Unit of the input.
+        to_unit: String,
+    },
+    /// An input is fed by two connections.
+    #[error("`{to}` is fed twice: by `{first}` and by `{second}`")]
+    FedTwice {
+        /// The input.
+        to: String,
+        /// The first output.
+        first: String,
+        /// The second output.
+        second: String,
+    },
+    /// A start value for an input that is fed by a connection.
+    #[error("`{name}` is fed by `{from}`, so that its value cannot be set")]
+    SetWhileFed {
+        /// The input.
+        name: String,
+        /// The output that feeds it.
+        from: String,
+    },
+    /// A start value for something that cannot have one.
+    #[error("`{name}` is {role} and cannot be set; parameters and inputs can")]
+    NotSettable {
+        /// The variable.
+        name: String,
+        /// What it is.
+        role: Role,
+    },
+    /// A start value that is no value of the variable's type.
+    #[error("`{name}` is of type {kind}, `{text}` is not")]
+    BadValue {
+        /// The variable.
+        name: String,
+        /// Its type.
+        kind: Kind,
+        /// As given.
+        text: String,
+    },
+    /// Two start values for one variable.
+    #[error("`{name}` is set twice")]
+    SetTwice {
+        /// The variable.
+        name: String,
+    },
+}
+
+fn other_way_round(swapped: bool, from: &str, to: &str) -> String {
+    match swapped {
+        true => format!("; did you mean `{to}` -> `{from}`?"),
+        false => String::new(),
+    }
+}
+
+fn list(names: &[String]) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    quoted.join(", ")
+}
+
+/// A variable of one of the slaves, by positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Port {
+    /// Position of the slave.
+    pub slave: usize,
+    /// Position in [`Slave::variables`].
+    pub variable: usize,
+}
+
+/// A wire from an output to an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Connection {
+    /// The output.
+    pub from: Port,
+    /// The input.
+    pub to: Port,
+}
+
+/// A slave by its name.
+pub(super) struct Instance {
+    pub(super) name: String,
+    pub(super) slave: Box<dyn Slave>,
+}
+
+/// Slaves, connections and start values.
+#[derive(Default)]
+pub struct System {
+    pub(super) instances: Vec<Instance>,
+    pub(super) connections: Vec<Connection>,
+    pub(super) settings: Vec<(Port, Value)>,
+}
+
+impl System {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a slave under a name.
+    ///
+    /// # Errors
+    /// If the name is empty or taken.
+    pub fn add(
+        &mut self,
+        name: impl Into<String>,
+        slave: Box<dyn Slave>,
+    ) -> Result<(), SystemError> {
+        let name = name.into();
+        if name.is_empty() {
+            return Err(SystemError::EmptyInstance { name });
+        }
+        if self.instances.iter().any(|i| i.name == name) {
+            return Err(SystemError::DuplicateInstance { name });
+        }
+        self.instances.push(Instance { name, slave });
+        Ok(())
+    }
+
+    /// Wires an output to an input, both as `instance.variable`.
+    ///
+    /// # Errors
+    /// If a name is wrong, or causality, type or unit do not fit, or the input is fed already.
+    pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        let connection = Connection {
+            from: self.resolve(from)?,
+            to: self.resolve(to)?,
+        };
+        self.check_roles(connection)?;
+        self.check_types(connection)?;
+        let fed = self.connections.iter().find(|c| c.to == connection.to);
+        if let Some(first) = fed {
+            return Err(SystemError::FedTwice {
+                to: to.to_owned(),
+                first: self.port_name(first.from),
+                second: from.to_owned(),
+            });
+        }
+        if self.settings.iter().any(|(port, _)| *port == connection.to) {
+            return Err(SystemError::SetWhileFed {
+                name: to.to_owned(),
+                from: from.to_owned(),
+            });
+        }
+        self.connections.push(connection);
+        Ok(())
+    }
+
+    /// Gives a parameter or an input its start value, both as text.
+    ///
+    /// # Errors
+    /// If the name or the value is wrong, or the variable cannot be set.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), SystemError> {
+        let port = self.resolve(name)?;
+        let variable = self.variable(port);
+        let (kind, role) = (variable.kind, variable.role);
+        let name = name.to_owned();
+        if !variable.settable {
+            return Err(SystemError::NotSettable { name, role });
+        }
+        if let Some(fed) = self.connections.iter().find(|c| c.to == port) {
+            let from = self.port_name(fed.from);
+            return Err(SystemError::SetWhileFed { name, from });
+        }
+        if self.settings.iter().any(|(other, _)| *other == port) {
+            return Err(SystemError::SetTwice { name });
+        }
+        let value = Value::parse(value, kind).ok_or_else(|| SystemError::BadValue {
+            name,
+            kind,
+            text: value.to_owned(),
+        })?;
+        self.settings.push((port, value));
+        Ok(())
+    }
+
+    /// Names of the slaves, in the order in which they were added.
+    pub fn instance_names(&self) -> impl Iterator<Item = &str> {
+        self.instances.iter().map(|i| i.name.as_str())
+    }
+
+    /// The connections.
+    pub fn connections(&self) -> &[Connection] {
+        &self.connections
+    }
+
+    /// Inputs that nothing feeds and nobody set: they keep their start values.
+    pub fn open_inputs(&self) -> Vec<String> {
+        let is_open = |port: &Port| {
+            self.variable(*port).role == Role::Input
+                && !self.connections.iter().any(|c| c.to == *port)
+                && !self.settings.iter().any(|(set, _)| set == port)
+        };
+        let ports = self.ports().filter(is_open);
+        ports.map(|port| self.port_name(port)).collect()
+    }
+
+    /// `instance.variable` of a port.
+    pub fn port_name(&self, port: Port) -> String {
+        let instance = &self.instances[port.slave].name;
+        format!("{instance}.{}", self.variable(port).name)
+    }
+
+    pub(super) fn variable(&self, port: Port) -> &Variable {
+        &self.instances[port.slave].slave.variables()[port.variable]
+    }
+
+    pub(super) fn ports(&self) -> impl Iterator<Item = Port> {
+        self.instances
+            .iter()
+            .enumerate()
+            .flat_map(|(slave, instance)| {
+                let variables = 0..instance.slave.variables().len();
+                variables.map(move |variable| Port { slave, variable })
+            })
+    }
+
+    /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
+    fn resolve(&self, text: &str) -> Result<Port, SystemError> {
+        let split = |instance: &Instance| {
+            let rest = text.strip_prefix(instance.name.as_str())?;
+            rest.strip_prefix('.').map(str::len)
+        };
+        let candidates = self.instances.iter().enumerate();
+        let found = candidates
+            .filter_map(|(slave, instance)| Some((split(instance)?, slave)))
+            .min();
+        let Some((length, slave)) = found else {
+            return Err(self.unknown_instance(text));
+        };
+        let name = &text[text.len() - length..];
+        let variables = self.instances[slave].slave.variables();
+        match variables.iter().position(|v| v.name == name) {
+            Some(variable) => Ok(Port { slave, variable }),
+            None => {
+                let instance = self.instances[slave].name.clone();
+                let names = variables.iter().map(|v| v.name.as_str());
+                Err(SystemError::UnknownVariable {
+                    text: text.to_owned(),
+                    nearest: nearest(name, names).map(|n| format!("{instance}.{n}")),
+                    instance,
+                    variable: name.to_owned(),
+                })
+            }
+        }
+    }
+
+    fn unknown_instance(&self, text: &str) -> SystemError {
+        let instance = text.split_once('.').map_or(text, |(instance, _)| instance);
+        SystemError::UnknownInstance {
+            text: text.to_owned(),
+            instance: instance.to_owned(),
+            nearest: nearest(instance, self.instance_names()).map(str::to_owned),
+            known: self.instance_names().map(str::to_owned).collect(),
+        }
+    }
+
+    fn check_roles(&self, connection: Connection) -> Result<(), SystemError> {
+        let (from, to) = (connection.from, connection.to);
+        let (from_role, to_role) = (self.variable(from).role, self.variable(to).role);
+        if from_role != Role::Output {
+            return Err(SystemError::NotAnOutput {
+                from: self.port_name(from),
+                to: self.port_name(to),
+                role: from_role,
+                swapped: from_role == Role::Input && to_role == Role::Output,
+            });
+        }
+        if to_role != Role::Input {
+            return Err(SystemError::NotAnInput {
+                from: self.port_name(from),
+                to: self.port_name(to),
+                role: to_role,
+            });
+        }
+        Ok(())
+    }
+
+    fn check_types(&self, connection: Connection) -> Result<(), SystemError> {
+        let (from, to) = (self.variable(connection.from), self.variable(connection.to));
+        let names = || {
+            (
+                self.port_name(connection.from),
+                self.port_name(connection.to),
+            )
+        };
+        if from.kind != to.kind {
+            let (from_name, to_name) = names();
+            return Err(SystemError::KindMismatch {
+                from: from_name,
+                to: to_name,
+                from_kind: from.kind,
+                to_kind: to.kind,
+            });
+        }
+        match (&from.unit, &to.unit) {
+            (Some(a), Some(b)) if !a.is_same(b) => {
+                let (from, to) = names();
+                Err(SystemError::UnitMismatch {
+                    from,
+                    to,
+                    from_unit: a.name.clone(),
+                    to_unit: b.name.clone(),
+                })
+            }
+            // A slave that does not say its unit cannot be checked.
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,410 @@
+//! The zip file that an FMU is: opened with mistrust, unpacked into a folder of its own.
+//!
+//! Everything is checked on opening, before a single byte is written: names that would leave the
+//! folder, links, duplicates, and sizes beyond the [`Limits`].
+
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+use thiserror::Error;
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+/// Name of the description in the archive.
+pub const DESCRIPTION: &str = "modelDescription.xml";
+
+/// How large an FMU may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Number of entries.
+    pub entries: usize,
+    /// Unpacked size of all entries together [bytes].
+    pub bytes: u64,
+}
+
+impl Default for Limits {
+    /// 100,000 entries and 2 GiB.
+    fn default() -> Self {
+        Self {
+            entries: 100_000,
+            bytes: 2 << 30,
+        }
+    }
+}
+
+/// Why an archive is refused.
+#[derive(Debug, Error)]
+pub enum ArchiveError {
+    /// The file cannot be opened.
+    #[error("cannot open {}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It is no zip file, or a damaged one.
+    #[error("{} is not a readable FMU (zip archive)", path.display())]
+    NotAnArchive {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ZipError,
+    },
+    /// More entries than the limit.
+    #[error("{} has {found} entries, more than the limit of {limit}", path.display())]
+    TooManyEntries {
+        /// The file.
+        path: PathBuf,
+        /// Number of entries.
+        found: usize,
+        /// Largest number allowed.
+        limit: usize,
+    },
+    /// Unpacked, it would be larger than the limit.
+    #[error("{} would unpack to {found} bytes, more than the limit of {limit}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Unpacked size [bytes].
+        found: u64,
+        /// Largest size allowed [bytes].
+        limit: u64,
+    },
+    /// An entry would be written outside the folder.
+    #[error("{}: entry `{entry}` leaves the archive's folder by `..`; nothing was unpacked", path.display())]
+    Traversal {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry has an absolute path.
+    #[error("{}: entry `{entry}` has an absolute path; nothing was unpacked", path.display())]
+    AbsolutePath {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry's path is written with backslashes.
+    #[error("{}: entry `{entry}` has a backslash in its path, the standard wants `/`", path.display())]
+    Backslash {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry's name has empty parts, `.` or control characters.
+    #[error("{}: entry `{}` is not a file name", path.display(), entry.escape_debug())]
+    BadName {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry is a link.
+    #[error("{}: entry `{entry}` is a link; nothing was unpacked", path.display())]
+    Link {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// Two entries have one name, so that tools read different files.
+    #[error("{}: entry `{entry}` is there twice", path.display())]
+    DuplicateName {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry cannot be read: encrypted, another method than deflate, or damaged.
+    #[error("{}: entry `{entry}` cannot be unpacked", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// Why.
+        source: ZipError,
+    },
+    /// An entry holds more bytes than the archive's directory says.
+    #[error("{}: entry `{entry}` holds more than the {declared} bytes that the archive declares", path.display())]
+    LyingSize {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// Size in the directory [bytes].
+        declared: u64,
+    },
+    /// An entry that is needed is not there.
+    #[error("{} has no {entry}: it is not an FMU", path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An unpacked file cannot be written.
+    #[error("cannot write {}", path.display())]
+    Write {
+        /// The file being written.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// An FMU's archive, checked.
+#[derive(Debug)]
+pub struct Archive {
+    path: PathBuf,
+    zip: ZipArchive<BufReader<File>>,
+    entries: Vec<Entry>,
+}
+
+/// One entry of the archive.
+#[derive(Debug)]
+struct Entry {
+    name: String,
+    is_folder: bool,
+    declared: u64,
+    mode: Option<u32>,
+}
+
+impl Archive {
+    /// Opens an archive and checks all its entries.
+    ///
+    /// # Errors
+    /// See [`ArchiveError`]; a missing modelDescription.xml is among them.
+    pub fn open(path: &Path, limits: Limits) -> Result<Self, ArchiveError> {
+        let owned = path.to_owned();
+        let file = File::open(path).map_err(|source| ArchiveError::Open {
+            path: owned.clone(),
+            source,
+        })?;
+        let not_an_archive = |source| ArchiveError::NotAnArchive {
+            path: owned.clone(),
+            source,
+        };
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(not_an_archive)?;
+        if zip.len() > limits.entries {
+            return Err(ArchiveError::TooManyEntries {
+                path: owned,
+                found: zip.len(),
+                limit: limits.entries,
+            });
+        }
+        if zip.has_duplicate_names() {
+            let entry = first_duplicate(path, zip.central_directory_start()).unwrap_or_default();
+            return Err(ArchiveError::DuplicateName { path: owned, entry });
+        }
+        let entries = list_entries(path, &mut zip)?;
+        let found = entries
+            .iter()
+            .map(|e| e.declared)
+            .fold(0, u64::saturating_add);
+        if found > limits.bytes {
+            return Err(ArchiveError::TooLarge {
+                path: owned,
+                found,
+                limit: limits.bytes,
+            });
+        }
+        let archive = Self {
+            path: owned,
+            zip,
+            entries,
+        };
+        archive.position(DESCRIPTION)?;
+        Ok(archive)
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Names of all files in the archive, in its order.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        let files = self.entries.iter().filter(|e| !e.is_folder);
+        files.map(|e| e.name.as_str())
+    }
+
+    /// The content of a file.
+    ///
+    /// # Errors
+    /// If it is missing or damaged.
+    pub fn read(&mut self, name: &str) -> Result<Vec<u8>, ArchiveError> {
+        let index = self.position(name)?;
+        let mut bytes = Vec::new();
+        self.copy(index, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Unpacks everything into a new temporary folder, which lives as long as what is returned.
+    ///
+    /// # Errors
+    /// If an entry is damaged, or the folder cannot be written.
+    pub fn unpack(&mut self) -> Result<TempDir, ArchiveError> {
+        let write_error = |path: &Path| {
+            let path = path.to_owned();
+            move |source| ArchiveError::Write { path, source }
+        };
+        let folder = tempfile::Builder::new()
+            .prefix("pilotage-fmu-")
+            .tempdir()
+            .map_err(write_error(&std::env::temp_dir()))?;
+        for index in 0..self.entries.len() {
+            let entry = &self.entries[index];
+            let target = folder.path().join(&entry.name);
+            let parent = match entry.is_folder {
+                true => Some(target.as_path()),
+                false => target.parent(),
+            };
+            if let Some(parent) = parent {
+                fs::create_dir_all(parent).map_err(write_error(parent))?;
+            }
+            if entry.is_folder {
+                continue;
+            }
+            let mode = entry.mode;
+            let mut file = File::create_new(&target).map_err(write_error(&target))?;
+            self.copy(index, &mut file)?;
+            keep_executable(&file, mode).map_err(write_error(&target))?;
+        }
+        Ok(folder)
+    }
+
+    fn position(&self, name: &str) -> Result<usize, ArchiveError> {
+        let found = self.entries.iter().position(|e| e.name == name);
+        found.ok_or_else(|| ArchiveError::Missing {
+            path: self.path.clone(),
+            entry: name.to_owned(),
+        })
+    }
+
+    /// Unpacks an entry, and not one byte more than it declares.
+    fn copy(&mut self, index: usize, to: &mut impl io::Write) -> Result<(), ArchiveError> {
+        let entry = &self.entries[index];
+        let unreadable = |source| ArchiveError::Unreadable {
+            path: self.path.clone(),
+            entry: entry.name.clone(),
+            source,
+        };
+        let file = self.zip.by_index(index).map_err(unreadable)?;
+        let written = io::copy(&mut file.take(entry.declared + 1), to)
+            .map_err(|source| unreadable(ZipError::Io(source)))?;
+        if written > entry.declared {
+            return Err(ArchiveError::LyingSize {
+                path: self.path.clone(),
+                entry: entry.name.clone(),
+                declared: entry.declared,
+            });
+        }
+        Ok(())
+    }
+}
+
+fn list_entries(
+    path: &Path,
+    zip: &mut ZipArchive<BufReader<File>>,
+) -> Result<Vec<Entry>, ArchiveError> {
+    let mut seen = HashSet::new();
+    let mut entries = Vec::with_capacity(zip.len());
+    for index in 0..zip.len() {
+        let unreadable = |source| ArchiveError::Unreadable {
+            path: path.to_owned(),
+            entry: format!("#{index}"),
+            source,
+        };
+        let raw = zip.by_index_raw(index).map_err(unreadable)?;
+        let name = raw.name().map_err(unreadable)?.into_owned();
+        if raw.is_symlink() {
+            return Err(ArchiveError::Link {
+                path: path.to_owned(),
+                entry: name,
+            });
+        }
+        check_name(path, &name)?;
+        let trimmed = name.strip_suffix('/').unwrap_or(&name);
+        if !seen.insert(trimmed.to_owned()) {
+            return Err(ArchiveError::DuplicateName {
+                path: path.to_owned(),
+                entry: name,
+            });
+        }
+        entries.push(Entry {
+            is_folder: raw.is_dir(),
+            declared: raw.size(),
+            mode: raw.unix_mode(),
+            name,
+        });
+    }
+    Ok(entries)
+}
+
+/// Whether a name is a plain relative path with `/` between its parts.
+fn check_name(path: &Path, name: &str) -> Result<(), ArchiveError> {
+    let path = path.to_owned();
+    let entry = name.to_owned();
+    let has_drive = name.as_bytes().get(1) == Some(&b':');
+    if name.contains('\\') {
+        return Err(ArchiveError::Backslash { path, entry });
+    }
+    if name.starts_with('/') || has_drive {
+        return Err(ArchiveError::AbsolutePath { path, entry });
+    }
+    let mut parts = name.strip_suffix('/').unwrap_or(name).split('/');
+    if parts.clone().any(|part| part == "..") {
+        return Err(ArchiveError::Traversal { path, entry });
+    }
+    if parts.any(|part| part.is_empty() || part == "." || part.chars().any(char::is_control)) {
+        return Err(ArchiveError::BadName { path, entry });
+    }
+    Ok(())
+}
+
+/// The first name that stands twice in the central directory. `ZipArchive` knows that there is one,
+/// but keeps each name once.
+fn first_duplicate(path: &Path, directory_start: u64) -> Option<String> {
+    const HEADER: usize = 46;
+    let bytes = fs::read(path).ok()?;
+    let mut rest = bytes.get(usize::try_from(directory_start).ok()?..)?;
+    let mut seen = HashSet::new();
+    while rest.starts_with(b"PK\x01\x02") {
+        let length = |at| {
+            Some(usize::from(u16::from_le_bytes([
+                *rest.get(at)?,
+                *rest.get(at + 1)?,
+            ])))
+        };
+        // Lengths of the name, the extra field and the comment (APPNOTE 4.3.12).
+        let (name, extra, comment) = (length(28)?, length(30)?, length(32)?);
+        let text = rest.get(HEADER..HEADER + name)?;
+        if !seen.insert(text) {
+            return Some(String::from_utf8_lossy(text).into_owned());
+        }
+        rest = rest.get(HEADER + name + extra + comment..)?;
+    }
+    None
+}
+
+/// Gives a file the right to be run that it has in the archive: some FMUs start helpers.
+#[cfg(unix)]
+fn keep_executable(file: &File, mode: Option<u32>) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    match mode {
+        Some(mode) if mode & 0o100 != 0 => file.set_permissions(fs::Permissions::from_mode(0o700)),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+fn keep_executable(_file: &File, _mode: Option<u32>) -> io::Result<()> {
+    Ok(())
+}

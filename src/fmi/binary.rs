@@ -1,0 +1,110 @@
+//! A look into a shared library before it is loaded: a broken one must give an error and not take
+//! the process with it.
+
+use object::read::macho::{FatArch, MachOFatFile32};
+use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind, ObjectSegment};
+use thiserror::Error;
+
+/// Why a library cannot be loaded on this machine.
+#[derive(Debug, Error, PartialEq)]
+pub enum BinaryError {
+    /// Not an object file at all, or one whose headers are damaged.
+    #[error("it is not a shared library: {0}")]
+    NotAnObject(#[from] object::read::Error),
+    /// An object file, but no shared library.
+    #[error("it is an object of kind {0:?}, not a shared library")]
+    NotShared(ObjectKind),
+    /// A library of another operating system.
+    #[error("it is a library in {found:?} format, this machine loads {expected:?}")]
+    WrongFormat {
+        /// Format of the file.
+        found: BinaryFormat,
+        /// Format of this machine.
+        expected: BinaryFormat,
+    },
+    /// A library for another processor.
+    #[error("it is made for {found:?}, this process runs on {expected:?}")]
+    WrongArchitecture {
+        /// Architecture of the file.
+        found: Architecture,
+        /// Architecture of this process.
+        expected: Architecture,
+    },
+    /// The file ends before its segments do; loading it would crash.
+    #[error("it is cut short: {found} bytes of at least {expected}")]
+    Truncated {
+        /// Size of the file [bytes].
+        found: u64,
+        /// End of the last segment [bytes].
+        expected: u64,
+    },
+}
+
+/// Checks that this process can load the library with these bytes.
+///
+/// # Errors
+/// See [`BinaryError`].
+pub fn check(bytes: &[u8]) -> Result<(), BinaryError> {
+    // A universal library of macOS holds one for each architecture.
+    if FileKind::parse(bytes)? == FileKind::MachOFat32 {
+        let fat = MachOFatFile32::parse(bytes)?;
+        let ours = fat
+            .arches()
+            .iter()
+            .find(|a| a.architecture() == host_architecture());
+        return match (ours, fat.arches().first()) {
+            (Some(arch), _) => check_thin(arch.data(bytes)?),
+            (None, other) => Err(BinaryError::WrongArchitecture {
+                found: other.map_or(Architecture::Unknown, FatArch::architecture),
+                expected: host_architecture(),
+            }),
+        };
+    }
+    check_thin(bytes)
+}
+
+fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
+    let file = object::File::parse(bytes)?;
+    let expected = BinaryFormat::native_object();
+    let found = match file.format() {
+        BinaryFormat::Pe => BinaryFormat::Coff,
+        format => format,
+    };
+    if found != expected {
+        return Err(BinaryError::WrongFormat {
+            found: file.format(),
+            expected,
+        });
+    }
+    if file.architecture() != host_architecture() {
+        return Err(BinaryError::WrongArchitecture {
+            found: file.architecture(),
+            expected: host_architecture(),
+        });
+    }
+    if file.kind() != ObjectKind::Dynamic {
+        return Err(BinaryError::NotShared(file.kind()));
+    }
+    let ends = file
+        .segments()
+        .map(|s| s.file_range())
+        .map(|(at, size)| at.saturating_add(size));
+    let expected = ends.max().unwrap_or(0);
+    match bytes.len() as u64 {
+        found if found < expected => Err(BinaryError::Truncated { found, expected }),
+        _ => Ok(()),
+    }
+}
+
+fn host_architecture() -> Architecture {
+    match std::env::consts::ARCH {
+        "x86_64" => Architecture::X86_64,
+        "x86" => Architecture::I386,
+        "aarch64" => Architecture::Aarch64,
+        "arm" => Architecture::Arm,
+        "riscv64" => Architecture::Riscv64,
+        "powerpc64" => Architecture::PowerPc64,
+        "s390x" => Architecture::S390x,
+        _ => Architecture::Unknown,
+    }
+}

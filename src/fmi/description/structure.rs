@@ -1,0 +1,37 @@
+//! Which unknowns there are, and what they depend on.
+
+use super::DependencyKind;
+
+/// `<ModelStructure>` (FMI 2.0, section 2.2.8).
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ModelStructure {
+    /// Every variable of causality output.
+    pub outputs: Vec<Unknown>,
+    /// Derivatives of the continuous states.
+    pub derivatives: Vec<Unknown>,
+    /// What is computed at initialization.
+    pub initial_unknowns: Vec<Unknown>,
+}
+
+/// One unknown and its dependencies.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Unknown {
+    /// Index of the variable in `ModelVariables`, from 1.
+    pub index: u32,
+    /// Indices (from 1) of the knowns that it depends on. `None`: not said, so it depends on all.
+    /// Empty: on none.
+    pub dependencies: Option<Vec<u32>>,
+    /// How it depends on each of them.
+    pub dependencies_kind: Option<Vec<DependencyKind>>,
+}
+
+impl Unknown {
+    /// An unknown that depends on just these knowns (indices from 1), in no particular way.
+    pub fn with_dependencies(index: u32, dependencies: Vec<u32>) -> Self {
+        Self {
+            index,
+            dependencies: Some(dependencies),
+            dependencies_kind: None,
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Variables that share a value reference (FMI 2.0, section 2.2.7, `valueReference`).
+
+use super::*;
+
+/// Base types that have value references of their own.
+fn reference_space(variable: &ScalarVariable) -> BaseType {
+    match variable.kind.base_type() {
+        BaseType::Enumeration => BaseType::Integer,
+        base => base,
+    }
+}
+
+impl Checker<'_> {
+    pub(super) fn aliases(&mut self) {
+        let variables = &self.description.variables;
+        let mut sets: HashMap<(BaseType, u32), Vec<usize>> = HashMap::new();
+        for (index, variable) in variables.iter().enumerate() {
+            let key = (reference_space(variable), variable.value_reference);
+            sets.entry(key).or_default().push(index);
+        }
+        for set in sets.into_values().filter(|set| set.len() > 1) {
+            self.alias_set(&set);
+        }
+    }
+
+    fn alias_set(&mut self, set: &[usize]) {
+        let all = &self.description.variables;
+        let reference = all[set[0]].value_reference;
+        let is_constant = |i: usize| all[i].variability == Variability::Constant;
+        let is_settable =
+            |i: usize| matches!(all[i].causality, Causality::Input | Causality::Parameter);
+        let has_start = |i: usize| all[i].kind.has_start() && !is_constant(i);
+        let name = |i: usize| all[i].name.clone();
+
+        let mut rules = Vec::new();
+        for &(holds, make) in &[
+            (
+                &is_settable as &dyn Fn(usize) -> bool,
+                &(|other| Rule::SettableAlias { reference, other }) as &dyn Fn(String) -> Rule,
+            ),
+            (&has_start, &|other| Rule::AliasStart { reference, other }),
+        ] {
+            let mut members = set.iter().copied().filter(|&i| holds(i));
+            if let Some(first) = members.next() {
+                rules.extend(members.map(|i| (i, make(name(first)))));
+            }
+        }
+        for &i in &set[1..] {
+            let (unit, other_unit) = (self.unit_of(i), self.unit_of(set[0]));
+            if unit != other_unit {
+                let rule = Rule::AliasUnit {
+                    reference,
+                    other: name(set[0]),
+                    unit: unit.unwrap_or("").to_owned(),
+                    other_unit: other_unit.unwrap_or("").to_owned(),
+                };
+                rules.push((i, rule));
+            }
+            if is_constant(i) != is_constant(set[0]) {
+                let other = name(set[0]);
+                rules.push((i, Rule::AliasConstant { reference, other }));
+            }
+        }
+        for (index, rule) in rules {
+            self.report_variable(index, rule);
+        }
+    }
+
+    fn unit_of(&self, index: usize) -> Option<&str> {
+        self.description.unit_of(&self.description.variables[index])
+    }
+}

@@ -1,0 +1,24 @@
+//! FMI 2.0: anybody's FMU, read, checked, loaded and called.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | [`description`] | modelDescription.xml: typed model, reader, writer, validator |
+//! | [`archive`] | the zip file: checked, then unpacked |
+//! | [`platform`] | which folder holds this machine's binary |
+//! | [`binary`] | a look into the binary before it is loaded |
+//! | [`binding`] | the binary loaded, with the addresses of its functions |
+//! | [`instance`] | an instance, safe to call in any order |
+//! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
+
+pub mod archive;
+pub mod binary;
+pub mod binding;
+pub mod description;
+pub mod fmu;
+pub mod instance;
+mod logger;
+pub mod platform;
+
+pub use fmu::{Fmu, FmuError};
+pub use instance::{CallError, Instance, Step};
+pub use logger::Message;

@@ -1,0 +1,52 @@
+//! The options' names, as the command line and the result file write them.
+
+use super::{InitialState, Objective, SchemeName};
+
+impl SchemeName {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Euler, Self::Trapezoid, Self::HermiteSimpson];
+
+    /// `euler`, `trapezoid` or `hermite-simpson`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Euler => "euler",
+            Self::Trapezoid => "trapezoid",
+            Self::HermiteSimpson => "hermite-simpson",
+        }
+    }
+}
+
+impl InitialState {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Free, Self::VehicleAtRest, Self::AtRest];
+
+    /// `free`, `vehicle-at-rest` or `at-rest`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::VehicleAtRest => "vehicle-at-rest",
+            Self::AtRest => "at-rest",
+        }
+    }
+}
+
+impl Objective {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Response, Self::Stick];
+
+    /// `response` or `stick`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Response => "response",
+            Self::Stick => "stick",
+        }
+    }
+
+    /// Unit of its residuals: `m` or `1`.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Response => "m",
+            Self::Stick => "1",
+        }
+    }
+}

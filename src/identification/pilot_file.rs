@@ -1,0 +1,277 @@
+//! The result file `pilot.toml`: θ and where it comes from.
+
+use super::{Fit, Options, PilotFile, Trial};
+use crate::document::{self, Document, DocumentError};
+use crate::models::Pilot;
+use crate::vehicle::{self, Mode};
+use std::path::Path;
+
+/// What can be wrong with a pilot file.
+#[derive(Debug, thiserror::Error)]
+pub enum PilotFileError {
+    /// Not a TOML file with the fields of a pilot.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// A number of parameters that no pilot has.
+    #[error(
+        "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
+    )]
+    Count {
+        /// The file.
+        file: String,
+        /// Line of the table.
+        line: usize,
+        /// Number of parameters.
+        found: usize,
+    },
+    /// A parameter that is not a finite number.
+    #[error("{file}:{line}: {field} = {value}; expected a finite number")]
+    NotFinite {
+        /// The file.
+        file: String,
+        /// Line of the value.
+        line: usize,
+        /// The parameter.
+        field: String,
+        /// Its value.
+        value: f64,
+    },
+    /// A stick limit that is not positive.
+    #[error("{file}:{line}: stick_limit = {value}; expected a finite number above 0")]
+    StickLimit {
+        /// The file.
+        file: String,
+        /// Line of the value.
+        line: usize,
+        /// The value.
+        value: f64,
+    },
+}
+
+/// Fields of the file's top level. Those that only tell where θ comes from may be missing.
+const FIELDS: [&str; 9] = [
+    "tool",
+    "status",
+    "converged",
+    "stick_limit",
+    "theta",
+    "pole",
+    "fit",
+    "vehicle",
+    "data",
+];
+
+impl PilotFile {
+    /// Reads a pilot file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or θ is missing or not made of numbers.
+    pub fn read(path: &Path) -> Result<Self, PilotFileError> {
+        Self::parse(&document::read(path)?, &path.display().to_string())
+    }
+
+    /// Parses the text of a pilot file; `file` is its name in messages. A file without `converged` or
+    /// `stick_limit`, as somebody may write by hand, means `true` and 1.
+    ///
+    /// # Errors
+    /// As [`PilotFile::read`].
+    pub fn parse(text: &str, file: &str) -> Result<Self, PilotFileError> {
+        let document = Document::parse(text, file)?;
+        let root = document.root();
+        root.only(&FIELDS)?;
+        let stick_limit = root.number("stick_limit")?.unwrap_or(1.0);
+        if !(stick_limit.is_finite() && stick_limit > 0.0) {
+            return Err(PilotFileError::StickLimit {
+                file: file.into(),
+                line: root.line("stick_limit"),
+                value: stick_limit,
+            });
+        }
+        Ok(Self {
+            theta: theta(&root.required("theta", root.table("theta")?)?)?,
+            stick_limit,
+            converged: root.boolean("converged")?.unwrap_or(true),
+        })
+    }
+}
+
+/// θ from its table.
+fn theta(table: &document::Table) -> Result<Vec<f64>, PilotFileError> {
+    let (file, found) = (table.file().to_owned(), table.count());
+    if found == 0 || found % 2 == 1 {
+        let line = table.line("");
+        return Err(PilotFileError::Count { file, line, found });
+    }
+    let names: Vec<String> = (1..=found).map(|i| format!("theta{i}")).collect();
+    table.only(&names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    let value = |name: &String| {
+        let value = table.required(name, table.number(name)?)?;
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(PilotFileError::NotFinite {
+                file: file.clone(),
+                line: table.line(name),
+                field: name.clone(),
+                value,
+            }),
+        }
+    };
+    names.iter().map(value).collect()
+}
+
+/// The text of a pilot file. A fit that did not converge is marked as such, first thing.
+pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+    let mut text = String::from(
+        "# A pilot: y_p/u_p = (θ2n s^(n-1) + ... + θn+1) / (s^n + θn s^(n-1) + ... + θ1),\n\
+         # from the error u_p [m] to the stick y_p [-1 to 1].\n",
+    );
+    if !fit.converged {
+        text += "# NOT CONVERGED: this is the best iterate of a solve that did not reach its tolerance.\n";
+    }
+    text += &format!(
+        "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {:?}\n\n[theta]\n",
+        env!("CARGO_PKG_VERSION"),
+        quoted(&fit.status),
+        fit.converged,
+        options.stick_limit
+    );
+    for (i, (value, unit)) in fit.theta.iter().zip(units(options.pilot)).enumerate() {
+        let assignment = format!("theta{} = {value:?}", i + 1);
+        text += &format!("{assignment:<34} # [{unit}]\n");
+    }
+    text + &poles(fit, options.pilot) + &solve(fit, options) + &data(options, trials)
+}
+
+/// Units of the components of θ, in order (see [`crate::models::pilot`]).
+pub fn units(pilot: Pilot) -> Vec<String> {
+    let seconds = |i: usize| match pilot.order - i {
+        1 => "s".to_owned(),
+        power => format!("s{}", superscript(power)),
+    };
+    let denominator = (0..pilot.order).map(|i| format!("1/{}", seconds(i)));
+    let numerator = (0..pilot.order).map(|i| format!("1/(m·{})", seconds(i)));
+    denominator.chain(numerator).collect()
+}
+
+/// A whole number in superscript digits.
+pub fn superscript(number: usize) -> String {
+    let digits = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    let digit = |c: char| c.to_digit(10).map_or(c, |d| digits[d as usize]);
+    number.to_string().chars().map(digit).collect()
+}
+
+fn poles(fit: &Fit, pilot: Pilot) -> String {
+    let mut text = String::new();
+    for mode in Mode::of_poles(&pilot.poles(&fit.theta)) {
+        text += &format!(
+            "\n[[pole]]                           # with its conjugate where im is not 0\n\
+             re = {:?} # [1/s]\nim = {:?} # [1/s]\nfrequency = {:?} # [rad/s]\ndamping = {:?}\n",
+            mode.pole.re, mode.pole.im, mode.frequency, mode.damping
+        );
+    }
+    text
+}
+
+fn solve(fit: &Fit, options: &Options) -> String {
+    let unit = match options.objective.unit() {
+        "1" => "1",
+        _ => "m²",
+    };
+    format!(
+        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\ninitial_state = \"{}\"\n\
+         sum_of_squares = {:?} # [{unit}]\nkkt = {:?}\ntolerance = {:?}\niterations = {}\nseconds = {:.3}\n",
+        options.objective.as_str(),
+        options.scheme.as_str(),
+        options.initial_state.as_str(),
+        fit.objective,
+        fit.kkt,
+        options.tolerance,
+        fit.iterations,
+        fit.seconds
+    )
+}
+
+fn data(options: &Options, trials: &[Trial]) -> String {
+    let mut text = String::from("\n[vehicle]\n");
+    for field in &vehicle::FIELDS {
+        text += &format!(
+            "{} = {:?} # [{}]\n",
+            field.name,
+            (field.get)(&options.vehicle),
+            field.unit
+        );
+    }
+    for trial in trials {
+        text += &format!(
+            "\n[[data]]\nfile = {}\nsha256 = \"{}\"\nsamples = {}\nweight = {:?}\n",
+            quoted(&trial.origin),
+            trial.sha256,
+            trial.time.len(),
+            trial.weight
+        );
+    }
+    text
+}
+
+/// A TOML string.
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fit() -> Fit {
+        Fit {
+            theta: vec![0.1 + 0.2, 1.0, 1e-9, -0.5, 0.0, -1.0 / 3.0],
+            objective: 6.5,
+            converged: false,
+            status: "iteration-limit".into(),
+            kkt: 1e-3,
+            iterations: 7,
+            seconds: 0.25,
+            runs: Vec::new(),
+        }
+    }
+
+    fn trial() -> Trial {
+        Trial {
+            name: "a".into(),
+            origin: "C:\\data\\\"a\"\n.csv".into(),
+            sha256: "00".into(),
+            time: vec![0.0],
+            target: vec![1.0],
+            position: vec![0.0],
+            stick: None,
+            weight: 1.0,
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back_to_the_same_bits_and_keeps_the_mark() {
+        let text = to_toml(&fit(), &Options::default(), &[trial()]);
+        assert!(text.contains("# NOT CONVERGED"));
+        let read = PilotFile::parse(&text, "pilot.toml").unwrap();
+        assert_eq!(
+            read,
+            PilotFile {
+                theta: fit().theta,
+                stick_limit: 1.0,
+                converged: false
+            }
+        );
+        let table: toml::Table = text.parse().unwrap();
+        assert_eq!(
+            table["data"][0]["file"].as_str(),
+            Some(trial().origin.as_str())
+        );
+    }
+
+    #[test]
+    fn units_of_theta_follow_from_metres_in_and_stick_out() {
+        let expected = ["1/s³", "1/s²", "1/s", "1/(m·s³)", "1/(m·s²)", "1/(m·s)"];
+        assert_eq!(units(Pilot { order: 3 }), expected);
+        assert_eq!(units(Pilot { order: 12 })[12], "1/(m·s¹²)");
+    }
+}

@@ -1,0 +1,101 @@
+//! Sets of trials, from files and manifests.
+
+use super::{Trial, TrialError};
+use crate::document::{self, Document, Table};
+use std::path::{Path, PathBuf};
+
+/// The trials of a fit, and those kept out of it to judge the result.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TrialSet {
+    /// What the pilot is fitted to.
+    pub fit: Vec<Trial>,
+    /// What the fitted pilot is tried on.
+    pub validation: Vec<Trial>,
+}
+
+impl TrialSet {
+    /// Reads files in the order given; a file `*.toml` is a manifest, any other one run.
+    ///
+    /// # Errors
+    /// When one of them cannot be read, or two trials have one name.
+    pub fn read(paths: &[PathBuf]) -> Result<Self, TrialError> {
+        let mut set = Self::default();
+        for path in paths {
+            match path
+                .extension()
+                .is_some_and(|extension| extension == "toml")
+            {
+                true => set.read_manifest(path)?,
+                false => set.fit.push(Trial::read(path)?),
+            }
+        }
+        set.check_names()?;
+        Ok(set)
+    }
+
+    /// All trials: those of the fit, then those for validation.
+    pub fn all(&self) -> impl Iterator<Item = &Trial> {
+        self.fit.iter().chain(&self.validation)
+    }
+
+    fn read_manifest(&mut self, path: &Path) -> Result<(), TrialError> {
+        let (text, file) = (document::read(path)?, path.display().to_string());
+        let document = Document::parse(&text, &file)?;
+        let root = document.root();
+        root.only(&["run"])?;
+        let runs = root.tables("run")?;
+        if runs.is_empty() {
+            return Err(TrialError::NoRuns { file });
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        runs.iter().try_for_each(|run| self.read_run(run, folder))
+    }
+
+    fn read_run(&mut self, run: &Table, folder: &Path) -> Result<(), TrialError> {
+        run.only(&["file", "weight", "use"])?;
+        let file = run.required("file", run.string("file")?)?;
+        let weight = weight(run)?;
+        let set = match run.string("use")?.unwrap_or("fit") {
+            "fit" => &mut self.fit,
+            "validation" => &mut self.validation,
+            found => {
+                return Err(TrialError::Use {
+                    file: run.file().into(),
+                    line: run.line("use"),
+                    found: found.into(),
+                });
+            }
+        };
+        let trial = Trial::read(&folder.join(file))?;
+        set.push(Trial { weight, ..trial });
+        Ok(())
+    }
+
+    fn check_names(&self) -> Result<(), TrialError> {
+        let mut seen: Vec<&Trial> = Vec::new();
+        for trial in self.all() {
+            if let Some(first) = seen.iter().find(|other| other.name == trial.name) {
+                return Err(TrialError::Duplicate {
+                    name: trial.name.clone(),
+                    first: first.origin.clone(),
+                    second: trial.origin.clone(),
+                });
+            }
+            seen.push(trial);
+        }
+        Ok(())
+    }
+}
+
+/// The weight of a run, 1 where it is missing.
+fn weight(run: &Table) -> Result<f64, TrialError> {
+    let value = run.number("weight")?.unwrap_or(1.0);
+    match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(TrialError::Weight {
+            file: run.file().into(),
+            line: run.line("weight"),
+            value,
+        }),
+    }
+}

@@ -1,0 +1,106 @@
+//! Scales with round ticks.
+
+/// About how many ticks a scale has.
+const TICKS: f64 = 8.0;
+
+/// A linear scale from `low` to `high` with round ticks between.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    low: f64,
+    high: f64,
+    /// The ticks, ascending: multiples of 1, 2 or 5 times a power of ten.
+    pub ticks: Vec<f64>,
+    /// Decimals that the ticks' labels need.
+    decimals: usize,
+}
+
+impl Scale {
+    /// A scale over the finite ones of `values`, with a margin at both ends that is the given fraction
+    /// of their range. Without data it reaches from 0 to 1.
+    pub fn covering(values: impl IntoIterator<Item = f64>, margin: f64) -> Self {
+        let finite = values.into_iter().filter(|value| value.is_finite());
+        let (mut low, mut high) = finite
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                (low.min(v), high.max(v))
+            });
+        if low > high {
+            (low, high) = (0.0, 1.0);
+        }
+        if high - low <= 1e-9 * high.abs().max(low.abs()).max(1e-9) {
+            let half = 0.5 * low.abs().max(1e-3);
+            (low, high) = (low - half, high + half);
+        }
+        let margin = margin * (high - low);
+        (low, high) = (low - margin, high + margin);
+        let step = round_step((high - low) / TICKS);
+        // The slack keeps an end that is a tick up to rounding.
+        let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+        Self {
+            low,
+            high,
+            ticks: (0..=(last - first) as usize)
+                .map(|i| (first + i as f64) * step)
+                .collect(),
+            decimals: (-step.log10().floor()).max(0.0) as usize,
+        }
+    }
+
+    /// Where a value lies between the ends: 0 to 1.
+    pub fn position(&self, value: f64) -> f64 {
+        (value - self.low) / (self.high - self.low)
+    }
+
+    /// A tick's label, with a true minus sign.
+    pub fn label(&self, tick: f64) -> String {
+        // `+ 0.0` turns the tick -0 into 0.
+        format!("{:.*}", self.decimals, tick + 0.0).replace('-', "\u{2212}")
+    }
+}
+
+/// The number of the form 1, 2 or 5 times a power of ten that is not below `step`.
+fn round_step(step: f64) -> f64 {
+    let power = 10f64.powf(step.log10().floor());
+    let mantissa = step / power;
+    let round = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|m| mantissa <= m * (1.0 + 1e-9));
+    power * round.unwrap_or(10.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_lie_within_the_data() {
+        let scale = Scale::covering([0.0, 24.256, f64::NAN], 0.0);
+        assert_eq!(scale.ticks, [0.0, 5.0, 10.0, 15.0, 20.0]);
+        assert_eq!((scale.position(0.0), scale.position(24.256)), (0.0, 1.0));
+        let scale = Scale::covering([-0.645, 0.392], 0.05);
+        assert_eq!(scale.ticks.len(), 6);
+        assert_eq!(scale.label(scale.ticks[0]), "\u{2212}0.6");
+        assert!(scale.position(-0.645) > 0.0 && scale.position(0.392) < 1.0);
+        assert_eq!(Scale::covering([0.0, 15.0], 0.0).ticks.last(), Some(&14.0));
+        assert_eq!(
+            Scale::covering([0.0, 0.3], 0.0).ticks.last(),
+            Some(&(6.0 * 0.05))
+        );
+    }
+
+    #[test]
+    fn no_data_and_constant_data_have_a_scale_too() {
+        for values in [
+            vec![],
+            vec![f64::NAN],
+            vec![0.0],
+            vec![7.5; 3],
+            vec![-1e-300],
+        ] {
+            let scale = Scale::covering(values.iter().copied(), 0.05);
+            assert!(
+                scale.ticks.len() >= 3 && scale.high > scale.low,
+                "{values:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! The figures of a report.
+
+use super::plot::{Line, Plot};
+use crate::identification::{Fit, Objective, RunFit, Trial};
+use crate::series::Series;
+
+/// A co-simulation of pilot and vehicle, from rest to one target.
+#[derive(Debug, Clone)]
+pub struct ClosedLoop<'a> {
+    /// The target [m].
+    pub target: f64,
+    /// What the master recorded.
+    pub series: &'a Series,
+    /// Name of the column with the vehicle's position [m].
+    pub position: &'a str,
+    /// Name of the column with the stick.
+    pub stick: &'a str,
+}
+
+/// Number of different line styles for targets (`model-1`, ...).
+const N_STYLES: usize = 4;
+
+/// The targets of a report, each with its line style.
+pub struct Targets(Vec<f64>);
+
+impl Targets {
+    /// The different last targets of the trials, in order of appearance.
+    pub fn of(trials: &[Trial]) -> Self {
+        let mut targets: Vec<f64> = Vec::new();
+        for trial in trials {
+            let target = last(&trial.target);
+            if !targets.contains(&target) {
+                targets.push(target);
+            }
+        }
+        Self(targets)
+    }
+
+    fn class(&self, target: f64) -> String {
+        let index = self
+            .0
+            .iter()
+            .position(|&other| other == target)
+            .unwrap_or(self.0.len());
+        format!("model-{}", index % N_STYLES + 1)
+    }
+}
+
+/// The last of some values.
+fn last(values: &[f64]) -> f64 {
+    values.last().copied().unwrap_or(f64::NAN)
+}
+
+fn line(label: impl Into<String>, class: impl Into<String>, x: &[f64], y: &[f64]) -> Line {
+    Line {
+        label: label.into(),
+        class: class.into(),
+        x: x.to_vec(),
+        y: y.to_vec(),
+    }
+}
+
+/// The recorded positions and the goals.
+fn recorded(trials: &[Trial]) -> Vec<Line> {
+    let data = trials
+        .iter()
+        .map(|trial| line("recorded", "data", &trial.time, &trial.position));
+    let goal = trials
+        .iter()
+        .map(|trial| line("goal", "goal", &trial.time, &trial.target));
+    data.chain(goal).collect()
+}
+
+fn recorded_stick(trials: &[Trial]) -> Vec<Line> {
+    (trials.iter())
+        .filter_map(|trial| Some(line("recorded", "data", &trial.time, trial.stick.as_ref()?)))
+        .collect()
+}
+
+/// One model line for each run, styled by its target.
+fn modelled(fit: &Fit, targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Line> {
+    (fit.runs.iter())
+        .map(|run| {
+            let target = last(&run.target);
+            line(
+                format!("model, {target} m"),
+                targets.class(target),
+                &run.time,
+                y(run),
+            )
+        })
+        .collect()
+}
+
+fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> String {
+    let plot = Plot {
+        description: description.into(),
+        x_label: "time [s]".into(),
+        y_label: y_label.into(),
+        height,
+        lines,
+    };
+    plot.to_svg()
+}
+
+/// The paper's figure: recorded runs, goals, and the model's response.
+pub fn response(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
+    let mut lines = recorded(trials);
+    lines.extend(modelled(fit, targets, |run| &run.position));
+    plot(
+        "recorded positions, goals and the model's response over time",
+        "position [m]",
+        440.0,
+        lines,
+    )
+}
+
+/// The stick, recorded and modelled.
+pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
+    let mut lines = recorded_stick(trials);
+    lines.extend(modelled(fit, targets, |run| &run.stick));
+    plot(
+        "recorded and modelled stick over time",
+        "stick [1]",
+        340.0,
+        lines,
+    )
+}
+
+/// Recorded minus modelled.
+pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
+    let label = format!("residual [{}]", objective.unit());
+    let mut lines = modelled(fit, targets, |run| &run.residual);
+    (lines.iter_mut()).for_each(|line| line.label = line.label.replace("model, ", "goal "));
+    plot("recorded minus modelled over time", &label, 300.0, lines)
+}
+
+/// One line for each co-simulation, from the column that `column` names.
+fn co_simulated(
+    loops: &[ClosedLoop],
+    targets: &Targets,
+    column: impl Fn(&ClosedLoop) -> String,
+) -> Vec<Line> {
+    (loops.iter())
+        .filter_map(|closed| {
+            let values = &closed.series.column(&column(closed))?.values;
+            let label = format!("FMUs, {} m", closed.target);
+            Some(line(
+                label,
+                targets.class(closed.target),
+                &closed.series.time,
+                values,
+            ))
+        })
+        .collect()
+}
+
+/// The exported FMUs in closed loop, from rest: positions.
+pub fn loop_response(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
+    let mut lines = recorded(trials);
+    lines.extend(co_simulated(loops, targets, |closed| {
+        closed.position.into()
+    }));
+    plot(
+        "recorded positions, goals and the co-simulated response over time",
+        "position [m]",
+        440.0,
+        lines,
+    )
+}
+
+/// The exported FMUs in closed loop, from rest: stick.
+pub fn loop_stick(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
+    let mut lines = recorded_stick(trials);
+    lines.extend(co_simulated(loops, targets, |closed| closed.stick.into()));
+    plot(
+        "recorded and co-simulated stick over time",
+        "stick [1]",
+        340.0,
+        lines,
+    )
+}

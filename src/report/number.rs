@@ -1,0 +1,37 @@
+//! How numbers are written in tables.
+
+/// A number with `digits` significant digits: plain between 1e-4 and 1e6, else with a power of ten.
+pub fn significant(value: f64, digits: usize) -> String {
+    let text = match value.abs() {
+        size if value == 0.0 || !value.is_finite() => format!("{size}"),
+        size if !(1e-4..1e6).contains(&size) => format!("{size:.*e}", digits.saturating_sub(1)),
+        size => {
+            let before = size.log10().floor() as i32 + 1;
+            format!("{size:.*}", (digits as i32 - before).max(0) as usize)
+        }
+    };
+    match value < 0.0 {
+        true => format!("-{text}"),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::significant;
+
+    #[test]
+    fn digits_are_kept_at_every_size() {
+        let cases = [
+            (0.0, "0"),
+            (-0.0005, "-0.0005000"),
+            (12.3456, "12.35"),
+            (1234567.0, "1.235e6"),
+            (-3.21e-9, "-3.210e-9"),
+            (f64::INFINITY, "inf"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(significant(value, 4), text);
+        }
+    }
+}

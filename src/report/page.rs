@@ -1,0 +1,265 @@
+//! The report page.
+
+use super::figures::{self, ClosedLoop, Targets};
+use super::html::escape;
+use super::number::significant;
+use super::tables;
+use crate::identification::{Fit, Options, Trial};
+use crate::models::Pilot;
+
+/// What a report shows.
+#[derive(Debug, Clone)]
+pub struct Report<'a> {
+    /// The fit.
+    pub fit: &'a Fit,
+    /// What it was asked to do.
+    pub options: &'a Options,
+    /// The trials that it was fitted to, in the order of the fit's runs.
+    pub trials: &'a [Trial],
+    /// Co-simulations of the exported FMUs; none before they have been run.
+    pub loops: &'a [ClosedLoop<'a>],
+    /// The command that made it.
+    pub command: &'a str,
+}
+
+/// The report as one HTML file that needs nothing beside it.
+pub fn page(report: &Report) -> String {
+    let Report {
+        fit,
+        options,
+        trials,
+        ..
+    } = report;
+    let targets = Targets::of(trials);
+    let mut body = header(report);
+    body += &figure(
+        "Response",
+        "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one \
+         pilot θ for all of them.",
+        &figures::response(fit, trials, &targets),
+    );
+    body += &figure(
+        "Stick",
+        "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human \
+         brought it, not to copy the hand.",
+        &figures::stick(fit, trials, &targets),
+    );
+    body += &figure(
+        "Residuals",
+        "Recorded minus modelled. What is left is what differs from run to run, and what no linear \
+         pilot of this order does.",
+        &figures::residuals(fit, &targets, options.objective),
+    );
+    body += &closed_loops(report, &targets);
+    body += &numbers(report);
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>pilotage: identified pilot</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}\
+         </main>\n</body>\n</html>\n",
+        include_str!("style.css")
+    )
+}
+
+/// Title, verdict, and the result in one formula and three numbers.
+fn header(report: &Report) -> String {
+    let Report {
+        fit,
+        options,
+        trials,
+        ..
+    } = report;
+    let (class, verdict) = match fit.converged {
+        true => ("good", "converged".to_owned()),
+        false => ("bad", format!("not converged: {}", fit.status)),
+    };
+    let unit = match options.objective.unit() {
+        "1" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let residuals = || fit.runs.iter().flat_map(|run| &run.residual);
+    let samples = residuals().filter(|residual| residual.is_finite()).count();
+    let mut html = format!(
+        "<header>\n<h1>Identified pilot</h1>\n<p class=\"verdict {class}\">{}</p>\n</header>\n",
+        escape(&verdict)
+    );
+    if !fit.converged {
+        html += "<p class=\"warning\">The numbers below are the best iterate of a solve that did not \
+                 converge. Do not use them as a result: try another <code>--start</code>, \
+                 <code>--initial-state vehicle-at-rest</code> or a higher <code>--max-iterations</code>.</p>\n";
+    }
+    html += &format!(
+        "<div class=\"formula\">{}</div>\n",
+        transfer_function(options.pilot, &fit.theta)
+    );
+    html += &facts(&[
+        ("runs", trials.len().to_string()),
+        ("samples", samples.to_string()),
+        (
+            "rms residual",
+            significant(tables::rms(residuals()), 3) + &unit,
+        ),
+        ("iterations", fit.iterations.to_string()),
+    ]);
+    html
+}
+
+/// A row of large numbers.
+fn facts(facts: &[(&str, String)]) -> String {
+    let items: String = (facts.iter())
+        .map(|(what, value)| format!("<div><dt>{what}</dt><dd>{}</dd></div>", escape(value)))
+        .collect();
+    format!("<dl class=\"facts\">{items}</dl>\n")
+}
+
+/// The pilot's transfer function from the error [m] to the stick, as a fraction.
+fn transfer_function(pilot: Pilot, theta: &[f64]) -> String {
+    let (denominator, numerator) = theta.split_at(pilot.order);
+    let mut denominator = denominator.to_vec();
+    denominator.push(1.0);
+    format!(
+        "<span><i>y</i><sub>p</sub> / <i>u</i><sub>p</sub> =</span>\
+         <span class=\"fraction\"><span>{}</span><span>{}</span></span>",
+        polynomial(numerator),
+        polynomial(&denominator)
+    )
+}
+
+/// A polynomial in s, highest power first; `c[i]` is the coefficient of s^i.
+fn polynomial(c: &[f64]) -> String {
+    let mut html = String::new();
+    for (i, &value) in c.iter().enumerate().rev() {
+        let sign = match (value < 0.0, html.is_empty()) {
+            (true, true) => "\u{2212}",
+            (true, false) => " \u{2212} ",
+            (false, true) => "",
+            (false, false) => " + ",
+        };
+        let power = match i {
+            0 => String::new(),
+            1 => " <i>s</i>".into(),
+            _ => format!(" <i>s</i><sup>{i}</sup>"),
+        };
+        let size = match value == 1.0 && i > 0 {
+            true => String::new(),
+            false => significant(value.abs(), 4).replace('-', "\u{2212}"),
+        };
+        html += &format!("{sign}{size}{power}");
+    }
+    html
+}
+
+fn figure(title: &str, caption: &str, svg: &str) -> String {
+    format!("<section>\n<h2>{title}</h2>\n<p>{caption}</p>\n<figure>\n{svg}</figure>\n</section>\n")
+}
+
+fn closed_loops(report: &Report, targets: &Targets) -> String {
+    match report.loops.is_empty() {
+        true => String::new(),
+        false => {
+            figure(
+                "The exported FMUs in closed loop",
+                "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: \
+                 nothing is left of the optimiser here.",
+                &figures::loop_response(report.loops, report.trials, targets),
+            ) + &figure(
+                "Their stick",
+                "The same co-simulations, and the stick as it was recorded.",
+                &figures::loop_stick(report.loops, report.trials, targets),
+            )
+        }
+    }
+}
+
+fn numbers(report: &Report) -> String {
+    let Report {
+        fit,
+        options,
+        trials,
+        command,
+        ..
+    } = report;
+    let section = |title: &str, content: String| {
+        format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
+    };
+    section("Parameters", tables::theta(fit, options.pilot))
+        + &section("Poles of the pilot", tables::poles(fit, options.pilot))
+        + &section("Runs", tables::runs(fit, trials, options))
+        + &section("Solve", tables::solve(fit, options, command))
+        + &section("Vehicle", tables::vehicle(options))
+        + &section("Data", tables::files(trials))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::simulate;
+    use crate::models::Joint;
+    use crate::synthetic::{Flights, Human};
+
+    /// A fit as it could be: the trials flown in closed loop.
+    fn plausible_fit(options: &Options, trials: &[Trial], theta: &[f64]) -> Fit {
+        let joint = Joint {
+            vehicle: options.vehicle,
+            pilot: options.pilot,
+        };
+        let runs = trials.iter().map(|trial| simulate(&joint, theta, trial));
+        Fit {
+            theta: theta.to_vec(),
+            objective: 1234.5,
+            converged: false,
+            status: "iteration-limit".into(),
+            kkt: 1e-3,
+            iterations: 200,
+            seconds: 1.5,
+            runs: runs.collect(),
+        }
+    }
+
+    #[test]
+    fn a_page_holds_all_its_parts_and_nothing_from_outside() {
+        let options = Options::default();
+        let flights = Flights::default()
+            .fly(&Human::default(), &options.vehicle)
+            .unwrap();
+        let trials: Vec<Trial> = (flights.iter())
+            .map(|flight| {
+                Trial::parse(
+                    flight.series.to_csv().as_bytes(),
+                    &format!("<{}>.csv", flight.name),
+                )
+                .unwrap()
+            })
+            .collect();
+        let theta = [0.267, 1.18, 0.94, -0.0045, -0.028, -0.042];
+        let fit = plausible_fit(&options, &trials, &theta);
+        let loops = [ClosedLoop {
+            target: 10.0,
+            series: &flights[0].series,
+            position: "position",
+            stick: "stick",
+        }];
+        let report = Report {
+            fit: &fit,
+            options: &options,
+            trials: &trials,
+            loops: &loops,
+            command: "pilotage fit <x>",
+        };
+        let html = page(&report);
+        assert_eq!(html.matches("<figure>").count(), 5);
+        assert_eq!(html.matches("<tr><td>θ").count(), 6);
+        for part in [
+            "not converged: iteration-limit",
+            "model, 10 m",
+            "model, 20 m",
+            "FMUs, 10 m",
+            "&lt;10m-run1&gt;.csv",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        for outside in ["http", "<script", "<10m", "NaN", "url("] {
+            assert!(!html.contains(outside), "{outside}");
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! The numbers of a fit as tables.
+
+use super::html::{escape, table};
+use super::number::significant;
+use crate::identification::pilot_file::{superscript, units};
+use crate::identification::{Fit, InitialState, Objective, Options, SchemeName, Trial};
+use crate::models::Pilot;
+use crate::vehicle::{FIELDS, Mode};
+
+/// Which coefficient of the pilot's transfer function each component of θ is.
+fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
+    let term = |i: usize| match i {
+        0 => "1".to_owned(),
+        1 => "s".to_owned(),
+        _ => format!("s{}", superscript(i)),
+    };
+    let part = move |part: &'static str| {
+        (0..pilot.order).map(move |i| format!("{part}, coefficient of {}", term(i)))
+    };
+    part("denominator").chain(part("numerator"))
+}
+
+/// Root mean square of the values that are numbers.
+pub fn rms<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
+    let finite = values.into_iter().filter(|value| value.is_finite());
+    let (sum, count) = finite.fold((0.0, 0), |(sum, count), v| (sum + v * v, count + 1));
+    (sum / f64::from(count)).sqrt()
+}
+
+/// Text for a cell: escaped, with a true minus sign.
+fn cell(text: impl AsRef<str>) -> String {
+    escape(text.as_ref()).replace('-', "\u{2212}")
+}
+
+pub fn theta(fit: &Fit, pilot: Pilot) -> String {
+    let names = units(pilot).into_iter().zip(meanings(pilot));
+    let rows: Vec<_> = (fit.theta.iter().zip(names).enumerate())
+        .map(|(i, (value, (unit, meaning)))| {
+            vec![
+                format!("θ{}", i + 1),
+                cell(significant(*value, 6)),
+                unit,
+                meaning,
+            ]
+        })
+        .collect();
+    table(
+        &["θ", "value", "unit", "in the transfer function"],
+        &[1],
+        &rows,
+    )
+}
+
+pub fn poles(fit: &Fit, pilot: Pilot) -> String {
+    let rows: Vec<_> = Mode::of_poles(&pilot.poles(&fit.theta))
+        .iter()
+        .map(|mode| {
+            let (re, im) = (significant(mode.pole.re, 4), significant(mode.pole.im, 4));
+            let pole = match mode.pole.im == 0.0 {
+                true => cell(re),
+                false => format!("{} ± {} i", cell(re), cell(im)),
+            };
+            let time = match mode.pole.re < 0.0 {
+                true => cell(significant(-1.0 / mode.pole.re, 4)),
+                false => "unstable".into(),
+            };
+            let frequency = cell(significant(mode.frequency, 4));
+            vec![pole, frequency, cell(significant(mode.damping, 3)), time]
+        })
+        .collect();
+    let header = [
+        "pole [1/s]",
+        "frequency [rad/s]",
+        "damping",
+        "time constant [s]",
+    ];
+    table(&header, &[0, 1, 2, 3], &rows)
+}
+
+pub fn runs(fit: &Fit, trials: &[Trial], options: &Options) -> String {
+    let unit = options.objective.unit();
+    let rows: Vec<_> = (fit.runs.iter().zip(trials))
+        .map(|(run, trial)| {
+            let summary = trial.summary();
+            let finite = run.residual.iter().filter(|r| r.is_finite());
+            let largest = finite.fold(0.0, |largest: f64, r| largest.max(r.abs()));
+            vec![
+                escape(&run.name),
+                cell(format!("{}", summary.target)),
+                (summary.samples - summary.missing).to_string(),
+                format!("{}", trial.weight),
+                cell(significant(rms(&run.residual), 3)),
+                cell(significant(largest, 3)),
+                cell(significant(summary.final_error, 3)),
+                format!("{:.1}", 100.0 * summary.overshoot),
+                summary
+                    .peak_stick
+                    .map_or("–".into(), |peak| format!("{peak:.3}")),
+            ]
+        })
+        .collect();
+    let (rms, largest) = (
+        format!("rms residual [{unit}]"),
+        format!("largest residual [{unit}]"),
+    );
+    let header = [
+        "run",
+        "target [m]",
+        "samples",
+        "weight",
+        &rms,
+        &largest,
+        "final error [m]",
+        "overshoot [%]",
+        "peak stick",
+    ];
+    table(&header, &[1, 2, 3, 4, 5, 6, 7, 8], &rows)
+}
+
+pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
+    let unit = match options.objective {
+        Objective::Response => " m²",
+        Objective::Stick => "",
+    };
+    let start = match &options.start {
+        None => "estimated from the data".into(),
+        Some(start) => start
+            .iter()
+            .map(f64::to_string)
+            .collect::<Vec<_>>()
+            .join(", "),
+    };
+    let rows = [
+        ("status", escape(&fit.status)),
+        (
+            "sum of squared residuals",
+            cell(significant(fit.objective, 8)) + unit,
+        ),
+        (
+            "scaled KKT residual",
+            format!("{:.2e} (tolerance {:e})", fit.kkt, options.tolerance),
+        ),
+        (
+            "iterations",
+            format!("{} (limit {})", fit.iterations, options.max_iterations),
+        ),
+        ("wall time", format!("{} s", significant(fit.seconds, 3))),
+        ("collocation", scheme(options.scheme).into()),
+        ("objective", objective(options.objective).into()),
+        (
+            "initial states",
+            initial_state(options.initial_state).into(),
+        ),
+        ("start of θ", start),
+        ("pilot", format!("linear, order {}", options.pilot.order)),
+        ("stick limit", format!("{}", options.stick_limit)),
+        ("tool", format!("pilotage {}", env!("CARGO_PKG_VERSION"))),
+        ("command", format!("<code>{}</code>", escape(command))),
+    ];
+    let rows: Vec<_> = rows
+        .into_iter()
+        .map(|(what, value)| vec![what.into(), value])
+        .collect();
+    table(&["", ""], &[], &rows)
+}
+
+pub fn vehicle(options: &Options) -> String {
+    let rows: Vec<_> = (FIELDS.iter())
+        .map(|field| {
+            vec![
+                format!("<code>{}</code>", field.name),
+                cell(significant((field.get)(&options.vehicle), 6)),
+                escape(field.unit),
+                escape(field.meaning),
+            ]
+        })
+        .collect();
+    table(&["vehicle", "value", "unit", "meaning"], &[1], &rows)
+}
+
+pub fn files(trials: &[Trial]) -> String {
+    let rows: Vec<_> = (trials.iter())
+        .map(|trial| {
+            vec![
+                escape(&trial.origin),
+                format!("<code>{}</code>", trial.sha256),
+            ]
+        })
+        .collect();
+    table(&["data file", "SHA-256"], &[], &rows)
+}
+
+fn scheme(scheme: SchemeName) -> &'static str {
+    match scheme {
+        SchemeName::Euler => "forward Euler (first order, the paper's)",
+        SchemeName::Trapezoid => "trapezoid (second order)",
+        SchemeName::HermiteSimpson => "Hermite–Simpson (fourth order)",
+    }
+}
+
+fn objective(objective: Objective) -> &'static str {
+    match objective {
+        Objective::Response => "the vehicle's response (the paper's)",
+        Objective::Stick => "the stick, driven by the recorded error",
+    }
+}
+
+fn initial_state(initial_state: InitialState) -> &'static str {
+    match initial_state {
+        InitialState::Free => "all free (the paper's)",
+        InitialState::VehicleAtRest => "vehicle hovers at the first position, pilot free",
+        InitialState::AtRest => "vehicle hovers at the first position, pilot at zero",
+    }
+}

@@ -1,0 +1,151 @@
+//! What can be wrong with a CSV file, with the place where it is wrong.
+
+use std::path::PathBuf;
+
+/// Why a CSV file is not a [`Series`](super::Series). `file` is the file as the user named it; lines
+/// count from 1 and include comment lines.
+#[derive(Debug, thiserror::Error)]
+pub enum SeriesError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A byte that is not UTF-8.
+    #[error("{file}:{line}: not UTF-8 text (byte 0x{byte:02x}); save the file as CSV in UTF-8")]
+    NotUtf8 {
+        /// The file.
+        file: String,
+        /// Line of the first wrong byte.
+        line: usize,
+        /// That byte.
+        byte: u8,
+    },
+    /// Nothing but comments and blank lines.
+    #[error("{file}: empty: expected a header row such as `time [s],target [m],position [m]`")]
+    Empty {
+        /// The file.
+        file: String,
+    },
+    /// A header, but no row below it.
+    #[error("{file}: a header but no samples below it")]
+    NoSamples {
+        /// The file.
+        file: String,
+    },
+    /// Columns separated by something else than a comma.
+    #[error(
+        "{file}:{line}: columns are separated by {separator}; expected commas (and `.` as decimal point)"
+    )]
+    Separator {
+        /// The file.
+        file: String,
+        /// Line of the header.
+        line: usize,
+        /// What separates them: `semicolons` or `tabs`.
+        separator: &'static str,
+    },
+    /// A header cell that is not `name` or `name [unit]`.
+    #[error("{file}:{line}: column {column} is headed `{found}`; expected `name` or `name [unit]`")]
+    Header {
+        /// The file.
+        file: String,
+        /// Line of the header.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
+        /// What stands there.
+        found: String,
+    },
+    /// Two columns of one name.
+    #[error("{file}:{line}: columns {first} and {second} are both named `{name}`")]
+    Duplicate {
+        /// The file.
+        file: String,
+        /// Line of the header.
+        line: usize,
+        /// First column, counted from 1.
+        first: usize,
+        /// Second column, counted from 1.
+        second: usize,
+        /// Their name.
+        name: String,
+    },
+    /// The first column is not the time.
+    #[error("{file}:{line}: the first column is `{found}`; expected `time [s]`")]
+    NoTime {
+        /// The file.
+        file: String,
+        /// Line of the header.
+        line: usize,
+        /// Name of the first column.
+        found: String,
+    },
+    /// The time's unit is not one that we convert.
+    #[error("{file}:{line}: `time` is in `{found}`; expected s, ms or min")]
+    TimeUnit {
+        /// The file.
+        file: String,
+        /// Line of the header.
+        line: usize,
+        /// The unit found.
+        found: String,
+    },
+    /// A row with another number of cells than the header.
+    #[error("{file}:{line}: {found} cells; expected {expected}, as in the header")]
+    Ragged {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+        /// Cells in the row.
+        found: usize,
+        /// Cells in the header.
+        expected: usize,
+    },
+    /// A cell that is not a finite number.
+    #[error(
+        "{file}:{line}: column `{column}`: `{found}` is not a finite number; leave the cell empty where the sample is missing"
+    )]
+    Number {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+        /// Name of the column.
+        column: String,
+        /// What stands there.
+        found: String,
+    },
+    /// A row without a time.
+    #[error("{file}:{line}: no time; only signals may have missing samples")]
+    MissingTime {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+    },
+    /// Time that stands still or runs backwards.
+    #[error("{file}:{line}: time {time} s does not come after {previous} s, the row before")]
+    TimeOrder {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+        /// Time of the row [s].
+        time: f64,
+        /// Time of the row before [s].
+        previous: f64,
+    },
+    /// Text that is not CSV at all, such as a quote that never ends.
+    #[error("{file}: not CSV")]
+    Csv {
+        /// The file.
+        file: String,
+        /// The parser's reason.
+        source: csv::Error,
+    },
+}

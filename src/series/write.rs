@@ -1,0 +1,117 @@
+//! CSV out.
+
+use super::{Column, Series};
+use std::path::Path;
+
+/// How the header row is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Header {
+    NamesAndUnits,
+    NamesOnly,
+}
+
+impl Series {
+    /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, then a
+    /// header with units, then one row for each time.
+    pub fn to_csv(&self) -> String {
+        let comments: String = self.comments.iter().map(|c| format!("# {c}\n")).collect();
+        comments + &self.rows(Header::NamesAndUnits)
+    }
+
+    /// The series as CSV text with bare names and without comments: the form that other tools of the
+    /// field read (for instance `fmpy.util.read_csv`).
+    pub fn to_plain_csv(&self) -> String {
+        self.rows(Header::NamesOnly)
+    }
+
+    /// Writes [`to_csv`](Self::to_csv) to a file, which appears complete or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, path: &Path) -> std::io::Result<()> {
+        crate::output::write(path, self.to_csv().as_bytes())
+    }
+
+    fn rows(&self, header: Header) -> String {
+        let time = Column {
+            name: "time".into(),
+            unit: "s".into(),
+            values: Vec::new(),
+        };
+        let heads = std::iter::once(&time).chain(&self.columns);
+        let heads: Vec<String> = heads.map(|column| head(column, header)).collect();
+        let mut text = heads.join(",") + "\n";
+        for (k, time) in self.time.iter().enumerate() {
+            text += &number(*time);
+            for column in &self.columns {
+                text.push(',');
+                text += &number(column.values[k]);
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// One cell of the header, quoted where the name holds a comma or a quote.
+fn head(column: &Column, header: Header) -> String {
+    let cell = match header {
+        Header::NamesAndUnits if !column.unit.is_empty() => {
+            format!("{} [{}]", column.name, column.unit)
+        }
+        _ => column.name.clone(),
+    };
+    match cell.contains([',', '"']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell,
+    }
+}
+
+/// The shortest text that reads back to the same bits; empty for a missing sample.
+fn number(value: f64) -> String {
+    match value.is_nan() {
+        true => String::new(),
+        // `{:?}` turns to exponents where `{}` would write hundreds of zeros; a whole number needs no `.0`.
+        false => format!("{value:?}").trim_end_matches(".0").to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn what_is_written_reads_back_to_the_same_bits(
+            values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
+        ) {
+            let series = Series {
+                comments: vec!["pilot: A".into(), String::new()],
+                time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
+                columns: vec![Column { name: "a, \"b\"".into(), unit: "m/s".into(), values }],
+            };
+            let read = Series::parse(series.to_csv().as_bytes(), "f.csv").unwrap();
+            prop_assert_eq!(&read, &series);
+        }
+    }
+
+    #[test]
+    fn missing_samples_and_bare_names() {
+        let series = Series {
+            comments: vec!["x".into()],
+            time: vec![0.0, 0.5],
+            columns: vec![Column {
+                name: "pilot.stick".into(),
+                unit: "1".into(),
+                values: vec![f64::NAN, -1e-12],
+            }],
+        };
+        assert_eq!(
+            series.to_csv(),
+            "# x\ntime [s],pilot.stick [1]\n0,\n0.5,-1e-12\n"
+        );
+        assert_eq!(series.to_plain_csv(), "time,pilot.stick\n0,\n0.5,-1e-12\n");
+    }
+}

@@ -1,0 +1,95 @@
+//! The vehicle's attitude loop, linearised about hover.
+
+use crate::models::Quadcopter;
+use crate::models::pilot::roots;
+use nalgebra::Complex;
+
+/// One pole, or one pair of conjugate poles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mode {
+    /// The pole; of a pair the one with the positive imaginary part [1/s].
+    pub pole: Complex<f64>,
+    /// Natural frequency `|s|` [rad/s].
+    pub frequency: f64,
+    /// Damping ratio `-Re s / |s|`; 1 for a stable real pole, negative when unstable.
+    pub damping: f64,
+}
+
+impl Mode {
+    /// The modes of a set of poles that is closed under conjugation, slowest first.
+    pub fn of_poles(poles: &[Complex<f64>]) -> Vec<Self> {
+        let mut modes: Vec<Self> = (poles.iter())
+            .filter(|pole| pole.im >= 0.0)
+            .map(|&pole| Self {
+                pole,
+                frequency: pole.norm(),
+                damping: match pole.norm() {
+                    0.0 => 0.0,
+                    frequency => -pole.re / frequency,
+                },
+            })
+            .collect();
+        modes.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+        modes
+    }
+}
+
+/// The pitch loop `s³ + a s² + β k_q s + β k_φ` at hover ([`Quadcopter::pitch_polynomial`]).
+#[derive(Debug, Clone, PartialEq)]
+pub struct PitchLoop {
+    /// Its modes, slowest first.
+    pub modes: Vec<Mode>,
+    /// `a k_q` and `k_φ` [µs/rad]: Routh–Hurwitz asks for `a k_q > k_φ > 0`, whatever β is.
+    pub routh: (f64, f64),
+}
+
+impl PitchLoop {
+    /// The pitch loop of a vehicle.
+    pub fn of(vehicle: &Quadcopter) -> Self {
+        Self {
+            modes: Mode::of_poles(&roots(&vehicle.pitch_polynomial())),
+            routh: (
+                vehicle.propeller_lag * vehicle.rate_gain,
+                vehicle.attitude_gain,
+            ),
+        }
+    }
+
+    /// True when every pole lies in the left half-plane.
+    pub fn is_stable(&self) -> bool {
+        let (damping, stiffness) = self.routh;
+        damping > stiffness && stiffness > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_loop_has_the_poles_it_was_designed_for() {
+        let pitch = PitchLoop::of(&Quadcopter::default());
+        assert!(pitch.is_stable());
+        let [pair, real] = pitch.modes[..] else {
+            panic!("{:?}", pitch.modes)
+        };
+        // docs/method.md: poles at -6 rad/s, and 5.3 rad/s with damping 0.8.
+        assert!((real.pole.re + 6.0).abs() < 0.02 && real.pole.im == 0.0);
+        assert!((pair.frequency - 5.3).abs() < 0.02 && (pair.damping - 0.8).abs() < 0.005);
+    }
+
+    #[test]
+    fn the_gains_that_the_paper_prints_are_unstable_whatever_the_effectiveness_is() {
+        for mass in [0.1, 1.2, 100.0] {
+            let vehicle = Quadcopter {
+                mass,
+                attitude_gain: 76.37,
+                rate_gain: 1.02,
+                ..Quadcopter::default()
+            };
+            let pitch = PitchLoop::of(&vehicle);
+            assert!(!pitch.is_stable());
+            assert!(pitch.modes.iter().any(|mode| mode.pole.re > 0.0));
+        }
+    }
+}

@@ -1,0 +1,4 @@
+//! Reading, checking and calling FMUs.
+
+mod findings;
+mod round_trip;
