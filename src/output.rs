@@ -26,6 +26,8 @@ impl Output {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
+        // Before tempfile, whose message would name the temporary file.
+        std::fs::metadata(folder)?;
         let mut builder = tempfile::Builder::new();
         builder.prefix(".pilotage-");
         // As any program's output: readable by whom the user's umask allows, not by the user alone.

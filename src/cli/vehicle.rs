@@ -1,8 +1,8 @@
 //! `pilotage vehicle`: the coefficients of the vehicle.
 
 use super::{Failure, Outcome, terminal};
-use crate::models::Quadcopter;
-use crate::vehicle::{self, FIELDS, PitchLoop};
+use crate::models::{COEFFICIENTS, Quadcopter};
+use crate::vehicle::{self, PitchLoop};
 use clap::Subcommand;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ fn check(file: &Path, json: bool) -> Result<Outcome, Failure> {
 
 /// The coefficients by name.
 fn coefficients(vehicle: &Quadcopter) -> Map<String, Value> {
-    (FIELDS.iter())
+    (COEFFICIENTS.iter())
         .map(|field| (field.name.to_owned(), json!((field.get)(vehicle))))
         .collect()
 }
@@ -129,12 +129,7 @@ fn to_text(file: &Path, vehicle: &Quadcopter, pitch: &PitchLoop) -> String {
     );
     text += "  pole [1/s]            frequency [rad/s]  damping\n";
     for mode in &pitch.modes {
-        text += &format!(
-            "  {:<20}  {:>17.3}  {:>7.3}\n",
-            super::format::pole(mode.pole),
-            mode.frequency,
-            mode.damping
-        );
+        text += &super::format::mode(mode);
     }
     text + "\n" + &verdict(vehicle, pitch)
 }

@@ -1,10 +1,13 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
+pub mod constraints;
 mod names;
 pub mod options;
 pub mod pilot_file;
+pub mod problem;
 pub mod result;
 pub mod simulate;
+pub mod start;
 pub mod trials;
 
 pub use options::{InitialState, Objective, Options, SchemeName};

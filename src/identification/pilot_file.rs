@@ -2,8 +2,8 @@
 
 use super::{Fit, Options, PilotFile, Trial};
 use crate::document::{self, Document, DocumentError};
-use crate::models::Pilot;
-use crate::vehicle::{self, Mode};
+use crate::models::{COEFFICIENTS, Pilot, Unit};
+use crate::vehicle::Mode;
 use std::path::Path;
 
 /// What can be wrong with a pilot file.
@@ -142,22 +142,14 @@ pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
     text + &poles(fit, options.pilot) + &solve(fit, options) + &data(options, trials)
 }
 
-/// Units of the components of θ, in order (see [`crate::models::pilot`]).
+/// Units of the components of θ, in order (see [`crate::models::pilot`]), as people write them.
 pub fn units(pilot: Pilot) -> Vec<String> {
-    let seconds = |i: usize| match pilot.order - i {
-        1 => "s".to_owned(),
-        power => format!("s{}", superscript(power)),
-    };
-    let denominator = (0..pilot.order).map(|i| format!("1/{}", seconds(i)));
-    let numerator = (0..pilot.order).map(|i| format!("1/(m·{})", seconds(i)));
-    denominator.chain(numerator).collect()
-}
-
-/// A whole number in superscript digits.
-pub fn superscript(number: usize) -> String {
-    let digits = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-    let digit = |c: char| c.to_digit(10).map_or(c, |d| digits[d as usize]);
-    number.to_string().chars().map(digit).collect()
+    let n = pilot.order;
+    let denominator = (0..n).map(|i| Unit::per_second(n - i));
+    let numerator = (0..n).map(|i| Unit::per_metre_second(n - i));
+    (denominator.chain(numerator))
+        .map(|unit| unit.symbol())
+        .collect()
 }
 
 fn poles(fit: &Fit, pilot: Pilot) -> String {
@@ -193,12 +185,12 @@ fn solve(fit: &Fit, options: &Options) -> String {
 
 fn data(options: &Options, trials: &[Trial]) -> String {
     let mut text = String::from("\n[vehicle]\n");
-    for field in &vehicle::FIELDS {
+    for field in &COEFFICIENTS {
         text += &format!(
             "{} = {:?} # [{}]\n",
             field.name,
             (field.get)(&options.vehicle),
-            field.unit
+            (field.unit)().symbol()
         );
     }
     for trial in trials {

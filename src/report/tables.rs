@@ -2,17 +2,17 @@
 
 use super::html::{escape, table};
 use super::number::significant;
-use crate::identification::pilot_file::{superscript, units};
+use crate::identification::pilot_file::units;
 use crate::identification::{Fit, InitialState, Objective, Options, SchemeName, Trial};
-use crate::models::Pilot;
-use crate::vehicle::{FIELDS, Mode};
+use crate::models::{COEFFICIENTS, Pilot};
+use crate::vehicle::Mode;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.
 fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
     let term = |i: usize| match i {
         0 => "1".to_owned(),
-        1 => "s".to_owned(),
-        _ => format!("s{}", superscript(i)),
+        1 => "<i>s</i>".to_owned(),
+        _ => format!("<i>s</i><sup>{i}</sup>"),
     };
     let part = move |part: &'static str| {
         (0..pilot.order).map(move |i| format!("{part}, coefficient of {}", term(i)))
@@ -165,12 +165,12 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
 }
 
 pub fn vehicle(options: &Options) -> String {
-    let rows: Vec<_> = (FIELDS.iter())
+    let rows: Vec<_> = (COEFFICIENTS.iter())
         .map(|field| {
             vec![
                 format!("<code>{}</code>", field.name),
                 cell(significant((field.get)(&options.vehicle), 6)),
-                escape(field.unit),
+                escape(&(field.unit)().symbol()),
                 escape(field.meaning),
             ]
         })

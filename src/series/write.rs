@@ -1,46 +1,18 @@
 //! CSV out.
 
 use super::{Column, Series};
-use std::path::Path;
-
-/// How the header row is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Header {
-    NamesAndUnits,
-    NamesOnly,
-}
 
 impl Series {
     /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, then a
     /// header with units, then one row for each time.
     pub fn to_csv(&self) -> String {
-        let comments: String = self.comments.iter().map(|c| format!("# {c}\n")).collect();
-        comments + &self.rows(Header::NamesAndUnits)
-    }
-
-    /// The series as CSV text with bare names and without comments: the form that other tools of the
-    /// field read (for instance `fmpy.util.read_csv`).
-    pub fn to_plain_csv(&self) -> String {
-        self.rows(Header::NamesOnly)
-    }
-
-    /// Writes [`to_csv`](Self::to_csv) to a file, which appears complete or not at all.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn write(&self, path: &Path) -> std::io::Result<()> {
-        crate::output::write(path, self.to_csv().as_bytes())
-    }
-
-    fn rows(&self, header: Header) -> String {
-        let time = Column {
-            name: "time".into(),
-            unit: "s".into(),
-            values: Vec::new(),
-        };
-        let heads = std::iter::once(&time).chain(&self.columns);
-        let heads: Vec<String> = heads.map(|column| head(column, header)).collect();
-        let mut text = heads.join(",") + "\n";
+        let mut text: String = self.comments.iter().map(|c| format!("# {c}\n")).collect();
+        text += "time [s]";
+        for column in &self.columns {
+            text.push(',');
+            text += &head(column);
+        }
+        text.push('\n');
         for (k, time) in self.time.iter().enumerate() {
             text += &number(*time);
             for column in &self.columns {
@@ -54,12 +26,10 @@ impl Series {
 }
 
 /// One cell of the header, quoted where the name holds a comma or a quote.
-fn head(column: &Column, header: Header) -> String {
-    let cell = match header {
-        Header::NamesAndUnits if !column.unit.is_empty() => {
-            format!("{} [{}]", column.name, column.unit)
-        }
-        _ => column.name.clone(),
+fn head(column: &Column) -> String {
+    let cell = match column.unit.as_str() {
+        "" => column.name.clone(),
+        unit => format!("{} [{unit}]", column.name),
     };
     match cell.contains([',', '"']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
@@ -98,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_samples_and_bare_names() {
+    fn missing_samples_are_empty_cells() {
         let series = Series {
             comments: vec!["x".into()],
             time: vec![0.0, 0.5],
@@ -112,6 +82,5 @@ mod tests {
             series.to_csv(),
             "# x\ntime [s],pilot.stick [1]\n0,\n0.5,-1e-12\n"
         );
-        assert_eq!(series.to_plain_csv(), "time,pilot.stick\n0,\n0.5,-1e-12\n");
     }
 }

@@ -1,53 +1,97 @@
-//! The ℓ1 exact penalty merit `φ(z; ν) = f + ν (‖c‖₁ + ‖violation of g‖₁)` with Armijo backtracking
-//! (Nocedal & Wright, *Numerical Optimization*, 2nd ed., section 18.3).
+//! The merit function: an augmented Lagrangian in the equalities (Gill, Murray & Saunders, *SNOPT*, SIAM
+//! Review 47, 2005, section 2.3) and weighted ℓ1 in the inequalities (Powell 1978):
+//!
+//! ```text
+//! φ(z, λ) = f + λᵀc + ½ ρ ‖c‖² + Σ σ_i viol(g_i)
+//! ```
+//!
+//! The line search moves `(z, λ)` together. Since the QP has the Hessian of the same Lagrangian, its
+//! model of φ is right to second order and full steps are accepted early; an ℓ1 merit in the
+//! equalities would add up the curvature of thousands of defects, of either sign, and forbid them.
 
 use super::iterate::violation;
-use super::{Iterate, Problem};
+use super::{Iterate, Problem, Step};
 
-/// Margin ρ of the penalty update (Nocedal & Wright, eq. 18.36).
-const PENALTY_MARGIN: f64 = 0.5;
+/// Fraction to which ρ may fall from one iteration to the next: multipliers improve as it runs.
+const PENALTY_FALL: f64 = 0.1;
 
-/// The merit function; its penalty only grows.
-#[derive(Debug, Clone, Copy, Default)]
+/// The merit function and its parameters.
+#[derive(Debug, Clone, Default)]
 pub struct Merit {
     penalty: f64,
+    inequality: Vec<f64>,
+}
+
+/// What the QP says of the merit along its step.
+#[derive(Debug, Clone, Copy)]
+pub struct Model {
+    /// Derivative of φ along the step at its start.
+    pub derivative: f64,
+    /// Decrease of φ by the full step.
+    pub decrease: f64,
 }
 
 impl Merit {
-    /// The value at an iterate; infinite outside the problem's domain.
+    /// The value at an iterate with its multipliers; infinite outside the problem's domain.
     pub fn value<P: Problem + ?Sized>(&self, problem: &P, at: &Iterate) -> f64 {
-        match at.is_finite() {
-            true => at.f + self.penalty * infeasibility(problem, at),
-            false => f64::INFINITY,
+        if !at.is_finite() {
+            return f64::INFINITY;
         }
+        let equalities =
+            at.c.iter()
+                .zip(&at.lambda)
+                .map(|(c, l)| c * (l + 0.5 * self.penalty * c));
+        at.f + equalities.sum::<f64>() + self.outside(problem, at)
     }
 
-    /// Raises the penalty so that a step of the QP is a descent direction by a margin (Nocedal &
-    /// Wright, eq. 18.36), and returns the merit's directional derivative along it.
+    /// Weighted violation of the inequalities.
+    fn outside<P: Problem + ?Sized>(&self, problem: &P, at: &Iterate) -> f64 {
+        let (lower, upper) = problem.limits();
+        let rows =
+            at.g.iter()
+                .zip(lower.iter().zip(upper))
+                .zip(&self.inequality);
+        rows.map(|((&g, (&l, &u)), w)| w * violation(g, l, u)).sum()
+    }
+
+    /// Sets ρ and σ so that the step is a direction of descent: `φ' ≤ -½ dᵀHd`.
     ///
-    /// `slope` is `∇fᵀd`, `curvature` is `dᵀHd`, `decrease` how much of the ℓ1 violation the step takes
-    /// away in the linear model.
-    pub fn prepare(&mut self, slope: f64, curvature: f64, decrease: f64) -> f64 {
-        let model = slope + 0.5 * curvature.max(0.0);
-        let needed = model / ((1.0 - PENALTY_MARGIN) * decrease);
-        if decrease > 0.0 && needed > self.penalty {
-            self.penalty = 1.5 * needed;
+    /// `slope` is `∇fᵀd`.
+    pub fn prepare<P: Problem + ?Sized>(
+        &mut self,
+        problem: &P,
+        at: &Iterate,
+        step: &Step,
+        slope: f64,
+    ) -> Model {
+        self.inequality.resize(step.eta.len(), 0.0);
+        for (w, y) in self.inequality.iter_mut().zip(&step.eta) {
+            *w = y.abs().max(0.5 * (*w + y.abs()));
         }
-        slope - self.penalty * decrease
+        let squares: f64 = at.c.iter().map(|c| c * c).sum();
+        let held: f64 = at.c.iter().zip(&at.lambda).map(|(c, l)| c * l).sum();
+        let change: f64 =
+            at.c.iter()
+                .zip(&at.lambda)
+                .zip(&step.lambda)
+                .map(|((c, l), new)| c * (new - l))
+                .sum();
+        let outside = self.outside(problem, at) - step.violation;
+        // φ' = slope - λᵀc + (λ̂ - λ)ᵀc - ρ ‖c‖² - outside
+        let rest = slope - held + change - outside;
+        let needed = (rest + 0.5 * step.curvature) / squares.max(f64::MIN_POSITIVE);
+        self.penalty = match needed.is_finite() {
+            true => (2.0 * needed).max(PENALTY_FALL * self.penalty),
+            false => self.penalty,
+        };
+        Model {
+            derivative: rest - self.penalty * squares,
+            decrease: held + 0.5 * self.penalty * squares + outside - slope - 0.5 * step.curvature,
+        }
     }
 
-    /// The penalty ν.
+    /// The penalty ρ.
     pub fn penalty(&self) -> f64 {
         self.penalty
     }
-}
-
-/// ℓ1 norm of all constraint violations.
-pub fn infeasibility<P: Problem + ?Sized>(problem: &P, at: &Iterate) -> f64 {
-    let (lower, upper) = problem.limits();
-    let outside =
-        at.g.iter()
-            .zip(lower.iter().zip(upper))
-            .map(|(&g, (&l, &u))| violation(g, l, u));
-    at.c.iter().map(|c| c.abs()).sum::<f64>() + outside.sum::<f64>()
 }

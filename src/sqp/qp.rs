@@ -59,7 +59,8 @@ pub trait QpSolver<P: Problem + ?Sized> {
         step: &mut Step,
     ) -> Result<(), QpFailure>;
 
-    /// Second-order correction (Nocedal & Wright, eq. 18.36): solves the last QP again, with its
-    /// constraints shifted to `J d + c(z + d₀) - J d₀`, where `trial` is the point `z + d₀`.
+    /// Second-order correction (Nocedal & Wright, section 18.3): solves the QP of the last `solve` or
+    /// `correct` again, with its constraints moved to their values at `trial`, the point that `step`
+    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`.
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
 }

@@ -1,7 +1,7 @@
 //! The SQP loop (Nocedal & Wright, *Numerical Optimization*, 2nd ed., algorithm 18.3) with
 //! Levenberg–Marquardt damping of the QP.
 
-use super::globalisation::{Merit, infeasibility};
+use super::globalisation::{Merit, Model};
 use super::qp::{QpFailure, QpSolver, Step};
 use super::solution::{Iteration, Solution, Work};
 use super::{Hessian, Iterate, Kkt, Options, Problem, Status};
@@ -15,6 +15,8 @@ const DAMPING_DOWN: f64 = 0.1;
 const DAMPING_FLOOR: f64 = 1e-10;
 /// Shortest step length tried before the damping is raised instead.
 const SHORT_STEP: f64 = 0.2;
+/// Longest second-order correction of an acceptable step, relative to it.
+const CORRECTION_RATE: f64 = 0.5;
 /// Raises of the damping after which the line search may go down to its limit.
 const PATIENCE: usize = 8;
 
@@ -121,9 +123,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             } else {
                 self.options.min_step
             };
-            if let Some(alpha) = self.search(shortest) {
+            if let Some((alpha, ratio)) = self.search(shortest) {
                 let damping = self.damping;
-                self.accept(alpha);
+                self.accept(alpha, ratio);
                 return Some(Accepted {
                     alpha,
                     damping,
@@ -159,10 +161,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             .map(|()| false)
     }
 
-    /// Backtracking on the merit, with one second-order correction at full length. Leaves the
-    /// accepted point in `trial`.
-    fn search(&mut self, shortest: f64) -> Option<f64> {
-        let outside = infeasibility(self.problem, &self.current);
+    /// The step length at which the merit falls enough, and how the fall compares with the model's.
+    /// Leaves the accepted point in `trial`.
+    fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
         let slope: f64 = self
             .qp
             .gradient()
@@ -170,50 +171,81 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             .zip(&self.step.d)
             .map(|(g, d)| g * d)
             .sum();
-        let decrease = (outside - self.step.violation).max(0.0);
-        let descent = self.merit.prepare(slope, self.step.curvature, decrease);
-        let merit = self.merit.value(self.problem, &self.current);
-        // Differences below rounding cannot be told from a decrease.
-        let rounding = 10.0 * f64::EPSILON * merit.abs();
-        let armijo = self.options.armijo;
-        let enough =
-            |value: f64, alpha: f64| value <= merit + armijo * alpha * descent.min(0.0) + rounding;
-        let mut alpha = 1.0;
+        let model = self
+            .merit
+            .prepare(self.problem, &self.current, &self.step, slope);
+        let start = self.merit.value(self.problem, &self.current);
+        let test = Descent {
+            start,
+            model,
+            armijo: self.options.armijo,
+        };
+        if let Some(ratio) = self.full_step(&test) {
+            return Some((1.0, ratio));
+        }
+        let mut alpha = 0.5;
         while alpha >= shortest {
             self.try_step(alpha);
-            if enough(self.merit.value(self.problem, &self.trial), alpha) {
-                return Some(alpha);
-            }
-            if alpha == 1.0
-                && self.corrected()
-                && enough(self.merit.value(self.problem, &self.trial), 1.0)
-            {
-                return Some(alpha);
+            let value = self.merit.value(self.problem, &self.trial);
+            if test.passes(value, alpha) {
+                return Some((alpha, test.ratio(value)));
             }
             alpha *= 0.5;
         }
         None
     }
 
-    /// Second-order correction of the full step into `trial`.
-    fn corrected(&mut self) -> bool {
-        if !self.trial.is_finite() {
-            return false;
+    /// The full step, as it is or with a second-order correction, if either passes and the correction
+    /// is short.
+    fn full_step(&mut self, test: &Descent) -> Option<f64> {
+        self.try_step(1.0);
+        let value = self.merit.value(self.problem, &self.trial);
+        if test.is_rounding() && test.passes(value, 1.0) {
+            // The merit says nothing any more; a Newton step still improves the residual.
+            return Some(1.0);
         }
-        let uncorrected = self.step.clone();
+        if !value.is_finite() {
+            return None;
+        }
+        let uncorrected = self.trial.z.clone();
+        if self.correct() > CORRECTION_RATE {
+            return None;
+        }
+        let corrected = self.merit.value(self.problem, &self.trial);
+        if test.passes(value, 1.0) {
+            self.trial.z = uncorrected;
+            self.trial.evaluate(self.problem);
+            return Some(test.ratio(value));
+        }
+        test.passes(corrected, 1.0).then(|| test.ratio(corrected))
+    }
+
+    /// Second-order correction of the full step in `trial`. Returns the length of the correction
+    /// relative to the step: the contraction of a simplified Newton step, small where the
+    /// linearisation holds (Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
+    fn correct(&mut self) -> f64 {
+        let mut step = self.step.clone();
         self.work.qps += 1;
         if self
             .qp
-            .correct(self.problem, &self.trial, &mut self.step)
+            .correct(self.problem, &self.trial, &mut step)
             .is_err()
         {
-            self.step = uncorrected;
-            return false;
+            return f64::INFINITY;
         }
-        self.try_step(1.0);
-        // The multipliers and, for shorter steps, the direction are those of the QP.
-        self.step = uncorrected;
-        true
+        for ((t, z), d) in self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d) {
+            *t = z + d;
+        }
+        self.trial.evaluate(self.problem);
+        self.work.evaluations += 1;
+        let norm = |v: f64, d: f64| v.max(d.abs());
+        let moved = step
+            .d
+            .iter()
+            .zip(&self.step.d)
+            .map(|(a, b)| a - b)
+            .fold(0.0, norm);
+        moved / self.step.d.iter().copied().fold(f64::MIN_POSITIVE, norm)
     }
 
     fn try_step(&mut self, alpha: f64) {
@@ -227,11 +259,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             *t = z + alpha * d;
         }
         self.trial.evaluate(self.problem);
-        self.work.evaluations += 1;
-    }
-
-    /// Makes `trial` current, moves the multipliers by the same fraction, adapts the damping.
-    fn accept(&mut self, alpha: f64) {
         blend(
             &mut self.trial.lambda,
             &self.current.lambda,
@@ -244,22 +271,14 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             &self.step.eta,
             alpha,
         );
-        let before = self.merit.value(self.problem, &self.current);
-        let after = self.merit.value(self.problem, &self.trial);
-        let slope: f64 = self
-            .qp
-            .gradient()
-            .iter()
-            .zip(&self.step.d)
-            .map(|(g, d)| g * d)
-            .sum();
-        let outside = infeasibility(self.problem, &self.current) - self.step.violation;
-        let predicted = alpha * (self.merit.penalty() * outside - slope)
-            - 0.5 * alpha * alpha * self.step.curvature;
-        let ratio = (before - after) / predicted;
+        self.work.evaluations += 1;
+    }
+
+    /// Makes `trial` current and adapts the damping to how well the model held.
+    fn accept(&mut self, alpha: f64, ratio: f64) {
         if alpha < 0.5 || ratio < 0.25 {
             self.raise_damping();
-        } else if alpha == 1.0 && (ratio > 0.5 || predicted < 1e-10 * before.abs()) {
+        } else if alpha == 1.0 && ratio > 0.5 {
             self.damping *= DAMPING_DOWN;
             if self.damping < DAMPING_FLOOR {
                 self.damping = 0.0;
@@ -293,6 +312,33 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             kkt,
             work: self.work,
         }
+    }
+}
+
+/// Test of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), blind to rounding.
+struct Descent {
+    start: f64,
+    model: Model,
+    armijo: f64,
+}
+
+impl Descent {
+    /// Differences below this cannot be told from a decrease.
+    fn rounding(&self) -> f64 {
+        100.0 * f64::EPSILON * self.start.abs()
+    }
+
+    fn is_rounding(&self) -> bool {
+        self.model.decrease.abs() <= 10.0 * self.rounding()
+    }
+
+    fn passes(&self, value: f64, alpha: f64) -> bool {
+        value <= self.start + self.armijo * alpha * self.model.derivative.min(0.0) + self.rounding()
+    }
+
+    /// Decrease over the decrease that the model predicts for the full step.
+    fn ratio(&self, value: f64) -> f64 {
+        (self.start - value + self.rounding()) / (self.model.decrease + self.rounding())
     }
 }
 

@@ -4,5 +4,5 @@
 mod file;
 mod pitch_loop;
 
-pub use file::{FIELDS, Field, VehicleError, parse, read, to_toml};
+pub use file::{VehicleError, parse, read, to_toml};
 pub use pitch_loop::{Mode, PitchLoop};

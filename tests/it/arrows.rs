@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// modules and workspace crates that it may name. `abi` and `models` are those crates. The small
 /// modules at the end know nothing of ours and may be used by all above the line.
 const ARROWS: &[(&str, &[&str])] = &[
-    ("series", &["output"]),
+    ("series", &[]),
     ("sqp", &[]),
     ("transcription", &["models", "sqp"]),
     ("vehicle", &["models", "document"]),

@@ -3,6 +3,7 @@
 mod arrows;
 mod bad_files;
 mod command;
+mod examples;
 mod fmi;
 mod trials;
 mod vehicle;

@@ -31,16 +31,19 @@ pub struct Condensed {
     runs: Vec<RunSweep>,
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
-    /// Constraint values of the QP: those of the iterate, or shifted by a correction.
+    /// Constraint values of the QP: those of the iterate, or moved by a correction.
     c: Vec<f64>,
     g: Vec<f64>,
+    /// Constraint values of the iterate.
+    c_iterate: Vec<f64>,
+    g_iterate: Vec<f64>,
+    last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
     parameter_hessian: Vec<f64>,
     gauss_newton: Arrow,
     exact: Option<Arrow>,
     singular: bool,
-    last: Option<(Hessian, f64)>,
     /// Inequalities of the last QP's working set.
     working: Vec<RowAt>,
 }
@@ -49,8 +52,9 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
         self.prepare(problem);
         self.linearise_parameters(problem, at);
-        self.c.clone_from(&at.c);
-        self.g.clone_from(&at.g);
+        self.c_iterate.clone_from(&at.c);
+        self.g_iterate.clone_from(&at.g);
+        self.last = None;
         self.singular = false;
         for (j, run) in self.runs.iter_mut().enumerate() {
             run.linearise(
@@ -62,7 +66,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
                 &mut self.lagrangian,
             );
             self.singular |= !run.sweep_sensitivities(problem, j);
-            run.sweep_offsets(problem, j, &at.c);
             for (i, (f, l)) in run
                 .theta_gradient
                 .iter()
@@ -75,7 +78,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         }
         self.gauss_newton = self.reduce(problem, Hessian::GaussNewton);
         self.exact = exact.then(|| self.reduce(problem, Hessian::Exact));
-        self.last = None;
     }
 
     fn gradient(&self) -> &[f64] {
@@ -93,6 +95,46 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         damping: f64,
         step: &mut Step,
     ) -> Result<(), QpFailure> {
+        self.c.clone_from(&self.c_iterate);
+        self.g.clone_from(&self.g_iterate);
+        self.solve_shifted(problem, hessian, damping, step)
+    }
+
+    fn correct(
+        &mut self,
+        problem: &Collocation<D, C>,
+        trial: &Iterate,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
+        // The equalities hold in the QP, so J d₀ = -c; for the inequalities J d₀ is their change.
+        self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
+        let dtheta = &step.d[problem.layout.theta..];
+        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
+            for b in 0..problem.runs[j].time.len() {
+                let k = b * problem.scheme.unknown_nodes();
+                let x = at.z + k * problem.n_states();
+                let change = run.bounded_change(k, &step.d[x..x + problem.n_states()], dtheta);
+                self.g[at.g + b] = trial.g[at.g + b] - change;
+            }
+        }
+        for (i, row) in self.parameter_rows.iter().enumerate() {
+            let at = problem.layout.parameter_constraints + i;
+            self.g[at] = trial.g[at] - dense::dot(row, dtheta);
+        }
+        self.solve_shifted(problem, hessian, damping, step)
+    }
+}
+
+impl Condensed {
+    /// The QP with the constraint values in `c` and `g`.
+    fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
         if self.singular {
             return Err(QpFailure::NoSolution);
         }
@@ -103,6 +145,9 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         };
         matrix.add_diagonal(damping);
         let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
+        for (j, run) in self.runs.iter_mut().enumerate() {
+            run.sweep_offsets(problem, j, &self.c);
+        }
         let mut q = vec![0.0; matrix.size()];
         self.each_local(&mut q, problem, |run, j, local| {
             run.reduce_vector(problem, j, hessian, local)
@@ -136,42 +181,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         Ok(())
     }
 
-    fn correct(
-        &mut self,
-        problem: &Collocation<D, C>,
-        trial: &Iterate,
-        step: &mut Step,
-    ) -> Result<(), QpFailure> {
-        let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
-        // J d₀ = -c for the equalities; for the bounded signals J d₀ is their linear change.
-        let (c, g) = (self.c.clone(), self.g.clone());
-        self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
-        let dtheta = &step.d[problem.layout.theta..];
-        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
-            for b in 0..problem.runs[j].time.len() {
-                let k = b * problem.scheme.unknown_nodes();
-                let x = at.z + k * problem.n_states();
-                let change = run.bounded_change(k, &step.d[x..x + problem.n_states()], dtheta);
-                self.g[at.g + b] = trial.g[at.g + b] - change;
-            }
-        }
-        for (i, row) in self.parameter_rows.iter().enumerate() {
-            let at = problem.layout.parameter_constraints + i;
-            self.g[at] = trial.g[at] - dense::dot(row, dtheta);
-        }
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.sweep_offsets(problem, j, &self.c);
-        }
-        let outcome = self.solve(problem, hessian, damping, step);
-        (self.c, self.g) = (c, g);
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.sweep_offsets(problem, j, &self.c);
-        }
-        outcome
-    }
-}
-
-impl Condensed {
     /// Allocates the workspace at the first use.
     fn prepare<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
         let variables = problem.layout.theta + problem.n_parameters();

@@ -208,14 +208,15 @@ impl RunSweep {
     ) {
         let (n, s) = (self.n, problem.scheme.unknown_nodes());
         let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
-        self.e[..n].fill(0.0);
+        let e = &mut self.e;
+        e[..n].fill(0.0);
         let known = (0..n).filter(|i| !self.free.contains(i));
         known
             .zip(&c[place.c..])
-            .for_each(|(i, value)| self.e[i] = -value);
+            .for_each(|(i, value)| e[i] = -value);
         for interval in 0..run.intervals() {
             let start = interval * s;
-            let (done, rest) = self.e.split_at_mut((start + 1) * n);
+            let (done, rest) = e.split_at_mut((start + 1) * n);
             let to = &mut rest[..s * n];
             let nodes = &self.first[start..=start + s];
             start_transition(

@@ -1,0 +1,63 @@
+//! A pilot flies the quadcopter to a target, coupled by the co-simulation master; without FMUs.
+//!
+//!     cargo run --release --example closed_loop
+//!
+//! The smaller the communication step, the closer the coupled models come to the joint ODE. At the
+//! step of 50 ms at which people are recorded, the choice of algorithm shows.
+
+use pilotage::cosim::{Algorithm, Clock, NativeSlave, SeriesRecorder, System, run};
+use pilotage::identification::{Trial, simulate};
+use pilotage::models::{Joint, Pilot, Quadcopter};
+use std::error::Error;
+
+/// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot who looks ahead by 2.5 s and lags by half a second.
+const THETA: [f64; 6] = [216.0, 108.0, 18.0, -6.48, -16.2, 0.0];
+const TARGET: f64 = 10.0;
+const DURATION: f64 = 15.0;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let exact = joint_position()?;
+    println!("position after {DURATION} s of the joint ODE: {exact:.6} m");
+    println!("step [ms]  error of jacobi [m]  error of gauss-seidel [m]");
+    for step in [0.05, 0.025, 0.0125, 0.00625] {
+        let jacobi = coupled_position(step, Algorithm::Jacobi)? - exact;
+        let gauss_seidel = coupled_position(step, Algorithm::GaussSeidel)? - exact;
+        println!("{:>9}  {jacobi:>19.6}  {gauss_seidel:>25.6}", 1e3 * step);
+    }
+    Ok(())
+}
+
+/// Where the vehicle is at the end, coupled with the given communication step [s].
+fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Error>> {
+    let mut system = System::new();
+    let pilot = NativeSlave::pilot(Pilot::default(), &THETA, 1e-3);
+    let quadcopter = NativeSlave::quadcopter(Quadcopter::default(), 1e-3);
+    system.add("pilot", Box::new(pilot))?;
+    system.add("quadcopter", Box::new(quadcopter))?;
+    system.connect("pilot.stick", "quadcopter.stick")?;
+    system.connect("quadcopter.z", "pilot.position")?;
+    system.set("pilot.target", &TARGET.to_string())?;
+
+    let clock = Clock::new(0.0, DURATION, step)?;
+    let mut recorder = SeriesRecorder::default();
+    run(system, &clock, None, algorithm, &mut recorder)?;
+    let position = recorder
+        .series
+        .column("quadcopter.z")
+        .ok_or("no position recorded")?;
+    Ok(position.values[position.values.len() - 1])
+}
+
+/// Where it is when pilot and vehicle are integrated as one system.
+fn joint_position() -> Result<f64, Box<dyn Error>> {
+    let rows: String = (0..=300)
+        .map(|k| format!("{},{TARGET},0\n", 0.05 * f64::from(k)))
+        .collect();
+    let trial = Trial::parse(format!("time,target,position\n{rows}").as_bytes(), "start")?;
+    let joint = Joint {
+        vehicle: Quadcopter::default(),
+        pilot: Pilot::default(),
+    };
+    let run = simulate(&joint, &THETA, &trial);
+    Ok(run.position[run.position.len() - 1])
+}

@@ -1,0 +1,129 @@
+//! The paper's problem from trials and options.
+
+use super::constraints::RouthHurwitz;
+use super::{InitialState, Options, SchemeName, Trial};
+use crate::transcription::scheme::{EULER, HERMITE_SIMPSON, Scheme, TRAPEZOID};
+use crate::transcription::{Collocation, Run, Scales};
+use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter, quadcopter};
+
+/// The problem of the response fit: pilot and vehicle in closed loop.
+pub type ResponseProblem = Collocation<Joint, RouthHurwitz>;
+/// The problem of the stick fit: the pilot alone, driven by the recorded error.
+pub type StickProblem = Collocation<OpenLoopPilot, RouthHurwitz>;
+
+impl SchemeName {
+    /// Its coefficients.
+    pub fn coefficients(self) -> &'static Scheme {
+        match self {
+            Self::Euler => &EULER,
+            Self::Trapezoid => &TRAPEZOID,
+            Self::HermiteSimpson => &HERMITE_SIMPSON,
+        }
+    }
+}
+
+/// The response problem (paper, eq. 5); its mesh is the trials' samples.
+pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> ResponseProblem {
+    let joint = Joint {
+        vehicle: options.vehicle,
+        pilot: options.pilot,
+    };
+    let runs = trials.iter().map(|trial| {
+        let z0 = trial
+            .position
+            .iter()
+            .copied()
+            .find(|z| z.is_finite())
+            .unwrap_or(0.0);
+        let mut initial = vec![None; joint.n_states()];
+        if options.initial_state != InitialState::Free {
+            let hover = Quadcopter::hover(z0);
+            initial
+                .iter_mut()
+                .zip(hover)
+                .for_each(|(known, value)| *known = Some(value));
+        }
+        if options.initial_state == InitialState::AtRest {
+            initial[quadcopter::N_STATES..].fill(Some(0.0));
+        }
+        Run {
+            time: trial.time.clone(),
+            inputs: trial.target.iter().map(|t| vec![*t]).collect(),
+            measured: trial.position.clone(),
+            weight: trial.weight,
+            initial,
+        }
+    });
+    collocation(joint, runs.collect(), options, scales)
+}
+
+/// The stick problem: stick residuals of the pilot that sees the recorded error.
+pub fn stick(
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+    scales: Scales,
+) -> StickProblem {
+    let pilot = OpenLoopPilot {
+        pilot: options.pilot,
+    };
+    let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
+    let runs = trials.iter().zip(sticks).map(|(trial, stick)| {
+        let position = fill_gaps(&trial.time, &trial.position);
+        Run {
+            time: trial.time.clone(),
+            inputs: trial
+                .target
+                .iter()
+                .zip(position)
+                .map(|(t, z)| vec![t - z])
+                .collect(),
+            measured: stick.clone(),
+            weight: trial.weight,
+            initial: vec![known; pilot.n_states()],
+        }
+    });
+    collocation(pilot, runs.collect(), options, scales)
+}
+
+fn collocation<D: Dynamics>(
+    dynamics: D,
+    runs: Vec<Run>,
+    options: &Options,
+    scales: Scales,
+) -> Collocation<D, RouthHurwitz> {
+    let constraints = RouthHurwitz {
+        pilot: options.pilot,
+    };
+    Collocation::new(
+        dynamics,
+        constraints,
+        options.scheme.coefficients(),
+        runs,
+        scales,
+        options.stick_limit,
+    )
+}
+
+/// The signal with missing samples (NaN) filled by linear interpolation, constant at the ends.
+pub fn fill_gaps(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let known: Vec<usize> = (0..values.len())
+        .filter(|&k| values[k].is_finite())
+        .collect();
+    let fill = |k: usize| {
+        let after = known.partition_point(|&i| i < k);
+        match (
+            after.checked_sub(1).map(|i| known[i]),
+            known.get(after).copied(),
+        ) {
+            (_, Some(b)) if b == k => values[k],
+            (Some(a), Some(b)) => {
+                values[a] + (values[b] - values[a]) * (time[k] - time[a]) / (time[b] - time[a])
+            }
+            (Some(a), None) => values[a],
+            (None, Some(b)) => values[b],
+            (None, None) => 0.0,
+        }
+    };
+    (0..values.len()).map(fill).collect()
+}

@@ -1,0 +1,270 @@
+//! Starts, so that none is asked of the user.
+
+use super::problem::fill_gaps;
+use super::{Options, Trial};
+use crate::transcription::{Collocation, ParameterConstraints, Scales};
+use nalgebra::{DMatrix, DVector};
+use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
+
+/// Half width of the window of local polynomials that smooth a recorded position [s].
+const WINDOW: f64 = 0.35;
+
+/// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
+#[derive(Debug, Clone)]
+pub struct Smoothed {
+    /// Position [m].
+    pub z: Vec<f64>,
+    /// Velocity [m/s].
+    pub v: Vec<f64>,
+    /// Acceleration [m/s²].
+    pub a: Vec<f64>,
+}
+
+/// Local cubic polynomials through the samples within [`WINDOW`] (Savitzky & Golay 1964).
+pub fn smooth(trial: &Trial) -> Smoothed {
+    let position = fill_gaps(&trial.time, &trial.position);
+    let n = trial.time.len();
+    let mut out = Smoothed {
+        z: position.clone(),
+        v: vec![0.0; n],
+        a: vec![0.0; n],
+    };
+    for k in 0..n {
+        let t0 = trial.time[k];
+        let mut near: Vec<usize> = (0..n)
+            .filter(|&i| (trial.time[i] - t0).abs() <= WINDOW)
+            .collect();
+        if near.len() < 5 {
+            near = (k.saturating_sub(2)..(k + 3).min(n)).collect();
+        }
+        let degree = 3.min(near.len() - 1);
+        let basis = DMatrix::from_fn(near.len(), degree + 1, |i, j| {
+            ((trial.time[near[i]] - t0) / WINDOW).powi(j as i32)
+        });
+        let values = DVector::from_iterator(near.len(), near.iter().map(|&i| position[i]));
+        if let Ok(c) = basis.svd(true, true).solve(&values, 1e-12) {
+            out.z[k] = c[0];
+            out.v[k] = c.get(1).copied().unwrap_or(0.0) / WINDOW;
+            out.a[k] = 2.0 * c.get(2).copied().unwrap_or(0.0) / (WINDOW * WINDOW);
+        }
+    }
+    out
+}
+
+/// The stick of a run: recorded where it was, else what the inverted vehicle implies,
+/// `sin φ = -v̇/g` on an attitude loop that follows the stick at once.
+pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
+    match &trial.stick {
+        Some(stick) if stick.iter().any(|u| u.is_finite()) => fill_gaps(&trial.time, stick),
+        _ => {
+            let pitch = |a: &f64| -(a / vehicle.gravity).clamp(-0.95, 0.95).asin();
+            smooth(trial)
+                .a
+                .iter()
+                .map(|a| (pitch(a) / vehicle.max_pitch).clamp(-1.0, 1.0))
+                .collect()
+        }
+    }
+}
+
+/// θ by linear regression of stick on error: the transfer function times its denominator, every
+/// signal through the filter `1/(s + ω)^n` (Young, *Recursive Estimation and Time-Series Analysis*,
+/// 2nd ed. 2011, ch. 8: state-variable filters), ridge-regularised, then made stable.
+pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f64) -> Vec<f64> {
+    let n = pilot.order;
+    let mut normal = DMatrix::<f64>::zeros(2 * n, 2 * n);
+    let mut right = DVector::<f64>::zeros(2 * n);
+    for (trial, stick) in trials.iter().zip(sticks) {
+        let position = fill_gaps(&trial.time, &trial.position);
+        let error: Vec<f64> = trial
+            .target
+            .iter()
+            .zip(&position)
+            .map(|(t, z)| t - z)
+            .collect();
+        let u = filtered_derivatives(&trial.time, stick, n, filter);
+        let e = filtered_derivatives(&trial.time, &error, n, filter);
+        for k in 0..trial.time.len() {
+            let row = DVector::from_fn(2 * n, |i, _| if i < n { -u[k][i] } else { e[k][i - n] });
+            normal += &row * row.transpose() * trial.weight;
+            right += row * (u[k][n] * trial.weight);
+        }
+    }
+    let scale = DVector::from_fn(2 * n, |i, _| normal[(i, i)].sqrt().max(1e-12));
+    let scaled = DMatrix::from_fn(2 * n, 2 * n, |i, j| {
+        normal[(i, j)] / (scale[i] * scale[j]) + f64::from(i == j) * 1e-8
+    });
+    let solution = scaled.lu().solve(&right.component_div(&scale));
+    let theta: Vec<f64> = solution.map_or(vec![0.0; 2 * n], |s| {
+        s.component_div(&scale).as_slice().to_vec()
+    });
+    stabilised(pilot, &theta)
+}
+
+/// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.
+fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> Vec<Vec<f64>> {
+    // Controllable canonical form: x_1 is the filtered signal, x_{i+1} its i-th derivative.
+    let binomial = |i: usize| (0..i).fold(1.0, |b, j| b * (n - j) as f64 / (j + 1) as f64);
+    let coefficients: Vec<f64> = (0..n)
+        .map(|i| binomial(i) * omega.powi((n - i) as i32))
+        .collect();
+    let derivative = |x: &[f64], u: f64| -> Vec<f64> {
+        let top = u - x.iter().zip(&coefficients).map(|(x, c)| x * c).sum::<f64>();
+        x[1..].iter().copied().chain([top]).collect()
+    };
+    let mut x = vec![0.0; n];
+    let mut out = Vec::with_capacity(time.len());
+    for k in 0..time.len() {
+        let top = *derivative(&x, signal[k]).last().unwrap_or(&0.0);
+        out.push(x.iter().copied().chain([top]).collect());
+        if k + 1 < time.len() {
+            rk4(&mut x, time[k + 1] - time[k], 8, |x, c| {
+                derivative(x, signal[k] + c * (signal[k + 1] - signal[k]))
+            });
+        }
+    }
+    out
+}
+
+/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
+fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f64>) {
+    let dt = h / substeps as f64;
+    let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
+        x.iter().zip(k).map(|(x, k)| x + s * k).collect()
+    };
+    for step in 0..substeps {
+        let c = |part: f64| (step as f64 + part) / substeps as f64;
+        let k1 = f(x, c(0.0));
+        let k2 = f(&shifted(x, &k1, dt / 2.0), c(0.5));
+        let k3 = f(&shifted(x, &k2, dt / 2.0), c(0.5));
+        let k4 = f(&shifted(x, &k3, dt), c(1.0));
+        for (i, x) in x.iter_mut().enumerate() {
+            *x += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+        }
+    }
+}
+
+/// θ with its unstable poles mirrored into the left half plane, and none slower than 0.05 1/s or
+/// faster than 30 1/s.
+pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
+    let mut polynomial = vec![nalgebra::Complex::new(1.0, 0.0)];
+    for pole in pilot.poles(theta) {
+        let damped =
+            nalgebra::Complex::new(-pole.re.abs().clamp(0.05, 30.0), pole.im.clamp(-30.0, 30.0));
+        // times (s - pole), coefficients in ascending order
+        let mut next = vec![nalgebra::Complex::new(0.0, 0.0); polynomial.len() + 1];
+        for (i, c) in polynomial.iter().enumerate() {
+            next[i + 1] += c;
+            next[i] -= c * damped;
+        }
+        polynomial = next;
+    }
+    let denominator = polynomial[..pilot.order].iter().map(|c| c.re);
+    denominator
+        .chain(theta[pilot.order..].iter().copied())
+        .collect()
+}
+
+/// The pilot's states and stick when it sees the recorded error from rest.
+fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
+    let position = fill_gaps(&trial.time, &trial.position);
+    let error: Vec<f64> = trial
+        .target
+        .iter()
+        .zip(&position)
+        .map(|(t, z)| t - z)
+        .collect();
+    let mut x = vec![0.0; pilot.order];
+    let mut out = vec![x.clone()];
+    for k in 0..trial.time.len() - 1 {
+        rk4(&mut x, trial.time[k + 1] - trial.time[k], 8, |x, c| {
+            let mut dx = vec![0.0; x.len()];
+            pilot.derivative(x, error[k] + c * (error[k + 1] - error[k]), theta, &mut dx);
+            dx
+        });
+        out.push(x.clone());
+    }
+    out
+}
+
+/// States of the closed loop at the samples, from the data: position and velocity as recorded, the
+/// attitude loop and the pilot simulated (both are stable by themselves), the pilot on the recorded
+/// error.
+pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+    let smoothed = smooth(trial);
+    let pilot = pilot_states(trial, options.pilot, theta);
+    let stick = |k: usize| {
+        options
+            .pilot
+            .output(&pilot[k], theta)
+            .clamp(-options.stick_limit, options.stick_limit)
+    };
+    let mut x = Quadcopter::hover(0.0);
+    let mut out = Vec::with_capacity(trial.time.len());
+    for k in 0..trial.time.len() {
+        x[0] = smoothed.z[k];
+        x[2] = smoothed.v[k];
+        out.push(x.iter().copied().chain(pilot[k].iter().copied()).collect());
+        if k + 1 < trial.time.len() {
+            let (u0, u1) = (stick(k), stick(k + 1));
+            rk4(&mut x, trial.time[k + 1] - trial.time[k], 8, |x, c| {
+                let mut dx = vec![0.0; quadcopter::N_STATES];
+                options.vehicle.derivative(x, u0 + c * (u1 - u0), &mut dx);
+                dx
+            });
+        }
+    }
+    out
+}
+
+/// States of the pilot alone at the samples.
+pub fn stick_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+    pilot_states(trial, options.pilot, theta)
+}
+
+/// Scales: the largest magnitude of each state over all runs, and of each parameter.
+pub fn scales(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Scales {
+    let n = states[0][0].len();
+    let largest = |i: usize| {
+        states
+            .iter()
+            .flatten()
+            .fold(1e-3_f64, |m, x| m.max(x[i].abs()))
+    };
+    let typical = theta.iter().map(|t| t.abs()).fold(0.0, f64::max);
+    Scales {
+        states: (0..n).map(largest).collect(),
+        parameters: theta
+            .iter()
+            .map(|t| t.abs().max(1e-6 * typical).max(1e-9))
+            .collect(),
+    }
+}
+
+/// The NLP's variables from states at the samples (linear in between) and θ.
+pub fn variables<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+) -> Vec<f64> {
+    let scales = &problem.model.scales;
+    let mut z = Vec::with_capacity(problem.layout.theta + theta.len());
+    for (j, states) in states.iter().enumerate() {
+        for k in 0..problem.layout.runs[j].nodes {
+            let (interval, c) = problem.place(j, k);
+            let (from, to) = (
+                &states[interval],
+                &states[(interval + 1).min(states.len() - 1)],
+            );
+            z.extend((0..from.len()).map(|i| (from[i] + c * (to[i] - from[i])) / scales.states[i]));
+        }
+        let start = problem.layout.runs[j].z;
+        for (i, known) in problem.runs[j].initial.iter().enumerate() {
+            if let Some(value) = known {
+                z[start + i] = value / scales.states[i];
+            }
+        }
+    }
+    z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
+    z
+}

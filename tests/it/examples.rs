@@ -1,0 +1,70 @@
+//! The programs in `examples/` do what their first lines say.
+
+use std::path::Path;
+use std::process::Command;
+
+/// Runs an example from the repository's folder and returns its stdout. `cargo test` builds the
+/// examples beside the command; `cargo test --test it` alone does not.
+fn run(name: &str, arguments: &[&str]) -> String {
+    let beside = Path::new(env!("CARGO_BIN_EXE_pilotage")).with_file_name("examples");
+    let program = beside
+        .join(name)
+        .with_extension(std::env::consts::EXE_EXTENSION);
+    assert!(
+        program.exists(),
+        "{name} is not built; run `cargo build --examples` in this profile"
+    );
+    let output = Command::new(program)
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The numbers of each row below the line that begins with `head`.
+fn rows(text: &str, head: &str) -> Vec<Vec<f64>> {
+    (text
+        .lines()
+        .skip_while(|line| !line.starts_with(head))
+        .skip(1))
+    .map(|line| {
+        line.split([' ', ','])
+            .filter_map(|cell| cell.parse().ok())
+            .collect()
+    })
+    .collect()
+}
+
+#[test]
+fn closed_loop_converges_to_the_joint_ode_at_first_order() {
+    let rows = rows(&run("closed_loop", &[]), "step");
+    assert_eq!(rows.len(), 4);
+    for pair in rows.windows(2) {
+        for algorithm in [1, 2] {
+            let ratio = pair[0][algorithm] / pair[1][algorithm];
+            assert!((1.9..2.3).contains(&ratio), "{rows:?}");
+        }
+    }
+    assert!(
+        rows.iter().all(|row| row[2].abs() < 0.05 * row[1].abs()),
+        "{rows:?}"
+    );
+}
+
+#[test]
+fn flyable_gains_draws_the_line_where_routh_does() {
+    let text = run("flyable_gains", &[]);
+    let rows = rows(&text, "rate_gain");
+    let unstable = text
+        .lines()
+        .filter(|line| line.ends_with("unstable"))
+        .count();
+    // Stable when rate_gain exceeds 22.96 / 14.48 = 1.586.
+    assert_eq!((rows.len(), unstable), (7, 2), "{text}");
+    assert!(
+        rows.iter().all(|row| (row[2] < 0.0) == (row[0] < 1.586)),
+        "{text}"
+    );
+}
