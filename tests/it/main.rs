@@ -2,6 +2,7 @@
 
 mod arrows;
 mod bad_files;
+mod bad_fmus;
 mod command;
 mod cosim;
 mod examples;

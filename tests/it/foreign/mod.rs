@@ -67,7 +67,14 @@ fn compile(source: &str, flags: &[&str]) -> Vec<u8> {
     let library = folder.path().join("library");
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/foreign");
     let done = Command::new(Path::new(env!("CARGO")).with_file_name("rustc"))
-        .args(["--edition", "2024", "--crate-type", "cdylib", "-o"])
+        .args([
+            "--edition=2024",
+            "--crate-type=cdylib",
+            "-Cpanic=abort",
+            "-Copt-level=1",
+            "-Cstrip=symbols",
+            "-o",
+        ])
         .arg(&library)
         .arg(sources.join(source))
         .args(flags)
@@ -94,15 +101,15 @@ macro_rules! binaries {
 
 binaries! {
     /// Everything is in it.
-    binary: "fmu.rs", ["-Cpanic=abort"];
+    binary: "fmu.rs", [];
     /// `fmi2DoStep` is missing.
-    binary_without_do_step: "fmu.rs", ["-Cpanic=abort", "--cfg", "without_do_step"];
+    binary_without_do_step: "fmu.rs", ["--cfg", "without_do_step"];
     /// It says that it is of FMI 3.0.
-    binary_of_fmi3: "fmu.rs", ["-Cpanic=abort", "--cfg", "fmi3"];
+    binary_of_fmi3: "fmu.rs", ["--cfg", "fmi3"];
     /// It uses `tanh` and is linked with nothing.
-    binary_needing_libm: "libm.rs", ["-Cpanic=abort", "-Clink-arg=-nostdlib", "-Copt-level=1"];
+    binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
-    binary_needing_nobody: "libm.rs", ["-Cpanic=abort", "-Clink-arg=-nostdlib", "-Copt-level=1", "--cfg", "unresolved"];
+    binary_needing_nobody: "libm.rs", ["-Clink-arg=-nostdlib", "--cfg", "unresolved"];
 }
 
 /// A zip archive of these files.
