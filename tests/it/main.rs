@@ -7,6 +7,7 @@ mod command;
 mod cosim;
 mod examples;
 mod fmi;
+mod fmu_commands;
 mod foreign;
 mod trials;
 mod vehicle;

@@ -110,6 +110,9 @@ binaries! {
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
     binary_needing_nobody: "libm.rs", ["-Clink-arg=-nostdlib", "--cfg", "unresolved"];
+    /// The same, but it asks for the function when it calls it.
+    binary_needing_nobody_yet: "libm.rs",
+        ["-Clink-arg=-nostdlib", "--cfg", "unresolved", "-Crelro-level=off"];
 }
 
 /// A zip archive of these files.
