@@ -2,6 +2,7 @@
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+mod export;
 mod failure;
 mod folder;
 mod format;
@@ -29,6 +30,8 @@ enum Command {
     Trials(trials::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
+    /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
+    Export(export::Args),
 }
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
@@ -36,6 +39,7 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Trials(args) => trials::run(args),
         Command::Vehicle(args) => vehicle::run(args),
+        Command::Export(args) => export::run(args),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
