@@ -3,6 +3,7 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod cosim;
+mod export;
 mod failure;
 mod folder;
 mod format;
@@ -32,6 +33,8 @@ enum Command {
     Trials(trials::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
+    /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
+    Export(export::Args),
     /// Wire FMUs together and simulate them.
     Cosim(cosim::Args),
     /// Check FMUs against the standard, and try them.
@@ -48,6 +51,7 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Trials(args) => trials::run(args),
         Command::Vehicle(args) => vehicle::run(args),
+        Command::Export(args) => export::run(args),
         Command::Cosim(args) => cosim::run(args),
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),
