@@ -2,8 +2,12 @@
 
 mod arrows;
 mod bad_files;
+mod bad_fmus;
 mod command;
+mod cosim;
 mod examples;
 mod fmi;
+mod fmu_commands;
+mod foreign;
 mod trials;
 mod vehicle;
