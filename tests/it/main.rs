@@ -6,6 +6,7 @@ mod bad_fmus;
 mod command;
 mod cosim;
 mod examples;
+mod fit;
 mod fmi;
 mod fmu_commands;
 mod foreign;
