@@ -5,5 +5,7 @@ mod bad_files;
 mod command;
 mod examples;
 mod fmi;
+mod fmpy;
+mod python;
 mod trials;
 mod vehicle;
