@@ -6,6 +6,7 @@ mod command;
 mod examples;
 mod fmi;
 mod fmpy;
+mod fmu_binary;
 mod python;
 mod trials;
 mod vehicle;
