@@ -2,12 +2,15 @@
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+mod cosim;
 mod export;
 mod failure;
 mod folder;
 mod format;
+mod info;
 mod terminal;
 mod trials;
+mod validate;
 mod vehicle;
 
 pub use failure::{Failure, Outcome};
@@ -32,6 +35,15 @@ enum Command {
     Vehicle(vehicle::Args),
     /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
     Export(export::Args),
+    /// Wire FMUs together and simulate them.
+    Cosim(cosim::Args),
+    /// Check FMUs against the standard, and try them.
+    Validate(validate::Args),
+    /// Show what an FMU is and which variables it has.
+    Info(info::Args),
+    /// Load and step one FMU, telling each stage: what `validate` runs in a process of its own.
+    #[command(hide = true)]
+    Probe(validate::ProbeArgs),
 }
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
@@ -40,6 +52,10 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Export(args) => export::run(args),
+        Command::Cosim(args) => cosim::run(args),
+        Command::Validate(args) => validate::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Probe(args) => validate::probe(args),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -2,11 +2,15 @@
 
 mod arrows;
 mod bad_files;
+mod bad_fmus;
 mod command;
+mod cosim;
 mod examples;
 mod fmi;
 mod fmpy;
 mod fmu_binary;
+mod fmu_commands;
+mod foreign;
 mod python;
 mod trials;
 mod vehicle;
