@@ -6,6 +6,7 @@ mod bad_fmus;
 mod command;
 mod cosim;
 mod examples;
+mod export;
 mod fmi;
 mod fmpy;
 mod fmu_binary;
