@@ -73,7 +73,10 @@ pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProble
                 .zip(position)
                 .map(|(t, z)| vec![t - z])
                 .collect(),
-            measured: trial.stick.clone().unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
+            measured: trial
+                .stick
+                .clone()
+                .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
             weight: trial.weight,
             initial: vec![known; pilot.n_states()],
         }

@@ -76,10 +76,17 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<()> + 'a;
 /// # Errors
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
 /// result, with its status.
-pub fn fit(trials: &[Trial], options: &Options, observer: &mut Observer<'_>) -> Result<Fit, FitError> {
+pub fn fit(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Fit, FitError> {
     check(trials, options)?;
     let clock = Instant::now();
-    let sticks: Vec<Vec<f64>> = trials.iter().map(|t| start::implied_stick(t, &options.vehicle)).collect();
+    let sticks: Vec<Vec<f64>> = trials
+        .iter()
+        .map(|t| start::implied_stick(t, &options.vehicle))
+        .collect();
     let candidates = match &options.start {
         Some(theta) => vec![theta.clone()],
         None => start::candidates(trials, &sticks, options),
@@ -87,16 +94,24 @@ pub fn fit(trials: &[Trial], options: &Options, observer: &mut Observer<'_>) -> 
     let mut fit = match options.objective {
         Objective::Response => {
             let from = |theta: &[f64]| {
-                let states: Vec<_> = trials.iter().map(|t| start::joint_states(t, options, theta)).collect();
+                let states: Vec<_> = trials
+                    .iter()
+                    .map(|t| start::joint_states(t, options, theta))
+                    .collect();
                 let problem = problem::response(trials, options, start::scales(&states, theta));
                 let z = start::variables(&problem, &states, theta);
                 (problem, z)
             };
-            multi_start(&candidates, &from, options, observer, &|problem, z| runs(problem, z, trials))
+            multi_start(&candidates, &from, options, observer, &|problem, z| {
+                runs(problem, z, trials)
+            })
         }
         Objective::Stick => {
             let from = |theta: &[f64]| {
-                let states: Vec<_> = trials.iter().map(|t| start::stick_states(t, options, theta)).collect();
+                let states: Vec<_> = trials
+                    .iter()
+                    .map(|t| start::stick_states(t, options, theta))
+                    .collect();
                 let problem = problem::stick(trials, options, start::scales(&states, theta));
                 let z = start::variables(&problem, &states, theta);
                 (problem, z)
@@ -107,7 +122,11 @@ pub fn fit(trials: &[Trial], options: &Options, observer: &mut Observer<'_>) -> 
                 run
             };
             multi_start(&candidates, &from, options, observer, &|problem, z| {
-                runs(problem, z, trials).into_iter().zip(trials).map(|(run, trial)| recorded(run, trial)).collect()
+                runs(problem, z, trials)
+                    .into_iter()
+                    .zip(trials)
+                    .map(|(run, trial)| recorded(run, trial))
+                    .collect()
             })
         }
     };
@@ -121,20 +140,40 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
         return Err(FitError::NoTrials);
     }
     if !(1..=MAX_ORDER).contains(&order) {
-        return Err(FitError::Order { order, low: 1, high: MAX_ORDER });
+        return Err(FitError::Order {
+            order,
+            low: 1,
+            high: MAX_ORDER,
+        });
     }
     if let Some(theta) = &options.start {
         if theta.len() != 2 * order {
-            return Err(FitError::StartLength { found: theta.len(), expected: 2 * order, order });
+            return Err(FitError::StartLength {
+                found: theta.len(),
+                expected: 2 * order,
+                order,
+            });
         }
         let all_zero = theta.iter().all(|v| *v == 0.0);
         if let Some(index) = theta.iter().position(|v| !v.is_finite() || all_zero) {
-            return Err(FitError::StartValue { index: index + 1, value: theta[index] });
+            return Err(FitError::StartValue {
+                index: index + 1,
+                value: theta[index],
+            });
         }
     }
-    let has_stick = |t: &Trial| t.stick.as_ref().is_some_and(|s| s.iter().any(|u| u.is_finite()));
-    match trials.iter().find(|t| options.objective == Objective::Stick && !has_stick(t)) {
-        Some(trial) => Err(FitError::NoStick { trial: trial.name.clone() }),
+    let has_stick = |t: &Trial| {
+        t.stick
+            .as_ref()
+            .is_some_and(|s| s.iter().any(|u| u.is_finite()))
+    };
+    match trials
+        .iter()
+        .find(|t| options.objective == Objective::Stick && !has_stick(t))
+    {
+        Some(trial) => Err(FitError::NoStick {
+            trial: trial.name.clone(),
+        }),
         None => Ok(()),
     }
 }
@@ -156,19 +195,31 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
 ) -> Fit {
     let alone = candidates.len() == 1;
-    let scout = if alone { options.max_iterations } else { SCOUT_ITERATIONS.min(options.max_iterations) };
+    let scout = if alone {
+        options.max_iterations
+    } else {
+        SCOUT_ITERATIONS.min(options.max_iterations)
+    };
     let mut stopped = false;
     let mut attempts: Vec<Attempt<D, C>> = Vec::new();
     for (number, theta) in candidates.iter().enumerate() {
         let (problem, z) = from(theta);
         let mut watch = |iteration: &Iteration| {
-            let flow = observer(&Progress { start: number, starts: candidates.len(), iteration });
+            let flow = observer(&Progress {
+                start: number,
+                starts: candidates.len(),
+                iteration,
+            });
             stopped |= flow.is_break();
             flow
         };
         let solution = run(&problem, z, options, scout, &mut watch);
         let iterations = solution.work.iterations;
-        attempts.push(Attempt { problem, solution, iterations });
+        attempts.push(Attempt {
+            problem,
+            solution,
+            iterations,
+        });
         if stopped {
             break;
         }
@@ -180,7 +231,11 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
         let left = options.max_iterations.saturating_sub(attempt.iterations);
         if left > 0 && attempt.solution.status == Status::IterationLimit {
             let mut watch = |iteration: &Iteration| {
-                let flow = observer(&Progress { start: 0, starts: 1, iteration });
+                let flow = observer(&Progress {
+                    start: 0,
+                    starts: 1,
+                    iteration,
+                });
                 stopped |= flow.is_break();
                 flow
             };
@@ -214,7 +269,11 @@ fn run<D: Dynamics, C: ParameterConstraints>(
     max_iterations: usize,
     watch: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Solution {
-    let sqp_options = sqp::Options { tolerance: options.tolerance, max_iterations, ..sqp::Options::default() };
+    let sqp_options = sqp::Options {
+        tolerance: options.tolerance,
+        max_iterations,
+        ..sqp::Options::default()
+    };
     sqp::solve(problem, &mut Condensed::default(), z, &sqp_options, watch)
 }
 
@@ -223,7 +282,9 @@ fn report<D: Dynamics, C: ParameterConstraints>(
     best: usize,
     runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
 ) -> Fit {
-    let Attempt { problem, solution, .. } = &attempts[best];
+    let Attempt {
+        problem, solution, ..
+    } = &attempts[best];
     Fit {
         theta: problem.physical_theta(&solution.iterate.z),
         objective: solution.iterate.f,
@@ -246,22 +307,42 @@ fn report<D: Dynamics, C: ParameterConstraints>(
 }
 
 /// The runs of a solution at the interval boundaries.
-fn runs<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, z: &[f64], trials: &[Trial]) -> Vec<RunFit> {
+fn runs<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    z: &[f64],
+    trials: &[Trial],
+) -> Vec<RunFit> {
     let theta = problem.physical_theta(z);
     let scales = &problem.model.scales.states;
     let s = problem.scheme.unknown_nodes();
     let one = |(j, trial): (usize, &Trial)| {
         let run = &problem.runs[j];
         let states: Vec<Vec<f64>> = (0..run.time.len())
-            .map(|b| problem.node(z, j, b * s).iter().zip(scales).map(|(x, s)| x * s).collect())
+            .map(|b| {
+                problem
+                    .node(z, j, b * s)
+                    .iter()
+                    .zip(scales)
+                    .map(|(x, s)| x * s)
+                    .collect()
+            })
             .collect();
         let model = &problem.model.dynamics;
         let at = |f: &dyn Fn(&[f64], &[f64]) -> f64| -> Vec<f64> {
-            states.iter().zip(&run.inputs).map(|(x, w)| f(x, w)).collect()
+            states
+                .iter()
+                .zip(&run.inputs)
+                .map(|(x, w)| f(x, w))
+                .collect()
         };
         let measured = at(&|x, w| model.measured(x, w, &theta));
         let stick = at(&|x, w| model.bounded(x, w, &theta));
-        let residual = run.measured.iter().zip(&measured).map(|(y, m)| y - m).collect();
+        let residual = run
+            .measured
+            .iter()
+            .zip(&measured)
+            .map(|(y, m)| y - m)
+            .collect();
         RunFit {
             name: trial.name.clone(),
             time: run.time.clone(),

@@ -107,7 +107,10 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
 /// Starts for θ, estimated from the data: regressions of the stick on the error with filters from slow
 /// to fast.
 pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
-    FILTERS.iter().map(|filter| regression(trials, sticks, options.pilot, *filter)).collect()
+    FILTERS
+        .iter()
+        .map(|filter| regression(trials, sticks, options.pilot, *filter))
+        .collect()
 }
 
 /// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.
