@@ -9,8 +9,8 @@ use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 /// Half width of the window of local polynomials that smooth a recorded position [s].
 const WINDOW: f64 = 0.35;
 
-/// Poles of the filters of the regressions [1/s].
-const FILTERS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+/// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
+const FILTERS: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
 #[derive(Debug, Clone)]

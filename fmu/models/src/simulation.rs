@@ -44,7 +44,7 @@ pub enum SetError {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// The pilot's transition cannot be computed.
-    #[error("the pilot's {0}")]
+    #[error("the pilot's equations: {0}")]
     Pilot(#[from] TransitionError),
     /// The vehicle's integration was given up.
     #[error("the vehicle's equations: {0}")]
