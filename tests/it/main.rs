@@ -5,6 +5,7 @@ mod bad_files;
 mod bad_fmus;
 mod command;
 mod cosim;
+mod demo;
 mod examples;
 mod export;
 mod fit;
