@@ -96,7 +96,7 @@ impl EqualityConvexQp {
     }
 
     /// `A x`.
-    fn rows(&self, x: &[f64]) -> Vec<f64> {
+    pub fn rows(&self, x: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.lower.len()];
         self.a.iter().for_each(|&(i, j, v)| out[i] += v * x[j]);
         out

@@ -8,12 +8,14 @@
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};
+use super::iterate::violation;
 use super::problem::Pattern;
 use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step};
 
 /// Ladder of ρ, relative to the largest entry of the Hessian.
 const CONVEXIFICATION: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e8];
-/// Cost of violating a row when the rows are inconsistent, per unit.
+/// Cost of violating a row by one unit, relative to the objective's gradient. A QP whose multipliers
+/// are below it is the same with and without relaxation; one beyond it has (almost) inconsistent rows.
 const RELAXATION: f64 = 1e4;
 
 /// Workspace of the general QP path.
@@ -139,17 +141,25 @@ impl SparseQp {
         };
         (self.qp.lower, self.qp.upper) = (limits(lower), limits(upper));
         self.working.resize(c.len() + g.len(), None);
-        let solution = match self.qp.solve_near(&self.working) {
-            Some(solution) => solution,
-            None => self.solve_convex(c.len())?,
+        let steepest = self.gradient.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+        let cost = RELAXATION * steepest;
+        let strict = match self.qp.solve_near(&self.working) {
+            Some(solution) => Ok(solution),
+            None => self.solve_convex(None),
+        };
+        let solution = match strict {
+            Ok(solution) if solution.y.iter().all(|y| y.abs() <= cost) => solution,
+            Ok(_) | Err(QpFailure::Infeasible) => self.solve_convex(Some(cost))?,
+            Err(other) => return Err(other),
         };
         self.working = self.qp.active(&solution);
         self.write_step(solution, step);
         Ok(())
     }
 
-    /// By clarabel, polished; relaxed where the rows are inconsistent.
-    fn solve_convex(&self, equalities: usize) -> Result<ConvexSolution, QpFailure> {
+    /// By clarabel, polished where the rows are not relaxed.
+    fn solve_convex(&self, relaxed: Option<f64>) -> Result<ConvexSolution, QpFailure> {
+        let equalities = self.qp.equalities;
         let (p, q) = self.qp.convexified();
         let qp = ConvexQp {
             p,
@@ -158,14 +168,12 @@ impl SparseQp {
             lower: self.qp.lower.clone(),
             upper: self.qp.upper.clone(),
         };
-        let mut solution = match qp.solve(None) {
-            Ok(rough) => match self.qp.solve_near(&self.qp.active(&rough)) {
-                Some(polished) => return Ok(polished),
-                None => rough,
-            },
-            Err(QpFailure::Infeasible) => qp.solve(Some(RELAXATION))?,
-            Err(other) => return Err(other),
-        };
+        let mut solution = qp.solve(relaxed)?;
+        if relaxed.is_none()
+            && let Some(polished) = self.qp.solve_near(&self.qp.active(&solution))
+        {
+            return Ok(polished);
+        }
         // The multipliers of the QP without ρ: λ = λ' + ρ (J d + c).
         for &(i, j, v) in self.qp.a.iter().filter(|(i, _, _)| *i < equalities) {
             solution.y[i] += self.qp.rho * v * solution.x[j];
@@ -179,7 +187,20 @@ impl SparseQp {
     fn write_step(&self, solution: ConvexSolution, step: &mut Step) {
         let wd = self.qp.w_times(&solution.x);
         step.curvature = wd.iter().zip(&solution.x).map(|(w, d)| w * d).sum();
-        step.violation = solution.violation;
+        let m = self.c.len();
+        step.residual.clear();
+        step.violation = 0.0;
+        if solution.violation > 0.0 {
+            let rows = self.qp.rows(&solution.x);
+            let limits = self.qp.lower[m..].iter().zip(&self.qp.upper[m..]);
+            let outside = rows[m..].iter().zip(limits);
+            step.violation = outside.map(|(row, (l, u))| violation(*row, *l, *u)).sum();
+            step.residual = rows[..m]
+                .iter()
+                .zip(&self.qp.lower)
+                .map(|(row, c)| row - c)
+                .collect();
+        }
         step.active = self.working[self.c.len()..].iter().flatten().count();
         step.eta = solution.y[self.c.len()..].to_vec();
         step.lambda = solution.y[..self.c.len()].to_vec();

@@ -5,5 +5,6 @@ mod bad_files;
 mod command;
 mod examples;
 mod fmi;
+mod sqp_problems;
 mod trials;
 mod vehicle;
