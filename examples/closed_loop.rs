@@ -7,7 +7,7 @@
 
 use pilotage::cosim::{Algorithm, Clock, NativeSlave, SeriesRecorder, System, run};
 use pilotage::identification::{Trial, simulate};
-use pilotage::models::{Joint, Pilot, Quadcopter};
+use pilotage::models::{Joint, Model, Pilot, Quadcopter};
 use std::error::Error;
 
 /// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot who looks ahead by 2.5 s and lags by half a second.
@@ -30,8 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Where the vehicle is at the end, coupled with the given communication step [s].
 fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
-    let pilot = NativeSlave::pilot(Pilot::default(), &THETA, 1e-3);
-    let quadcopter = NativeSlave::quadcopter(Quadcopter::default(), 1e-3);
+    let pilot = NativeSlave::new(Model::pilot(&THETA, 1.0));
+    let quadcopter = NativeSlave::new(Model::quadcopter(&Quadcopter::default()));
     system.add("pilot", Box::new(pilot))?;
     system.add("quadcopter", Box::new(quadcopter))?;
     system.connect("pilot.stick", "quadcopter.stick")?;

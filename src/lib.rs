@@ -7,6 +7,7 @@
 
 pub mod cosim;
 pub mod document;
+pub mod export;
 pub mod fmi;
 pub mod identification;
 pub mod nearest;

@@ -45,8 +45,27 @@ impl Output {
     /// When the content cannot be written; what stood at the path before is still there.
     pub fn save(mut self, content: &[u8]) -> io::Result<()> {
         self.file.write_all(content)?;
+        self.finish()
+    }
+
+    /// Puts what was written so far in its place.
+    ///
+    /// # Errors
+    /// When the file cannot be renamed; what stood at the path before is still there.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.file.flush()?;
         self.file.persist(&self.path).map_err(|error| error.error)?;
         Ok(())
+    }
+}
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
     }
 }
 

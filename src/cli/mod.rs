@@ -2,11 +2,15 @@
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+mod cosim;
+mod export;
 mod failure;
 mod folder;
 mod format;
+mod info;
 mod terminal;
 mod trials;
+mod validate;
 mod vehicle;
 
 pub use failure::{Failure, Outcome};
@@ -29,6 +33,17 @@ enum Command {
     Trials(trials::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
+    /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
+    Export(export::Args),
+    /// Wire FMUs together and simulate them.
+    Cosim(cosim::Args),
+    /// Check FMUs against the standard, and try them.
+    Validate(validate::Args),
+    /// Show what an FMU is and which variables it has.
+    Info(info::Args),
+    /// Load and step one FMU, telling each stage: what `validate` runs in a process of its own.
+    #[command(hide = true)]
+    Probe(validate::ProbeArgs),
 }
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
@@ -36,6 +51,11 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Trials(args) => trials::run(args),
         Command::Vehicle(args) => vehicle::run(args),
+        Command::Export(args) => export::run(args),
+        Command::Cosim(args) => cosim::run(args),
+        Command::Validate(args) => validate::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Probe(args) => validate::probe(args),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

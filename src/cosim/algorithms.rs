@@ -4,7 +4,9 @@ use super::system::System;
 
 /// How slaves that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
 /// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000). Both are of first order in the
-/// communication step, inputs being held during a step.
+/// communication step `h`, inputs being held during a step: with Jacobi every input lags by `h/2` on
+/// average; with Gauss-Seidel the first slave's outputs reach the second `h/2` early, and what comes
+/// back is `h/2` late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Algorithm {
     /// All slaves get the others' outputs at `t_k`, then all step to `t_{k+1}`.

@@ -30,7 +30,7 @@ pub enum ClockError {
     },
     /// The step does not divide the duration.
     #[error(
-        "{duration} s are {ratio} steps of {step} s, expected a whole number: stop at {below} s or {above} s, or change the step"
+        "{duration} s are {} steps of {step} s, expected a whole number: stop at {} s or {} s, or change the step", readable(*ratio), readable(*below), readable(*above)
     )]
     NotWhole {
         /// Stop minus start [s].
@@ -50,6 +50,11 @@ pub enum ClockError {
         /// Number of steps.
         ratio: f64,
     },
+}
+
+/// The number to nine digits, without the noise of binary arithmetic.
+fn readable(value: f64) -> f64 {
+    format!("{value:.8e}").parse().unwrap_or(value)
 }
 
 /// How far from whole the number of steps may be, relative to it: input is decimal, so that 15/0.05
@@ -165,7 +170,7 @@ mod tests {
                 0.0,
                 1.0,
                 0.375,
-                "1 s are 2.6666666666666665 steps of 0.375 s, expected a whole number: stop at 0.75 s or 1.125 s, or change the step",
+                "1 s are 2.66666667 steps of 0.375 s, expected a whole number: stop at 0.75 s or 1.125 s, or change the step",
             ),
             (
                 0.0,

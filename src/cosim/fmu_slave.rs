@@ -6,7 +6,8 @@ use super::slave::{
 use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
 };
-use crate::fmi::{FmuError, Instance, Step, fmu};
+use crate::fmi::{Fmu, FmuError, Instance, Step, fmu};
+use std::path::Path;
 
 /// An instance of an FMU.
 #[derive(Debug)]
@@ -18,6 +19,14 @@ pub struct FmuSlave {
 }
 
 impl FmuSlave {
+    /// Opens and loads an FMU and makes an instance of it.
+    ///
+    /// # Errors
+    /// If anything about it is wrong.
+    pub fn open(path: &Path, name: &str) -> Result<Self, FmuError> {
+        Self::new(&Fmu::open(path)?.load()?, name)
+    }
+
     /// Makes an instance of a loaded FMU.
     ///
     /// # Errors
@@ -60,12 +69,14 @@ impl Slave for FmuSlave {
     }
 
     fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
-        Ok(match value {
-            Value::Real(value) => self.instance.set_real(&[handle], &[*value])?,
-            Value::Integer(value) => self.instance.set_integer(handle, *value)?,
-            Value::Boolean(value) => self.instance.set_boolean(handle, *value)?,
-            Value::String(value) => self.instance.set_string(handle, value)?,
-        })
+        let instance = &mut self.instance;
+        let set = match value {
+            Value::Real(value) => instance.set_real(&[handle], &[*value]),
+            Value::Integer(value) => instance.set_integer(handle, *value),
+            Value::Boolean(value) => instance.set_boolean(handle, *value),
+            Value::String(value) => instance.set_string(handle, value),
+        };
+        Ok(set?)
     }
 
     fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {

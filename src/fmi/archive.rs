@@ -46,7 +46,7 @@ pub enum ArchiveError {
         source: io::Error,
     },
     /// It is no zip file, or a damaged one.
-    #[error("{} is not a readable FMU (zip archive)", path.display())]
+    #[error("{} is no zip archive, or a damaged one", path.display())]
     NotAnArchive {
         /// The file.
         path: PathBuf,
@@ -129,7 +129,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
         /// Why.
-        source: ZipError,
+        source: io::Error,
     },
     /// An entry holds more bytes than the archive's directory says.
     #[error("{}: entry `{entry}` holds more than the {declared} bytes that the archive declares", path.display())]
@@ -296,9 +296,8 @@ impl Archive {
             entry: entry.name.clone(),
             source,
         };
-        let file = self.zip.by_index(index).map_err(unreadable)?;
-        let written = io::copy(&mut file.take(entry.declared + 1), to)
-            .map_err(|source| unreadable(ZipError::Io(source)))?;
+        let file = self.zip.by_index(index).map_err(|e| unreadable(plain(e)))?;
+        let written = io::copy(&mut file.take(entry.declared + 1), to).map_err(unreadable)?;
         if written > entry.declared {
             return Err(ArchiveError::LyingSize {
                 path: self.path.clone(),
@@ -320,7 +319,7 @@ fn list_entries(
         let unreadable = |source| ArchiveError::Unreadable {
             path: path.to_owned(),
             entry: format!("#{index}"),
-            source,
+            source: plain(source),
         };
         let raw = zip.by_index_raw(index).map_err(unreadable)?;
         let name = raw.name().map_err(unreadable)?.into_owned();
@@ -346,6 +345,14 @@ fn list_entries(
         });
     }
     Ok(entries)
+}
+
+/// The error without a wrapping that says it twice.
+fn plain(error: ZipError) -> io::Error {
+    match error {
+        ZipError::Io(error) => error,
+        other => io::Error::other(other),
+    }
 }
 
 /// Whether a name is a plain relative path with `/` between its parts.

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Debug, Error, PartialEq)]
 pub enum BinaryError {
     /// Not an object file at all, or one whose headers are damaged.
-    #[error("it is not a shared library: {0}")]
+    #[error("it is not a shared library")]
     NotAnObject(#[from] object::read::Error),
     /// An object file, but no shared library.
     #[error("it is an object of kind {0:?}, not a shared library")]

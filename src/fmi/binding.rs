@@ -221,7 +221,11 @@ unsafe fn open(path: &Path) -> Result<(Library, Option<String>), libloading::Err
     load_libm_for_all();
     match load(RTLD_NOW) {
         Ok(library) => Ok((library, None)),
-        Err(unresolved) => load(RTLD_LAZY).map(|library| (library, Some(unresolved.to_string()))),
+        Err(error) => {
+            let source = std::error::Error::source(&error);
+            let unresolved = source.map_or_else(|| error.to_string(), ToString::to_string);
+            load(RTLD_LAZY).map(|library| (library, Some(unresolved)))
+        }
     }
 }
 

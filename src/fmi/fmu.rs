@@ -137,6 +137,11 @@ impl Fmu {
         &self.description
     }
 
+    /// Names of all files in the archive.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        self.archive.files()
+    }
+
     /// Folders under `binaries/`.
     pub fn platforms(&self) -> Vec<String> {
         let present = platform::present(self.archive.files());
@@ -226,6 +231,13 @@ impl Library {
             path: self.path.clone(),
             source,
         })
+    }
+
+    /// Whether the FMU makes an instance though the GUID is another one, which it should refuse.
+    pub fn accepts_wrong_guid(&self) -> bool {
+        let mut other = ModelDescription::clone(&self.description);
+        other.guid.push('!');
+        Instance::new(self.loaded.clone(), &other, "wrong guid").is_ok()
     }
 
     /// The description.

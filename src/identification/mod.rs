@@ -7,6 +7,7 @@ pub mod pilot_file;
 pub mod problem;
 pub mod result;
 pub mod simulate;
+pub mod solve;
 pub mod start;
 pub mod trials;
 
@@ -14,4 +15,5 @@ pub use options::{InitialState, Objective, Options, SchemeName};
 pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};
 pub use simulate::simulate;
+pub use solve::{FitError, Progress, fit};
 pub use trials::{Trial, TrialError, TrialSet};

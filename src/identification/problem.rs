@@ -58,17 +58,12 @@ pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Response
 }
 
 /// The stick problem: stick residuals of the pilot that sees the recorded error.
-pub fn stick(
-    trials: &[Trial],
-    sticks: &[Vec<f64>],
-    options: &Options,
-    scales: Scales,
-) -> StickProblem {
+pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProblem {
     let pilot = OpenLoopPilot {
         pilot: options.pilot,
     };
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
-    let runs = trials.iter().zip(sticks).map(|(trial, stick)| {
+    let runs = trials.iter().map(|trial| {
         let position = fill_gaps(&trial.time, &trial.position);
         Run {
             time: trial.time.clone(),
@@ -78,7 +73,10 @@ pub fn stick(
                 .zip(position)
                 .map(|(t, z)| vec![t - z])
                 .collect(),
-            measured: stick.clone(),
+            measured: trial
+                .stick
+                .clone()
+                .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
             weight: trial.weight,
             initial: vec![known; pilot.n_states()],
         }

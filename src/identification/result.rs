@@ -15,6 +15,19 @@ pub struct RunFit {
     pub stick: Vec<f64>,
     /// Recorded minus modelled, at the nodes; NaN where no sample is.
     pub residual: Vec<f64>,
+    /// States at the nodes: the vehicle's, then the pilot's; the pilot's alone in a stick fit.
+    pub states: Vec<Vec<f64>>,
+}
+
+/// What became of one start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartReport {
+    /// How its solve ended.
+    pub status: String,
+    /// Its objective.
+    pub objective: f64,
+    /// Its SQP iterations.
+    pub iterations: usize,
 }
 
 /// The outcome of a fit, converged or not.
@@ -30,10 +43,14 @@ pub struct Fit {
     pub status: String,
     /// Scaled KKT residual of the returned iterate.
     pub kkt: f64,
-    /// SQP iterations.
+    /// SQP iterations, over all starts.
     pub iterations: usize,
+    /// Unknowns of the NLP: the states of all nodes and θ.
+    pub unknowns: usize,
     /// Wall time of the fit [s].
     pub seconds: f64,
+    /// What became of each start, best first.
+    pub starts: Vec<StartReport>,
     /// The runs.
     pub runs: Vec<RunFit>,
 }

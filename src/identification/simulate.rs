@@ -21,9 +21,11 @@ pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> RunFit {
         position: Vec::new(),
         stick: Vec::new(),
         residual: Vec::new(),
+        states: Vec::new(),
     };
     for (k, &target) in trial.target.iter().enumerate() {
         run.position.push(joint.measured(&x, &[target], theta));
+        run.states.push(x.clone());
         run.stick.push(joint.bounded(&x, &[target], theta));
         run.residual.push(trial.position[k] - run.position[k]);
         if let Some(next) = trial.time.get(k + 1) {

@@ -9,6 +9,9 @@ use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 /// Half width of the window of local polynomials that smooth a recorded position [s].
 const WINDOW: f64 = 0.35;
 
+/// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
+const FILTERS: [f64; 3] = [0.5, 1.0, 2.0];
+
 /// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
 #[derive(Debug, Clone)]
 pub struct Smoothed {
@@ -99,6 +102,15 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
         s.component_div(&scale).as_slice().to_vec()
     });
     stabilised(pilot, &theta)
+}
+
+/// Starts for θ, estimated from the data: regressions of the stick on the error with filters from slow
+/// to fast.
+pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    FILTERS
+        .iter()
+        .map(|filter| regression(trials, sticks, options.pilot, *filter))
+        .collect()
 }
 
 /// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.

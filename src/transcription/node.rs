@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// Largest number of states or parameters; a node's numbers stay on the stack.
-pub const MAX_SIZE: usize = 24;
+pub const MAX_SIZE: usize = 16;
 
 /// Typical magnitudes, by which variables are divided.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,7 +30,7 @@ pub struct NodeModel<D> {
     pub scales: Scales,
     /// Pairs `i ≤ j` of variables `[x̄; θ̄]` with a second derivative.
     pub pairs: Vec<(usize, usize)>,
-    /// Entries `(row, column)` of `∂f̄/∂[x̄; θ̄]` that may be other than zero.
+    /// Entries `(row, column)` of `∂f̄/∂[x̄; θ̄]` that may be other than zero, column by column.
     pub entries: Vec<(usize, usize)>,
 }
 
@@ -76,8 +76,8 @@ impl<D: Dynamics> NodeModel<D> {
         let all_pairs = (0..n + p)
             .flat_map(|i| (i..n + p).map(move |j| (i, j)))
             .collect();
-        let all_entries = (0..n)
-            .flat_map(|i| (0..n + p).map(move |j| (i, j)))
+        let all_entries = (0..n + p)
+            .flat_map(|j| (0..n).map(move |i| (i, j)))
             .collect();
         let mut model = Self {
             dynamics,
@@ -165,23 +165,22 @@ impl<D: Dynamics> NodeModel<D> {
         let zero = Dual64::from(0.0);
         let (mut xs, mut ts, mut dx) = ([zero; MAX_SIZE], [zero; MAX_SIZE], [zero; MAX_SIZE]);
         self.unscale(x, theta, &mut xs, &mut ts, Dual64::from);
-        let mut columns = [[0.0; MAX_SIZE]; 2 * MAX_SIZE];
-        for (j, column) in columns[..v].iter_mut().enumerate() {
+        let mut entries = out.jacobian.iter_mut().zip(&self.entries).peekable();
+        for j in 0..v {
             self.seed(j, n, &mut xs, &mut ts, |value, scale| value.eps = scale);
             let (xs_n, ts_p) = (&xs[..n], &ts[..v - n]);
             self.dynamics.derivative(xs_n, input, ts_p, &mut dx[..n]);
             let measured = self.dynamics.measured(xs_n, input, ts_p);
             let bounded = self.dynamics.bounded(xs_n, input, ts_p);
-            for i in 0..n {
-                out.f[i] = dx[i].re / self.scales.states[i];
-                column[i] = dx[i].eps / self.scales.states[i];
+            while let Some((value, &(i, _))) = entries.next_if(|(_, (_, column))| *column == j) {
+                *value = dx[i].eps / self.scales.states[i];
             }
             (out.measured, out.measured_gradient[j]) = (measured.re, measured.eps);
             (out.bounded, out.bounded_gradient[j]) = (bounded.re, bounded.eps);
             self.seed(j, n, &mut xs, &mut ts, |value, _| value.eps = 0.0);
         }
-        for (value, &(i, j)) in out.jacobian.iter_mut().zip(&self.entries) {
-            *value = columns[j][i];
+        for (f, (dx, scale)) in out.f.iter_mut().zip(dx.iter().zip(&self.scales.states)) {
+            *f = dx.re / scale;
         }
     }
 

@@ -2,9 +2,13 @@
 
 mod arrows;
 mod bad_files;
+mod bad_fmus;
 mod command;
+mod cosim;
 mod examples;
 mod fmi;
 mod sqp_problems;
+mod fmu_commands;
+mod foreign;
 mod trials;
 mod vehicle;

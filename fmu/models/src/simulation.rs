@@ -3,7 +3,8 @@
 use crate::integrate::{IntegrationError, Tolerance, integrate};
 use crate::lti::{Transition, TransitionError};
 use crate::quadcopter::N_STATES;
-use crate::{COEFFICIENTS, Kind, Model, Pilot, Quadcopter, ValueError};
+use crate::{COEFFICIENTS, Kind, Model, Pilot, Quadcopter, Scalar, ValueError};
+use num_dual::Dual64;
 
 /// Relative tolerance of the vehicle's integrator unless another is set.
 pub const DEFAULT_TOLERANCE: f64 = 1e-9;
@@ -67,6 +68,8 @@ pub struct Snapshot {
     pub values: Vec<f64>,
     /// Time derivative of each input, for the next step alone.
     pub slopes: Vec<f64>,
+    /// Time derivative that each input had in the last step.
+    pub travelled: Vec<f64>,
     /// The states.
     pub states: Vec<f64>,
     /// Relative tolerance.
@@ -91,6 +94,7 @@ impl Simulation {
         let values: Vec<f64> = model.variables().iter().map(start).collect();
         let now = Snapshot {
             slopes: vec![0.0; model.inputs().len()],
+            travelled: vec![0.0; model.inputs().len()],
             states: values[model.starts()].to_vec(),
             tolerance: DEFAULT_TOLERANCE,
             values,
@@ -120,6 +124,7 @@ impl Simulation {
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.now.values.copy_from_slice(&snapshot.values);
         self.now.slopes.copy_from_slice(&snapshot.slopes);
+        self.now.travelled.copy_from_slice(&snapshot.travelled);
         self.now.states.copy_from_slice(&snapshot.states);
         self.now.tolerance = snapshot.tolerance;
     }
@@ -141,7 +146,7 @@ impl Simulation {
     pub fn get(&self, index: usize) -> f64 {
         let outputs = self.model.outputs();
         match outputs.contains(&index) {
-            true => self.output(index - outputs.start),
+            true => self.output(&self.now.values, &self.now.states, index - outputs.start),
             false => self.now.values[index],
         }
     }
@@ -206,14 +211,16 @@ impl Simulation {
             });
         }
         std::mem::swap(&mut self.now.states, &mut self.next);
-        for (value, slope) in self.now.values.iter_mut().zip(&mut self.now.slopes) {
-            *value += *slope * h;
-            *slope = 0.0;
+        std::mem::swap(&mut self.now.travelled, &mut self.now.slopes);
+        self.now.slopes.fill(0.0);
+        for (value, slope) in self.now.values.iter_mut().zip(&self.now.travelled) {
+            *value += slope * h;
         }
         Ok(())
     }
 
-    /// Time derivative of an output at this instant, inputs held [its unit per second].
+    /// Time derivative of an output at this instant, at the end of the last step [its unit per
+    /// second].
     ///
     /// # Panics
     /// When the variable is no output.
@@ -229,6 +236,28 @@ impl Simulation {
         }
     }
 
+    /// Derivatives of outputs in the direction of `seeds`, pairs of a known's index and its part:
+    /// `Σ ∂output/∂known · part`, exact, by dual numbers. A start value moves its state.
+    ///
+    /// # Panics
+    /// When there is no such variable, or one of `outputs` is no output.
+    pub fn directional_derivative(&self, outputs: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
+        let lift = |values: &[f64]| -> Vec<Dual64> { values.iter().map(|&v| v.into()).collect() };
+        let (mut values, mut states) = (lift(&self.now.values), lift(&self.now.states));
+        let starts = self.model.starts();
+        for &(index, part) in seeds {
+            values[index].eps += part;
+            if starts.contains(&index) {
+                states[index - starts.start].eps += part;
+            }
+        }
+        let first = self.model.outputs().start;
+        outputs
+            .iter()
+            .map(|index| self.output(&values, &states, index - first).eps)
+            .collect()
+    }
+
     fn variable(&self, index: usize) -> Result<&crate::Variable, SetError> {
         let variables = self.model.variables();
         variables.get(index).ok_or(SetError::NoVariable {
@@ -237,14 +266,18 @@ impl Simulation {
         })
     }
 
-    fn output(&self, position: usize) -> f64 {
+    /// An output from values and states: the one formula, for numbers and for their derivatives.
+    fn output<T: Scalar>(&self, values: &[T], states: &[T], position: usize) -> T {
         match (self.model.kind(), position) {
             (Kind::Pilot(pilot), 0) => {
-                let (stick, limit) = self.stick(pilot);
-                stick.clamp(-limit, limit)
+                let coefficients = &values[self.model.coefficients()];
+                clipped(
+                    pilot.output(states, coefficients),
+                    coefficients[pilot.n_parameters()],
+                )
             }
-            (Kind::Pilot(_), _) => self.error(),
-            (Kind::Quadcopter, i) => self.now.states[i],
+            (Kind::Pilot(_), _) => values[0] - values[1],
+            (Kind::Quadcopter, i) => states[i],
         }
     }
 
@@ -259,18 +292,15 @@ impl Simulation {
         self.now.values[0] - self.now.values[1]
     }
 
-    /// The stick before it is clipped, and its limit.
-    fn stick(&self, pilot: Pilot) -> (f64, f64) {
-        let limit = self.now.values[self.model.coefficients().end - 1];
-        (pilot.output(&self.now.states, self.theta(pilot)), limit)
-    }
-
     fn pilot_derivative(&self, pilot: Pilot, position: usize) -> f64 {
-        let (stick, limit) = self.stick(pilot);
-        if position == 1 || stick.abs() > limit {
-            return 0.0;
+        if position == 1 {
+            return self.now.travelled[0] - self.now.travelled[1];
         }
         let theta = self.theta(pilot);
+        let limit = self.now.values[self.model.coefficients().end - 1];
+        if pilot.output(&self.now.states, theta).abs() > limit {
+            return 0.0;
+        }
         let mut slope = vec![0.0; pilot.order];
         pilot.derivative(&self.now.states, self.error(), theta, &mut slope);
         pilot.output(&slope, theta)
@@ -333,5 +363,16 @@ impl Simulation {
         let (next, _) = integrate(derivative, self.vehicle_states(), h, &tolerance)?;
         self.next.copy_from_slice(&next);
         Ok(())
+    }
+}
+
+/// `value` within ±`limit`.
+fn clipped<T: Scalar>(value: T, limit: T) -> T {
+    if value.re() > limit.re() {
+        limit
+    } else if value.re() < -limit.re() {
+        -limit
+    } else {
+        value
     }
 }

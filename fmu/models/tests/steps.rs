@@ -58,6 +58,12 @@ fn first_order_pilot_follows_its_analytic_solution() {
     let x = decay * x0 + (u0 / a - s / (a * a)) * (1.0 - decay) + s * h / a;
     assert!((get(&pilot, "stick") - c * x).abs() < 1e-15);
     assert_eq!(get(&pilot, "target"), u0 + s * h);
+    // The error went along its slope; the next step holds it.
+    let error = index(pilot.model(), "error");
+    assert_eq!(pilot.output_derivative(error), s);
+    pilot.step(h).expect("the step is possible");
+    assert_eq!(pilot.output_derivative(error), 0.0);
+    assert_eq!(get(&pilot, "target"), u0 + s * h);
 }
 
 #[test]
@@ -315,6 +321,43 @@ proptest! {
             for ((i, before), slope) in model.outputs().zip(before).zip(slopes) {
                 let difference = (simulation.get(i) - before) / h;
                 prop_assert!((difference - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{i}: {difference} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn directional_derivatives_agree_with_differences(
+        x in prop::collection::vec(-0.3..0.3_f64, 6),
+        limit in 0.001..0.05_f64,
+        seed in prop::collection::vec(-1.0..1.0_f64, 23),
+    ) {
+        let models = [
+            Model::quadcopter(&Quadcopter::default()),
+            Model::pilot(&PAPER_THETA, limit),
+        ];
+        for model in models {
+            let mut here = Simulation::new(model.clone());
+            for (i, x) in model.starts().zip(&x) {
+                here.set(i, *x).expect("a start value");
+            }
+            let knowns: Vec<usize> = (0..model.variables().len())
+                .filter(|i| !model.variables()[*i].is_output())
+                .collect();
+            let seeds: Vec<_> = knowns.iter().map(|&i| (i, seed[i])).collect();
+            let moved = |h: f64| {
+                let mut there = here.clone();
+                for (i, part) in &seeds {
+                    // Small enough to leave no variable's range.
+                    there.set(*i, here.get(*i) + h * part).expect("it is within its range");
+                }
+                model.outputs().map(|i| there.get(i)).collect::<Vec<_>>()
+            };
+            let outputs: Vec<usize> = model.outputs().collect();
+            let exact = here.directional_derivative(&outputs, &seeds);
+            let h = 1e-5;
+            for ((plus, minus), exact) in moved(h).iter().zip(moved(-h)).zip(exact) {
+                let difference = (plus - minus) / (2.0 * h);
+                prop_assert!((difference - exact).abs() < 1e-8, "{difference} {exact}");
             }
         }
     }

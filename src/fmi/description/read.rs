@@ -41,7 +41,7 @@ pub enum ReadError {
         encoding: String,
     },
     /// Not well-formed XML.
-    #[error("modelDescription.xml is not well-formed XML: {0}")]
+    #[error("modelDescription.xml is not well-formed XML")]
     Malformed(#[from] roxmltree::Error),
     /// The root element is another one.
     #[error(

@@ -83,10 +83,12 @@ fn write_category(category: &LogCategory, xml: &mut Xml) {
     xml.close();
 }
 
-fn write_source_file(name: &String, xml: &mut Xml) {
-    xml.open("File");
-    xml.text("name", name);
-    xml.close();
+fn write_source_files(xml: &mut Xml, names: &[String]) {
+    list(xml, "SourceFiles", names, |name, xml| {
+        xml.open("File");
+        xml.text("name", name);
+        xml.close();
+    });
 }
 
 impl CoSimulation {
@@ -98,7 +100,7 @@ impl CoSimulation {
         }
         let order = self.max_output_derivative_order;
         xml.int_if("maxOutputDerivativeOrder", (order != 0).then_some(order));
-        list(xml, "SourceFiles", &self.source_files, write_source_file);
+        write_source_files(xml, &self.source_files);
         xml.close();
     }
 }
@@ -110,7 +112,7 @@ impl ModelExchange {
         for (name, value) in self.flags() {
             xml.flag(name, value);
         }
-        list(xml, "SourceFiles", &self.source_files, write_source_file);
+        write_source_files(xml, &self.source_files);
         xml.close();
     }
 }

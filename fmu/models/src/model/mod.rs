@@ -11,6 +11,20 @@ pub(crate) use quadcopter::nominals as quadcopter_nominals;
 use crate::{Pilot, Quadcopter, Variable};
 use std::ops::Range;
 
+/// What the exported binaries log: category and meaning.
+pub const LOG_CATEGORIES: [(&str, &str); 4] = [
+    ("logStatusWarning", "Calls that had no effect"),
+    (
+        "logStatusDiscard",
+        "Steps that could not be done, and information that is not available",
+    ),
+    (
+        "logStatusError",
+        "Calls that were refused, and what to do about them",
+    ),
+    ("logStatusFatal", "Faults of the FMU itself"),
+];
+
 /// Which equations a model has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {

@@ -1,0 +1,112 @@
+//! Builds the shared library of exported FMUs, which this crate then embeds (`src/export/binary.rs`):
+//! an installed `pilotage` exports FMUs by itself, without a compiler or a file beside it.
+//!
+//! It is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a target folder of its
+//! own so that the two cargos do not wait for each other's lock. It needs no network where the outer
+//! build needs none: `Cargo.lock` is the same, and it is locked.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs};
+
+const PACKAGE: &str = "pilotage-fmu";
+/// The profile in Cargo.toml: optimised, stripped, and unwinding, so that panics can be caught.
+const PROFILE: &str = "fmu";
+
+fn main() {
+    for input in ["build.rs", "Cargo.toml", "Cargo.lock", "fmu"] {
+        println!("cargo::rerun-if-changed={input}");
+    }
+    let out = PathBuf::from(variable("OUT_DIR"));
+    let target = variable("TARGET");
+    let folder = target_folder(&out);
+    build(&folder, &target);
+    let built = folder.join(&target).join(PROFILE).join(file_name());
+    let embedded = out.join("fmu-binary");
+    if let Err(error) = fs::copy(&built, &embedded) {
+        fail(&format!(
+            "cargo built {PACKAGE}, but {} cannot be copied to {}: {error}",
+            built.display(),
+            embedded.display()
+        ));
+    }
+}
+
+/// `<target>/fmu`, from `<target>/<profile>/build/<package>/out`.
+fn target_folder(out: &Path) -> PathBuf {
+    match out.ancestors().nth(4) {
+        Some(folder) => folder.join("fmu"),
+        None => out.join("fmu"),
+    }
+}
+
+fn build(folder: &Path, target: &str) {
+    let mut command = Command::new(variable("CARGO"));
+    command
+        .args(["build", "--package", PACKAGE, "--profile", PROFILE])
+        .args(["--locked", "--target", target, "--target-dir"])
+        .arg(folder)
+        .current_dir(variable("CARGO_MANIFEST_DIR"))
+        // Lints are the outer build's business; a wrapper would only make two builds out of one.
+        .env_remove("RUSTC_WORKSPACE_WRAPPER")
+        .env_remove("CLIPPY_ARGS")
+        .env("CARGO_ENCODED_RUSTFLAGS", portable_flags().join("\x1f"));
+    match command.status() {
+        Ok(status) if status.success() => {}
+        Ok(status) => fail(&format!(
+            "the library of exported FMUs could not be built ({status}); the messages above say why. \
+             To see them alone: cargo build -p {PACKAGE} --profile {PROFILE} --locked"
+        )),
+        Err(error) => fail(&format!("cargo could not be started: {error}")),
+    }
+}
+
+/// The outer build's flags, without those that would keep the library from running elsewhere: an FMU
+/// travels to other machines. The folders of this machine's sources stay out of it too.
+fn portable_flags() -> Vec<String> {
+    let flags = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
+    let unportable = |flag: &str| {
+        ["target-cpu", "target-feature", "instrument-coverage"]
+            .iter()
+            .any(|option| flag.trim_start_matches("-C").starts_with(option))
+    };
+    let mut kept: Vec<String> = Vec::new();
+    for flag in flags.split('\x1f').filter(|flag| !flag.is_empty()) {
+        if !unportable(flag) {
+            kept.push(flag.to_owned());
+        } else if !flag.starts_with("-C") && kept.last().is_some_and(|last| last == "-C") {
+            kept.pop();
+        }
+    }
+    let home = env::home_dir().map(|home| home.join(".cargo").into_os_string());
+    let cargo = env::var_os("CARGO_HOME").or(home).unwrap_or_default();
+    let places = [
+        (cargo, "cargo"),
+        (variable("CARGO_MANIFEST_DIR").into(), "pilotage"),
+    ];
+    for (folder, name) in places {
+        kept.push(format!(
+            "--remap-path-prefix={}={name}",
+            Path::new(&folder).display()
+        ));
+    }
+    kept
+}
+
+fn file_name() -> &'static str {
+    match variable("CARGO_CFG_TARGET_OS").as_str() {
+        "windows" => "pilotage_fmu.dll",
+        "macos" => "libpilotage_fmu.dylib",
+        _ => "libpilotage_fmu.so",
+    }
+}
+
+/// An environment variable of build scripts.
+fn variable(name: &str) -> String {
+    env::var(name).unwrap_or_else(|_| fail(&format!("cargo did not set {name}")))
+}
+
+fn fail(message: &str) -> ! {
+    println!("cargo::error={message}");
+    std::process::exit(1);
+}

@@ -1,0 +1,336 @@
+//! `pilotage cosim`: FMUs wired together and simulated.
+
+use super::{Failure, Outcome, terminal};
+use crate::cosim::recorder::Signal;
+use crate::cosim::{
+    Algorithm, Clock, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
+};
+use crate::output::Output;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
+use std::error::Error;
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+const EXAMPLES: &str = "\
+Examples:
+  # The pilot flies the quadcopter to 10 m.
+  pilotage cosim pilot.fmu quadcopter.fmu \\
+    --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
+    --set pilot.target=10 --stop-time 15 --step 0.05 -o result.csv
+
+  # Two pilots of one file, by names of their own.
+  pilotage cosim left=pilot.fmu right=pilot.fmu --stop-time 1 --step 0.1
+
+The result has a column `time` and a column `instance.variable` for every output.
+Exit codes: 0 done, 1 an FMU failed on the way (the rows until then are kept), 2 bad use or input.";
+
+/// Arguments of `pilotage cosim`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// FMUs; an instance is named after its file unless NAME= says otherwise.
+    #[arg(required = true, value_name = "[NAME=]FMU")]
+    fmus: Vec<String>,
+    /// Wire an output to an input; may be given many times.
+    #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
+    connect: Vec<(String, String)>,
+    /// Give a parameter or an unconnected input its value; may be given many times.
+    #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
+    set: Vec<(String, String)>,
+    /// Start time [s].
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    start_time: f64,
+    /// Stop time [s].
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    stop_time: f64,
+    /// Communication step [s]; must divide the duration.
+    #[arg(long, value_name = "SECONDS")]
+    step: f64,
+    /// How the FMUs exchange values.
+    #[arg(long, value_enum, default_value_t)]
+    algorithm: AlgorithmName,
+    /// Relative tolerance for FMUs with error control [default: each FMU's own].
+    #[arg(long, value_name = "NUMBER", value_parser = positive)]
+    tolerance: Option<f64>,
+    /// Where the result goes (CSV).
+    #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
+    output: PathBuf,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// [`Algorithm`] by name.
+#[derive(Debug, Clone, Copy, Default, ValueEnum)]
+enum AlgorithmName {
+    /// All FMUs get the others' outputs at the begin of the step, then all step.
+    #[default]
+    Jacobi,
+    /// One FMU after another, in the order of their dependencies, each with the newest values.
+    GaussSeidel,
+}
+
+/// `a=b`, split at the first `=`.
+fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((left, right)) if !left.is_empty() => Ok((left.to_owned(), right.to_owned())),
+        _ => Err("expected two parts with `=` between them".to_owned()),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a positive number".to_owned()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
+    let algorithm = match args.algorithm {
+        AlgorithmName::Jacobi => Algorithm::Jacobi,
+        AlgorithmName::GaussSeidel => Algorithm::GaussSeidel,
+    };
+    let system = build(&args)?;
+    let output = Output::create(&args.output).map_err(|error| {
+        Failure::new(format!("cannot write {}: {error}", args.output.display()))
+    })?;
+    let open_inputs = system.open_inputs();
+    let started = Instant::now();
+    let mut recorder = WithProgress::new(CsvRecorder::new(BufWriter::new(output)), clock.steps());
+    let run = crate::cosim::run(system, &clock, args.tolerance, algorithm, &mut recorder);
+    recorder.bar.finish_and_clear();
+    let run = run.map_err(|error| explain(error, &args.output))?;
+    save(recorder.inner, &args.output)?;
+    let ending = describe(&run);
+    let text = match args.json {
+        true => format!(
+            "{:#}\n",
+            to_json(&args, algorithm, &run, started.elapsed(), &ending)
+        ),
+        false => to_text(&args, algorithm, &run, &open_inputs),
+    };
+    terminal::print(&text)?;
+    if let Some(message) = ending.message {
+        eprintln!("{}: {message}", ending.severity);
+    }
+    Ok(match run.ending {
+        Ending::Completed | Ending::EndRequested { .. } => Outcome::Done,
+        Ending::Discarded { .. } | Ending::Failed { .. } => Outcome::No,
+    })
+}
+
+/// Opens all FMUs and wires them.
+fn build(args: &Args) -> Result<System, Failure> {
+    let mut system = System::new();
+    for argument in &args.fmus {
+        let (name, file) = instance(argument);
+        system.add(&name, Box::new(FmuSlave::open(&file, &name)?))?;
+    }
+    for (from, to) in &args.connect {
+        system.connect(from, to)?;
+    }
+    for (name, value) in &args.set {
+        system.set(name, value)?;
+    }
+    Ok(system)
+}
+
+/// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
+fn instance(argument: &str) -> (String, PathBuf) {
+    let path = Path::new(argument);
+    match argument.split_once('=') {
+        Some((name, file)) if !path.exists() => (name.to_owned(), PathBuf::from(file)),
+        _ => {
+            let stem = path
+                .file_stem()
+                .map(|stem| stem.to_string_lossy().into_owned());
+            (stem.unwrap_or_default(), path.to_owned())
+        }
+    }
+}
+
+fn save(recorder: CsvRecorder<BufWriter<Output>>, path: &Path) -> Result<(), Failure> {
+    let failed = |error| Failure::new(format!("cannot write {}: {error}", path.display()));
+    let buffer = recorder.finish().map_err(failed)?;
+    let output = buffer
+        .into_inner()
+        .map_err(|error| failed(error.into_error()))?;
+    output.finish().map_err(failed)
+}
+
+fn explain(error: MasterError, output: &Path) -> Failure {
+    let is_write_error = matches!(error, MasterError::Record { .. });
+    let failure = Failure::from(error);
+    match is_write_error {
+        true => failure.hint(format!("is there room for {}?", output.display())),
+        false => failure,
+    }
+}
+
+/// How a run ended, in words.
+struct EndingWords {
+    status: &'static str,
+    severity: &'static str,
+    message: Option<String>,
+}
+
+fn describe(run: &Run) -> EndingWords {
+    let (status, severity, message) = match &run.ending {
+        Ending::Completed => ("completed", "note", None),
+        Ending::EndRequested { instance, time } => {
+            let message = format!("`{instance}` asked for the end at {time} s");
+            ("end-requested", "note", Some(message))
+        }
+        Ending::Discarded {
+            instance,
+            time,
+            reached,
+        } => {
+            let message = format!(
+                "`{instance}` discarded the step from {time} s, it came to {reached} s; \
+                 the rows until {} s are kept",
+                run.time
+            );
+            ("discarded", "error", Some(message))
+        }
+        Ending::Failed {
+            instance,
+            time,
+            stage,
+            source,
+        } => {
+            let message = format!(
+                "`{instance}` failed to {stage} at {time} s: {}; the rows until {} s are kept",
+                chain(source.as_ref()),
+                run.time
+            );
+            ("failed", "error", Some(message))
+        }
+    };
+    EndingWords {
+        status,
+        severity,
+        message,
+    }
+}
+
+/// An error with all that caused it.
+fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text += &format!(": {cause}");
+        next = cause.source();
+    }
+    text
+}
+
+fn to_json(
+    args: &Args,
+    algorithm: Algorithm,
+    run: &Run,
+    elapsed: Duration,
+    ending: &EndingWords,
+) -> serde_json::Value {
+    let signals: Vec<_> = (run.signals.iter())
+        .map(|signal| json!({ "name": signal.name, "unit": signal.unit }))
+        .collect();
+    json!({
+        "status": ending.status,
+        "message": ending.message,
+        "algorithm": algorithm.to_string(),
+        "order": run.order,
+        "steps": run.steps,
+        "step": args.step,
+        "time": run.time,
+        "seconds": elapsed.as_secs_f64(),
+        "signals": signals,
+        "unrecorded": run.unrecorded,
+        "output": args.output.display().to_string(),
+    })
+}
+
+fn to_text(args: &Args, algorithm: Algorithm, run: &Run, open_inputs: &[String]) -> String {
+    let order = match algorithm {
+        Algorithm::Jacobi => String::new(),
+        Algorithm::GaussSeidel => format!(", in the order {}", run.order.join(", ")),
+    };
+    let mut text = format!(
+        "{} steps of {} s from {} s to {} s ({algorithm}{order})\n{} rows of {} signals in {}\n",
+        run.steps,
+        args.step,
+        args.start_time,
+        run.time,
+        run.steps + 1,
+        run.signals.len(),
+        args.output.display()
+    );
+    for input in open_inputs {
+        text += &format!("note: nothing feeds `{input}`; it keeps its start value\n");
+    }
+    for output in &run.unrecorded {
+        text += &format!("note: `{output}` is text and not in the table\n");
+    }
+    text
+}
+
+/// A recorder that shows how far the run is, on a terminal and if it takes long.
+struct WithProgress<R> {
+    inner: R,
+    bar: ProgressBar,
+    steps: u64,
+    rows: u64,
+    started: Instant,
+}
+
+impl<R> WithProgress<R> {
+    fn new(inner: R, steps: u64) -> Self {
+        Self {
+            inner,
+            bar: ProgressBar::hidden(),
+            steps,
+            rows: 0,
+            started: Instant::now(),
+        }
+    }
+
+    /// Shows the bar when the run has taken longer than patience lasts. indicatif itself shows nothing
+    /// where stderr is no terminal.
+    fn tick(&mut self) {
+        const PATIENCE: Duration = Duration::from_secs(2);
+        const ROWS_BETWEEN_LOOKS: u64 = 1024;
+        self.rows += 1;
+        if !self.rows.is_multiple_of(ROWS_BETWEEN_LOOKS) {
+            return;
+        }
+        if self.bar.is_hidden() && self.started.elapsed() > PATIENCE {
+            let target = ProgressDrawTarget::stderr_with_hz(5);
+            self.bar = ProgressBar::with_draw_target(Some(self.steps), target);
+            let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left");
+            self.bar
+                .set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        }
+        self.bar.set_position(self.rows);
+    }
+}
+
+impl<R: Recorder> Recorder for WithProgress<R> {
+    fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        self.inner.begin(signals)
+    }
+
+    fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        self.tick();
+        self.inner.row(time, values)
+    }
+}

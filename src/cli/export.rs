@@ -1,0 +1,120 @@
+//! `pilotage export`: models as FMUs.
+
+use super::{Failure, Outcome, terminal};
+use crate::export::{self, Provenance};
+use crate::identification::PilotFile;
+use crate::models::Quadcopter;
+use crate::models::model::Model;
+use crate::models::pilot::PAPER_THETA;
+use crate::{document, vehicle};
+use clap::{Subcommand, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `pilotage export`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Write a pilot as an FMU.
+    #[command(after_help = "Examples:\n  \
+        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found\n  \
+        pilotage export pilot --preset paper -o paper.fmu  the published pilot")]
+    Pilot {
+        /// Result file of `pilotage fit`.
+        #[arg(required_unless_present = "preset", conflicts_with = "preset")]
+        pilot: Option<PathBuf>,
+        /// A pilot that is known by name.
+        #[arg(long)]
+        preset: Option<Preset>,
+        /// The FMU to write.
+        #[arg(short, long, default_value = "pilot.fmu")]
+        output: PathBuf,
+        /// Export the best iterate of a fit that did not converge, marked as such.
+        #[arg(long)]
+        allow_unconverged: bool,
+    },
+    /// Write a quadcopter as an FMU.
+    #[command(after_help = "Examples:\n  \
+        pilotage export quadcopter -o quadcopter.fmu               the default vehicle\n  \
+        pilotage export quadcopter vehicle.toml -o quadcopter.fmu  a vehicle of your own")]
+    Quadcopter {
+        /// A vehicle file (TOML); the default vehicle where none is given.
+        vehicle: Option<PathBuf>,
+        /// The FMU to write.
+        #[arg(short, long, default_value = "quadcopter.fmu")]
+        output: PathBuf,
+    },
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Preset {
+    /// The published θ; see the note that comes with it.
+    Paper,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    match args.command {
+        Command::Pilot {
+            pilot,
+            preset,
+            output,
+            allow_unconverged,
+        } => {
+            let (model, provenance) = match (pilot, preset) {
+                (Some(file), _) => fitted(&file, allow_unconverged)?,
+                (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
+            };
+            write(&model, &provenance, &output)
+        }
+        Command::Quadcopter { vehicle, output } => {
+            let (vehicle, source) = match &vehicle {
+                Some(file) => (vehicle::read(file)?, Some(document::read(file)?)),
+                None => (Quadcopter::default(), None),
+            };
+            let model = Model::quadcopter(&vehicle);
+            write(&model, &Provenance::vehicle(source), &output)
+        }
+    }
+}
+
+/// The pilot of a result file.
+fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), Failure> {
+    let pilot = PilotFile::read(file)?;
+    if !pilot.converged && !allow_unconverged {
+        let message = format!("{}: the fit did not converge", file.display());
+        return Err(Failure::new(message).hint(
+            "fit again (more iterations, another --start), or pass --allow-unconverged to export \
+             its best iterate",
+        ));
+    }
+    let order = pilot.theta.len() / 2;
+    if order > Model::MAX_ORDER {
+        let message = format!(
+            "{}: a pilot of order {order} cannot be exported; the highest order is {}",
+            file.display(),
+            Model::MAX_ORDER
+        );
+        return Err(Failure::new(message));
+    }
+    let model = Model::pilot(&pilot.theta, pilot.stick_limit);
+    Ok((
+        model,
+        Provenance::fit(document::read(file)?, pilot.converged),
+    ))
+}
+
+fn write(model: &Model, provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
+    export::export(model, provenance, output)?;
+    let mut text = format!("wrote {}\n", output.display());
+    if let Some(caveat) = &provenance.caveat {
+        text += &format!("note: {caveat}\n");
+    }
+    text += &format!("next: pilotage validate {}\n", output.display());
+    terminal::print(&text)?;
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,118 @@
+//! documentation/index.html: what a user of the FMU must know, in one page.
+
+use super::description::headline;
+use super::{EXTRA, Provenance};
+use crate::models::variable::Role;
+use crate::models::{Kind, Model, Variable};
+
+const APACHE: &str = include_str!("licenses/Apache-2.0.txt");
+const LICENSES: &str = include_str!("licenses/README.txt");
+const STYLE: &str = include_str!("style.css");
+const PILOT: &str = include_str!("pilot.html");
+const QUADCOPTER: &str = include_str!("quadcopter.html");
+
+/// The files of `documentation/`: name and text.
+pub(super) fn files(model: &Model, provenance: &Provenance) -> Vec<(&'static str, String)> {
+    vec![
+        ("index.html", page(model, provenance)),
+        ("licenses/license.txt", LICENSES.into()),
+        ("licenses/Apache-2.0.txt", APACHE.into()),
+    ]
+}
+
+/// The text of `provenance.txt` in [`EXTRA`].
+pub(super) fn provenance(model: &Model, provenance: &Provenance) -> String {
+    let mut lines = vec![
+        format!("tool: pilotage {}", env!("CARGO_PKG_VERSION")),
+        format!("model: {}", model.kind().name()),
+        format!("guid: {}", model.guid()),
+        format!("origin: {}", provenance.origin),
+    ];
+    lines.extend(provenance.caveat.iter().map(|c| format!("caveat: {c}")));
+    lines.extend(
+        provenance
+            .source
+            .iter()
+            .map(|(name, _)| format!("source: {name}")),
+    );
+    lines.join("\n") + "\n"
+}
+
+fn page(model: &Model, provenance: &Provenance) -> String {
+    let name = model.kind().name();
+    let caveat = match &provenance.caveat {
+        Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", escaped(caveat)),
+        None => String::new(),
+    };
+    let source = match &provenance.source {
+        Some((file, text)) => format!(
+            "<p>The file <code>{EXTRA}/{}</code> reads:</p>\n<pre>{}</pre>\n",
+            escaped(file),
+            escaped(text)
+        ),
+        None => String::new(),
+    };
+    let about = match model.kind() {
+        Kind::Pilot(_) => PILOT,
+        Kind::Quadcopter => QUADCOPTER,
+    };
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <title>{name}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <h1>{name}</h1>\n<p>{}</p>\n{caveat}\
+         <img src=\"../model.png\" alt=\"\" width=\"480\">\n{about}\
+         <h2>Variables</h2>\n{}\
+         <h2>Where the numbers come from</h2>\n<p>{}</p>\n{source}\
+         <p>Exported by pilotage {}. Licences: <a href=\"licenses/license.txt\">licenses</a>.</p>\n\
+         </body>\n</html>\n",
+        escaped(&headline(model.kind())),
+        table(model.variables()),
+        escaped(&provenance.origin),
+        env!("CARGO_PKG_VERSION"),
+    )
+}
+
+fn table(variables: &[Variable]) -> String {
+    let mut html = String::from(
+        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>Kind</th><th>Start</th>\
+         <th>Range</th><th>Meaning</th></tr>\n",
+    );
+    for (reference, v) in variables.iter().enumerate() {
+        let cells = [
+            reference.to_string(),
+            format!("<code>{}</code>", v.name),
+            v.unit.symbol(),
+            kind(&v.role).to_owned(),
+            v.start.map_or(String::new(), |start| start.to_string()),
+            range(v),
+            escaped(&v.description),
+        ];
+        html += &format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"));
+    }
+    html + "</table>\n"
+}
+
+fn kind(role: &Role) -> &'static str {
+    match role {
+        Role::Input => "input",
+        Role::Output { .. } => "output",
+        Role::Fixed => "parameter",
+        Role::Tunable => "tunable parameter",
+    }
+}
+
+fn range(variable: &Variable) -> String {
+    match (variable.min, variable.max) {
+        (Some(min), Some(max)) => format!("{min} to {max}"),
+        (Some(min), None) => format!("from {min}"),
+        (None, Some(max)) => format!("up to {max}"),
+        (None, None) => String::new(),
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

@@ -1,0 +1,134 @@
+//! Our models as FMUs: FMI 2.0 co-simulation, ready for any tool.
+//!
+//! No compiler is needed: one library serves every model and is part of this crate ([`binary`]); what
+//! differs between FMUs is text.
+//!
+//! | module | what it makes |
+//! | --- | --- |
+//! | [`binary`] | the library, and the folders that it goes into |
+//! | [`description`](mod@description) | modelDescription.xml, from the model's table of variables |
+//! | `documentation` | documentation/index.html and the licences |
+//! | `picture` | model.png |
+//! | `package` | the archive: the same input gives the same bytes |
+
+pub mod binary;
+pub mod description;
+mod documentation;
+mod package;
+mod picture;
+
+pub use description::description;
+pub use package::{ExportError, package};
+
+use crate::models::pilot::PAPER_THETA;
+use crate::models::{Model, Quadcopter};
+use crate::output;
+use std::path::Path;
+
+/// The folder of our own files in an FMU (FMI 2.0.5, section 2.3: reverse domain name).
+pub const EXTRA: &str = "extra/org.pilotage";
+
+/// Where a model comes from and what must be known about it. It goes into the description, the
+/// documentation and [`EXTRA`].
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Provenance {
+    /// One sentence about the source of the numbers.
+    pub origin: String,
+    /// What a user must know before trusting the model; shown wherever the model is described.
+    pub caveat: Option<String>,
+    /// The file that the numbers were read from: its name in the FMU and its text, kept as it was.
+    pub source: Option<(&'static str, String)>,
+}
+
+impl Provenance {
+    /// A pilot identified from flights; `file` is the text of the result file, `converged` what it says.
+    pub fn fit(file: String, converged: bool) -> Self {
+        Self {
+            origin: "θ was identified from recorded flights; the result file is in extra/.".into(),
+            caveat: (!converged)
+                .then(|| "The fit did NOT converge: θ is its best iterate, not a solution.".into()),
+            source: Some(("pilot.toml", file)),
+        }
+    }
+
+    /// The published pilot, with what we measured about it (docs/method.md).
+    pub fn paper() -> Self {
+        Self {
+            origin: "θ as printed by Bonner & Kirchner, Human as an Actuator Dynamic Model \
+                     Identification, IEEE Aerospace Conference 2026, with four decimals."
+                .into(),
+            caveat: Some(
+                "From rest on an ideal attitude loop the printed digits go to about 5 m for a 10 m \
+                 target and have a slowly growing mode (about +0.03 1/s); they do not reproduce \
+                 the paper's figure."
+                    .into(),
+            ),
+            source: None,
+        }
+    }
+
+    /// A vehicle; `file` is the text of the vehicle file, none for the default vehicle.
+    pub fn vehicle(file: Option<String>) -> Self {
+        let origin = match file {
+            Some(_) => "Coefficients of a vehicle file, kept in extra/.",
+            None => {
+                "The default vehicle of pilotage, of its own making: the paper does not publish its \
+                 coefficients."
+            }
+        };
+        Self {
+            origin: origin.into(),
+            caveat: None,
+            source: file.map(|text| ("vehicle.toml", text)),
+        }
+    }
+}
+
+/// Writes the FMU of a pilot with that θ (twice as many entries as its order).
+///
+/// # Errors
+/// When a value is not finite or out of range, or the file cannot be written; nothing stands at `path`
+/// then that did not stand there before.
+///
+/// # Panics
+/// When θ is not the parameters of a pilot: see [`Model::pilot`].
+pub fn export_pilot(
+    theta: &[f64],
+    stick_limit: f64,
+    provenance: &Provenance,
+    path: &Path,
+) -> Result<(), ExportError> {
+    export(&Model::pilot(theta, stick_limit), provenance, path)
+}
+
+/// Writes the FMU of the published pilot, with its caveat.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn export_paper_pilot(path: &Path) -> Result<(), ExportError> {
+    export_pilot(&PAPER_THETA, 1.0, &Provenance::paper(), path)
+}
+
+/// Writes the FMU of a quadcopter.
+///
+/// # Errors
+/// When a coefficient is out of range, or the file cannot be written.
+pub fn export_quadcopter(
+    vehicle: &Quadcopter,
+    provenance: &Provenance,
+    path: &Path,
+) -> Result<(), ExportError> {
+    export(&Model::quadcopter(vehicle), provenance, path)
+}
+
+/// Writes the FMU of a model, completely or not at all.
+///
+/// # Errors
+/// When a start value is not finite or out of range, or the file cannot be written.
+pub fn export(model: &Model, provenance: &Provenance, path: &Path) -> Result<(), ExportError> {
+    let bytes = package(model, provenance)?;
+    output::write(path, &bytes).map_err(|source| ExportError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}

@@ -1,0 +1,357 @@
+//! The fit: starts from the data, the SQP from each, the best.
+
+use super::problem::{self, fill_gaps};
+use super::result::StartReport;
+use super::{Fit, Objective, Options, RunFit, Trial, start};
+use crate::sqp::{self, Iteration, Solution, Status};
+use crate::transcription::{Collocation, Condensed, ParameterConstraints};
+use pilotage_models::Dynamics;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// What can be wrong with the data or the options of a fit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// No trial was given.
+    #[error("no trial to fit")]
+    NoTrials,
+    /// A start of the wrong length.
+    #[error("the start has {found} parameters; a pilot of order {order} has {expected}")]
+    StartLength {
+        /// Parameters given.
+        found: usize,
+        /// Parameters needed.
+        expected: usize,
+        /// The pilot's order.
+        order: usize,
+    },
+    /// A start that is not finite, or with every parameter zero.
+    #[error("start parameter theta{index} = {value}; expected finite numbers, not all zero")]
+    StartValue {
+        /// Which, from 1.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A pilot without states or with more than fit a node.
+    #[error("pilot order {order}; expected {low} to {high}")]
+    Order {
+        /// The order asked for.
+        order: usize,
+        /// Lowest.
+        low: usize,
+        /// Highest.
+        high: usize,
+    },
+    /// A trial without a stick, for the stick objective.
+    #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
+    NoStick {
+        /// Name of the trial.
+        trial: String,
+    },
+}
+
+/// Highest order of an identified pilot.
+pub const MAX_ORDER: usize = 6;
+
+/// What an observer of a fit sees.
+#[derive(Debug, Clone, Copy)]
+pub struct Progress<'a> {
+    /// Which start, from 0.
+    pub start: usize,
+    /// Of how many.
+    pub starts: usize,
+    /// The iterate.
+    pub iteration: &'a Iteration,
+}
+
+/// Sees each iterate; `Break` ends the fit with the best iterate so far.
+pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<()> + 'a;
+
+/// Fits one pilot to all trials (paper, eq. 5).
+///
+/// Without a start of the user's, several are estimated from the data ([`start::candidates`]); the SQP
+/// runs a few iterations from each and finishes the best.
+///
+/// # Errors
+/// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
+/// result, with its status.
+pub fn fit(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Fit, FitError> {
+    check(trials, options)?;
+    let clock = Instant::now();
+    let sticks: Vec<Vec<f64>> = trials
+        .iter()
+        .map(|t| start::implied_stick(t, &options.vehicle))
+        .collect();
+    let candidates = match &options.start {
+        Some(theta) => vec![theta.clone()],
+        None => start::candidates(trials, &sticks, options),
+    };
+    let mut fit = match options.objective {
+        Objective::Response => {
+            let from = |theta: &[f64]| {
+                let states: Vec<_> = trials
+                    .iter()
+                    .map(|t| start::joint_states(t, options, theta))
+                    .collect();
+                let problem = problem::response(trials, options, start::scales(&states, theta));
+                let z = start::variables(&problem, &states, theta);
+                (problem, z)
+            };
+            multi_start(&candidates, &from, options, observer, &|problem, z| {
+                runs(problem, z, trials)
+            })
+        }
+        Objective::Stick => {
+            let from = |theta: &[f64]| {
+                let states: Vec<_> = trials
+                    .iter()
+                    .map(|t| start::stick_states(t, options, theta))
+                    .collect();
+                let problem = problem::stick(trials, options, start::scales(&states, theta));
+                let z = start::variables(&problem, &states, theta);
+                (problem, z)
+            };
+            // The pilot alone moves no vehicle: the position stays the recorded one.
+            let recorded = |mut run: RunFit, trial: &Trial| {
+                run.position = fill_gaps(&trial.time, &trial.position);
+                run
+            };
+            multi_start(&candidates, &from, options, observer, &|problem, z| {
+                runs(problem, z, trials)
+                    .into_iter()
+                    .zip(trials)
+                    .map(|(run, trial)| recorded(run, trial))
+                    .collect()
+            })
+        }
+    };
+    fit.seconds = clock.elapsed().as_secs_f64();
+    Ok(fit)
+}
+
+fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
+    let order = options.pilot.order;
+    if trials.is_empty() {
+        return Err(FitError::NoTrials);
+    }
+    if !(1..=MAX_ORDER).contains(&order) {
+        return Err(FitError::Order {
+            order,
+            low: 1,
+            high: MAX_ORDER,
+        });
+    }
+    if let Some(theta) = &options.start {
+        if theta.len() != 2 * order {
+            return Err(FitError::StartLength {
+                found: theta.len(),
+                expected: 2 * order,
+                order,
+            });
+        }
+        let all_zero = theta.iter().all(|v| *v == 0.0);
+        if let Some(index) = theta.iter().position(|v| !v.is_finite() || all_zero) {
+            return Err(FitError::StartValue {
+                index: index + 1,
+                value: theta[index],
+            });
+        }
+    }
+    let has_stick = |t: &Trial| {
+        t.stick
+            .as_ref()
+            .is_some_and(|s| s.iter().any(|u| u.is_finite()))
+    };
+    match trials
+        .iter()
+        .find(|t| options.objective == Objective::Stick && !has_stick(t))
+    {
+        Some(trial) => Err(FitError::NoStick {
+            trial: trial.name.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// A solve that may go on.
+struct Attempt<D, C> {
+    problem: Collocation<D, C>,
+    solution: Solution,
+    iterations: usize,
+}
+
+/// Runs the SQP from each candidate for some iterations, then goes on with the most promising until
+/// one has converged.
+fn multi_start<D: Dynamics, C: ParameterConstraints>(
+    candidates: &[Vec<f64>],
+    from: &impl Fn(&[f64]) -> (Collocation<D, C>, Vec<f64>),
+    options: &Options,
+    observer: &mut Observer<'_>,
+    runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
+) -> Fit {
+    let alone = candidates.len() == 1;
+    let scout = if alone {
+        options.max_iterations
+    } else {
+        SCOUT_ITERATIONS.min(options.max_iterations)
+    };
+    let mut stopped = false;
+    let mut attempts: Vec<Attempt<D, C>> = Vec::new();
+    for (number, theta) in candidates.iter().enumerate() {
+        let (problem, z) = from(theta);
+        let mut watch = |iteration: &Iteration| {
+            let flow = observer(&Progress {
+                start: number,
+                starts: candidates.len(),
+                iteration,
+            });
+            stopped |= flow.is_break();
+            flow
+        };
+        let solution = run(&problem, z, options, scout, &mut watch);
+        let iterations = solution.work.iterations;
+        attempts.push(Attempt {
+            problem,
+            solution,
+            iterations,
+        });
+        if stopped {
+            break;
+        }
+    }
+    attempts.sort_by(|a, b| rank(&a.solution).total_cmp(&rank(&b.solution)));
+    let mut best = 0;
+    while !stopped && best < attempts.len() && attempts[best].solution.status != Status::Converged {
+        let attempt = &mut attempts[best];
+        let left = options.max_iterations.saturating_sub(attempt.iterations);
+        if left > 0 && attempt.solution.status == Status::IterationLimit {
+            let mut watch = |iteration: &Iteration| {
+                let flow = observer(&Progress {
+                    start: 0,
+                    starts: 1,
+                    iteration,
+                });
+                stopped |= flow.is_break();
+                flow
+            };
+            let z = attempt.solution.iterate.z.clone();
+            attempt.solution = run(&attempt.problem, z, options, left, &mut watch);
+            attempt.iterations += attempt.solution.work.iterations;
+        }
+        if attempt.solution.status != Status::Converged {
+            best += 1;
+        }
+    }
+    let best = if best < attempts.len() { best } else { 0 };
+    report(&attempts, best, runs)
+}
+
+/// SQP iterations from each start before the most promising is finished.
+const SCOUT_ITERATIONS: usize = 60;
+
+/// What the starts are compared by: the objective, when the states are nearly consistent.
+fn rank(solution: &Solution) -> f64 {
+    match solution.kkt.primal < 1e-2 && solution.iterate.f.is_finite() {
+        true => solution.iterate.f,
+        false => f64::INFINITY,
+    }
+}
+
+fn run<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    z: Vec<f64>,
+    options: &Options,
+    max_iterations: usize,
+    watch: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+) -> Solution {
+    let sqp_options = sqp::Options {
+        tolerance: options.tolerance,
+        max_iterations,
+        ..sqp::Options::default()
+    };
+    sqp::solve(problem, &mut Condensed::default(), z, &sqp_options, watch)
+}
+
+fn report<D: Dynamics, C: ParameterConstraints>(
+    attempts: &[Attempt<D, C>],
+    best: usize,
+    runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
+) -> Fit {
+    let Attempt {
+        problem, solution, ..
+    } = &attempts[best];
+    Fit {
+        theta: problem.physical_theta(&solution.iterate.z),
+        objective: solution.iterate.f,
+        converged: solution.status == Status::Converged,
+        status: solution.status.to_string(),
+        kkt: solution.kkt.residual(),
+        iterations: attempts.iter().map(|a| a.iterations).sum(),
+        unknowns: solution.iterate.z.len(),
+        seconds: 0.0,
+        starts: attempts
+            .iter()
+            .map(|a| StartReport {
+                status: a.solution.status.to_string(),
+                objective: a.solution.iterate.f,
+                iterations: a.iterations,
+            })
+            .collect(),
+        runs: runs(problem, &solution.iterate.z),
+    }
+}
+
+/// The runs of a solution at the interval boundaries.
+fn runs<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    z: &[f64],
+    trials: &[Trial],
+) -> Vec<RunFit> {
+    let theta = problem.physical_theta(z);
+    let scales = &problem.model.scales.states;
+    let s = problem.scheme.unknown_nodes();
+    let one = |(j, trial): (usize, &Trial)| {
+        let run = &problem.runs[j];
+        let states: Vec<Vec<f64>> = (0..run.time.len())
+            .map(|b| {
+                problem
+                    .node(z, j, b * s)
+                    .iter()
+                    .zip(scales)
+                    .map(|(x, s)| x * s)
+                    .collect()
+            })
+            .collect();
+        let model = &problem.model.dynamics;
+        let at = |f: &dyn Fn(&[f64], &[f64]) -> f64| -> Vec<f64> {
+            states
+                .iter()
+                .zip(&run.inputs)
+                .map(|(x, w)| f(x, w))
+                .collect()
+        };
+        let measured = at(&|x, w| model.measured(x, w, &theta));
+        let stick = at(&|x, w| model.bounded(x, w, &theta));
+        let residual = run
+            .measured
+            .iter()
+            .zip(&measured)
+            .map(|(y, m)| y - m)
+            .collect();
+        RunFit {
+            name: trial.name.clone(),
+            time: run.time.clone(),
+            target: trial.target.clone(),
+            position: measured,
+            stick,
+            residual,
+            states,
+        }
+    };
+    trials.iter().enumerate().map(one).collect()
+}

@@ -1,0 +1,59 @@
+//! The stepping loop does not allocate.
+
+use super::slaves::Linear;
+use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Recorder, SeriesRecorder, System, run};
+use std::alloc::{GlobalAlloc, Layout, System as Heap};
+use std::cell::Cell;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts the allocations of each thread.
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator as it is; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|n| n.set(n.get() + 1));
+        // SAFETY: handed on from the caller.
+        unsafe { Heap.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: handed on from the caller.
+        unsafe { Heap.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Number of allocations of a run with that many steps.
+fn allocations(steps: u32, algorithm: Algorithm, recorder: &mut dyn Recorder) -> u64 {
+    let mut system = System::new();
+    for (name, from) in [("a", 1.0), ("b", -1.0)] {
+        let slave = Linear::new(-1.0, 0.5, 1.0, 0.0).from(from);
+        system.add(name, Box::new(slave)).unwrap();
+    }
+    system.connect("a.y", "b.u").unwrap();
+    system.connect("b.y", "a.u").unwrap();
+    let clock = Clock::new(0.0, f64::from(steps), 1.0).unwrap();
+    let before = ALLOCATIONS.get();
+    run(system, &clock, None, algorithm, recorder).unwrap();
+    ALLOCATIONS.get() - before
+}
+
+#[test]
+fn more_steps_allocate_no_more() {
+    for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel] {
+        let into_series = |steps| {
+            let mut recorder = SeriesRecorder::with_capacity(2000);
+            allocations(steps, algorithm, &mut recorder)
+        };
+        assert_eq!(into_series(10), into_series(1000), "{algorithm}");
+        let into_csv =
+            |steps| allocations(steps, algorithm, &mut CsvRecorder::new(std::io::sink()));
+        assert_eq!(into_csv(10), into_csv(1000), "{algorithm}");
+    }
+}

@@ -1,0 +1,9 @@
+//! The master, with slaves made for the purpose.
+
+mod algorithms;
+mod allocations;
+mod endings;
+mod initialization;
+mod joint;
+mod slaves;
+mod wiring;

@@ -1,0 +1,304 @@
+//! `pilotage cosim`, `info` and `validate` on FMUs of another tool.
+
+use crate::command::Folder;
+use crate::foreign;
+
+/// A folder with FMUs of these behaviours, named after them up to `@`.
+fn folder(behaviours: &[&str]) -> Folder {
+    let folder = Folder::new();
+    for behaviour in behaviours {
+        let name = behaviour.split('@').next().unwrap();
+        folder.write(&format!("{name}.fmu"), foreign::fmu(behaviour));
+    }
+    folder
+}
+
+#[test]
+fn a_loop_is_simulated_and_recorded() {
+    let folder = folder(&["good"]);
+    let ended = folder.pilotage(&[
+        "cosim",
+        "good.fmu",
+        "other=good.fmu",
+        "--connect",
+        "good.y=other.u",
+        "--connect",
+        "other.y=good.u",
+        "--set",
+        "good.k=0.5",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.25",
+        "--algorithm",
+        "gauss-seidel",
+    ]);
+    assert_eq!(ended.stderr, "");
+    assert_eq!(
+        ended.stdout,
+        "4 steps of 0.25 s from 0 s to 1 s (gauss-seidel, in the order good, other)\n\
+         5 rows of 12 signals in result.csv\n\
+         note: nothing feeds `good.n_in`; it keeps its start value\n\
+         note: nothing feeds `good.flag_in`; it keeps its start value\n\
+         note: nothing feeds `good.text_in`; it keeps its start value\n\
+         note: nothing feeds `other.n_in`; it keeps its start value\n\
+         note: nothing feeds `other.flag_in`; it keeps its start value\n\
+         note: nothing feeds `other.text_in`; it keeps its start value\n\
+         note: `good.text` is text and not in the table\n\
+         note: `other.text` is text and not in the table\n"
+    );
+    assert_eq!(ended.code, 0);
+    let csv = folder.read("result.csv");
+    assert_eq!(
+        csv.lines().next().unwrap(),
+        "time,good.y,good.tolerance,good.start,good.stop,good.n,good.flag,\
+         other.y,other.tolerance,other.start,other.stop,other.n,other.flag"
+    );
+    assert_eq!(csv.lines().count(), 6);
+    assert!(csv.lines().nth(5).unwrap().starts_with("1,0,0.001,0,1,"));
+    assert_eq!(folder.files(), ["good.fmu", "result.csv"]);
+}
+
+#[test]
+fn the_summary_as_json() {
+    let folder = folder(&["good"]);
+    let ended = folder.pilotage(&[
+        "cosim",
+        "good.fmu",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.5",
+        "--json",
+        "-o",
+        "a.csv",
+    ]);
+    let json = ended.json();
+    assert_eq!(json["status"], "completed");
+    assert_eq!(json["algorithm"], "jacobi");
+    assert_eq!(json["steps"], 2);
+    assert_eq!(json["time"], 1.0);
+    assert_eq!(json["signals"][0]["name"], "good.y");
+    assert_eq!(json["signals"][0]["unit"], "m");
+    assert_eq!(json["output"], "a.csv");
+    assert_eq!(ended.code, 0);
+}
+
+#[test]
+fn rows_before_a_failure_are_kept_and_it_says_where() {
+    let folder = folder(&["error@0.5", "discard@0.5", "end@0.5"]);
+    for (name, code, message) in [
+        (
+            "error",
+            1,
+            "error: `error` failed to step at 0.5 s: fmi2DoStep returned fmi2Error: the solver failed; the rows until 0.5 s are kept\n",
+        ),
+        (
+            "discard",
+            1,
+            "error: `discard` discarded the step from 0.5 s, it came to 0.5 s; the rows until 0.5 s are kept\n",
+        ),
+        ("end", 0, "note: `end` asked for the end at 0.5 s\n"),
+    ] {
+        let file = format!("{name}.fmu");
+        let ended = folder.pilotage(&["cosim", &file, "--stop-time", "1", "--step", "0.25"]);
+        assert_eq!((ended.stderr.as_str(), ended.code), (message, code));
+        assert_eq!(folder.read("result.csv").lines().count(), 4, "{name}");
+    }
+}
+
+#[test]
+fn what_was_there_stays_if_the_initialization_fails() {
+    let folder = folder(&["error-in-initialization"]);
+    folder.write("result.csv", "precious");
+    let arguments = [
+        "cosim",
+        "error-in-initialization.fmu",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.25",
+    ];
+    assert_eq!(folder.pilotage(&arguments).code, 2);
+    assert_eq!(folder.read("result.csv"), "precious");
+    assert_eq!(
+        folder.files(),
+        ["error-in-initialization.fmu", "result.csv"]
+    );
+}
+
+#[test]
+fn info_shows_the_variables() {
+    let folder = folder(&["good"]);
+    let text = folder.pilotage(&["info", "good.fmu"]).stdout;
+    for line in [
+        "  interfaces    FMI 2.0, co-simulation\n",
+        "  experiment    start 0 s, stop 1 s, step 0.1 s, tolerance 0.001\n",
+        "k          parameter  fixed        Real     1/s   1.0\n",
+        "text       output     discrete     String\n",
+    ] {
+        assert!(text.contains(line), "{line} in\n{text}");
+    }
+    let json = folder.pilotage(&["info", "good.fmu", "--json"]).json();
+    assert_eq!(json["variables"][2]["name"], "k");
+    assert_eq!(json["variables"][2]["start"], 1.0);
+    assert_eq!(json["guid"], "good");
+}
+
+/// What `validate` says of a foreign FMU; its binary has fewer functions than the standard asks for.
+fn validated(content: &[u8]) -> (i32, Vec<String>) {
+    let folder = Folder::new();
+    folder.write("a.fmu", content);
+    let ended = folder.pilotage(&["validate", "a.fmu"]);
+    assert_eq!(ended.stderr, "");
+    let is_missing = |line: &&str| line.contains("the binary has no function");
+    let lines = ended.stdout.lines().filter(|line| !is_missing(line));
+    let without_entry = |line: &str| line.replace(&foreign::binary_entry(), "ENTRY");
+    (ended.code, lines.map(without_entry).collect())
+}
+
+#[test]
+fn validate_finds_what_is_wrong_and_survives_crashes() {
+    let with = |from: &str, to: &str| {
+        let description = foreign::DESCRIPTION.replace(from, to);
+        foreign::fmu_of(&description, foreign::binary())
+    };
+    let good = |behaviour| foreign::fmu(behaviour);
+    let cases: Vec<(Vec<u8>, i32, &[&str])> = vec![
+        (good("good"), 0, &["a.fmu: valid, and runs"]),
+        (
+            with("unit=\"1/s\"", "unit=\"per second\""),
+            1,
+            &[
+                "a.fmu: not valid",
+                "  error: line 15, column 5: unit `per second` is not defined under <UnitDefinitions> (FMI 2.0, section 2.2.2) (variable `k`)",
+            ],
+        ),
+        (
+            with(
+                "<Unknown index=\"2\" dependencies=\"\"/>",
+                "<Unknown index=\"2\"/>",
+            ),
+            0,
+            &[
+                "a.fmu: valid, and runs",
+                "  warning: line 28, column 7: <Outputs> does not declare the dependencies of 1 of its unknowns, so that other tools assume that they depend on everything (FMI 2.0, section 2.2.8)",
+            ],
+        ),
+        (
+            good("error"),
+            1,
+            &[
+                "a.fmu: not valid",
+                "  error: binary: while stepping: fmi2DoStep returned fmi2Error: the solver failed",
+            ],
+        ),
+        (
+            good("refuse"),
+            1,
+            &[
+                "a.fmu: not valid",
+                "  error: binary: while instantiating: a.fmu: fmi2Instantiate refused: no license for 100 % of this model",
+            ],
+        ),
+        (
+            good("discard"),
+            0,
+            &[
+                "a.fmu: valid, and runs",
+                "  warning: binary: the first step of 0.1 s was discarded",
+            ],
+        ),
+        (
+            foreign::fmu_of(foreign::DESCRIPTION, b"no library"),
+            1,
+            &[
+                "a.fmu: not valid",
+                "  error: binary: while loading: a.fmu: `ENTRY` cannot be loaded: it is not a shared library: Could not read file magic",
+            ],
+        ),
+        (
+            b"no archive".to_vec(),
+            1,
+            &[
+                "a.fmu: not valid",
+                "  error: a.fmu is no zip archive, or a damaged one: invalid Zip archive: Could not find EOCD",
+            ],
+        ),
+    ];
+    for (content, code, lines) in cases {
+        let (found, said) = validated(&content);
+        assert_eq!(
+            (
+                found,
+                &said.iter().map(String::as_str).collect::<Vec<_>>()[..]
+            ),
+            (code, lines)
+        );
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn validate_tells_where_a_binary_ends_the_process() {
+    for (behaviour, stage) in [
+        ("crash-in-instantiate", "instantiating"),
+        ("crash", "stepping"),
+    ] {
+        let (code, lines) = validated(&foreign::fmu(behaviour));
+        assert_eq!(code, 1);
+        assert_eq!(lines[0], "a.fmu: not valid");
+        let (start, end) = (
+            "  error: binary: it ended the process (signal: 6 (SIGABRT)",
+            stage,
+        );
+        assert!(
+            lines[1].starts_with(start) && lines[1].ends_with(end),
+            "{}",
+            lines[1]
+        );
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn validate_names_the_symbol_that_nobody_has() {
+    let checked = |binary| validated(&foreign::fmu_of(foreign::DESCRIPTION, binary));
+    let symbol = "undefined symbol: a_function_that_nobody_has";
+    let (code, lines) = checked(foreign::binary_needing_nobody());
+    assert_eq!((code, lines.len()), (1, 2), "{lines:?}");
+    let start = "  error: binary: while loading: a.fmu: `ENTRY` cannot be used: the system cannot load it: ";
+    assert!(
+        lines[1].starts_with(start) && lines[1].ends_with(symbol),
+        "{}",
+        lines[1]
+    );
+
+    // This one loads, since an FMU may never call what is missing; but it does when it steps.
+    let (code, lines) = checked(foreign::binary_needing_nobody_yet());
+    assert_eq!((code, lines.len()), (1, 3), "{lines:?}");
+    let start = "  warning: binary: a symbol is missing, calling it would end the process: ";
+    assert!(
+        lines[1].starts_with(start) && lines[1].ends_with(symbol),
+        "{}",
+        lines[1]
+    );
+    assert!(lines[2].ends_with("while stepping"), "{}", lines[2]);
+}
+
+#[test]
+fn validate_many_as_json() {
+    let folder = folder(&["good", "error"]);
+    let ended = folder.pilotage(&["validate", "good.fmu", "error.fmu", "--json"]);
+    let json = ended.json();
+    assert_eq!(json["fmus"][0]["valid"], true);
+    assert_eq!(json["fmus"][1]["valid"], false);
+    assert_eq!(ended.code, 1);
+    let ended = folder.pilotage(&["validate", "good.fmu", "nothing.fmu"]);
+    assert_eq!(ended.code, 2);
+    assert!(
+        ended.stderr.starts_with("error: cannot open nothing.fmu: "),
+        "{}",
+        ended.stderr
+    );
+}

@@ -1,0 +1,148 @@
+//! FMUs of "another tool": made here by rustc, so that the importer is tested against code that does
+//! not share a line with the exporter.
+
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+/// The description that fits `fmu.rs`.
+pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="foreign" guid="good" variableNamingConvention="flat">
+  <CoSimulation modelIdentifier="foreign" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"/>
+  <UnitDefinitions>
+    <Unit name="m"><BaseUnit m="1"/></Unit>
+    <Unit name="ft"><BaseUnit m="1" factor="0.3048"/></Unit>
+    <Unit name="1/s"><BaseUnit s="-1"/></Unit>
+    <Unit name="Hz"><BaseUnit s="-1"/></Unit>
+  </UnitDefinitions>
+  <LogCategories><Category name="logStatusError"/></LogCategories>
+  <DefaultExperiment startTime="0" stopTime="1" tolerance="0.001" stepSize="0.1"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="1" causality="output" initial="exact"><Real unit="m" start="0"/></ScalarVariable>
+    <ScalarVariable name="k" valueReference="2" causality="parameter" variability="fixed"><Real unit="1/s" start="1"/></ScalarVariable>
+    <ScalarVariable name="tolerance" valueReference="3" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="start" valueReference="4" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="stop" valueReference="5" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="n_in" valueReference="0" causality="input" variability="discrete"><Integer start="0"/></ScalarVariable>
+    <ScalarVariable name="n" valueReference="1" causality="output" variability="discrete" initial="exact"><Integer start="0"/></ScalarVariable>
+    <ScalarVariable name="flag_in" valueReference="0" causality="input" variability="discrete"><Boolean start="false"/></ScalarVariable>
+    <ScalarVariable name="flag" valueReference="1" causality="output" variability="discrete" initial="exact"><Boolean start="false"/></ScalarVariable>
+    <ScalarVariable name="text_in" valueReference="0" causality="input" variability="discrete"><String start=""/></ScalarVariable>
+    <ScalarVariable name="text" valueReference="1" causality="output" variability="discrete" initial="exact"><String start=""/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs>
+      <Unknown index="2" dependencies=""/>
+      <Unknown index="4" dependencies=""/>
+      <Unknown index="5" dependencies=""/>
+      <Unknown index="6" dependencies=""/>
+      <Unknown index="8" dependencies=""/>
+      <Unknown index="10" dependencies=""/>
+      <Unknown index="12" dependencies=""/>
+    </Outputs>
+    <InitialUnknowns>
+      <Unknown index="4" dependencies=""/>
+      <Unknown index="5" dependencies=""/>
+      <Unknown index="6" dependencies=""/>
+    </InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#;
+
+/// Name of this machine's binary in the archive.
+pub fn binary_entry() -> String {
+    let folders = pilotage::fmi::platform::folders();
+    let folder = folders.last().unwrap();
+    let name = pilotage::fmi::platform::library_name("foreign");
+    format!("binaries/{folder}/{name}")
+}
+
+/// The binary that `source` (a file beside this one) makes with these flags of rustc.
+fn compile(source: &str, flags: &[&str]) -> Vec<u8> {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let library = folder.path().join("library");
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/foreign");
+    let done = Command::new(Path::new(env!("CARGO")).with_file_name("rustc"))
+        .args([
+            "--edition=2024",
+            "--crate-type=cdylib",
+            "-Cpanic=abort",
+            "-Copt-level=1",
+            "-Cstrip=symbols",
+            "-o",
+        ])
+        .arg(&library)
+        .arg(sources.join(source))
+        .args(flags)
+        .output()
+        .unwrap();
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    std::fs::read(library).unwrap()
+}
+
+/// Declares binaries that are compiled once.
+macro_rules! binaries {
+    ($($(#[$doc:meta])* $name:ident: $source:literal, $flags:expr;)*) => {
+        $($(#[$doc])*
+        pub fn $name() -> &'static [u8] {
+            static BINARY: OnceLock<Vec<u8>> = OnceLock::new();
+            BINARY.get_or_init(|| compile($source, &$flags))
+        })*
+    };
+}
+
+binaries! {
+    /// Everything is in it.
+    binary: "fmu.rs", [];
+    /// `fmi2DoStep` is missing.
+    binary_without_do_step: "fmu.rs", ["--cfg", "without_do_step"];
+    /// It says that it is of FMI 3.0.
+    binary_of_fmi3: "fmu.rs", ["--cfg", "fmi3"];
+    /// It uses `tanh` and is linked with nothing.
+    binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
+    /// It uses a function that nobody has.
+    binary_needing_nobody: "libm.rs", ["-Clink-arg=-nostdlib", "--cfg", "unresolved"];
+    /// The same, but it asks for the function when it calls it.
+    binary_needing_nobody_yet: "libm.rs",
+        ["-Clink-arg=-nostdlib", "--cfg", "unresolved", "-Crelro-level=off"];
+}
+
+/// A zip archive of these files.
+pub fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, content) in files {
+        zip.start_file(*name, SimpleFileOptions::default()).unwrap();
+        zip.write_all(content).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+/// The foreign FMU with a description and a binary.
+pub fn fmu_of(description: &str, binary: &[u8]) -> Vec<u8> {
+    let entry = binary_entry();
+    archive(&[
+        ("modelDescription.xml", description.as_bytes()),
+        (&entry, binary),
+    ])
+}
+
+/// The foreign FMU with that behaviour.
+pub fn fmu(behaviour: &str) -> Vec<u8> {
+    let description = DESCRIPTION.replace("guid=\"good\"", &format!("guid=\"{behaviour}\""));
+    fmu_of(&description, binary())
+}
+
+/// The foreign FMU with that behaviour, as a file in a folder of the test.
+pub fn file(folder: &Path, behaviour: &str) -> PathBuf {
+    let path = folder.join("foreign.fmu");
+    std::fs::write(&path, fmu(behaviour)).unwrap();
+    path
+}
