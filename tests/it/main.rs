@@ -10,6 +10,7 @@ mod export;
 mod fmi;
 mod fmpy;
 mod fmu_binary;
+mod sqp_problems;
 mod fmu_commands;
 mod foreign;
 mod python;
