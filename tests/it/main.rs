@@ -7,6 +7,7 @@ mod command;
 mod cosim;
 mod examples;
 mod export;
+mod fit;
 mod fmi;
 mod fmpy;
 mod fmu_binary;
