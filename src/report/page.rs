@@ -203,7 +203,9 @@ mod tests {
             vehicle: options.vehicle,
             pilot: options.pilot,
         };
-        let runs = trials.iter().map(|trial| simulate(&joint, theta, trial).unwrap());
+        let runs = trials
+            .iter()
+            .map(|trial| simulate(&joint, theta, trial).unwrap());
         Fit {
             theta: theta.to_vec(),
             objective: 1234.5,
