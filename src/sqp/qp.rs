@@ -14,9 +14,11 @@ pub struct Step {
     pub eta: Vec<f64>,
     /// `dᵀ(H + μ diag w) d`.
     pub curvature: f64,
-    /// ℓ1 norm of the linearised constraints' violation that remains: zero unless they are
+    /// ℓ1 norm of the linearised inequalities' violation that remains: zero unless the constraints are
     /// inconsistent and the QP was relaxed.
     pub violation: f64,
+    /// What remains of the linearised equalities, `c + J d`; empty for zero.
+    pub residual: Vec<f64>,
     /// Number of active inequalities.
     pub active: usize,
 }
@@ -61,6 +63,6 @@ pub trait QpSolver<P: Problem + ?Sized> {
 
     /// Second-order correction (Nocedal & Wright, section 18.3): solves the QP of the last `solve` or
     /// `correct` again, with its constraints moved to their values at `trial`, the point that `step`
-    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`.
+    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`. Only `step.d` is written.
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
 }

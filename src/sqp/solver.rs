@@ -2,6 +2,7 @@
 //! Levenberg–Marquardt damping of the QP.
 
 use super::globalisation::{Merit, Model};
+use super::iterate::violation;
 use super::qp::{QpFailure, QpSolver, Step};
 use super::solution::{Iteration, Solution, Work};
 use super::{Hessian, Iterate, Kkt, Options, Problem, Status};
@@ -19,6 +20,10 @@ const SHORT_STEP: f64 = 0.2;
 const CORRECTION_RATE: f64 = 0.5;
 /// Raises of the damping after which the line search may go down to its limit.
 const PATIENCE: usize = 8;
+/// Magnitude that no variable of a problem scaled to the order of one reaches.
+const DIVERGED: f64 = 1e10;
+/// Relative decrease of the violation below which the linearised constraints promise none.
+const STATIONARY: f64 = 1e-6;
 
 /// Solves `problem` from `start` with the given QP solver.
 ///
@@ -88,6 +93,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             if stop {
                 return self.finish(Status::Stopped, kkt);
             }
+            if kkt.primal <= self.options.tolerance && self.has_diverged() {
+                return self.finish(Status::Unbounded, kkt);
+            }
             if self.work.iterations == self.options.max_iterations {
                 return self.finish(Status::IterationLimit, kkt);
             }
@@ -118,6 +126,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                     continue;
                 }
             };
+            if self.is_stationary_for_violation() {
+                return None;
+            }
             let shortest = if raised < PATIENCE {
                 SHORT_STEP
             } else {
@@ -136,6 +147,23 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             self.raise_damping();
         }
         None
+    }
+
+    fn has_diverged(&self) -> bool {
+        self.current.z.iter().any(|z| z.abs() > DIVERGED)
+    }
+
+    /// True when the linearised constraints are inconsistent and even their relaxed QP does not lower
+    /// the violation: a stationary point of its ℓ1 norm (Byrd, Curtis & Nocedal, SIAM J. Optim. 20,
+    /// 2010).
+    fn is_stationary_for_violation(&self) -> bool {
+        let (lower, upper) = self.problem.limits();
+        let outside = self.current.g.iter().zip(lower.iter().zip(upper));
+        let inequalities: f64 = outside.map(|(g, (l, u))| violation(*g, *l, *u)).sum();
+        let now = inequalities + self.current.c.iter().map(|c| c.abs()).sum::<f64>();
+        let equalities: f64 = self.step.residual.iter().map(|c| c.abs()).sum();
+        let left = self.step.violation + equalities;
+        left > 0.0 && now - left <= STATIONARY * now
     }
 
     /// The QP with the exact Hessian where that is convex, else with Gauss–Newton.
