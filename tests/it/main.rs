@@ -3,6 +3,7 @@
 mod arrows;
 mod bad_files;
 mod bad_fmus;
+mod closed_loop;
 mod command;
 mod cosim;
 mod examples;
