@@ -58,6 +58,6 @@ fn joint_position() -> Result<f64, Box<dyn Error>> {
         vehicle: Quadcopter::default(),
         pilot: Pilot::default(),
     };
-    let run = simulate(&joint, &THETA, &trial);
+    let run = simulate(&joint, &THETA, &trial)?;
     Ok(run.position[run.position.len() - 1])
 }

@@ -79,8 +79,8 @@ impl Default for Flights {
             runs: 3,
             duration: 15.0,
             rate: 20.0,
-            seed: 1,
-            variation: 0.06,
+            seed: 4,
+            variation: 0.05,
         }
     }
 }

@@ -65,9 +65,7 @@ pub enum Problem {
         last: usize,
     },
     /// All variables are real.
-    #[error(
-        "this FMU has no {base_type} variables, but {count} were asked for; use the functions for Real"
-    )]
+    #[error("this FMU has no {base_type} variables, {count} asked for; use the functions for Real")]
     NoSuchType {
         /// The base type.
         base_type: &'static str,

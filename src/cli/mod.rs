@@ -5,9 +5,11 @@
 mod cosim;
 mod export;
 mod failure;
+mod fit;
 mod folder;
 mod format;
 mod info;
+mod progress;
 mod terminal;
 mod trials;
 mod validate;
@@ -31,6 +33,8 @@ struct Cli {
 enum Command {
     /// Check recorded flights, or make synthetic ones.
     Trials(trials::Args),
+    /// Identify the pilot from recorded flights.
+    Fit(Box<fit::Args>),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
     /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
@@ -50,6 +54,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Trials(args) => trials::run(args),
+        Command::Fit(args) => fit::run(*args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Export(args) => export::run(args),
         Command::Cosim(args) => cosim::run(args),

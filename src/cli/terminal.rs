@@ -14,3 +14,9 @@ pub fn print(text: &str) -> Result<(), Failure> {
         _ => Ok(()),
     }
 }
+
+/// Tells something on stderr that is no failure.
+pub fn note(text: &str) {
+    // Whoever closed stderr does not want to know.
+    let _ = writeln!(std::io::stderr().lock(), "note: {text}");
+}

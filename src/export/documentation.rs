@@ -57,10 +57,10 @@ fn page(model: &Model, provenance: &Provenance) -> String {
         Kind::Quadcopter => QUADCOPTER,
     };
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <title>{name}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <h1>{name}</h1>\n<p>{}</p>\n{caveat}\
-         <img src=\"../model.png\" alt=\"\" width=\"480\">\n{about}\
+         <img src=\"../model.png\" alt=\"\" width=\"480\"/>\n{about}\
          <h2>Variables</h2>\n{}\
          <h2>Where the numbers come from</h2>\n<p>{}</p>\n{source}\
          <p>Exported by pilotage {}. Licences: <a href=\"licenses/license.txt\">licenses</a>.</p>\n\

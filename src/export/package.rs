@@ -12,10 +12,10 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// A start value that its variable cannot have.
-    #[error("the model cannot be exported: {0}")]
+    #[error("the model cannot be exported")]
     Value(#[from] ValueError),
     /// The archive cannot be built.
-    #[error("the archive cannot be built at {entry}: {source}")]
+    #[error("the archive cannot be built at {entry}")]
     Archive {
         /// The entry at which it failed.
         entry: String,
@@ -23,7 +23,7 @@ pub enum ExportError {
         source: zip::result::ZipError,
     },
     /// The file cannot be written.
-    #[error("{} cannot be written: {source}", path.display())]
+    #[error("{} cannot be written", path.display())]
     Write {
         /// The file.
         path: PathBuf,

@@ -154,5 +154,5 @@ fn quadcopter(canvas: &mut Canvas) {
     canvas.ellipse(place(0.0, 2.0), (42.0, 18.0), degrees, INK);
     canvas.line(&[place(-26.0, -12.0), place(-40.0, -46.0)], 5.0, INK);
     canvas.line(&[place(26.0, -12.0), place(40.0, -46.0)], 5.0, INK);
-    canvas.arrow((385.0, 190.0), (455.0, 190.0), ACCENT);
+    canvas.arrow((375.0, 245.0), (450.0, 245.0), ACCENT);
 }

@@ -223,6 +223,8 @@ mod tests {
             kkt: 1e-3,
             iterations: 7,
             seconds: 0.25,
+            unknowns: 16_260,
+            starts: Vec::new(),
             runs: Vec::new(),
         }
     }

@@ -203,7 +203,9 @@ mod tests {
             vehicle: options.vehicle,
             pilot: options.pilot,
         };
-        let runs = trials.iter().map(|trial| simulate(&joint, theta, trial));
+        let runs = trials
+            .iter()
+            .map(|trial| simulate(&joint, theta, trial).unwrap());
         Fit {
             theta: theta.to_vec(),
             objective: 1234.5,
@@ -212,6 +214,8 @@ mod tests {
             kkt: 1e-3,
             iterations: 200,
             seconds: 1.5,
+            unknowns: 16_260,
+            starts: Vec::new(),
             runs: runs.collect(),
         }
     }

@@ -65,12 +65,12 @@ fn a_check_shows_each_trial_in_a_few_numbers() {
         "\
 trial     use         weight  samples  missing   rate  target  final error  overshoot  peak stick
                                                [1/s]     [m]          [m]        [%]         [1]
-10m-run1  fit              1      301        0  20.00      10        0.172       25.5       0.291
-10m-run2  fit              1      301        0  20.00      10       -0.323       15.7       0.241
-10m-run3  fit              1      301        0  20.00      10       -0.290       24.9       0.298
-20m-run1  fit              1      301        0  20.00      20       -0.233       16.4       0.645
-20m-run2  fit              1      301        0  20.00      20        0.327       15.0       0.582
-20m-run3  fit              1      301        0  20.00      20       -0.293       21.3       0.605
+10m-run1  fit              1      301        0  20.00      10       -0.273       27.5       0.292
+10m-run2  fit              1      301        0  20.00      10       -0.336       22.4       0.318
+10m-run3  fit              1      301        0  20.00      10       -0.065       13.4       0.284
+20m-run1  fit              1      301        0  20.00      20       -0.161       15.3       0.636
+20m-run2  fit              1      301        0  20.00      20       -0.680       20.1       0.596
+20m-run3  fit              1      301        0  20.00      20       -0.495       15.0       0.625
 "
     );
 }

@@ -44,11 +44,11 @@ pub enum SetError {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// The pilot's transition cannot be computed.
-    #[error("the pilot's {0}")]
-    Pilot(#[from] TransitionError),
+    #[error("the pilot's equations: {0}")]
+    Pilot(TransitionError),
     /// The vehicle's integration was given up.
     #[error("the vehicle's equations: {0}")]
-    Vehicle(#[from] IntegrationError),
+    Vehicle(IntegrationError),
     /// A state is no longer finite.
     #[error("state {state} is {value} after {step} s; the model or what drives it is unstable")]
     NotFinite {
@@ -313,7 +313,8 @@ impl Simulation {
             let theta = self.theta(pilot);
             let transition = Transition::new(pilot.order, h, |x, u, dx| {
                 pilot.derivative(x, u, theta, dx);
-            })?;
+            })
+            .map_err(StepError::Pilot)?;
             let key = std::iter::once(h).chain(denominator.iter().copied());
             self.transition = Some((key.collect(), transition));
         }
@@ -360,7 +361,8 @@ impl Simulation {
             relative,
             absolute: crate::model::quadcopter_nominals().map(|nominal| nominal * relative),
         };
-        let (next, _) = integrate(derivative, self.vehicle_states(), h, &tolerance)?;
+        let (next, _) = integrate(derivative, self.vehicle_states(), h, &tolerance)
+            .map_err(StepError::Vehicle)?;
         self.next.copy_from_slice(&next);
         Ok(())
     }

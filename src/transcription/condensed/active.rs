@@ -1,9 +1,10 @@
 //! The reduced QP with inequalities: clarabel finds the active set, one exact solve polishes it.
 
 use super::arrow::{Arrow, ArrowFactor};
-use super::dense::{cholesky, cholesky_solve};
+use super::dense::{axpy, cholesky, cholesky_solve};
 use crate::sqp::QpFailure;
 use crate::sqp::convex::{ConvexQp, ConvexSolution};
+use crate::sqp::iterate::violation;
 
 /// Cost of violating a row when the rows are inconsistent, per unit.
 const RELAXATION: f64 = 1e6;
@@ -59,69 +60,79 @@ pub fn solve(
         upper: rows.iter().map(|row| row.upper).collect(),
     };
     match qp.solve(None) {
-        Ok(rough) => Ok(polish(factor, q, rows, &rough).unwrap_or(rough)),
+        Ok(rough) => Ok(exact(factor, q, rows, &sides(rows, &rough)).unwrap_or(rough)),
         Err(QpFailure::Infeasible) => qp.solve(Some(RELAXATION)),
         Err(other) => Err(other),
     }
 }
 
-/// The exact solution with the rows active that `rough` has active; None when that guess is wrong.
-fn polish(
+/// The solution without rows.
+pub fn free(factor: &ArrowFactor, q: &[f64]) -> ConvexSolution {
+    let mut x: Vec<f64> = q.iter().map(|v| -v).collect();
+    factor.solve(&mut x);
+    ConvexSolution {
+        x,
+        y: Vec::new(),
+        violation: 0.0,
+    }
+}
+
+/// The side at which each row is active in an interior-point solution, as the sign of its multiplier;
+/// zero where it is not.
+fn sides(rows: &[Row], rough: &ConvexSolution) -> Vec<f64> {
+    let side = |(row, y): (&Row, &f64)| {
+        let limit = if *y > 0.0 { row.upper } else { row.lower };
+        let active = y.abs() > (limit - row.value(&rough.x)).abs();
+        if active { y.signum() } else { 0.0 }
+    };
+    rows.iter().zip(&rough.y).map(side).collect()
+}
+
+/// The exact solution with the rows active at these sides; None when that guess is wrong.
+pub fn exact(
     factor: &ArrowFactor,
     q: &[f64],
     rows: &[Row],
-    rough: &ConvexSolution,
+    sides: &[f64],
 ) -> Option<ConvexSolution> {
+    let mut solution = free(factor, q);
+    let active: Vec<usize> = (0..rows.len()).filter(|&i| sides[i] != 0.0).collect();
     let limit = |i: usize| {
-        if rough.y[i] > 0.0 {
+        if sides[i] > 0.0 {
             rows[i].upper
         } else {
             rows[i].lower
         }
     };
-    let active: Vec<usize> = (0..rows.len())
-        .filter(|&i| rough.y[i].abs() > (limit(i) - rows[i].value(&rough.x)).abs())
-        .collect();
-    let m = active.len();
-    let mut free: Vec<f64> = q.iter().map(|v| -v).collect();
-    factor.solve(&mut free);
     // H⁻¹ aᵢ, and the Schur complement aᵢᵀ H⁻¹ aⱼ
     let columns: Vec<Vec<f64>> = active
         .iter()
-        .map(|&i| {
-            let mut column = vec![0.0; q.len()];
-            rows[i].entries.iter().for_each(|&(c, v)| column[c] += v);
-            factor.solve(&mut column);
-            column
-        })
+        .map(|&i| factor.solved(&rows[i].entries, q.len()))
         .collect();
     let mut schur: Vec<f64> = active
         .iter()
         .flat_map(|&i| columns.iter().map(move |c| rows[i].value(c)))
         .collect();
-    if !cholesky(&mut schur, m) {
+    if !cholesky(&mut schur, active.len()) {
         return None;
     }
     let mut y: Vec<f64> = active
         .iter()
-        .map(|&i| rows[i].value(&free) - limit(i))
+        .map(|&i| rows[i].value(&solution.x) - limit(i))
         .collect();
-    cholesky_solve(&schur, m, &mut y);
-    let mut x = free;
+    cholesky_solve(&schur, active.len(), &mut y);
     for (column, y) in columns.iter().zip(&y) {
-        x.iter_mut().zip(column).for_each(|(x, c)| *x -= y * c);
+        axpy(-y, column, &mut solution.x);
     }
-    let signs = active.iter().zip(&y).all(|(&i, y)| y * rough.y[i] >= 0.0);
+    solution.y = vec![0.0; rows.len()];
+    active.iter().zip(&y).for_each(|(&i, y)| solution.y[i] = *y);
+    let signs = sides
+        .iter()
+        .zip(&solution.y)
+        .all(|(side, y)| side * y >= 0.0);
     let inside = rows.iter().all(|row| {
         let scale = 1.0 + row.lower.abs().min(row.upper.abs());
-        crate::sqp::iterate::violation(row.value(&x), row.lower, row.upper)
-            <= POLISH_TOLERANCE * scale
+        violation(row.value(&solution.x), row.lower, row.upper) <= POLISH_TOLERANCE * scale
     });
-    let mut all = vec![0.0; rows.len()];
-    active.iter().zip(&y).for_each(|(&i, y)| all[i] = *y);
-    (signs && inside).then_some(ConvexSolution {
-        x,
-        y: all,
-        violation: 0.0,
-    })
+    (signs && inside).then_some(solution)
 }

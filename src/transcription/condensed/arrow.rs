@@ -132,6 +132,14 @@ pub struct ArrowFactor {
 }
 
 impl ArrowFactor {
+    /// The solution for a right-hand side given by its entries `(row, value)`, of length `n`.
+    pub fn solved(&self, entries: &[(usize, f64)], n: usize) -> Vec<f64> {
+        let mut b = vec![0.0; n];
+        entries.iter().for_each(|&(row, value)| b[row] += value);
+        self.solve(&mut b);
+        b
+    }
+
     /// Solves in place.
     pub fn solve(&self, b: &mut [f64]) {
         let (theta, rest) = b.split_at_mut(self.p);

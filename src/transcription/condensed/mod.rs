@@ -14,7 +14,8 @@ mod run;
 
 use super::Collocation;
 use super::constraints::ParameterConstraints;
-use crate::sqp::{Hessian, Iterate, QpFailure, QpSolver, Step};
+use crate::sqp::convex::ConvexSolution;
+use crate::sqp::{Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
 use active::{Row, RowAt};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
@@ -44,8 +45,8 @@ pub struct Condensed {
     gauss_newton: Arrow,
     exact: Option<Arrow>,
     singular: bool,
-    /// Inequalities of the last QP's working set.
-    working: Vec<RowAt>,
+    /// Active inequalities of the last QP, with the sign of their multiplier.
+    working: Vec<(RowAt, f64)>,
 }
 
 impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Condensed {
@@ -97,7 +98,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     ) -> Result<(), QpFailure> {
         self.c.clone_from(&self.c_iterate);
         self.g.clone_from(&self.g_iterate);
-        self.solve_shifted(problem, hessian, damping, step)
+        let reduced = self.solve_shifted(problem, hessian, damping)?;
+        self.write_primal(problem, &reduced.solution.x, step);
+        self.write_dual(problem, hessian, damping, &reduced, step);
+        Ok(())
     }
 
     fn correct(
@@ -122,19 +126,26 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             let at = problem.layout.parameter_constraints + i;
             self.g[at] = trial.g[at] - dense::dot(row, dtheta);
         }
-        self.solve_shifted(problem, hessian, damping, step)
+        let reduced = self.solve_shifted(problem, hessian, damping)?;
+        self.write_primal(problem, &reduced.solution.x, step);
+        Ok(())
     }
 }
 
+/// Solution of the reduced QP.
+struct Reduced {
+    rows: Vec<Row>,
+    solution: ConvexSolution,
+}
+
 impl Condensed {
-    /// The QP with the constraint values in `c` and `g`.
+    /// The reduced QP with the constraint values in `c` and `g`; leaves the steps of the nodes expanded.
     fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
         damping: f64,
-        step: &mut Step,
-    ) -> Result<(), QpFailure> {
+    ) -> Result<Reduced, QpFailure> {
         if self.singular {
             return Err(QpFailure::NoSolution);
         }
@@ -153,32 +164,27 @@ impl Condensed {
             run.reduce_vector(problem, j, hessian, local)
         });
 
-        let mut rho: Vec<f64> = q.iter().map(|v| -v).collect();
-        factor.solve(&mut rho);
-        let mut rows: Vec<Row> = Vec::new();
-        let mut eta = Vec::new();
-        let mut violation = 0.0;
-        for _ in 0..MAX_ROUNDS {
-            self.expand(problem, &rho);
-            if !self.add_violated(problem, &rho, &mut rows) {
-                break;
-            }
-            let solution = active::solve(&matrix, &factor, &q, &rows)?;
-            (rho, eta, violation) = (solution.x, solution.y, solution.violation);
-            if violation > 0.0 {
-                self.expand(problem, &rho);
-                break;
-            }
-        }
-        self.working = rows
+        let (lower, upper) = problem.limits();
+        let mut rows: Vec<Row> = self
+            .working
             .iter()
-            .zip(&eta)
-            .filter(|(_, y)| **y != 0.0)
-            .map(|(row, _)| row.at)
+            .map(|(at, _)| self.row(problem, *at, lower, upper))
             .collect();
-        self.write_step(problem, hessian, damping, &rho, &rows, &eta, step);
-        step.violation = violation;
-        Ok(())
+        let guess: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
+        let mut solution = active::exact(&factor, &q, &rows, &guess).unwrap_or_else(|| {
+            rows.clear();
+            active::free(&factor, &q)
+        });
+        for _ in 0..MAX_ROUNDS {
+            self.expand(problem, &solution.x);
+            if solution.violation > 0.0 || !self.add_violated(problem, &solution.x, &mut rows) {
+                break;
+            }
+            solution = active::solve(&matrix, &factor, &q, &rows)?;
+        }
+        let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
+        self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
+        Ok(Reduced { rows, solution })
     }
 
     /// Allocates the workspace at the first use.
@@ -278,15 +284,13 @@ impl Condensed {
         }
     }
 
-    /// Adds the inequalities that the expanded step violates, and the last working set's; false when
-    /// there is nothing new.
+    /// Adds the inequalities that the expanded step violates; false when there is nothing new.
     fn add_violated<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         rho: &[f64],
         rows: &mut Vec<Row>,
     ) -> bool {
-        use crate::sqp::Problem;
         let (p, n, s) = (
             problem.n_parameters(),
             problem.n_states(),
@@ -318,10 +322,6 @@ impl Condensed {
         wanted.retain(|at| rows.iter().all(|row| row.at != *at));
         if wanted.is_empty() {
             return false;
-        }
-        if rows.is_empty() {
-            let known = self.working.iter().filter(|at| !wanted.contains(at));
-            wanted.extend(known.copied().collect::<Vec<_>>());
         }
         for at in wanted {
             rows.push(self.row(problem, at, lower, upper));
@@ -371,42 +371,52 @@ impl Condensed {
         }
     }
 
-    /// The full step and multipliers from the reduced solution.
-    #[allow(clippy::too_many_arguments)]
-    fn write_step<D: Dynamics, C: ParameterConstraints>(
+    /// The full step from the reduced solution and the expanded nodes.
+    fn write_primal<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+        step: &mut Step,
+    ) {
+        let p = problem.n_parameters();
+        step.d.resize(problem.layout.theta + p, 0.0);
+        step.d[problem.layout.theta..].copy_from_slice(&rho[..p]);
+        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
+            step.d[at.z..at.z + run.dx.len()].copy_from_slice(&run.dx);
+        }
+    }
+
+    /// Multipliers and curvature that go with it.
+    fn write_dual<D: Dynamics, C: ParameterConstraints>(
         &self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
         damping: f64,
-        rho: &[f64],
-        rows: &[Row],
-        eta: &[f64],
+        reduced: &Reduced,
         step: &mut Step,
     ) {
-        let (p, layout) = (problem.n_parameters(), &problem.layout);
-        step.d.resize(layout.theta + p, 0.0);
+        let (layout, rho) = (&problem.layout, &reduced.solution.x);
+        let dtheta = &rho[..problem.n_parameters()];
         step.lambda.resize(layout.n_equalities, 0.0);
         step.eta.clear();
         step.eta.resize(self.g.len(), 0.0);
-        for (row, y) in rows.iter().zip(eta) {
+        for (row, y) in reduced.rows.iter().zip(&reduced.solution.y) {
             step.eta[row.index] = *y;
         }
-        step.active = eta.iter().filter(|y| **y != 0.0).count();
-        let dtheta = &rho[..p];
-        step.d[layout.theta..].copy_from_slice(dtheta);
+        step.active = self.working.len();
+        step.violation = reduced.solution.violation;
         step.curvature = damping * dense::dot(rho, rho);
-        let mut first = p;
         for (j, (run, at)) in self.runs.iter().zip(&layout.runs).enumerate() {
-            step.d[at.z..at.z + run.dx.len()].copy_from_slice(&run.dx);
-            let boundaries = problem.runs[j].time.len();
-            let eta = &step.eta[at.g..at.g + boundaries];
-            let lambda = &mut step.lambda[at.c..];
-            step.curvature += run.adjoint(problem, j, hessian, dtheta, eta, lambda);
-            first += run.free.len();
+            let eta = &step.eta[at.g..at.g + problem.runs[j].time.len()];
+            step.curvature +=
+                run.adjoint(problem, j, hessian, dtheta, eta, &mut step.lambda[at.c..]);
         }
-        debug_assert_eq!(first, rho.len());
         if hessian == Hessian::Exact {
-            for (i, row) in self.parameter_hessian.chunks_exact(p).enumerate() {
+            for (i, row) in self
+                .parameter_hessian
+                .chunks_exact(dtheta.len())
+                .enumerate()
+            {
                 step.curvature += dtheta[i] * dense::dot(row, dtheta);
             }
         }

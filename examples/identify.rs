@@ -1,0 +1,43 @@
+//! From recorded flights to a pilot, through the library.
+//!
+//!     cargo run --release --example identify -- examples/trials/trials.toml
+//!
+//! Fits the vehicle's response, then the stick alone, and flies both pilots: the second follows the
+//! hand and misses the target, which is the paper's point.
+
+use pilotage::identification::{Objective, Options, TrialSet, fit, simulate};
+use pilotage::models::Joint;
+use pilotage::report::rms;
+use std::error::Error;
+use std::ops::ControlFlow;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let paths: Vec<_> = std::env::args().skip(1).map(Into::into).collect();
+    let trials = TrialSet::read(&paths)?.fit;
+    for objective in Objective::ALL {
+        let options = Options {
+            objective,
+            ..Options::default()
+        };
+        let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
+        let joint = Joint {
+            vehicle: options.vehicle,
+            pilot: options.pilot,
+        };
+        println!(
+            "{} fit: {}, θ = {:.4?}",
+            objective.as_str(),
+            fit.status,
+            fit.theta
+        );
+        for trial in &trials {
+            let flown = simulate(&joint, &fit.theta, trial)?;
+            println!(
+                "  {}: flown alone, rms {:.3} m",
+                trial.name,
+                rms(&flown.residual)
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,318 @@
+//! `pilotage fit`: the pilot from recorded flights.
+
+use super::progress::Progress;
+use super::{Failure, Outcome, format, terminal, vehicle};
+use crate::identification::solve::MAX_ORDER;
+use crate::identification::{
+    Fit, InitialState, Objective, Options, RunFit, SchemeName, Trial, TrialSet, fit, pilot_file,
+    simulate,
+};
+use crate::models::{Joint, Pilot};
+use crate::output::Output;
+use crate::report::{self, Report, rms, significant};
+use crate::vehicle::{Mode, PitchLoop};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `pilotage fit`; the defaults are those of [`Options`].
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Trials (CSV) or manifests (TOML).
+    #[arg(required = true)]
+    trials: Vec<PathBuf>,
+    /// The pilot file to write.
+    #[arg(short, long, default_value = "pilot.toml")]
+    output: PathBuf,
+    /// Collocation scheme; `euler` is the paper's.
+    #[arg(long, value_parser = named(SchemeName::ALL, SchemeName::as_str),
+          default_value = Options::default().scheme.as_str())]
+    scheme: SchemeName,
+    /// What is known of the states at the first sample; `free` is the paper's.
+    #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
+          default_value = Options::default().initial_state.as_str())]
+    initial_state: InitialState,
+    /// What is compared with the recording: the vehicle's response (the paper's), or the stick.
+    #[arg(long, value_parser = named(Objective::ALL, Objective::as_str),
+          default_value = Options::default().objective.as_str())]
+    objective: Objective,
+    /// Where θ starts, as θ1,θ2,...; estimated from the data where it is missing.
+    #[arg(
+        long,
+        value_name = "t1,t2,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    start: Option<Vec<f64>>,
+    /// The vehicle that was flown (TOML); the default vehicle where it is missing.
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
+    /// Order n of the pilot, which then has 2n parameters.
+    #[arg(long, default_value_t = Options::default().pilot.order as u8,
+          value_parser = clap::value_parser!(u8).range(1..=MAX_ORDER as i64))]
+    order: u8,
+    /// Limit on |y_p| at every sample.
+    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive)]
+    stick_limit: f64,
+    /// Iteration limit.
+    #[arg(long, default_value_t = Options::default().max_iterations)]
+    max_iterations: usize,
+    /// Scaled KKT residual at which the solve has converged.
+    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive)]
+    tolerance: f64,
+    /// Write a report page (HTML) too.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print one JSON object instead of the summary.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A parser for one of `all`, by its name.
+fn named<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [T; N],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.map(name)).try_map(move |given| {
+        let found = all.into_iter().find(|&value| name(value) == given);
+        found.ok_or_else(|| format!("{given} is not one of the names"))
+    })
+}
+
+/// A finite number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let options = args.options()?;
+    let set = TrialSet::read(&args.trials)?;
+    let pilot_output = open(&args.output)?;
+    let report_output = args.report.as_deref().map(open).transpose()?;
+
+    let mut progress = Progress::new();
+    let fitted = fit(&set.fit, &options, &mut |iteration| {
+        progress.show(iteration)
+    });
+    progress.clear();
+    let fitted = fitted?;
+
+    save(
+        pilot_output,
+        &args.output,
+        &pilot_file::to_toml(&fitted, &options, &set.fit),
+    )?;
+    if let (Some(output), Some(path)) = (report_output, &args.report) {
+        save(output, path, &page(&fitted, &options, &set.fit))?;
+    }
+    let flown = Flown::all(&fitted, &options, &set)?;
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", to_json(&fitted, &options, &flown)),
+        false => summary(&fitted, &options, &flown) + &args.next(&fitted, &options),
+    })?;
+    Ok(match fitted.converged {
+        true => Outcome::Done,
+        false => Outcome::No,
+    })
+}
+
+impl Args {
+    fn options(&self) -> Result<Options, Failure> {
+        let pilot = Pilot {
+            order: self.order.into(),
+        };
+        let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
+        if !PitchLoop::of(&vehicle).is_stable() {
+            terminal::note(
+                "the vehicle's pitch loop is unstable, so nobody can have flown it; see `pilotage vehicle check`",
+            );
+        }
+        Ok(Options {
+            scheme: self.scheme,
+            initial_state: self.initial_state,
+            objective: self.objective,
+            pilot,
+            vehicle,
+            start: self.start.clone(),
+            stick_limit: self.stick_limit,
+            tolerance: self.tolerance,
+            max_iterations: self.max_iterations,
+        })
+    }
+
+    /// What was written, and what to type next.
+    fn next(&self, fit: &Fit, options: &Options) -> String {
+        let pilot = self.output.display();
+        let mut text = format!("\nwrote {pilot}\n");
+        if let Some(report) = &self.report {
+            text += &format!("wrote {}\n", report.display());
+        }
+        text + &match fit.converged {
+            true => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
+            false => what_else(options),
+        }
+    }
+}
+
+/// What may help a solve that did not converge.
+fn what_else(options: &Options) -> String {
+    let mut text = String::from("next: this is the best iterate, not a result; try\n");
+    if options.initial_state == InitialState::Free {
+        text += "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
+    }
+    text += "      --start with other values of θ\n";
+    text + &format!("      --max-iterations above {}\n", options.max_iterations)
+}
+
+/// A run as the identified pilot flies it alone, from rest.
+struct Flown<'a> {
+    trial: &'a Trial,
+    run: RunFit,
+    /// The run in the optimiser's solution; none for a validation run.
+    solution: Option<&'a RunFit>,
+}
+
+impl<'a> Flown<'a> {
+    fn all(fit: &'a Fit, options: &Options, set: &'a TrialSet) -> Result<Vec<Self>, Failure> {
+        let joint = Joint {
+            vehicle: options.vehicle,
+            pilot: options.pilot,
+        };
+        let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
+        (set.all().zip(solutions))
+            .map(|(trial, solution)| {
+                Ok(Self {
+                    trial,
+                    run: simulate(&joint, &fit.theta, trial)?,
+                    solution,
+                })
+            })
+            .collect()
+    }
+
+    /// Where it ends, from the last target [m].
+    fn final_error(&self) -> f64 {
+        let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
+        last(&self.run.position) - last(&self.run.target)
+    }
+}
+
+fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
+    let modes = Mode::of_poles(&options.pilot.poles(&fit.theta));
+    let runs: Vec<Value> = (flown.iter())
+        .map(|flown| {
+            json!({
+                "name": flown.trial.name,
+                "use": if flown.solution.is_some() { "fit" } else { "validation" },
+                "rms_residual": flown.solution.map(|run| rms(&run.residual)),
+                "closed_loop_rms_m": rms(&flown.run.residual),
+                "closed_loop_final_error_m": flown.final_error(),
+            })
+        })
+        .collect();
+    json!({
+        "status": fit.status,
+        "converged": fit.converged,
+        "objective": fit.objective,
+        "theta": fit.theta,
+        "iterations": fit.iterations,
+        "kkt": fit.kkt,
+        "seconds": fit.seconds,
+        "poles": modes.iter().map(|mode| json!([mode.pole.re, mode.pole.im])).collect::<Vec<_>>(),
+        "runs": runs,
+    })
+}
+
+fn summary(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
+    let unit = match options.objective {
+        Objective::Response => " m",
+        Objective::Stick => "",
+    };
+    let squared = unit.replace('m', "m²");
+    let residuals = || fit.runs.iter().flat_map(|run| &run.residual);
+    let verdict = match fit.converged {
+        true => "converged".to_owned(),
+        false => format!("NOT CONVERGED ({})", fit.status),
+    };
+    let mut text = format!(
+        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n\
+         {} runs, {} samples: rms residual {}{unit}, sum of squares {}{squared}\n\n",
+        fit.iterations,
+        significant(fit.seconds, 3),
+        fit.kkt,
+        fit.runs.len(),
+        residuals().filter(|residual| residual.is_finite()).count(),
+        significant(rms(residuals()), 3),
+        significant(fit.objective, 6),
+    );
+    for (i, (value, unit)) in fit
+        .theta
+        .iter()
+        .zip(pilot_file::units(options.pilot))
+        .enumerate()
+    {
+        let name = format!("θ{}", i + 1);
+        text += &format!("  {name:<4} {:>12}  {unit}\n", significant(*value, 6));
+    }
+    text += "\n  pole [1/s]            frequency [rad/s]  damping\n";
+    for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
+        text += &format::mode(&mode);
+    }
+    text + &runs(flown, options)
+}
+
+/// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
+fn runs(flown: &[Flown], options: &Options) -> String {
+    let width = flown
+        .iter()
+        .map(|flown| flown.trial.name.chars().count())
+        .max();
+    let width = width.unwrap_or(0).max(10);
+    let unit = options.objective.unit();
+    let mut text = format!(
+        "\n  {:<width$}  rms residual [{unit}]  flown alone from rest: rms [m]  final error [m]\n",
+        "run"
+    );
+    for flown in flown {
+        let residual = match flown.solution {
+            Some(run) => significant(rms(&run.residual), 3),
+            None => "validation".into(),
+        };
+        text += &format!(
+            "  {:<width$}  {residual:>16}  {:>30}  {:>15}\n",
+            flown.trial.name,
+            significant(rms(&flown.run.residual), 3),
+            significant(flown.final_error(), 3),
+        );
+    }
+    text
+}
+
+/// The report page of a fit alone.
+fn page(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+    let command: Vec<String> = std::env::args().skip(1).collect();
+    report::page(&Report {
+        fit,
+        options,
+        trials,
+        loops: &[],
+        command: &format!("pilotage {}", command.join(" ")),
+    })
+}
+
+/// Opens an output before the work.
+fn open(path: &Path) -> Result<Output, Failure> {
+    Output::create(path).map_err(|error| cannot_write(path, &error))
+}
+
+fn save(output: Output, path: &Path, content: &str) -> Result<(), Failure> {
+    (output.save(content.as_bytes())).map_err(|error| cannot_write(path, &error))
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(format!("cannot write {}: {error}", path.display()))
+}

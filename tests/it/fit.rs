@@ -1,0 +1,243 @@
+//! `pilotage fit` on the shipped trials, and what it does when it cannot or does not.
+
+use crate::command::{Folder, example};
+use serde_json::Value;
+
+fn manifest() -> String {
+    example("trials/trials.toml").to_str().unwrap().to_owned()
+}
+
+fn number(value: &Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+#[test]
+fn the_shipped_trials_give_a_pilot_that_brings_the_vehicle_to_the_target() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&[
+        "fit",
+        &manifest(),
+        "--initial-state",
+        "at-rest",
+        "-o",
+        "pilot.toml",
+        "--report",
+        "fit.html",
+        "--json",
+    ]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""), "{ended:?}");
+    assert_eq!(folder.files(), ["fit.html", "pilot.toml"]);
+
+    let json = ended.json();
+    assert_eq!(
+        (&json["status"], &json["converged"]),
+        (&"converged".into(), &true.into())
+    );
+    assert_eq!(json["theta"].as_array().unwrap().len(), 6);
+    assert!(number(&json["kkt"]) <= 1e-8 && number(&json["seconds"]) > 0.0);
+    assert!(number(&json["iterations"]) > 0.0);
+    for pole in json["poles"].as_array().unwrap() {
+        assert!(number(&pole[0]) < 0.0, "{pole}");
+    }
+    // The sum of squares is that of the runs' residuals.
+    let squares = |run: &Value| 301.0 * number(&run["rms_residual"]).powi(2);
+    let runs = json["runs"].as_array().unwrap();
+    let sum: f64 = runs.iter().map(squares).sum();
+    assert!(
+        (sum / number(&json["objective"]) - 1.0).abs() < 1e-9,
+        "{sum} {json}"
+    );
+    // A pilot flown alone is worth something when it ends near the target.
+    assert_eq!(runs.len(), 6);
+    for run in runs {
+        assert!(
+            number(&run["closed_loop_final_error_m"]).abs() < 1.0,
+            "{run}"
+        );
+        assert!(number(&run["closed_loop_rms_m"]) < 1.5, "{run}");
+    }
+    let page = folder.read("fit.html");
+    assert!(page.contains(">converged</p>") && page.matches("<figure>").count() == 3);
+
+    let file: toml::Table = folder.read("pilot.toml").parse().unwrap();
+    for (i, theta) in json["theta"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(
+            file["theta"][&format!("theta{}", i + 1)].as_float(),
+            theta.as_f64()
+        );
+    }
+    assert_eq!(file["data"].as_array().unwrap().len(), 6);
+    assert_eq!(file["fit"]["scheme"].as_str(), Some("trapezoid"));
+    assert_eq!(
+        file["tool"].as_str(),
+        Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")))
+    );
+}
+
+#[test]
+fn the_summary_names_every_parameter_and_says_what_to_type_next() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&[
+        "fit",
+        &manifest(),
+        "--scheme=euler",
+        "--initial-state=at-rest",
+    ]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert!(ended.stdout.starts_with("converged: "), "{}", ended.stdout);
+    for unit in [
+        "1/s³\n",
+        "1/s²\n",
+        "1/s\n",
+        "1/(m·s³)\n",
+        "1/(m·s²)\n",
+        "1/(m·s)\n",
+    ] {
+        assert!(ended.stdout.contains(unit), "{unit}{}", ended.stdout);
+    }
+    let next = "\nwrote pilot.toml\nnext: pilotage export pilot pilot.toml -o pilot.fmu\n";
+    assert!(ended.stdout.ends_with(next), "{}", ended.stdout);
+}
+
+#[test]
+fn a_solve_that_does_not_converge_is_written_marked_and_ends_with_code_1() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&[
+        "fit",
+        &manifest(),
+        "--max-iterations",
+        "1",
+        "--report",
+        "fit.html",
+    ]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (1, ""), "{ended:?}");
+    assert!(
+        ended
+            .stdout
+            .starts_with("NOT CONVERGED (iteration-limit): "),
+        "{}",
+        ended.stdout
+    );
+    assert!(
+        ended.stdout.ends_with("      --max-iterations above 1\n"),
+        "{}",
+        ended.stdout
+    );
+    let file = folder.read("pilot.toml");
+    assert!(
+        file.contains("# NOT CONVERGED") && file.contains("\nconverged = false\n"),
+        "{file}"
+    );
+    assert!(
+        folder
+            .read("fit.html")
+            .contains("not converged: iteration-limit")
+    );
+}
+
+#[test]
+fn a_validation_run_is_flown_but_not_fitted() {
+    let folder = Folder::new();
+    let file = |name: &str| example("trials").join(name).to_str().unwrap().to_owned();
+    folder.write(
+        "set.toml",
+        format!(
+            "[[run]]\nfile = '{}'\n[[run]]\nfile = '{}'\nuse = \"validation\"\n",
+            file("10m-run1.csv"),
+            file("20m-run1.csv")
+        ),
+    );
+    let ended = folder.pilotage(&["fit", "set.toml", "--initial-state=at-rest", "--json"]);
+    let json = ended.json();
+    let uses: Vec<_> = json["runs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| &run["use"])
+        .collect();
+    assert_eq!(uses, ["fit", "validation"]);
+    assert!(json["runs"][1]["rms_residual"].is_null());
+    assert!(number(&json["runs"][1]["closed_loop_rms_m"]) > 0.0);
+    assert!(!folder.read("pilot.toml").contains("20m-run1"));
+}
+
+#[test]
+fn failures_leave_what_stood_there_before() {
+    let manifest = manifest();
+    let cases: &[(&[&str], &str)] = &[
+        (
+            &["gone.csv"],
+            "error: cannot read gone.csv: No such file or directory (os error 2)\n",
+        ),
+        (
+            &["bad.csv"],
+            "error: bad.csv: a header but no samples below it\n",
+        ),
+        (&["validation.toml"], "error: no trial to fit\n"),
+        (
+            &[&manifest, "--vehicle", "gone.toml"],
+            "error: cannot read gone.toml: No such file or directory (os error 2)\n",
+        ),
+        (
+            &[&manifest, "--start", "1,2,3"],
+            "error: the start has 3 parameters; a pilot of order 3 has 6\n",
+        ),
+        (
+            &[&manifest, "--start", "1,2,3,4,5,inf"],
+            "error: start parameter theta6 = inf; expected finite numbers, not all zero\n",
+        ),
+        (
+            &[&manifest, "--report", "no/such/folder.html"],
+            "error: cannot write no/such/folder.html: No such file or directory (os error 2)\n",
+        ),
+        (
+            &[&manifest, "--report", "."],
+            "error: cannot write .: is a directory\n",
+        ),
+    ];
+    for (arguments, message) in cases {
+        let folder = Folder::new();
+        folder.write("pilot.toml", "mine");
+        folder.write("bad.csv", "time [s],target [m],position [m]\n");
+        let trial = example("trials/10m-run1.csv");
+        let run = format!(
+            "[[run]]\nfile = '{}'\nuse = \"validation\"\n",
+            trial.display()
+        );
+        folder.write("validation.toml", run);
+        let ended = folder.pilotage(&[&["fit"], *arguments].concat());
+        assert_eq!(
+            (ended.code, ended.stderr.as_str()),
+            (2, *message),
+            "{arguments:?}"
+        );
+        assert_eq!(folder.read("pilot.toml"), "mine");
+        assert_eq!(folder.files(), ["bad.csv", "pilot.toml", "validation.toml"]);
+    }
+}
+
+#[test]
+fn names_and_numbers_of_options_are_checked() {
+    for option in [
+        "--scheme=rk4",
+        "--initial-state=moving",
+        "--objective=both",
+        "--order=0",
+        "--order=7",
+        "--tolerance=0",
+        "--stick-limit=-1",
+        "--max-iterations=-3",
+        "--start=a,b",
+    ] {
+        let folder = Folder::new();
+        let ended = folder.pilotage(&["fit", "gone.csv", option]);
+        let name = option.split('=').next().unwrap();
+        assert_eq!(ended.code, 2, "{option}");
+        assert!(
+            ended.stderr.starts_with("error: invalid value") && ended.stderr.contains(name),
+            "{ended:?}"
+        );
+    }
+}

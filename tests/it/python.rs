@@ -1,0 +1,109 @@
+//! A Python with fmpy, made by the tests themselves, and the scripts of `tests/python` run in it.
+
+use sha2::{Digest, Sha256};
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// Runs a script of `tests/python` and gives what it prints.
+///
+/// # Panics
+/// With all that the script printed when it fails, and with what to do when there is no Python.
+pub fn run<A: AsRef<OsStr>>(script: &str, arguments: impl IntoIterator<Item = A>) -> String {
+    let file = root().join("tests/python").join(script);
+    let mut command = Command::new(interpreter());
+    // Neither the user's own packages nor compiled files beside the scripts.
+    command.arg("-I").arg("-B").arg(&file).args(arguments);
+    succeeded(&mut command, &format!("tests/python/{script}"))
+}
+
+/// The interpreter of the virtual environment, made at the first call.
+pub fn interpreter() -> &'static Path {
+    static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();
+    INTERPRETER.get_or_init(environment)
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Makes the environment for these requirements and this Python, or finds it made. Other processes
+/// wait at the lock; what an earlier, interrupted run left half made is made anew.
+fn environment() -> PathBuf {
+    let requirements = root().join("tests/requirements.txt");
+    let mut hash = Sha256::new();
+    hash.update(fs::read(&requirements).expect("tests/requirements.txt is readable"));
+    hash.update(version());
+    let key: String = hash.finalize()[..8]
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python-{key}"));
+    let lock = File::create(folder.with_extension("lock")).expect("the lock file can be made");
+    lock.lock().expect("the lock can be had");
+    let python = match cfg!(windows) {
+        true => folder.join("Scripts/python.exe"),
+        false => folder.join("bin/python"),
+    };
+    let complete = folder.join("complete");
+    if !complete.exists() {
+        if folder.exists() {
+            fs::remove_dir_all(&folder).expect("a half-made environment can be removed");
+        }
+        let venv = &mut Command::new(system_python());
+        succeeded(venv.args(["-m", "venv"]).arg(&folder), "python3 -m venv");
+        let install = [
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+        ];
+        let pip = &mut Command::new(&python);
+        pip.args(install).arg("--requirement").arg(&requirements);
+        succeeded(pip, "pip install --requirement tests/requirements.txt");
+        File::create(&complete).expect("the environment is writable");
+    }
+    python
+}
+
+fn system_python() -> &'static str {
+    if cfg!(windows) { "python" } else { "python3" }
+}
+
+/// Version of the system's Python: an environment belongs to one.
+fn version() -> String {
+    let ask = [
+        "-c",
+        "import sys, venv, ensurepip; print(sys.executable, sys.version)",
+    ];
+    let output = Command::new(system_python()).args(ask).output();
+    match output {
+        Ok(output) if output.status.success() => String::from_utf8_lossy(&output.stdout).into(),
+        other => panic!(
+            "these tests need Python 3.11 or newer with venv and pip as `{}` (Debian: \
+             apt install python3-venv): {other:?}",
+            system_python()
+        ),
+    }
+}
+
+fn succeeded(command: &mut Command, what: &str) -> String {
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = command
+        .output()
+        .unwrap_or_else(|error| panic!("{what} could not be started: {error}"));
+    let stdout = String::from_utf8_lossy(&stdout).into_owned();
+    assert!(
+        status.success(),
+        "{what} failed ({status})\n{stdout}\n{}",
+        String::from_utf8_lossy(&stderr)
+    );
+    stdout
+}
