@@ -52,30 +52,40 @@ pub enum Limit {
 }
 
 impl EqualityConvexQp {
-    /// Upper triangle of `W + ρ JᵀJ`, and `q + ρ Jᵀc` with `J d = -c` in the equalities: a QP with
-    /// the same solution and multipliers.
-    pub fn convexified(&self) -> (Triplets, Vec<f64>) {
-        let (mut p, mut q) = (self.w.clone(), self.q.clone());
+    /// Upper triangle of `W + ρ JᵀJ`.
+    fn convexified_matrix(&self) -> Triplets {
+        let mut p = self.w.clone();
         if self.rho > 0.0 {
-            let equalities = self.a.iter().filter(|(row, _, _)| *row < self.equalities);
             let mut rows = vec![Vec::new(); self.equalities];
-            equalities.for_each(|&(row, column, value)| rows[row].push((column, value)));
-            for (row, c) in rows.iter().zip(&self.lower) {
+            (self.jacobian()).for_each(|&(row, column, value)| rows[row].push((column, value)));
+            for row in &rows {
                 for &(i, a) in row {
-                    q[i] -= self.rho * a * c;
                     let products = row.iter().filter(|(j, _)| i <= *j);
                     p.extend(products.map(|&(j, b)| (i, j, self.rho * a * b)));
                 }
             }
         }
-        (p, q)
+        p
+    }
+
+    /// The entries of `J`.
+    fn jacobian(&self) -> impl Iterator<Item = &(usize, usize, f64)> {
+        self.a.iter().filter(|(row, _, _)| *row < self.equalities)
+    }
+
+    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the equalities: a QP with the
+    /// same solution and multipliers.
+    pub fn convexified(&self) -> (Triplets, Vec<f64>) {
+        let mut q = self.q.clone();
+        (self.jacobian()).for_each(|&(row, column, v)| q[column] -= self.rho * v * self.lower[row]);
+        (self.convexified_matrix(), q)
     }
 
     /// True when `W + ρ JᵀJ` is numerically positive definite: all pivots of `LDLᵀ` are positive
     /// beyond rounding (Sylvester's law of inertia).
     pub fn is_convex(&self) -> bool {
         let n = self.q.len();
-        let (mut p, _) = self.convexified();
+        let mut p = self.convexified_matrix();
         p.extend((0..n).map(|i| (i, i, 0.0)));
         let mut diagonal = vec![0.0; n];
         p.iter()
@@ -91,7 +101,7 @@ impl EqualityConvexQp {
             let pivots = factor.D.iter().zip(&factor.perm);
             pivots
                 .into_iter()
-                .all(|(pivot, &i)| *pivot > 1e-14 * diagonal[i].abs())
+                .all(|(pivot, &i)| *pivot > 1e-16 * diagonal[i].abs())
         })
     }
 
@@ -214,7 +224,7 @@ struct Kkt<'a> {
 impl<'a> Kkt<'a> {
     fn new(qp: &'a EqualityConvexQp, a: Triplets, limits: &[f64]) -> Option<Self> {
         let (n, m) = (qp.q.len(), limits.len());
-        let (mut matrix, _) = qp.convexified();
+        let mut matrix = qp.convexified_matrix();
         matrix.extend((0..n).map(|i| (i, i, 0.0)));
         matrix.extend(a.iter().map(|&(row, column, v)| (column, row, v)));
         matrix.extend((n..n + m).map(|i| (i, i, -DUAL_REGULARISATION)));
