@@ -106,10 +106,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         &args.output,
         &pilot_file::to_toml(&fitted, &options, &set.fit),
     )?;
-    if let (Some(output), Some(path)) = (report_output, &args.report) {
-        save(output, path, &page(&fitted, &options, &set.fit))?;
-    }
     let flown = Flown::all(&fitted, &options, &set)?;
+    if let (Some(output), Some(path)) = (report_output, &args.report) {
+        save(output, path, &page(&fitted, &options, &set.fit, &flown))?;
+    }
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&fitted, &options, &flown)),
         false => summary(&fitted, &options, &flown) + &args.next(&fitted, &options),
@@ -214,12 +214,23 @@ fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
             })
         })
         .collect();
+    let starts: Vec<Value> = (fit.starts.iter())
+        .map(|start| {
+            json!({
+                "status": start.status,
+                "objective": start.objective,
+                "iterations": start.iterations,
+            })
+        })
+        .collect();
     json!({
         "status": fit.status,
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
+        "unknowns": fit.unknowns,
         "iterations": fit.iterations,
+        "starts": starts,
         "kkt": fit.kkt,
         "seconds": fit.seconds,
         "poles": modes.iter().map(|mode| json!([mode.pole.re, mode.pole.im])).collect::<Vec<_>>(),
@@ -293,12 +304,14 @@ fn runs(flown: &[Flown], options: &Options) -> String {
 }
 
 /// The report page of a fit alone.
-fn page(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
+    let flown: Vec<RunFit> = flown.iter().map(|flown| flown.run.clone()).collect();
     let command: Vec<String> = std::env::args().skip(1).collect();
     report::page(&Report {
         fit,
         options,
         trials,
+        flown: &flown,
         loops: &[],
         command: &format!("pilotage {}", command.join(" ")),
     })

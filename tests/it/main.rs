@@ -7,6 +7,7 @@ mod closed_loop;
 mod command;
 mod condensed;
 mod cosim;
+mod demo;
 mod derivatives;
 mod examples;
 mod export;
