@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Where the vehicle is at the end, coupled with the given communication step [s].
 fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
-    let pilot = NativeSlave::new(Model::pilot(&THETA, 1.0));
+    let pilot = NativeSlave::new(Model::pilot(&THETA, f64::INFINITY));
     let quadcopter = NativeSlave::new(Model::quadcopter(&Quadcopter::default()));
     system.add("pilot", Box::new(pilot))?;
     system.add("quadcopter", Box::new(quadcopter))?;

@@ -1,12 +1,13 @@
 //! `pilotage export`: models as FMUs.
 
 use super::{Failure, Outcome, terminal};
+use crate::document;
 use crate::export::{self, Provenance};
 use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
 use crate::models::pilot::PAPER_THETA;
-use crate::{document, vehicle};
+use crate::vehicle::{self, PitchLoop};
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -56,6 +57,10 @@ enum Preset {
     Paper,
 }
 
+/// The caveat of a vehicle that nobody can fly.
+const UNSTABLE: &str =
+    "The pitch loop of this vehicle is unstable; `pilotage vehicle check` says why.";
+
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     match args.command {
@@ -76,8 +81,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 Some(file) => (vehicle::read(file)?, Some(document::read(file)?)),
                 None => (Quadcopter::default(), None),
             };
-            let model = Model::quadcopter(&vehicle);
-            write(&model, &Provenance::vehicle(source), &output)
+            let mut provenance = Provenance::vehicle(source);
+            if !PitchLoop::of(&vehicle).is_stable() {
+                provenance.caveat = Some(UNSTABLE.into());
+            }
+            write(&Model::quadcopter(&vehicle), &provenance, &output)
         }
     }
 }

@@ -205,11 +205,14 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     }
     stage("instantiating")?;
     let mut instance = library.instantiate("probe")?;
-    stage("instantiating with a wrong guid")?;
-    if library.accepts_wrong_guid() {
-        warn("an instance is made though the guid is wrong")?;
-    }
     let description = fmu.description();
+    let cs = description.co_simulation.as_ref();
+    if !cs.is_some_and(|cs| cs.can_be_instantiated_only_once_per_process) {
+        stage("instantiating with a wrong guid")?;
+        if library.accepts_wrong_guid() {
+            warn("an instance is made though the guid is wrong")?;
+        }
+    }
     let experiment = description.default_experiment.unwrap_or_default();
     let start = experiment.start_time.unwrap_or(0.0);
     let stop = experiment

@@ -76,17 +76,25 @@ impl Merit {
                 .zip(&step.lambda)
                 .map(|((c, l), new)| c * (new - l))
                 .sum();
-        let outside = self.outside(problem, at) - step.violation;
-        // φ' = slope - λᵀc + (λ̂ - λ)ᵀc - ρ ‖c‖² - outside
-        let rest = slope - held + change - outside;
-        let needed = (rest + 0.5 * step.curvature) / squares.max(f64::MIN_POSITIVE);
+        // At most: relaxed rows carry the largest weight.
+        let heaviest = self.inequality.iter().copied().fold(0.0, f64::max);
+        let outside = self.outside(problem, at) - heaviest * step.violation;
+        let left = |v: &[f64]| -> f64 { step.residual.iter().zip(v).map(|(r, v)| r * v).sum() };
+        // With J d = r - c: φ' = slope - λᵀ(c - r) + (λ̂ - λ)ᵀc - ρ cᵀ(c - r) - outside
+        let rest = slope - held + left(&at.lambda) + change - outside;
+        let fall = squares - left(&at.c);
+        let needed = (rest + 0.5 * step.curvature) / fall.max(f64::MIN_POSITIVE);
         self.penalty = match needed.is_finite() {
             true => (2.0 * needed).max(PENALTY_FALL * self.penalty),
             false => self.penalty,
         };
         Model {
-            derivative: rest - self.penalty * squares,
-            decrease: held + 0.5 * self.penalty * squares + outside - slope - 0.5 * step.curvature,
+            derivative: rest - self.penalty * fall,
+            decrease: held - left(&step.lambda)
+                + 0.5 * self.penalty * (squares - left(&step.residual))
+                + outside
+                - slope
+                - 0.5 * step.curvature,
         }
     }
 

@@ -4,6 +4,7 @@
 //! correction, and a Levenberg–Marquardt term in the QP that grows when the model is not to be
 //! trusted ([`solver`], [`globalisation`]). Quadratic programs are solved through [`QpSolver`].
 
+mod active_set;
 pub mod convergence;
 pub mod convex;
 pub mod globalisation;
@@ -13,6 +14,7 @@ pub mod problem;
 pub mod qp;
 pub mod solution;
 pub mod solver;
+pub mod sparse_qp;
 pub mod status;
 
 pub use convergence::Kkt;
@@ -22,4 +24,5 @@ pub use problem::{Problem, SparseProblem};
 pub use qp::{QpFailure, QpSolver, Step};
 pub use solution::{Iteration, Solution, Work};
 pub use solver::solve;
+pub use sparse_qp::SparseQp;
 pub use status::Status;

@@ -14,9 +14,11 @@ pub struct Step {
     pub eta: Vec<f64>,
     /// `dᵀ(H + μ diag w) d`.
     pub curvature: f64,
-    /// ℓ1 norm of the linearised constraints' violation that remains: zero unless they are
+    /// ℓ1 norm of the linearised inequalities' violation that remains: zero unless the constraints are
     /// inconsistent and the QP was relaxed.
     pub violation: f64,
+    /// What remains of the linearised equalities, `c + J d`; empty for zero.
+    pub residual: Vec<f64>,
     /// Number of active inequalities.
     pub active: usize,
 }

@@ -11,6 +11,9 @@ pub enum Status {
     NoProgress,
     /// The constraints seem to have no common point: stationary for their violation.
     Infeasible,
+    /// Feasible iterates left every bound that a scaled problem keeps: the objective seems to have no
+    /// lower bound.
+    Unbounded,
     /// The problem's values are not finite at the start.
     UndefinedStart,
     /// The caller's observer asked to stop.
@@ -25,6 +28,7 @@ impl Status {
             Self::IterationLimit => "iteration-limit",
             Self::NoProgress => "no-progress",
             Self::Infeasible => "infeasible",
+            Self::Unbounded => "unbounded",
             Self::UndefinedStart => "undefined-start",
             Self::Stopped => "stopped",
         }

@@ -7,6 +7,7 @@ pub mod layout;
 pub mod mesh;
 pub mod node;
 pub mod scheme;
+mod sparse;
 
 pub use collocation::Collocation;
 pub use condensed::Condensed;

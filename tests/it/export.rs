@@ -1,6 +1,6 @@
 //! What stands in an exported FMU, and what `pilotage export` says.
 
-use crate::command::Folder;
+use crate::command::{Folder, example};
 use pilotage::export::{Provenance, package};
 use pilotage::fmi::description::{self, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
@@ -307,6 +307,23 @@ fn a_fit_that_did_not_converge_is_exported_only_on_demand_and_marked() {
             .unwrap()
             .contains("The fit did NOT converge")
     );
+}
+
+#[test]
+fn a_vehicle_that_nobody_can_fly_is_marked() {
+    let folder = Folder::new();
+    let vehicle = example("vehicles").join("paper-gains.toml");
+    let ended = folder.pilotage(&["export", "quadcopter", vehicle.to_str().unwrap()]);
+    assert_eq!(ended.code, 0);
+    assert_eq!(
+        ended.stdout,
+        "wrote quadcopter.fmu\n\
+         note: The pitch loop of this vehicle is unstable; `pilotage vehicle check` says why.\n\
+         next: pilotage validate quadcopter.fmu\n"
+    );
+    let files = files(&std::fs::read(folder.path("quadcopter.fmu")).unwrap());
+    let about = read(&files).description.unwrap();
+    assert!(about.contains("The pitch loop of this vehicle is unstable"));
 }
 
 #[test]

@@ -1,0 +1,308 @@
+//! The exact solution of a strictly convex QP for a guess of its active set: one sparse factorisation
+//! and a few steps of iterative refinement reach rounding, where an interior-point solver stops at its
+//! tolerance.
+
+use super::QpFailure;
+use super::convex::{ConvexSolution, csc};
+use super::iterate::violation;
+use clarabel::qdldl::QDLDLFactorisation;
+use clarabel::qdldl::QDLDLSettingsBuilder;
+
+/// Regularisation of the dual block, undone by refinement; it makes dependent active rows harmless.
+const DUAL_REGULARISATION: f64 = 1e-9;
+/// Limit on steps of iterative refinement.
+const REFINEMENTS: usize = 30;
+/// Largest relative residual of an exact solution, and largest violation of an inactive row.
+const TOLERANCE: f64 = 1e-10;
+/// Rounds of dropping rows with the wrong sign and adding violated ones.
+const ROUNDS: usize = 8;
+
+/// Triplets `(row, column, value)`; duplicates add.
+pub type Triplets = Vec<(usize, usize, f64)>;
+
+/// A QP `min ½ xᵀWx + qᵀx` subject to `lower ≤ A x ≤ upper`, convex where its first rows, the
+/// equalities, hold: `W + ρ JᵀJ` is positive definite.
+#[derive(Debug, Clone, Default)]
+pub struct EqualityConvexQp {
+    /// Upper triangle of `W`.
+    pub w: Triplets,
+    /// Linear term.
+    pub q: Vec<f64>,
+    /// All rows, `J` first.
+    pub a: Triplets,
+    /// Lower limits.
+    pub lower: Vec<f64>,
+    /// Upper limits; equal to the lower ones at equalities.
+    pub upper: Vec<f64>,
+    /// Number of rows of `J`.
+    pub equalities: usize,
+    /// ρ.
+    pub rho: f64,
+}
+
+/// At which limit a row is active.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// The multiplier is at most zero.
+    Lower,
+    /// The multiplier is at least zero.
+    Upper,
+    /// Both are the same; the multiplier may have any sign.
+    Both,
+}
+
+impl EqualityConvexQp {
+    /// Upper triangle of `W + ρ JᵀJ`.
+    fn convexified_matrix(&self) -> Triplets {
+        let mut p = self.w.clone();
+        if self.rho > 0.0 {
+            let mut rows = vec![Vec::new(); self.equalities];
+            (self.jacobian()).for_each(|&(row, column, value)| rows[row].push((column, value)));
+            for row in &rows {
+                for &(i, a) in row {
+                    let products = row.iter().filter(|(j, _)| i <= *j);
+                    p.extend(products.map(|&(j, b)| (i, j, self.rho * a * b)));
+                }
+            }
+        }
+        p
+    }
+
+    /// The entries of `J`.
+    fn jacobian(&self) -> impl Iterator<Item = &(usize, usize, f64)> {
+        self.a.iter().filter(|(row, _, _)| *row < self.equalities)
+    }
+
+    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the equalities: a QP with the
+    /// same solution and multipliers.
+    pub fn convexified(&self) -> (Triplets, Vec<f64>) {
+        let mut q = self.q.clone();
+        (self.jacobian()).for_each(|&(row, column, v)| q[column] -= self.rho * v * self.lower[row]);
+        (self.convexified_matrix(), q)
+    }
+
+    /// True when `W + ρ JᵀJ` is numerically positive definite: all pivots of `LDLᵀ` are positive
+    /// beyond rounding (Sylvester's law of inertia).
+    pub fn is_convex(&self) -> bool {
+        let n = self.q.len();
+        let mut p = self.convexified_matrix();
+        p.extend((0..n).map(|i| (i, i, 0.0)));
+        let mut diagonal = vec![0.0; n];
+        p.iter()
+            .filter(|(i, j, _)| i == j)
+            .for_each(|&(i, _, v)| diagonal[i] += v);
+        let settings = QDLDLSettingsBuilder::default()
+            .regularize_enable(false)
+            .build();
+        let factor = settings
+            .ok()
+            .and_then(|s| QDLDLFactorisation::new(&csc(n, n, &p), Some(s)).ok());
+        factor.is_some_and(|factor| {
+            let pivots = factor.D.iter().zip(&factor.perm);
+            pivots
+                .into_iter()
+                .all(|(pivot, &i)| *pivot > 1e-16 * diagonal[i].abs())
+        })
+    }
+
+    /// `A x`.
+    pub fn rows(&self, x: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.lower.len()];
+        self.a.iter().for_each(|&(i, j, v)| out[i] += v * x[j]);
+        out
+    }
+
+    /// `W x`.
+    pub fn w_times(&self, x: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; x.len()];
+        for &(i, j, v) in &self.w {
+            out[i] += v * x[j];
+            if i != j {
+                out[j] += v * x[i];
+            }
+        }
+        out
+    }
+
+    /// Which rows a solution makes active: those whose multiplier outweighs their distance from the
+    /// limit that it belongs to.
+    pub fn active(&self, solution: &ConvexSolution) -> Vec<Option<Limit>> {
+        let rows = self
+            .rows(&solution.x)
+            .into_iter()
+            .zip(&solution.y)
+            .enumerate();
+        rows.map(|(i, (value, y))| match (self.lower[i], self.upper[i]) {
+            (l, u) if l == u => Some(Limit::Both),
+            (_, u) if *y > 0.0 && *y > (u - value).abs() => Some(Limit::Upper),
+            (l, _) if *y < 0.0 && -*y > (value - l).abs() => Some(Limit::Lower),
+            _ => None,
+        })
+        .collect()
+    }
+
+    /// The solution, from a guess of the active set that may be a few rows wrong; None when no active
+    /// set near it fulfils the optimality conditions.
+    pub fn solve_near(&self, guess: &[Option<Limit>]) -> Option<ConvexSolution> {
+        let mut active: Vec<Option<Limit>> = guess.to_vec();
+        for (i, at) in active.iter_mut().enumerate() {
+            if self.lower[i] == self.upper[i] {
+                *at = Some(Limit::Both);
+            }
+        }
+        for _ in 0..ROUNDS {
+            let solution = self.solve_active(&active)?;
+            if !self.revise(&solution, &mut active) {
+                return Some(solution);
+            }
+        }
+        None
+    }
+
+    /// Drops rows whose multiplier has the wrong sign and adds violated ones; false when there are
+    /// none.
+    fn revise(&self, solution: &ConvexSolution, active: &mut [Option<Limit>]) -> bool {
+        let mut changed = false;
+        for (i, value) in self.rows(&solution.x).into_iter().enumerate() {
+            let (l, u, y) = (self.lower[i], self.upper[i], solution.y[i]);
+            let wrong = match active[i] {
+                Some(Limit::Upper) => y < 0.0,
+                Some(Limit::Lower) => y > 0.0,
+                Some(Limit::Both) | None => false,
+            };
+            let scale = TOLERANCE * (1.0 + l.abs().min(u.abs()));
+            if wrong {
+                (active[i], changed) = (None, true);
+            } else if active[i].is_none() && violation(value, l, u) > scale {
+                active[i] = Some(if value > u {
+                    Limit::Upper
+                } else {
+                    Limit::Lower
+                });
+                changed = true;
+            }
+        }
+        changed
+    }
+
+    /// Solves `[W Aᵀ; A 0] [x; y] = [-q; b]` over the active rows; None when it has no solution.
+    fn solve_active(&self, active: &[Option<Limit>]) -> Option<ConvexSolution> {
+        let n = self.q.len();
+        let mut place = vec![None; active.len()];
+        let mut limits = Vec::new();
+        for (i, at) in active.iter().enumerate() {
+            let Some(limit) = at else { continue };
+            place[i] = Some(n + limits.len());
+            limits.push(match limit {
+                Limit::Lower | Limit::Both => self.lower[i],
+                Limit::Upper => self.upper[i],
+            });
+        }
+        let a: Triplets = (self.a.iter())
+            .filter_map(|&(i, j, v)| place[i].map(|row| (row, j, v)))
+            .collect();
+        let mut system = Kkt::new(self, a, &limits)?;
+        let solution = system.solve()?;
+        let y = place.iter().map(|at| at.map_or(0.0, |row| solution[row]));
+        Some(ConvexSolution {
+            y: y.collect(),
+            x: solution[..n].to_vec(),
+            violation: 0.0,
+        })
+    }
+}
+
+/// The KKT system of one active set.
+struct Kkt<'a> {
+    qp: &'a EqualityConvexQp,
+    /// Active rows, counted from `n`; the equalities are the first.
+    a: Triplets,
+    right: Vec<f64>,
+    factor: QDLDLFactorisation<f64>,
+}
+
+impl<'a> Kkt<'a> {
+    fn new(qp: &'a EqualityConvexQp, a: Triplets, limits: &[f64]) -> Option<Self> {
+        let (n, m) = (qp.q.len(), limits.len());
+        let mut matrix = qp.convexified_matrix();
+        matrix.extend((0..n).map(|i| (i, i, 0.0)));
+        matrix.extend(a.iter().map(|&(row, column, v)| (column, row, v)));
+        matrix.extend((n..n + m).map(|i| (i, i, -DUAL_REGULARISATION)));
+        let signs = [vec![1; n], vec![-1; m]].concat();
+        let settings = QDLDLSettingsBuilder::default().Dsigns(signs).build().ok()?;
+        Some(Self {
+            factor: QDLDLFactorisation::new(&csc(n + m, n + m, &matrix), Some(settings)).ok()?,
+            right: qp
+                .q
+                .iter()
+                .map(|q| -q)
+                .chain(limits.iter().copied())
+                .collect(),
+            a,
+            qp,
+        })
+    }
+
+    /// Iterative refinement from zero, while it halves the residual.
+    fn solve(&mut self) -> Option<Vec<f64>> {
+        let mut solution = vec![0.0; self.right.len()];
+        let mut residual = self.right.clone();
+        let mut best = f64::INFINITY;
+        for _ in 0..REFINEMENTS {
+            let mut change = self.weighted(&residual);
+            self.factor.solve(&mut change);
+            let next: Vec<f64> = solution.iter().zip(&change).map(|(s, c)| s + c).collect();
+            let left = self.times(&next);
+            let remaining: Vec<f64> = self.right.iter().zip(&left).map(|(r, l)| r - l).collect();
+            let size = max_abs(&remaining);
+            if size.is_nan() || size >= best {
+                break;
+            }
+            let slow = size > 0.5 * best;
+            (solution, residual, best) = (next, remaining, size);
+            if slow {
+                break;
+            }
+        }
+        (best <= TOLERANCE * (1.0 + max_abs(&self.right) + max_abs(&solution))).then_some(solution)
+    }
+
+    /// The right-hand side for the convexified matrix: `r₁ + ρ Jᵀ r₂` on top.
+    fn weighted(&self, residual: &[f64]) -> Vec<f64> {
+        let mut out = residual.to_vec();
+        let end = self.qp.q.len() + self.qp.equalities;
+        for &(row, column, v) in self.a.iter().filter(|(row, _, _)| *row < end) {
+            out[column] += self.qp.rho * v * residual[row];
+        }
+        out
+    }
+
+    fn times(&self, solution: &[f64]) -> Vec<f64> {
+        let n = self.qp.q.len();
+        let mut out = self.qp.w_times(&solution[..n]);
+        out.resize(solution.len(), 0.0);
+        for &(row, column, v) in &self.a {
+            out[row] += v * solution[column];
+            out[column] += v * solution[row];
+        }
+        out
+    }
+}
+
+fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(
+        0.0,
+        |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) },
+    )
+}
+
+/// Names the failure of a QP that is not convex even with the largest ρ.
+pub fn require_convex(qp: &mut EqualityConvexQp, weights: &[f64]) -> Result<(), QpFailure> {
+    for &rho in weights {
+        qp.rho = rho;
+        if qp.is_convex() {
+            return Ok(());
+        }
+    }
+    Err(QpFailure::NotConvex)
+}

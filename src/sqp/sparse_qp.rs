@@ -1,0 +1,209 @@
+//! The QP of any [`SparseProblem`], in all its variables.
+//!
+//! The exact Hessian `W` need be convex only where the linearised equalities hold. Adding `ρ JᵀJ` to
+//! it and `ρ Jᵀc` to the gradient changes neither the solution nor, since `J d + c = 0` there, the
+//! multipliers; for ρ large enough the whole matrix is positive definite exactly when `W` is so in
+//! that null space (Finsler; Nocedal & Wright, 2nd ed., section 17.3). The active set of the last QP is
+//! tried first; where it is not this one's, clarabel finds it, and one exact solve polishes.
+
+use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
+use super::convex::{ConvexQp, ConvexSolution};
+use super::iterate::violation;
+use super::problem::Pattern;
+use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step};
+
+/// Ladder of ρ, relative to the largest entry of the Hessian.
+const CONVEXIFICATION: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e8];
+/// Cost of violating a row by one unit, relative to the objective's gradient. A QP whose multipliers
+/// are below it is the same with and without relaxation; one beyond it has (almost) inconsistent rows.
+const RELAXATION: f64 = 1e4;
+
+/// Workspace of the general QP path.
+#[derive(Debug, Clone, Default)]
+pub struct SparseQp {
+    gradient: Vec<f64>,
+    lagrangian: Vec<f64>,
+    exact: Option<Triplets>,
+    gauss_newton: Triplets,
+    /// Jacobians of `c` and, below, of `g`.
+    jacobian: Triplets,
+    /// Constraint values of the iterate.
+    c: Vec<f64>,
+    g: Vec<f64>,
+    /// The QP of the last [`solve`](QpSolver::solve).
+    qp: EqualityConvexQp,
+    /// Active set of the last QP.
+    working: Vec<Option<Limit>>,
+}
+
+/// Triplets of a pattern and its values, without zeros.
+fn triplets(pattern: &Pattern, values: &[f64], first_row: usize) -> Triplets {
+    let entries = pattern.iter().zip(values).filter(|(_, v)| **v != 0.0);
+    entries.map(|(&(i, j), &v)| (first_row + i, j, v)).collect()
+}
+
+impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
+    fn linearise(&mut self, problem: &P, at: &Iterate, exact: bool) {
+        self.c.clone_from(&at.c);
+        self.g.clone_from(&at.g);
+        self.gradient.resize(at.z.len(), 0.0);
+        problem.gradient(&at.z, &mut self.gradient);
+        let patterns = (problem.equality_pattern(), problem.inequality_pattern());
+        let (mut c, mut g) = (vec![0.0; patterns.0.len()], vec![0.0; patterns.1.len()]);
+        problem.jacobians(&at.z, &mut c, &mut g);
+        self.jacobian = triplets(&patterns.0, &c, 0);
+        self.jacobian.extend(triplets(&patterns.1, &g, at.c.len()));
+        let multipliers = [at.lambda.as_slice(), &at.eta].concat();
+        self.lagrangian.clone_from(&self.gradient);
+        self.jacobian
+            .iter()
+            .for_each(|&(i, j, v)| self.lagrangian[j] += v * multipliers[i]);
+        let pattern = problem.hessian_pattern();
+        let mut values = vec![0.0; pattern.len()];
+        let mut hessian = |kind| {
+            problem.hessian(&at.z, &at.lambda, &at.eta, kind, &mut values);
+            triplets(&pattern, &values, 0)
+        };
+        self.gauss_newton = hessian(Hessian::GaussNewton);
+        self.exact = exact.then(|| hessian(Hessian::Exact));
+    }
+
+    fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    fn lagrangian_gradient(&self) -> &[f64] {
+        &self.lagrangian
+    }
+
+    fn solve(
+        &mut self,
+        problem: &P,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        let mut w = match hessian {
+            Hessian::Exact => self.exact.clone().ok_or(QpFailure::NotConvex)?,
+            Hessian::GaussNewton => self.gauss_newton.clone(),
+        };
+        w.extend(
+            problem
+                .damping_weights()
+                .iter()
+                .enumerate()
+                .map(|(i, d)| (i, i, damping * d)),
+        );
+        let largest = w.iter().fold(1.0_f64, |m, (_, _, v)| m.max(v.abs()));
+        self.qp = EqualityConvexQp {
+            w,
+            q: self.gradient.clone(),
+            a: self.jacobian.clone(),
+            equalities: self.c.len(),
+            ..EqualityConvexQp::default()
+        };
+        let steps = if self.c.is_empty() {
+            1
+        } else {
+            CONVEXIFICATION.len()
+        };
+        let ladder: Vec<f64> = CONVEXIFICATION[..steps]
+            .iter()
+            .map(|r| r * largest)
+            .collect();
+        require_convex(&mut self.qp, &ladder)?;
+        let (c, g) = (self.c.clone(), self.g.clone());
+        self.solve_at(problem.limits(), &c, &g, step)
+    }
+
+    fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure> {
+        let mut values = [trial.c.as_slice(), &trial.g].concat();
+        self.jacobian
+            .iter()
+            .for_each(|&(i, j, v)| values[i] -= v * step.d[j]);
+        let (c, g) = values.split_at(trial.c.len());
+        self.solve_at(problem.limits(), c, g, step)
+    }
+}
+
+impl SparseQp {
+    /// The last QP with the constraint values `c` and `g`.
+    fn solve_at(
+        &mut self,
+        (lower, upper): (&[f64], &[f64]),
+        c: &[f64],
+        g: &[f64],
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        let limits = |limits: &[f64]| -> Vec<f64> {
+            let inequalities = limits.iter().zip(g).map(|(limit, g)| limit - g);
+            c.iter().map(|c| -c).chain(inequalities).collect()
+        };
+        (self.qp.lower, self.qp.upper) = (limits(lower), limits(upper));
+        self.working.resize(c.len() + g.len(), None);
+        let steepest = self.gradient.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+        let cost = RELAXATION * steepest;
+        let strict = match self.qp.solve_near(&self.working) {
+            Some(solution) => Ok(solution),
+            None => self.solve_convex(None),
+        };
+        let solution = match strict {
+            Ok(solution) if solution.y.iter().all(|y| y.abs() <= cost) => solution,
+            Ok(_) | Err(QpFailure::Infeasible) => self.solve_convex(Some(cost))?,
+            Err(other) => return Err(other),
+        };
+        self.working = self.qp.active(&solution);
+        self.write_step(solution, step);
+        Ok(())
+    }
+
+    /// By clarabel, polished where the rows are not relaxed.
+    fn solve_convex(&self, relaxed: Option<f64>) -> Result<ConvexSolution, QpFailure> {
+        let equalities = self.qp.equalities;
+        let (p, q) = self.qp.convexified();
+        let qp = ConvexQp {
+            p,
+            q,
+            a: self.qp.a.clone(),
+            lower: self.qp.lower.clone(),
+            upper: self.qp.upper.clone(),
+        };
+        let mut solution = qp.solve(relaxed)?;
+        if relaxed.is_none()
+            && let Some(polished) = self.qp.solve_near(&self.qp.active(&solution))
+        {
+            return Ok(polished);
+        }
+        // The multipliers of the QP without ρ: λ = λ' + ρ (J d + c).
+        for &(i, j, v) in self.qp.a.iter().filter(|(i, _, _)| *i < equalities) {
+            solution.y[i] += self.qp.rho * v * solution.x[j];
+        }
+        for (y, c) in solution.y[..equalities].iter_mut().zip(&self.qp.lower) {
+            *y -= self.qp.rho * c;
+        }
+        Ok(solution)
+    }
+
+    fn write_step(&self, solution: ConvexSolution, step: &mut Step) {
+        let wd = self.qp.w_times(&solution.x);
+        step.curvature = wd.iter().zip(&solution.x).map(|(w, d)| w * d).sum();
+        let m = self.c.len();
+        step.residual.clear();
+        step.violation = 0.0;
+        if solution.violation > 0.0 {
+            let rows = self.qp.rows(&solution.x);
+            let limits = self.qp.lower[m..].iter().zip(&self.qp.upper[m..]);
+            let outside = rows[m..].iter().zip(limits);
+            step.violation = outside.map(|(row, (l, u))| violation(*row, *l, *u)).sum();
+            step.residual = rows[..m]
+                .iter()
+                .zip(&self.qp.lower)
+                .map(|(row, c)| row - c)
+                .collect();
+        }
+        step.active = self.working[self.c.len()..].iter().flatten().count();
+        step.eta = solution.y[self.c.len()..].to_vec();
+        step.lambda = solution.y[..self.c.len()].to_vec();
+        step.d = solution.x;
+    }
+}

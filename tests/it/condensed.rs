@@ -1,0 +1,524 @@
+//! The condensed QP against the obvious way: the whole KKT system as one dense matrix, and against the
+//! general sparse path.
+
+use crate::random_collocation::{Random, iterate, problem};
+use nalgebra::{DMatrix, DVector};
+use pilotage::identification::{InitialState, Options, SchemeName, Trial, problem as fit, start};
+use pilotage::sqp::problem::Pattern;
+use pilotage::sqp::{
+    self, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem, SparseQp, Step,
+};
+use pilotage::transcription::Condensed;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// The derivatives as dense matrices.
+struct Dense {
+    w: DMatrix<f64>,
+    q: DVector<f64>,
+    j: DMatrix<f64>,
+    g: DMatrix<f64>,
+}
+
+fn dense(rows: usize, columns: usize, pattern: &Pattern, values: &[f64]) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(rows, columns);
+    pattern.iter().zip(values).for_each(|(&at, v)| out[at] += v);
+    out
+}
+
+impl Dense {
+    fn new(problem: &Random, at: &Iterate, kind: Hessian, damping: f64) -> Self {
+        let n = problem.n_variables();
+        let patterns = (problem.equality_pattern(), problem.inequality_pattern());
+        let (mut j, mut g) = (vec![0.0; patterns.0.len()], vec![0.0; patterns.1.len()]);
+        problem.jacobians(&at.z, &mut j, &mut g);
+        let pattern = problem.hessian_pattern();
+        let mut values = vec![0.0; pattern.len()];
+        problem.hessian(&at.z, &at.lambda, &at.eta, kind, &mut values);
+        let upper = dense(n, n, &pattern, &values);
+        let mut w = &upper + upper.transpose() - DMatrix::from_diagonal(&upper.diagonal());
+        w += DMatrix::from_diagonal(&DVector::from_column_slice(problem.damping_weights()))
+            * damping;
+        let mut q = vec![0.0; n];
+        problem.gradient(&at.z, &mut q);
+        Self {
+            w,
+            q: DVector::from_vec(q),
+            j: dense(at.c.len(), n, &patterns.0, &j),
+            g: dense(at.g.len(), n, &patterns.1, &g),
+        }
+    }
+
+    /// Smallest eigenvalue of the Hessian in the null space of the equalities.
+    fn smallest_curvature(&self) -> f64 {
+        let eigen = (self.j.transpose() * &self.j).symmetric_eigen();
+        let largest = eigen.eigenvalues.amax().max(1.0);
+        let null: Vec<_> = (0..self.w.ncols())
+            .filter(|&i| eigen.eigenvalues[i] < 1e-10 * largest)
+            .map(|i| eigen.eigenvectors.column(i))
+            .collect();
+        assert_eq!(
+            null.len(),
+            self.w.ncols() - self.j.nrows(),
+            "independent defects"
+        );
+        let z = DMatrix::from_columns(&null);
+        (z.transpose() * &self.w * z).symmetric_eigenvalues().min()
+    }
+
+    /// Step, λ and η of the QP with the given constraint values and active rows of `g`.
+    fn solve(
+        &self,
+        c: &[f64],
+        active: &[(usize, f64)],
+    ) -> (DVector<f64>, DVector<f64>, DVector<f64>) {
+        let (n, m, k) = (self.w.ncols(), self.j.nrows(), active.len());
+        let mut matrix = DMatrix::zeros(n + m + k, n + m + k);
+        let mut right = DVector::zeros(n + m + k);
+        matrix.view_mut((0, 0), (n, n)).copy_from(&self.w);
+        matrix.view_mut((n, 0), (m, n)).copy_from(&self.j);
+        right.rows_mut(0, n).copy_from(&-&self.q);
+        c.iter().enumerate().for_each(|(i, c)| right[n + i] = -c);
+        for (i, &(row, value)) in active.iter().enumerate() {
+            matrix
+                .view_mut((n + m + i, 0), (1, n))
+                .copy_from(&self.g.row(row));
+            right[n + m + i] = value;
+        }
+        matrix.fill_upper_triangle_with_lower_triangle();
+        let solution = matrix
+            .full_piv_lu()
+            .solve(&right)
+            .expect("a regular KKT matrix");
+        let part = |from: usize, count: usize| solution.rows(from, count).into_owned();
+        (part(0, n), part(n, m), part(n + m, k))
+    }
+}
+
+/// Relative distance.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let size = b.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+    a.iter()
+        .zip(b)
+        .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()))
+        / size
+}
+
+/// Asserts that a step solves the QP with constraint values `c` and `g`: it is the dense solution for
+/// its own active set, and that set is right (the QP is strictly convex, so this is sufficient).
+fn assert_solves(
+    dense: &Dense,
+    problem: &Random,
+    c: &[f64],
+    g: &[f64],
+    step: &Step,
+    tolerance: f64,
+) {
+    let (lower, upper) = problem.limits();
+    let active: Vec<(usize, f64)> = (0..g.len())
+        .filter(|&i| step.eta[i] != 0.0)
+        .map(|i| {
+            (
+                i,
+                if step.eta[i] > 0.0 {
+                    upper[i] - g[i]
+                } else {
+                    lower[i] - g[i]
+                },
+            )
+        })
+        .collect();
+    let (d, lambda, eta) = dense.solve(c, &active);
+    assert!(
+        distance(&step.d, d.as_slice()) < tolerance,
+        "step {:?}\n{d}",
+        step.d
+    );
+    assert!(
+        distance(&step.lambda, lambda.as_slice()) < tolerance,
+        "λ {:?}\n{lambda}",
+        step.lambda
+    );
+    let own: Vec<f64> = active.iter().map(|&(i, _)| step.eta[i]).collect();
+    assert!(
+        distance(&own, eta.as_slice()) < tolerance,
+        "η {own:?}\n{eta}"
+    );
+    let curvature = d.dot(&(&dense.w * &d));
+    assert!((step.curvature - curvature).abs() < tolerance * (1.0 + curvature.abs()));
+    assert_eq!(step.active, active.len());
+    for (i, change) in (&dense.g * &d).iter().enumerate() {
+        let value = g[i] + change;
+        assert!(
+            value > lower[i] - 1e-8 && value < upper[i] + 1e-8,
+            "row {i}: {value}"
+        );
+    }
+}
+
+/// As [`assert_solves`] for the general path, which relaxes constraints that are almost inconsistent:
+/// those whose multipliers are beyond 10⁴ times the objective's gradient.
+fn assert_general(
+    dense: &Dense,
+    problem: &Random,
+    c: &[f64],
+    g: &[f64],
+    general: &Step,
+    step: &Step,
+) {
+    if general.residual.is_empty() {
+        assert_solves(dense, problem, c, g, general, 1e-7);
+    } else {
+        let multipliers = step.lambda.iter().chain(&step.eta);
+        assert!(multipliers.fold(0.0_f64, |m, y| m.max(y.abs())) > 1e4 * dense.q.amax().max(1.0));
+    }
+}
+
+/// What the random problems met, so that the test cannot pass by meeting nothing.
+#[derive(Debug, Default, PartialEq)]
+struct Met {
+    solved: usize,
+    corrected: usize,
+    with_active: usize,
+    not_convex: usize,
+    inconsistent: usize,
+}
+
+fn check(seed: u64, met: &mut Met) {
+    let problem = problem(seed);
+    let at = iterate(&problem, seed);
+    let kind = [Hessian::Exact, Hessian::GaussNewton][seed as usize % 2];
+    let damping = [1e-3, 1e-1, 10.0][seed as usize / 2 % 3];
+    let dense = Dense::new(&problem, &at, kind, damping);
+    let (mut condensed, mut sparse) = (Condensed::default(), SparseQp::default());
+    condensed.linearise(&problem, &at, true);
+    QpSolver::<Random>::linearise(&mut sparse, &problem, &at, true);
+    let gradients = (
+        QpSolver::<Random>::gradient(&condensed),
+        QpSolver::<Random>::gradient(&sparse),
+    );
+    assert!(distance(gradients.0, gradients.1) < 1e-12);
+    let of = dense.q.clone()
+        + dense.j.transpose() * DVector::from_column_slice(&at.lambda)
+        + dense.g.transpose() * DVector::from_column_slice(&at.eta);
+    let both = [
+        QpSolver::<Random>::lagrangian_gradient(&condensed),
+        QpSolver::<Random>::lagrangian_gradient(&sparse),
+    ];
+    both.iter()
+        .for_each(|l| assert!(distance(l, of.as_slice()) < 1e-11));
+
+    let (mut step, mut general) = (Step::default(), Step::default());
+    let outcomes = (
+        condensed.solve(&problem, kind, damping, &mut step),
+        sparse.solve(&problem, kind, damping, &mut general),
+    );
+    let curvature = dense.smallest_curvature();
+    if curvature.abs() < 1e-6 {
+        return;
+    }
+    if curvature < 0.0 {
+        met.not_convex += 1;
+        assert_eq!(
+            outcomes,
+            (Err(QpFailure::NotConvex), Err(QpFailure::NotConvex))
+        );
+        return;
+    }
+    assert_eq!(outcomes, (Ok(()), Ok(())), "smallest curvature {curvature}");
+    if step.violation > 0.0 {
+        met.inconsistent += 1;
+        assert!(general.violation > 1e-8 || general.residual.iter().any(|r| r.abs() > 1e-8));
+        return;
+    }
+    met.solved += 1;
+    met.with_active += usize::from(step.active > 0);
+    assert_solves(&dense, &problem, &at.c, &at.g, &step, 1e-8);
+    assert_general(&dense, &problem, &at.c, &at.g, &general, &step);
+
+    let z = at.z.iter().zip(&step.d).map(|(z, d)| z + d).collect();
+    let trial = Iterate::new(&problem, z);
+    let d = DVector::from_column_slice(&step.d);
+    let shifted = |values: &[f64], change: DVector<f64>| -> Vec<f64> {
+        values
+            .iter()
+            .zip(change.iter())
+            .map(|(v, c)| v - c)
+            .collect()
+    };
+    let (c, g) = (
+        shifted(&trial.c, &dense.j * &d),
+        shifted(&trial.g, &dense.g * &d),
+    );
+    if condensed.correct(&problem, &trial, &mut step).is_ok() && step.violation == 0.0 {
+        met.corrected += 1;
+        assert_solves(&dense, &problem, &c, &g, &step, 1e-8);
+        sparse.correct(&problem, &trial, &mut general).unwrap();
+        assert_general(&dense, &problem, &c, &g, &general, &step);
+    }
+}
+
+#[test]
+fn steps_and_multipliers_are_those_of_the_dense_kkt_system() {
+    let mut met = Met::default();
+    for seed in 0..400 {
+        check(seed, &mut met);
+    }
+    insta::assert_debug_snapshot!(met, @"
+    Met {
+        solved: 294,
+        corrected: 287,
+        with_active: 102,
+        not_convex: 67,
+        inconsistent: 39,
+    }
+    ");
+}
+
+/// Two shipped trials, as they are.
+fn trials() -> Vec<Trial> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials");
+    ["10m-run1.csv", "20m-run1.csv"]
+        .map(|name| Trial::read(&folder.join(name)).unwrap())
+        .into()
+}
+
+/// The identification problem from its own start: problem, variables.
+fn identification(options: &Options) -> (fit::ResponseProblem, Vec<f64>) {
+    let trials = trials();
+    let implied = |t: &Trial| start::implied_stick(t, &options.vehicle);
+    let sticks: Vec<_> = trials.iter().map(implied).collect();
+    let theta = start::candidates(&trials, &sticks, options).remove(0);
+    let states: Vec<_> = trials
+        .iter()
+        .map(|t| start::joint_states(t, options, &theta))
+        .collect();
+    let problem = fit::response(&trials, options, start::scales(&states, &theta));
+    let z = start::variables(&problem, &states, &theta);
+    (problem, z)
+}
+
+/// `y += A x`, or `Aᵀ x`.
+fn add(pattern: &Pattern, values: &[f64], transposed: bool, x: &[f64], y: &mut [f64]) {
+    for (&(i, j), v) in pattern.iter().zip(values) {
+        let (i, j) = if transposed { (j, i) } else { (i, j) };
+        y[i] += v * x[j];
+    }
+}
+
+/// Largest residuals of the QP's optimality conditions at a step: of stationarity, relative to the
+/// largest of its terms, and of the linearised equalities, relative to their values.
+fn optimality<P: SparseProblem>(
+    problem: &P,
+    at: &Iterate,
+    kind: Hessian,
+    damping: f64,
+    step: &Step,
+) -> (f64, f64) {
+    let patterns = (
+        problem.equality_pattern(),
+        problem.inequality_pattern(),
+        problem.hessian_pattern(),
+    );
+    let (mut j, mut g) = (vec![0.0; patterns.0.len()], vec![0.0; patterns.1.len()]);
+    problem.jacobians(&at.z, &mut j, &mut g);
+    let mut w = vec![0.0; patterns.2.len()];
+    problem.hessian(&at.z, &at.lambda, &at.eta, kind, &mut w);
+    let mut terms = vec![vec![0.0; at.z.len()]; 4];
+    problem.gradient(&at.z, &mut terms[0]);
+    add(&patterns.2, &w, false, &step.d, &mut terms[1]);
+    let lower: (Pattern, Vec<f64>) = patterns
+        .2
+        .iter()
+        .zip(&w)
+        .filter(|((i, j), _)| i != j)
+        .map(|(at, v)| (*at, *v))
+        .unzip();
+    add(&lower.0, &lower.1, true, &step.d, &mut terms[1]);
+    let weighted = problem.damping_weights().iter().zip(&step.d);
+    terms[1]
+        .iter_mut()
+        .zip(weighted)
+        .for_each(|(t, (w, d))| *t += damping * w * d);
+    add(&patterns.0, &j, true, &step.lambda, &mut terms[2]);
+    add(&patterns.1, &g, true, &step.eta, &mut terms[3]);
+    let largest = terms.iter().flatten().fold(1.0_f64, |m, v| m.max(v.abs()));
+    let sum = (0..at.z.len()).map(|i| terms.iter().map(|t| t[i]).sum::<f64>());
+    let stationarity = sum.fold(0.0_f64, |m, v| m.max(v.abs())) / largest;
+    let mut c = at.c.clone();
+    add(&patterns.0, &j, false, &step.d, &mut c);
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    (stationarity, size(&c) / size(&step.d).max(1.0))
+}
+
+/// The condensed QP, each of whose steps is checked as it is taken.
+struct Checked {
+    qp: Condensed,
+    at: Option<Iterate>,
+    worst: (f64, f64),
+    steps: usize,
+}
+
+impl QpSolver<fit::ResponseProblem> for Checked {
+    fn linearise(&mut self, problem: &fit::ResponseProblem, at: &Iterate, exact: bool) {
+        self.at = Some(at.clone());
+        self.qp.linearise(problem, at, exact);
+    }
+
+    fn gradient(&self) -> &[f64] {
+        QpSolver::<fit::ResponseProblem>::gradient(&self.qp)
+    }
+
+    fn lagrangian_gradient(&self) -> &[f64] {
+        QpSolver::<fit::ResponseProblem>::lagrangian_gradient(&self.qp)
+    }
+
+    fn solve(
+        &mut self,
+        problem: &fit::ResponseProblem,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        self.qp.solve(problem, hessian, damping, step)?;
+        if step.violation == 0.0 {
+            let at = self.at.as_ref().expect("linearised");
+            let (dual, primal) = optimality(problem, at, hessian, damping, step);
+            eprintln!(
+                "{hessian:?} {damping:e} {dual:e} {primal:e} {}",
+                step.active
+            );
+            self.worst = (self.worst.0.max(dual), self.worst.1.max(primal));
+            self.steps += 1;
+        }
+        Ok(())
+    }
+
+    fn correct(
+        &mut self,
+        problem: &fit::ResponseProblem,
+        trial: &Iterate,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        self.qp.correct(problem, trial, step)
+    }
+}
+
+#[test]
+fn every_step_of_an_identification_is_optimal() {
+    for (scheme, initial_state) in SchemeName::ALL.into_iter().zip(InitialState::ALL) {
+        let options = Options {
+            scheme,
+            initial_state,
+            ..Options::default()
+        };
+        let (problem, z) = identification(&options);
+        let mut qp = Checked {
+            qp: Condensed::default(),
+            at: None,
+            worst: (0.0, 0.0),
+            steps: 0,
+        };
+        let limits = sqp::Options {
+            max_iterations: 8,
+            ..sqp::Options::default()
+        };
+        sqp::solve(&problem, &mut qp, z, &limits, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        assert!(qp.steps >= 4, "{}: {} steps", scheme.as_str(), qp.steps);
+        let (dual, primal) = qp.worst;
+        assert!(
+            dual < 1e-7 && primal < 1e-13,
+            "{}: {dual:e} {primal:e}",
+            scheme.as_str()
+        );
+    }
+}
+
+/// A QP solver that tells when it first relaxed the constraints, which each path does its own way.
+struct Watched<'a, Q>(Q, &'a std::cell::Cell<bool>);
+
+impl<Q: QpSolver<Random>> QpSolver<Random> for Watched<'_, Q> {
+    fn linearise(&mut self, problem: &Random, at: &Iterate, exact: bool) {
+        self.0.linearise(problem, at, exact);
+    }
+
+    fn gradient(&self) -> &[f64] {
+        self.0.gradient()
+    }
+
+    fn lagrangian_gradient(&self) -> &[f64] {
+        self.0.lagrangian_gradient()
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Random,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        self.0.solve(problem, hessian, damping, step)?;
+        self.1
+            .set(self.1.get() || step.violation > 0.0 || !step.residual.is_empty());
+        Ok(())
+    }
+
+    fn correct(
+        &mut self,
+        problem: &Random,
+        trial: &Iterate,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        self.0.correct(problem, trial, step)?;
+        self.1
+            .set(self.1.get() || step.violation > 0.0 || !step.residual.is_empty());
+        Ok(())
+    }
+}
+
+/// The iterates of a solve up to the first relaxed QP, and while they are not at rounding.
+fn iterates(problem: &Random, z: Vec<f64>, qp: impl QpSolver<Random>) -> Vec<Iteration> {
+    let mut log = Vec::new();
+    let relaxed = std::cell::Cell::new(false);
+    let limits = sqp::Options {
+        max_iterations: 40,
+        tolerance: 1e-6,
+        ..sqp::Options::default()
+    };
+    sqp::solve(
+        problem,
+        &mut Watched(qp, &relaxed),
+        z,
+        &limits,
+        &mut |iteration| {
+            if !relaxed.get() && iteration.kkt.residual() > 1e-6 {
+                log.push(*iteration);
+            }
+            ControlFlow::Continue(())
+        },
+    );
+    log
+}
+
+#[test]
+fn both_qp_paths_give_the_same_iterates() {
+    let mut compared = 0;
+    for seed in 0..60 {
+        let problem = problem(seed);
+        let z = iterate(&problem, seed).z;
+        let fast = iterates(&problem, z.clone(), Condensed::default());
+        let general = iterates(&problem, z, SparseQp::default());
+        for (a, b) in fast.iter().zip(&general) {
+            assert_eq!((a.step, a.exact), (b.step, b.exact), "{seed}: {a:?} {b:?}");
+            assert!(
+                distance(&[a.objective], &[b.objective]) < 1e-6,
+                "{seed}: {a:?} {b:?}"
+            );
+            compared += 1;
+        }
+    }
+    assert!(compared > 300, "{compared} iterates");
+}

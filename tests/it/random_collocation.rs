@@ -1,0 +1,165 @@
+//! Small random collocation problems: models with linear, bilinear and transcendental terms, any
+//! scheme, irregular meshes, missing samples, every kind of initial state.
+
+use pilotage::models::{Dynamics, Scalar};
+use pilotage::sqp::{Iterate, Problem};
+use pilotage::transcription::scheme::SCHEMES;
+use pilotage::transcription::{Collocation, ParameterConstraints, Run, Scales};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Uniform numbers in `[-1, 1]` from a seed.
+pub struct Draw(ChaCha8Rng);
+
+impl Draw {
+    pub fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    pub fn one(&mut self) -> f64 {
+        f64::from(self.0.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0
+    }
+
+    pub fn vector(&mut self, n: usize) -> Vec<f64> {
+        (0..n).map(|_| self.one()).collect()
+    }
+
+    /// An integer in `0..n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        self.0.next_u32() as usize % n
+    }
+}
+
+/// `ẋ_i = Σ_l a_il x_l + b_i w + θ_{i mod p} x_{(i+1) mod n} + e sin(θ_0 x_i)`, a measured output with
+/// a square in it, and a bounded signal bilinear in states and parameters.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub n: usize,
+    pub p: usize,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    c: Vec<f64>,
+    nonlinear: f64,
+}
+
+impl Dynamics for Model {
+    fn n_states(&self) -> usize {
+        self.n
+    }
+
+    fn n_parameters(&self) -> usize {
+        self.p
+    }
+
+    fn n_inputs(&self) -> usize {
+        1
+    }
+
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+        let n = self.n;
+        for i in 0..n {
+            let linear = (0..n).fold(T::from(self.b[i] * w[0]), |sum, l| {
+                sum + x[l] * self.a[i * n + l]
+            });
+            dx[i] = linear
+                + theta[i % self.p] * x[(i + 1) % n]
+                + (theta[0] * x[i]).sin() * self.nonlinear;
+        }
+    }
+
+    fn measured<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T]) -> T {
+        x[0] + x[self.n - 1] * x[self.n - 1] * self.nonlinear + theta[0] * (0.3 * w[0])
+    }
+
+    fn bounded<T: Scalar>(&self, x: &[T], _w: &[f64], theta: &[T]) -> T {
+        let signal = (0..self.n).fold(T::from(0.0), |sum, l| sum + x[l] * self.c[l]);
+        signal + theta[self.p - 1] * x[0]
+    }
+}
+
+/// `θ_0 + 2 ≥ 0` and `θ_0 θ_{p-1} + 1.5 ≥ 0`.
+#[derive(Debug, Clone)]
+pub struct Constraints;
+
+impl ParameterConstraints for Constraints {
+    fn count(&self) -> usize {
+        2
+    }
+
+    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
+        out[0] = theta[0] + 2.0;
+        out[1] = theta[0] * theta[theta.len() - 1] + 1.5;
+    }
+}
+
+pub type Random = Collocation<Model, Constraints>;
+
+/// A random problem.
+pub fn problem(seed: u64) -> Random {
+    let mut draw = Draw::new(seed);
+    let (n, p) = (1 + draw.below(4), 1 + draw.below(3));
+    let model = Model {
+        n,
+        p,
+        a: draw.vector(n * n),
+        b: draw.vector(n),
+        c: draw.vector(n),
+        nonlinear: [0.0, 0.7][draw.below(2)],
+    };
+    let runs = (0..draw.below(4)).map(|_| run(&mut draw, n)).collect();
+    let positive = |v: Vec<f64>| v.iter().map(|v| 1.5 + v).collect();
+    let scales = Scales {
+        states: positive(draw.vector(n)),
+        parameters: positive(draw.vector(p)),
+    };
+    let limit = [0.4, 1.0, 50.0][draw.below(3)];
+    Collocation::new(
+        model,
+        Constraints,
+        SCHEMES[draw.below(3)],
+        runs,
+        scales,
+        limit,
+    )
+}
+
+fn run(draw: &mut Draw, n: usize) -> Run {
+    let boundaries = 2 + draw.below(5);
+    let mut time = vec![0.3];
+    for k in 1..boundaries {
+        time.push(time[k - 1] + 0.2 + 0.1 * draw.one());
+    }
+    let initial = match draw.below(3) {
+        0 => vec![None; n],
+        1 => draw.vector(n).into_iter().map(Some).collect(),
+        _ => draw
+            .vector(n)
+            .into_iter()
+            .map(|v| (v > 0.0).then_some(v))
+            .collect(),
+    };
+    Run {
+        inputs: (0..boundaries).map(|_| draw.vector(1)).collect(),
+        measured: draw
+            .vector(boundaries)
+            .into_iter()
+            .map(|v| if v > 0.8 { f64::NAN } else { v })
+            .collect(),
+        weight: 1.1 + draw.one(),
+        initial,
+        time,
+    }
+}
+
+/// A random point with multipliers: η where the constraints of the problem might be active.
+pub fn iterate(problem: &Random, seed: u64) -> Iterate {
+    let mut draw = Draw::new(seed ^ 0xabcd);
+    let mut at = Iterate::new(problem, draw.vector(problem.n_variables()));
+    at.lambda = draw.vector(at.lambda.len());
+    at.eta = draw
+        .vector(at.eta.len())
+        .into_iter()
+        .map(|v| if v > 0.5 { v } else { 0.0 })
+        .collect();
+    at
+}

@@ -1,0 +1,241 @@
+//! The SQP on problems with known answers, through its public interface and the general QP path.
+
+mod library;
+
+use library::{Answer, Example, examples};
+use nalgebra::{DMatrix, DVector};
+use num_dual::HyperDual64;
+use pilotage::sqp::problem::Pattern;
+use pilotage::sqp::{Hessian, Options, Problem, Solution, SparseProblem, SparseQp, Status, solve};
+use std::ops::ControlFlow;
+
+/// An example as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
+struct Nlp {
+    example: Example,
+    limits: (Vec<f64>, Vec<f64>),
+    weights: Vec<f64>,
+    n_equalities: usize,
+}
+
+/// Objective, equalities, inequalities.
+type Values = (HyperDual64, Vec<HyperDual64>, Vec<HyperDual64>);
+
+impl Nlp {
+    fn new(example: Example) -> Self {
+        let mut nlp = Self {
+            limits: example.limits.iter().copied().unzip(),
+            weights: vec![1.0; example.start.len()],
+            n_equalities: 0,
+            example,
+        };
+        nlp.n_equalities = nlp.values(nlp.example.start, 0, 0).1.len();
+        nlp
+    }
+
+    /// Values with their derivatives by variables `i` and `j`.
+    fn values(&self, z: &[f64], i: usize, j: usize) -> Values {
+        let mut z: Vec<HyperDual64> = z.iter().map(|v| HyperDual64::from(*v)).collect();
+        z[i].eps1 = 1.0;
+        z[j].eps2 = 1.0;
+        let (mut c, mut g) = (Vec::new(), Vec::new());
+        let f = (self.example.functions)(&z, &mut c, &mut g);
+        (f, c, g)
+    }
+
+    fn dense(rows: usize, columns: usize) -> Pattern {
+        (0..rows)
+            .flat_map(|i| (0..columns).map(move |j| (i, j)))
+            .collect()
+    }
+}
+
+impl Problem for Nlp {
+    fn n_variables(&self) -> usize {
+        self.example.start.len()
+    }
+
+    fn n_equalities(&self) -> usize {
+        self.n_equalities
+    }
+
+    fn limits(&self) -> (&[f64], &[f64]) {
+        (&self.limits.0, &self.limits.1)
+    }
+
+    fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
+        let values = self.values(z, 0, 0);
+        c.iter_mut().zip(values.1).for_each(|(c, v)| *c = v.re);
+        g.iter_mut().zip(values.2).for_each(|(g, v)| *g = v.re);
+        values.0.re
+    }
+
+    fn damping_weights(&self) -> &[f64] {
+        &self.weights
+    }
+}
+
+impl SparseProblem for Nlp {
+    fn gradient(&self, z: &[f64], gradient: &mut [f64]) {
+        gradient
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, g)| *g = self.values(z, i, i).0.eps1);
+    }
+
+    fn equality_pattern(&self) -> Pattern {
+        Self::dense(self.n_equalities, self.n_variables())
+    }
+
+    fn inequality_pattern(&self) -> Pattern {
+        Self::dense(self.limits.0.len(), self.n_variables())
+    }
+
+    fn jacobians(&self, z: &[f64], equality: &mut [f64], inequality: &mut [f64]) {
+        let n = z.len();
+        for j in 0..n {
+            let (_, c, g) = self.values(z, j, j);
+            c.iter()
+                .enumerate()
+                .for_each(|(i, c)| equality[i * n + j] = c.eps1);
+            g.iter()
+                .enumerate()
+                .for_each(|(i, g)| inequality[i * n + j] = g.eps1);
+        }
+    }
+
+    fn hessian_pattern(&self) -> Pattern {
+        let n = self.n_variables();
+        (0..n).flat_map(|i| (i..n).map(move |j| (i, j))).collect()
+    }
+
+    /// The positive semidefinite approximation is the Hessian with its eigenvalues made positive.
+    fn hessian(&self, z: &[f64], lambda: &[f64], eta: &[f64], kind: Hessian, out: &mut [f64]) {
+        let n = z.len();
+        let mut w = DMatrix::from_fn(n, n, |i, j| {
+            let (f, c, g) = self.values(z, i, j);
+            let equalities: f64 = c.iter().zip(lambda).map(|(c, l)| c.eps1eps2 * l).sum();
+            let inequalities: f64 = g.iter().zip(eta).map(|(g, e)| g.eps1eps2 * e).sum();
+            f.eps1eps2 + equalities + inequalities
+        });
+        if kind == Hessian::GaussNewton {
+            let eigen = w.symmetric_eigen();
+            let magnitudes = DVector::from_iterator(n, eigen.eigenvalues.iter().map(|v| v.abs()));
+            let v = &eigen.eigenvectors;
+            w = v * DMatrix::from_diagonal(&magnitudes) * v.transpose();
+        }
+        for (value, (i, j)) in out.iter_mut().zip(self.hessian_pattern()) {
+            *value = w[(i, j)];
+        }
+    }
+}
+
+fn run(nlp: &Nlp) -> Solution {
+    let start = nlp.example.start.to_vec();
+    solve(
+        nlp,
+        &mut SparseQp::default(),
+        start,
+        &Options::default(),
+        &mut |_| ControlFlow::Continue(()),
+    )
+}
+
+/// ℓ1 norm of the violation of all constraints.
+fn l1_violation(nlp: &Nlp, solution: &Solution) -> f64 {
+    let rows = solution.iterate.g.iter().zip(nlp.example.limits);
+    let inequalities: f64 = rows.map(|(g, (l, u))| (l - g).max(g - u).max(0.0)).sum();
+    inequalities + solution.iterate.c.iter().map(|c| c.abs()).sum::<f64>()
+}
+
+/// Why a solution does not agree with what is known; None when it does.
+fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
+    let (iterate, status) = (&solution.iterate, solution.status);
+    let distance = |z: &[f64]| {
+        z.iter()
+            .zip(&iterate.z)
+            .fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()))
+    };
+    let (right, expected) = match &nlp.example.answer {
+        Answer::Optimum { f, z } => {
+            let near = (iterate.f - f).abs() < 1e-6 * (1.0 + f.abs()) && distance(z) < 1e-5;
+            (
+                status == Status::Converged && near,
+                format!("converged, f = {f}, z = {z:?}"),
+            )
+        }
+        Answer::NotKkt { f, z } => {
+            let near = (iterate.f - f).abs() < 1e-2 && distance(z) < 1e-2;
+            (near, format!("near f = {f}, z = {z:?}"))
+        }
+        Answer::Infeasible { violation } => {
+            let near = (l1_violation(nlp, solution) - violation).abs() < 1e-3;
+            (
+                status == Status::Infeasible && near,
+                format!("infeasible, violated by {violation}"),
+            )
+        }
+        Answer::Unbounded => (status == Status::Unbounded, "unbounded".into()),
+    };
+    (!right).then(|| {
+        let Example { name, source, .. } = &nlp.example;
+        format!(
+            "{name} ({source}): {status}, f = {}, z = {:?}; expected {expected}",
+            iterate.f, iterate.z
+        )
+    })
+}
+
+#[test]
+fn known_problems_end_as_known() {
+    let mut table = format!(
+        "{:<16} {:<16} iterations evaluations linearisations qps\n",
+        "problem", "status"
+    );
+    let mut wrong = Vec::new();
+    for example in examples() {
+        let nlp = Nlp::new(example);
+        let solution = run(&nlp);
+        let (name, work) = (nlp.example.name, solution.work);
+        table += &format!(
+            "{name:<16} {:<16} {:>10} {:>11} {:>14} {:>3}\n",
+            solution.status.as_str(),
+            work.iterations,
+            work.evaluations,
+            work.linearisations,
+            work.qps
+        );
+        wrong.extend(disagreement(&nlp, &solution));
+    }
+    assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
+    insta::assert_snapshot!(table, @"
+    problem          status           iterations evaluations linearisations qps
+    HS1              converged                25          59             26  50
+    HS2              converged                 8          16              9  18
+    HS6              converged                 5          12              6  10
+    HS7              converged                10          26             11  21
+    HS10             converged                12          29             13  26
+    HS12             converged                 8          16              9  16
+    HS12 twice       converged                 8          16              9  16
+    HS13             no-progress              17          34             18  61
+    HS26             converged                23          47             24  65
+    HS28             converged                 3           6              4   6
+    HS35             converged                 3           5              4   5
+    HS39             converged                13          36             14  28
+    HS40             converged                 5           9              6  13
+    HS43             converged                 7          16              8  14
+    HS71             converged                 9          15             10  23
+    HS76             converged                 3           5              4   5
+    HS78             converged                 7          13              8  19
+    HS100            converged                 6          28              7  19
+    Maratos          converged                 6          11              7  11
+    Wächter-Biegler  infeasible                4           8              5  13
+    linear program   converged                 2           3              3   3
+    equality as g    converged                 3           5              4   5
+    equality twice   converged                 5          11              6  10
+    parallel lines   infeasible                2           5              3   5
+    line and disc    infeasible               16          60             17  45
+    isolated         infeasible               14          53             15  39
+    half line        unbounded                 8          16              9  16
+    saddle           unbounded                37          74             38 110
+    ");
+}
