@@ -273,7 +273,25 @@ fn summary(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &runs(flown, options)
+    text + &runs(flown, options) + &carried(flown, options)
+}
+
+/// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.
+fn carried(flown: &[Flown], options: &Options) -> String {
+    let fitted = || flown.iter().filter_map(|f| Some((f.solution?, &f.run)));
+    let solved = rms(fitted().flat_map(|(solution, _)| &solution.residual));
+    let alone = rms(fitted().flat_map(|(_, run)| &run.residual));
+    let comparable = options.objective == Objective::Response;
+    match comparable && options.initial_state != InitialState::AtRest && alone > 3.0 * solved {
+        true => format!(
+            "\nnote: the optimiser's runs are within {} m rms, but the pilot alone, from rest, is {} m off:\n      \
+             its free initial states carry the runs. If nobody moved before the target appeared, fit with\n      \
+             --initial-state at-rest\n",
+            significant(solved, 2),
+            significant(alone, 2)
+        ),
+        false => String::new(),
+    }
 }
 
 /// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
