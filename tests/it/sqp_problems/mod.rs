@@ -217,15 +217,15 @@ fn known_problems_end_as_known() {
     HS12             converged                 8          16              9  16
     HS12 twice       converged                 8          16              9  16
     HS13             no-progress              17          34             18  61
-    HS26             converged                23          47             24  65
+    HS26             converged                24          49             25  48
     HS28             converged                 3           6              4   6
     HS35             converged                 3           5              4   5
     HS39             converged                13          36             14  28
-    HS40             converged                 5           9              6  13
+    HS40             converged                 4           8              5   8
     HS43             converged                 7          16              8  14
-    HS71             converged                 9          15             10  23
+    HS71             converged                 5           9              6  10
     HS76             converged                 3           5              4   5
-    HS78             converged                 7          13              8  19
+    HS78             converged                 6          11              7  11
     HS100            converged                 6          28              7  19
     Maratos          converged                 6          11              7  11
     Wächter-Biegler  infeasible                4           8              5  13
