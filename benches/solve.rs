@@ -5,7 +5,7 @@
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
-use pilotage::identification::{Fit, FitError, Options, SchemeName, TrialSet, fit};
+use pilotage::identification::{Fit, FitError, InitialState, Options, SchemeName, TrialSet, fit};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         fits.push((scheme, fit));
     }
     if let Some(file) = solution_file() {
-        // Near one optimum: every scheme from the default scheme's θ.
+        // Near one optimum: every scheme from the default scheme's θ, as compare.py begins, at rest.
         let default = fits
             .iter()
             .find(|(scheme, _)| *scheme == Options::default().scheme);
@@ -44,6 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let options = Options {
                 scheme,
                 start: start.clone(),
+                initial_state: InitialState::AtRest,
                 ..Options::default()
             };
             let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;

@@ -2,8 +2,9 @@
 //!
 //!     cargo run --release --example identify -- examples/trials/trials.toml
 //!
-//! Fits the vehicle's response, then the stick alone, and flies both pilots: the second follows the
-//! hand and misses the target, which is the paper's point.
+//! Fits the vehicle's response, then the stick alone, and flies both pilots alone, from rest. The first
+//! is the one that brings the vehicle nearest to where it was recorded; how much the second misses
+//! depends on the flights (in the paper's Fig. 2 it never reaches the target).
 
 use pilotage::identification::{Objective, Options, TrialSet, fit, simulate};
 use pilotage::models::Joint;

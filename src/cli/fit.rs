@@ -106,10 +106,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         &args.output,
         &pilot_file::to_toml(&fitted, &options, &set.fit),
     )?;
-    if let (Some(output), Some(path)) = (report_output, &args.report) {
-        save(output, path, &page(&fitted, &options, &set.fit))?;
-    }
     let flown = Flown::all(&fitted, &options, &set)?;
+    if let (Some(output), Some(path)) = (report_output, &args.report) {
+        save(output, path, &page(&fitted, &options, &set.fit, &flown))?;
+    }
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&fitted, &options, &flown)),
         false => summary(&fitted, &options, &flown) + &args.next(&fitted, &options),
@@ -214,12 +214,23 @@ fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
             })
         })
         .collect();
+    let starts: Vec<Value> = (fit.starts.iter())
+        .map(|start| {
+            json!({
+                "status": start.status,
+                "objective": start.objective,
+                "iterations": start.iterations,
+            })
+        })
+        .collect();
     json!({
         "status": fit.status,
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
+        "unknowns": fit.unknowns,
         "iterations": fit.iterations,
+        "starts": starts,
         "kkt": fit.kkt,
         "seconds": fit.seconds,
         "poles": modes.iter().map(|mode| json!([mode.pole.re, mode.pole.im])).collect::<Vec<_>>(),
@@ -262,7 +273,25 @@ fn summary(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &runs(flown, options)
+    text + &runs(flown, options) + &carried(flown, options)
+}
+
+/// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.
+fn carried(flown: &[Flown], options: &Options) -> String {
+    let fitted = || flown.iter().filter_map(|f| Some((f.solution?, &f.run)));
+    let solved = rms(fitted().flat_map(|(solution, _)| &solution.residual));
+    let alone = rms(fitted().flat_map(|(_, run)| &run.residual));
+    let comparable = options.objective == Objective::Response;
+    match comparable && options.initial_state != InitialState::AtRest && alone > 3.0 * solved {
+        true => format!(
+            "\nnote: the optimiser's runs are within {} m rms, but the pilot alone, from rest, is {} m off:\n      \
+             its free initial states carry the runs. If nobody moved before the target appeared, fit with\n      \
+             --initial-state at-rest\n",
+            significant(solved, 2),
+            significant(alone, 2)
+        ),
+        false => String::new(),
+    }
 }
 
 /// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
@@ -293,12 +322,14 @@ fn runs(flown: &[Flown], options: &Options) -> String {
 }
 
 /// The report page of a fit alone.
-fn page(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
+    let flown: Vec<RunFit> = flown.iter().map(|flown| flown.run.clone()).collect();
     let command: Vec<String> = std::env::args().skip(1).collect();
     report::page(&Report {
         fit,
         options,
         trials,
+        flown: &flown,
         loops: &[],
         command: &format!("pilotage {}", command.join(" ")),
     })

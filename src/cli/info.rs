@@ -133,7 +133,13 @@ fn to_text(fmu: &Fmu) -> String {
 
 fn experiment(experiment: DefaultExperiment) -> String {
     let part = |name: &str, value: Option<f64>, unit: &str| {
-        value.map(|value| format!("{name} {value}{unit}"))
+        // `{:?}` has an exponent where `{}` has many zeros.
+        value.map(|value| {
+            format!(
+                "{name} {}{unit}",
+                format!("{value:?}").trim_end_matches(".0")
+            )
+        })
     };
     let parts = [
         part("start", experiment.start_time, " s"),

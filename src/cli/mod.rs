@@ -3,6 +3,7 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod cosim;
+mod demo;
 mod export;
 mod failure;
 mod fit;
@@ -31,6 +32,8 @@ struct Cli {
 /// The commands, in the order in which a user meets them.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// The whole chain on six example flights: fit, export, validate, co-simulate, report.
+    Demo(demo::Args),
     /// Check recorded flights, or make synthetic ones.
     Trials(trials::Args),
     /// Identify the pilot from recorded flights.
@@ -53,6 +56,7 @@ enum Command {
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Demo(args) => demo::run(args),
         Command::Trials(args) => trials::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Vehicle(args) => vehicle::run(args),

@@ -36,7 +36,7 @@ pub struct ProbeArgs {
 }
 
 /// What was found in one FMU.
-struct Report {
+pub(super) struct Report {
     path: PathBuf,
     /// Why the archive or the description cannot be read at all.
     unreadable: Option<String>,
@@ -52,7 +52,14 @@ struct Trial {
 }
 
 impl Report {
-    fn is_valid(&self) -> bool {
+    /// True when nothing at all was found.
+    pub(super) fn is_clean(&self) -> bool {
+        let has_warning = self.trial.as_ref().is_some_and(|t| !t.warnings.is_empty());
+        self.is_valid() && self.findings.is_empty() && !has_warning
+    }
+
+    /// True when nothing but warnings was found.
+    pub(super) fn is_valid(&self) -> bool {
         let has_error = self
             .findings
             .iter()
@@ -81,7 +88,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     })
 }
 
-fn check(path: &Path, may_run: bool) -> Result<Report, Failure> {
+/// Checks one FMU; `may_run` says whether its binary is tried.
+pub(super) fn check(path: &Path, may_run: bool) -> Result<Report, Failure> {
     let mut report = Report {
         path: path.to_owned(),
         unreadable: None,
@@ -197,11 +205,14 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     }
     stage("instantiating")?;
     let mut instance = library.instantiate("probe")?;
-    stage("instantiating with a wrong guid")?;
-    if library.accepts_wrong_guid() {
-        warn("an instance is made though the guid is wrong")?;
-    }
     let description = fmu.description();
+    let cs = description.co_simulation.as_ref();
+    if !cs.is_some_and(|cs| cs.can_be_instantiated_only_once_per_process) {
+        stage("instantiating with a wrong guid")?;
+        if library.accepts_wrong_guid() {
+            warn("an instance is made though the guid is wrong")?;
+        }
+    }
     let experiment = description.default_experiment.unwrap_or_default();
     let start = experiment.start_time.unwrap_or(0.0);
     let stop = experiment
@@ -257,7 +268,8 @@ fn to_json(report: &Report) -> Value {
     })
 }
 
-fn to_text(report: &Report) -> String {
+/// The findings in words.
+pub(super) fn to_text(report: &Report) -> String {
     let mut lines = Vec::new();
     lines.extend(report.unreadable.iter().map(|why| format!("error: {why}")));
     for finding in &report.findings {

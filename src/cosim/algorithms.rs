@@ -5,8 +5,8 @@ use super::system::System;
 /// How slaves that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
 /// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000). Both are of first order in the
 /// communication step `h`, inputs being held during a step: with Jacobi every input lags by `h/2` on
-/// average; with Gauss-Seidel the first slave's outputs reach the second `h/2` early, and what comes
-/// back is `h/2` late.
+/// average; with Gauss-Seidel of two slaves in a loop, the first one's inputs are `h/2` late and the
+/// second one's `h/2` early, which cancels around the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Algorithm {
     /// All slaves get the others' outputs at `t_k`, then all step to `t_{k+1}`.

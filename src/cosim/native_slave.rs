@@ -1,5 +1,5 @@
 //! The project's own models as slaves, without FMUs between. They run the same
-//! [`Simulation`](pilotage_models::Simulation) as the exported FMUs.
+//! [`Simulation`] as the exported FMUs.
 
 use super::slave::{
     Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,

@@ -103,21 +103,9 @@ impl<W: Write> Recorder for CsvRecorder<W> {
     }
 }
 
-/// The shortest text that reads back as the same number, with an exponent where that is shorter.
+/// The shortest text that reads back as the same number; a whole number without `.0`.
 fn write_number(to: &mut impl Write, value: f64) -> io::Result<()> {
-    if value == 0.0 || (1e-5..1e16).contains(&value.abs()) || !value.is_finite() {
-        write!(to, "{value}")
-    } else {
-        write!(to, "{value:e}")
-    }
-}
-
-impl Recorder for &mut dyn Recorder {
-    fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        (**self).begin(signals)
-    }
-
-    fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        (**self).row(time, values)
-    }
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(value);
+    to.write_all(text.strip_suffix(".0").unwrap_or(text).as_bytes())
 }

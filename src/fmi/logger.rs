@@ -52,6 +52,11 @@ impl Mailbox {
         Self { number, messages }
     }
 
+    /// A number that no other mailbox of this process has or had.
+    pub(super) fn number(&self) -> usize {
+        self.number
+    }
+
     /// What the FMU gets as its environment: a number, never to be followed as a pointer.
     pub(super) fn environment(&self) -> ComponentEnvironment {
         std::ptr::without_provenance_mut(self.number)

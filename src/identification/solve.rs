@@ -204,6 +204,14 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     let mut attempts: Vec<Attempt<D, C>> = Vec::new();
     for (number, theta) in candidates.iter().enumerate() {
         let (problem, z) = from(theta);
+        let best = attempts
+            .iter()
+            .map(|a| rank(&a.solution))
+            .fold(f64::INFINITY, f64::min);
+        let mut race = Race {
+            best,
+            window: Vec::new(),
+        };
         let mut watch = |iteration: &Iteration| {
             let flow = observer(&Progress {
                 start: number,
@@ -211,7 +219,11 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
                 iteration,
             });
             stopped |= flow.is_break();
-            flow
+            if race.is_lost(iteration) {
+                ControlFlow::Break(())
+            } else {
+                flow
+            }
         };
         let solution = run(&problem, z, options, scout, &mut watch);
         let iterations = solution.work.iterations;
@@ -250,6 +262,31 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     let best = if best < attempts.len() { best } else { 0 };
     report(&attempts, best, runs)
 }
+
+/// Whether a start still may beat the best so far.
+struct Race {
+    best: f64,
+    window: Vec<f64>,
+}
+
+impl Race {
+    /// True when the states are consistent, the objective is behind the best and has hardly moved for
+    /// [`RACE_WINDOW`] iterations.
+    fn is_lost(&mut self, iteration: &Iteration) -> bool {
+        let f = iteration.objective;
+        self.window.push(f);
+        let earlier = self
+            .window
+            .len()
+            .checked_sub(RACE_WINDOW + 1)
+            .map(|k| self.window[k]);
+        let crawls = earlier.is_some_and(|earlier| (earlier - f).abs() < 0.5 * (f - self.best));
+        iteration.kkt.primal < 1e-2 && f > self.best * 1.001 && crawls
+    }
+}
+
+/// Iterations over which a start must gain half of what it lies behind.
+const RACE_WINDOW: usize = 10;
 
 /// SQP iterations from each start before the most promising is finished.
 const SCOUT_ITERATIONS: usize = 60;

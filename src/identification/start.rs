@@ -10,7 +10,9 @@ use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 const WINDOW: f64 = 0.35;
 
 /// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
-const FILTERS: [f64; 3] = [0.5, 1.0, 2.0];
+const FILTERS: [f64; 2] = [0.5, 1.0];
+/// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
+const REACTION: f64 = 0.2;
 
 /// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
 #[derive(Debug, Clone)]
@@ -104,13 +106,87 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
     stabilised(pilot, &theta)
 }
 
-/// Starts for θ, estimated from the data: regressions of the stick on the error with filters from slow
-/// to fast.
+/// Starts for θ, estimated from the data: shapes of a pilot with the gain and the lead that the stick
+/// shows ([`shapes`]), and regressions of the stick on the error with a slow and a fast filter.
 pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
-    FILTERS
+    let regressions = FILTERS
         .iter()
-        .map(|filter| regression(trials, sticks, options.pilot, *filter))
+        .map(|filter| regression(trials, sticks, options.pilot, *filter));
+    shapes(trials, sticks, options)
+        .into_iter()
+        .chain(regressions)
         .collect()
+}
+
+/// Third-order pilots with the recorded gain and lead, one with poles at a Butterworth filter's places
+/// and one with a slow pole and an oscillatory pair of zeros; higher orders get a pole and a zero
+/// beside each other, far out. Other orders have none.
+///
+/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the shapes' corner
+/// frequency ω is twice that. Their remaining numbers were found on synthetic pilots: from these two
+/// the solver reached the best optimum known on every one of them.
+fn shapes(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    let n = options.pilot.order;
+    let (k_p, k_d) = proportional_derivative(trials, sticks);
+    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
+    let w = (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0);
+    if n < 3 || k_p == 0.0 {
+        return Vec::new();
+    }
+    let butterworth = (
+        [w.powi(3), 2.0 * w * w, 2.0 * w],
+        [k_p * w.powi(3), 4.0 / 3.0 * k_d * w.powi(3), 0.0],
+    );
+    let integrating = (
+        [0.01 * w.powi(3), 2.5 * w * w, 2.0 * w],
+        [
+            0.5 * k_p * w.powi(3),
+            0.8 * k_d * w.powi(3),
+            8.0 / 3.0 * k_d * w * w,
+        ],
+    );
+    [butterworth, integrating]
+        .map(|(den, num)| raised(den.to_vec(), num.to_vec(), n - 3, w))
+        .to_vec()
+}
+
+/// θ of `num/den` times `extra` factors `(s + 5ω)/(s + 4ω)`; `den` is monic without its leading one.
+fn raised(mut den: Vec<f64>, mut num: Vec<f64>, extra: usize, w: f64) -> Vec<f64> {
+    den.push(1.0);
+    let times = |c: &[f64], root: f64| -> Vec<f64> {
+        let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
+        (0..=c.len())
+            .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
+            .collect()
+    };
+    for _ in 0..extra {
+        den = times(&den, 4.0 * w);
+        num = times(&num, 5.0 * w);
+    }
+    den.pop();
+    den.into_iter().chain(num).collect()
+}
+
+/// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ of [`REACTION`].
+fn proportional_derivative(trials: &[Trial], sticks: &[Vec<f64>]) -> (f64, f64) {
+    let (mut normal, mut right) = (
+        nalgebra::Matrix2::<f64>::zeros(),
+        nalgebra::Vector2::<f64>::zeros(),
+    );
+    for (trial, stick) in trials.iter().zip(sticks) {
+        let smoothed = smooth(trial);
+        for (k, t) in trial.time.iter().enumerate() {
+            let seen = trial.time.partition_point(|s| *s < t - REACTION);
+            let row =
+                nalgebra::Vector2::new(trial.target[seen] - smoothed.z[seen], -smoothed.v[seen]);
+            normal += row * row.transpose() * trial.weight;
+            right += row * (stick[k] * trial.weight);
+        }
+    }
+    normal.try_inverse().map_or((0.0, 0.0), |inverse| {
+        let gains = inverse * right;
+        (gains[0], gains[1])
+    })
 }
 
 /// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.

@@ -78,8 +78,8 @@ fn recorded_stick(trials: &[Trial]) -> Vec<Line> {
 }
 
 /// One model line for each run, styled by its target.
-fn modelled(fit: &Fit, targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Line> {
-    (fit.runs.iter())
+fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Line> {
+    (runs.iter())
         .map(|run| {
             let target = last(&run.target);
             line(
@@ -104,9 +104,9 @@ fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> Stri
 }
 
 /// The paper's figure: recorded runs, goals, and the model's response.
-pub fn response(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
+pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets) -> String {
     let mut lines = recorded(trials);
-    lines.extend(modelled(fit, targets, |run| &run.position));
+    lines.extend(modelled(runs, targets, |run| &run.position));
     plot(
         "recorded positions, goals and the model's response over time",
         "position [m]",
@@ -118,7 +118,7 @@ pub fn response(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
 /// The stick, recorded and modelled.
 pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
     let mut lines = recorded_stick(trials);
-    lines.extend(modelled(fit, targets, |run| &run.stick));
+    lines.extend(modelled(&fit.runs, targets, |run| &run.stick));
     plot(
         "recorded and modelled stick over time",
         "stick [1]",
@@ -130,7 +130,7 @@ pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
 /// Recorded minus modelled.
 pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
     let label = format!("residual [{}]", objective.unit());
-    let mut lines = modelled(fit, targets, |run| &run.residual);
+    let mut lines = modelled(&fit.runs, targets, |run| &run.residual);
     (lines.iter_mut()).for_each(|line| line.label = line.label.replace("model, ", "goal "));
     plot("recorded minus modelled over time", &label, 300.0, lines)
 }

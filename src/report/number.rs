@@ -16,9 +16,18 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
+/// [`significant`] for a page: a true minus sign, and the power of ten as such.
+pub fn html(value: f64, digits: usize) -> String {
+    let text = significant(value, digits).replace('-', "\u{2212}");
+    match text.split_once('e') {
+        Some((mantissa, exponent)) => format!("{mantissa}\u{b7}10<sup>{exponent}</sup>"),
+        None => text,
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::significant;
+    use super::{html, significant};
 
     #[test]
     fn digits_are_kept_at_every_size() {
@@ -33,5 +42,14 @@ mod tests {
         for (value, text) in cases {
             assert_eq!(significant(value, 4), text);
         }
+    }
+
+    #[test]
+    fn pages_show_powers_of_ten_and_a_true_minus() {
+        assert_eq!(
+            html(-3.21e-9, 3),
+            "\u{2212}3.21\u{b7}10<sup>\u{2212}9</sup>"
+        );
+        assert_eq!(html(-0.5, 2), "\u{2212}0.50");
     }
 }

@@ -2,9 +2,9 @@
 
 use super::figures::{self, ClosedLoop, Targets};
 use super::html::escape;
-use super::number::significant;
+use super::number::{self, significant};
 use super::tables;
-use crate::identification::{Fit, Options, Trial};
+use crate::identification::{Fit, Objective, Options, RunFit, Trial};
 use crate::models::Pilot;
 
 /// What a report shows.
@@ -16,6 +16,8 @@ pub struct Report<'a> {
     pub options: &'a Options,
     /// The trials that it was fitted to, in the order of the fit's runs.
     pub trials: &'a [Trial],
+    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate`]).
+    pub flown: &'a [RunFit],
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
     /// The command that made it.
@@ -32,16 +34,16 @@ pub fn page(report: &Report) -> String {
     } = report;
     let targets = Targets::of(trials);
     let mut body = header(report);
-    body += &figure(
-        "Response",
-        "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one \
-         pilot θ for all of them.",
-        &figures::response(fit, trials, &targets),
-    );
+    body += &response(report, &targets);
     body += &figure(
         "Stick",
-        "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human \
-         brought it, not to copy the hand.",
+        match options.objective {
+            Objective::Response => {
+                "The stick is not what is fitted: the pilot is asked to bring the vehicle where the \
+                 human brought it, not to copy the hand."
+            }
+            Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
+        },
         &figures::stick(fit, trials, &targets),
     );
     body += &figure(
@@ -58,6 +60,28 @@ pub fn page(report: &Report) -> String {
          <title>pilotage: identified pilot</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}\
          </main>\n</body>\n</html>\n",
         include_str!("style.css")
+    )
+}
+
+/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
+/// shown as it flies alone.
+fn response(report: &Report, targets: &Targets) -> String {
+    let (runs, caption) = match report.options.objective {
+        Objective::Response => (
+            &report.fit.runs[..],
+            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: \
+             one pilot θ for all of them.",
+        ),
+        Objective::Stick => (
+            report.flown,
+            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it \
+             flies alone, from rest: it was fitted to the stick and may miss the goal.",
+        ),
+    };
+    figure(
+        "Response",
+        caption,
+        &figures::response(runs, report.trials, targets),
     )
 }
 
@@ -142,7 +166,7 @@ fn polynomial(c: &[f64]) -> String {
         };
         let size = match value == 1.0 && i > 0 {
             true => String::new(),
-            false => significant(value.abs(), 4).replace('-', "\u{2212}"),
+            false => number::html(value.abs(), 4),
         };
         html += &format!("{sign}{size}{power}");
     }
@@ -184,7 +208,7 @@ fn numbers(report: &Report) -> String {
     };
     section("Parameters", tables::theta(fit, options.pilot))
         + &section("Poles of the pilot", tables::poles(fit, options.pilot))
-        + &section("Runs", tables::runs(fit, trials, options))
+        + &section("Runs", tables::runs(report))
         + &section("Solve", tables::solve(fit, options, command))
         + &section("Vehicle", tables::vehicle(options))
         + &section("Data", tables::files(trials))
@@ -247,6 +271,7 @@ mod tests {
             fit: &fit,
             options: &options,
             trials: &trials,
+            flown: &fit.runs,
             loops: &loops,
             command: "pilotage fit <x>",
         };

@@ -1,8 +1,10 @@
 //! The numbers of a fit as tables.
 
 use super::html::{escape, table};
-use super::number::significant;
+use super::number::{self, significant};
+use super::page::Report;
 use crate::identification::pilot_file::units;
+use crate::identification::result::StartReport;
 use crate::identification::{Fit, InitialState, Objective, Options, SchemeName, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
@@ -38,7 +40,7 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
         .map(|(i, (value, (unit, meaning)))| {
             vec![
                 format!("θ{}", i + 1),
-                cell(significant(*value, 6)),
+                number::html(*value, 6),
                 unit,
                 meaning,
             ]
@@ -55,17 +57,17 @@ pub fn poles(fit: &Fit, pilot: Pilot) -> String {
     let rows: Vec<_> = Mode::of_poles(&pilot.poles(&fit.theta))
         .iter()
         .map(|mode| {
-            let (re, im) = (significant(mode.pole.re, 4), significant(mode.pole.im, 4));
+            let (re, im) = (number::html(mode.pole.re, 4), number::html(mode.pole.im, 4));
             let pole = match mode.pole.im == 0.0 {
-                true => cell(re),
-                false => format!("{} ± {} i", cell(re), cell(im)),
+                true => re,
+                false => format!("{re} ± {im} i"),
             };
             let time = match mode.pole.re < 0.0 {
-                true => cell(significant(-1.0 / mode.pole.re, 4)),
+                true => number::html(-1.0 / mode.pole.re, 4),
                 false => "unstable".into(),
             };
-            let frequency = cell(significant(mode.frequency, 4));
-            vec![pole, frequency, cell(significant(mode.damping, 3)), time]
+            let frequency = number::html(mode.frequency, 4);
+            vec![pole, frequency, number::html(mode.damping, 3), time]
         })
         .collect();
     let header = [
@@ -77,25 +79,25 @@ pub fn poles(fit: &Fit, pilot: Pilot) -> String {
     table(&header, &[0, 1, 2, 3], &rows)
 }
 
-pub fn runs(fit: &Fit, trials: &[Trial], options: &Options) -> String {
-    let unit = options.objective.unit();
-    let rows: Vec<_> = (fit.runs.iter().zip(trials))
-        .map(|(run, trial)| {
+pub fn runs(report: &Report) -> String {
+    let unit = report.options.objective.unit();
+    let rows: Vec<_> = (report.fit.runs.iter().zip(report.trials).zip(report.flown))
+        .map(|((run, trial), flown)| {
             let summary = trial.summary();
             let finite = run.residual.iter().filter(|r| r.is_finite());
             let largest = finite.fold(0.0, |largest: f64, r| largest.max(r.abs()));
+            let peak = summary.peak_stick;
             vec![
                 escape(&run.name),
                 cell(format!("{}", summary.target)),
                 (summary.samples - summary.missing).to_string(),
                 format!("{}", trial.weight),
-                cell(significant(rms(&run.residual), 3)),
-                cell(significant(largest, 3)),
-                cell(significant(summary.final_error, 3)),
+                number::html(summary.final_error, 3),
                 format!("{:.1}", 100.0 * summary.overshoot),
-                summary
-                    .peak_stick
-                    .map_or("–".into(), |peak| format!("{peak:.3}")),
+                peak.map_or("–".into(), |peak| format!("{peak:.3}")),
+                number::html(rms(&run.residual), 3),
+                number::html(largest, 3),
+                number::html(rms(&flown.residual), 3),
             ]
         })
         .collect();
@@ -108,13 +110,14 @@ pub fn runs(fit: &Fit, trials: &[Trial], options: &Options) -> String {
         "target [m]",
         "samples",
         "weight",
-        &rms,
-        &largest,
         "final error [m]",
         "overshoot [%]",
         "peak stick",
+        &rms,
+        &largest,
+        "flown alone from rest, rms [m]",
     ];
-    table(&header, &[1, 2, 3, 4, 5, 6, 7, 8], &rows)
+    table(&header, &[1, 2, 3, 4, 5, 6, 7, 8, 9], &rows)
 }
 
 pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
@@ -134,7 +137,7 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("status", escape(&fit.status)),
         (
             "sum of squared residuals",
-            cell(significant(fit.objective, 8)) + unit,
+            number::html(fit.objective, 8) + unit,
         ),
         (
             "scaled KKT residual",
@@ -144,6 +147,8 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
             "iterations",
             format!("{} (limit {})", fit.iterations, options.max_iterations),
         ),
+        ("unknowns", fit.unknowns.to_string()),
+        ("starts, best first", starts(fit)),
         ("wall time", format!("{} s", significant(fit.seconds, 3))),
         ("collocation", scheme(options.scheme).into()),
         ("objective", objective(options.objective).into()),
@@ -164,12 +169,25 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
     table(&["", ""], &[], &rows)
 }
 
+/// What became of each start, one line each.
+fn starts(fit: &Fit) -> String {
+    let line = |start: &StartReport| {
+        format!(
+            "{} after {} iterations: {}",
+            escape(&start.status),
+            start.iterations,
+            number::html(start.objective, 8)
+        )
+    };
+    fit.starts.iter().map(line).collect::<Vec<_>>().join("<br>")
+}
+
 pub fn vehicle(options: &Options) -> String {
     let rows: Vec<_> = (COEFFICIENTS.iter())
         .map(|field| {
             vec![
                 format!("<code>{}</code>", field.name),
-                cell(significant((field.get)(&options.vehicle), 6)),
+                cell((field.get)(&options.vehicle).to_string()),
                 escape(&(field.unit)().symbol()),
                 escape(field.meaning),
             ]

@@ -15,9 +15,11 @@ const DAMPING_DOWN: f64 = 0.1;
 /// Damping below this is none: the last steps are pure Newton.
 const DAMPING_FLOOR: f64 = 1e-10;
 /// Shortest step length tried before the damping is raised instead.
-const SHORT_STEP: f64 = 0.2;
-/// Longest second-order correction of an acceptable step, relative to it.
+const SHORT_STEP: f64 = 0.01;
+/// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.5;
+/// Limit on second-order corrections of one step.
+const MAX_CORRECTIONS: usize = 6;
 /// Raises of the damping after which the line search may go down to its limit.
 const PATIENCE: usize = 8;
 /// Magnitude that no variable of a problem scaled to the order of one reaches.
@@ -236,44 +238,42 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             return None;
         }
         let uncorrected = self.trial.z.clone();
-        if self.correct() > CORRECTION_RATE {
-            return None;
+        let mut step = self.step.clone();
+        let mut length = largest(&step.d);
+        for round in 0..MAX_CORRECTIONS {
+            let moved = self.correct(&mut step)?;
+            if moved > CORRECTION_RATE * length {
+                return None;
+            }
+            if round == 0 && test.passes(value, 1.0) {
+                self.trial.z = uncorrected;
+                self.trial.evaluate(self.problem);
+                return Some(test.ratio(value));
+            }
+            let corrected = self.merit.value(self.problem, &self.trial);
+            if test.passes(corrected, 1.0) {
+                return Some(test.ratio(corrected));
+            }
+            length = moved;
         }
-        let corrected = self.merit.value(self.problem, &self.trial);
-        if test.passes(value, 1.0) {
-            self.trial.z = uncorrected;
-            self.trial.evaluate(self.problem);
-            return Some(test.ratio(value));
-        }
-        test.passes(corrected, 1.0).then(|| test.ratio(corrected))
+        None
     }
 
-    /// Second-order correction of the full step in `trial`. Returns the length of the correction
-    /// relative to the step: the contraction of a simplified Newton step, small where the
-    /// linearisation holds (Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
-    fn correct(&mut self) -> f64 {
-        let mut step = self.step.clone();
+    /// Second-order correction of `step`, which led to `trial`. Returns how far it moves the trial: a
+    /// simplified Newton step, short beside the one before where the linearisation holds (Deuflhard,
+    /// *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
+    fn correct(&mut self, step: &mut Step) -> Option<f64> {
         self.work.qps += 1;
-        if self
-            .qp
-            .correct(self.problem, &self.trial, &mut step)
-            .is_err()
-        {
-            return f64::INFINITY;
-        }
-        for ((t, z), d) in self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d) {
-            *t = z + d;
+        self.qp.correct(self.problem, &self.trial, step).ok()?;
+        let mut moved: f64 = 0.0;
+        let points = self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d);
+        for ((trial, z), d) in points {
+            moved = moved.max((z + d - *trial).abs());
+            *trial = z + d;
         }
         self.trial.evaluate(self.problem);
         self.work.evaluations += 1;
-        let norm = |v: f64, d: f64| v.max(d.abs());
-        let moved = step
-            .d
-            .iter()
-            .zip(&self.step.d)
-            .map(|(a, b)| a - b)
-            .fold(0.0, norm);
-        moved / self.step.d.iter().copied().fold(f64::MIN_POSITIVE, norm)
+        self.trial.is_finite().then_some(moved)
     }
 
     fn try_step(&mut self, alpha: f64) {
@@ -341,6 +341,11 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             work: self.work,
         }
     }
+}
+
+/// Largest magnitude.
+fn largest(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |m, x| x.abs().max(m))
 }
 
 /// Test of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), blind to rounding.

@@ -121,9 +121,9 @@ def problem(ca, np, name, trials, solution):
             start.append((value / scale[:, None]).T.ravel())
             lower.append(np.full(value.size, -np.inf))
             upper.append(np.full(value.size, np.inf))
-            if x is boundary:  # the vehicle hovers at the first recorded position
-                first = np.array([trial["position"][0], 0, 0, 0, 0, 0]) / scale[:6]
-                lower[-1][:6] = upper[-1][:6] = start[-1][:6] = first
+            if x is boundary:  # hover at the first recorded position, the pilot at zero
+                first = np.array([trial["position"][0], *[0] * 8]) / scale
+                lower[-1][:9] = upper[-1][:9] = start[-1][:9] = first
     stable = ca.vertcat(theta[0], theta[1], theta[2], theta[2] * theta[1] - theta[0]) - MARGIN
     equal, bounded = ca.vertcat(*defects), ca.vertcat(*sticks)
     g = ca.vertcat(equal, bounded, stable)

@@ -340,10 +340,6 @@ fn binaries() {
         ("another platform", archive(&[xml, ("binaries/win99/foreign.dll", b"")]), no_platform),
         ("no binaries", archive(&[xml]), no_binaries),
         ("another name", archive(&[xml, (&other, binary)]), no_library),
-        ("empty file", with_binary(b""), format!("{at} loaded: it is not a shared library: Could not read file magic")),
-        ("text", with_binary(b"#!/bin/sh\necho I am no library\n"), format!("{at} loaded: it is not a shared library: Unknown file magic")),
-        ("cut short", with_binary(&binary[..binary.len() / 2]), format!("{at} loaded: it is not a shared library: Invalid ELF section header offset/size/alignment")),
-        ("cut in its header", with_binary(&binary[..40]), format!("{at} loaded: it is not a shared library: Invalid ELF header size or alignment")),
         ("no fmi2DoStep", with_binary(foreign::binary_without_do_step()), format!("{at} used: it has no function `fmi2DoStep`")),
         ("FMI 3.0", with_binary(foreign::binary_of_fmi3()), format!("{at} used: it speaks FMI \"3.0\", expected \"2.0\"")),
         ("wrong guid", foreign::fmu("another!"), "a.fmu: fmi2Instantiate refused: the guid is wrong".to_owned()),
@@ -355,18 +351,39 @@ fn binaries() {
     }
 }
 
-/// Headers of libraries that this machine cannot load, whatever it is.
+/// Files that are no libraries, or not of this machine.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-fn binaries_of_other_machines() {
+fn libraries_that_cannot_be_loaded() {
     let with_binary = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut binary = foreign::binary().to_vec();
         change(&mut binary);
         fmu_of(DESCRIPTION, &binary)
     };
     let at = format!("a.fmu: `{}` cannot be loaded: ", binary_entry());
+    let binary = foreign::binary();
     // e_type and e_machine of ELF are at 16 and 18.
     let cases = [
+        (
+            "empty file",
+            fmu_of(DESCRIPTION, b""),
+            "it is not a shared library: Could not read file magic",
+        ),
+        (
+            "text",
+            fmu_of(DESCRIPTION, b"#!/bin/sh\necho I am no library\n"),
+            "it is not a shared library: Unknown file magic",
+        ),
+        (
+            "cut short",
+            fmu_of(DESCRIPTION, &binary[..binary.len() / 2]),
+            "it is not a shared library: Invalid ELF section header offset/size/alignment",
+        ),
+        (
+            "cut in its header",
+            fmu_of(DESCRIPTION, &binary[..40]),
+            "it is not a shared library: Invalid ELF header size or alignment",
+        ),
         (
             "ARM",
             with_binary(&|b| b[18] = 183),

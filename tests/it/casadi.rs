@@ -1,7 +1,7 @@
 //! The fit against CasADi and IPOPT, which solved the same problems once: tests/casadi/compare.py
 //! wrote the numbers that are compared here.
 
-use pilotage::identification::{Options, SchemeName, TrialSet, fit};
+use pilotage::identification::{InitialState, Options, SchemeName, TrialSet, fit};
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -43,6 +43,7 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
         let options = Options {
             scheme,
             start,
+            initial_state: InitialState::AtRest,
             tolerance: 1e-9,
             ..Options::default()
         };

@@ -2,6 +2,9 @@
 
 use crate::command::Folder;
 use crate::python;
+use pilotage::cosim::{
+    Algorithm, Clock, FmuSlave, NativeSlave, SeriesRecorder, Slave, System, run,
+};
 use pilotage::export::{Provenance, export};
 use pilotage::models::{Model, Quadcopter};
 
@@ -11,18 +14,42 @@ const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
 fn folder_with_fmus() -> Folder {
     let folder = Folder::new();
     let provenance = Provenance::fit("nobody.toml".to_owned(), true);
-    export(&Model::pilot(&THETA, 1.0), &provenance, &folder.path("pilot.fmu")).unwrap();
+    export(
+        &Model::pilot(&THETA, 1.0),
+        &provenance,
+        &folder.path("pilot.fmu"),
+    )
+    .unwrap();
     let vehicle = Model::quadcopter(&Quadcopter::default());
-    export(&vehicle, &Provenance::vehicle(None), &folder.path("quadcopter.fmu")).unwrap();
+    export(
+        &vehicle,
+        &Provenance::vehicle(None),
+        &folder.path("quadcopter.fmu"),
+    )
+    .unwrap();
     folder
 }
 
 /// The issue's own command.
 fn simulate(folder: &Folder, algorithm: &str) {
     let ended = folder.pilotage(&[
-        "cosim", "pilot.fmu", "quadcopter.fmu", "--connect", "pilot.stick=quadcopter.stick", "--connect",
-        "quadcopter.z=pilot.position", "--set", "pilot.target=10", "--stop-time", "15", "--step",
-        "0.05", "--algorithm", algorithm, "-o", "result.csv",
+        "cosim",
+        "pilot.fmu",
+        "quadcopter.fmu",
+        "--connect",
+        "pilot.stick=quadcopter.stick",
+        "--connect",
+        "quadcopter.z=pilot.position",
+        "--set",
+        "pilot.target=10",
+        "--stop-time",
+        "15",
+        "--step",
+        "0.05",
+        "--algorithm",
+        algorithm,
+        "-o",
+        "result.csv",
     ]);
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
 }
@@ -50,10 +77,45 @@ fn fmpy_closes_the_loop_to_the_same_numbers_and_reads_our_csv() {
     }
 }
 
+/// What the native slaves' convergence to the joint equations shows (`cosim::joint`) then holds for the
+/// FMUs.
+#[test]
+fn fmus_and_native_slaves_give_the_same_bits() {
+    let folder = folder_with_fmus();
+    let slaves: [[Box<dyn Slave>; 2]; 2] = [
+        ["pilot", "quadcopter"].map(|name| {
+            let path = folder.path(&format!("{name}.fmu"));
+            Box::new(FmuSlave::open(&path, name).unwrap()) as Box<dyn Slave>
+        }),
+        [
+            Model::pilot(&THETA, 1.0),
+            Model::quadcopter(&Quadcopter::default()),
+        ]
+        .map(|model| Box::new(NativeSlave::new(model)) as Box<dyn Slave>),
+    ];
+    let [fmus, natives] = slaves.map(|[pilot, quadcopter]| {
+        let mut system = System::new();
+        system.add("pilot", pilot).unwrap();
+        system.add("quadcopter", quadcopter).unwrap();
+        system.connect("pilot.stick", "quadcopter.stick").unwrap();
+        system.connect("quadcopter.z", "pilot.position").unwrap();
+        system.set("pilot.target", "10").unwrap();
+        let clock = Clock::new(0.0, 15.0, 0.05).unwrap();
+        let mut recorder = SeriesRecorder::default();
+        run(system, &clock, Some(1e-9), Algorithm::Jacobi, &mut recorder).unwrap();
+        recorder.series
+    });
+    assert_eq!(fmus.time.len(), 301);
+    assert_eq!(fmus, natives);
+}
+
 #[test]
 fn exported_fmus_are_valid_and_run() {
     let folder = folder_with_fmus();
     let ended = folder.pilotage(&["validate", "pilot.fmu", "quadcopter.fmu"]);
-    assert_eq!(ended.stdout, "pilot.fmu: valid, and runs\nquadcopter.fmu: valid, and runs\n");
+    assert_eq!(
+        ended.stdout,
+        "pilot.fmu: valid, and runs\nquadcopter.fmu: valid, and runs\n"
+    );
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
 }

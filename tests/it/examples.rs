@@ -68,3 +68,26 @@ fn flyable_gains_draws_the_line_where_routh_does() {
         "{text}"
     );
 }
+
+#[test]
+fn identify_shows_that_the_response_fit_flies_nearest_to_the_recordings() {
+    let text = run("identify", &["examples/trials/trials.toml"]);
+    let squares = |objective: &str| -> f64 {
+        let block = text.split(objective).nth(1).unwrap();
+        let flown = block.lines().skip(1).take(6);
+        let rms = |line: &str| {
+            line.split(' ')
+                .rev()
+                .nth(1)
+                .unwrap()
+                .parse::<f64>()
+                .unwrap()
+        };
+        flown.map(|line| rms(line).powi(2)).sum()
+    };
+    let (response, stick) = (
+        squares("response fit: converged"),
+        squares("stick fit: converged"),
+    );
+    assert!(response < stick && stick < 2.0, "{response} {stick} {text}");
+}

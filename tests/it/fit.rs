@@ -102,6 +102,21 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
 }
 
 #[test]
+fn a_pilot_that_lives_on_its_initial_states_is_pointed_out() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&[
+        "fit",
+        &manifest(),
+        "--scheme=euler",
+        "--initial-state=vehicle-at-rest",
+    ]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let note = "      its free initial states carry the runs. If nobody moved before the target appeared, fit with\n      \
+                --initial-state at-rest\n";
+    assert!(ended.stdout.contains(note), "{}", ended.stdout);
+}
+
+#[test]
 fn a_solve_that_does_not_converge_is_written_marked_and_ends_with_code_1() {
     let folder = Folder::new();
     let ended = folder.pilotage(&[

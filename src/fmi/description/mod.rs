@@ -10,6 +10,7 @@ mod model;
 mod read;
 mod read_types;
 mod read_variable;
+mod reading;
 mod structure;
 mod text;
 mod units;
@@ -23,7 +24,8 @@ pub use finding::{Finding, Rule, Severity};
 pub use model::{
     CoSimulation, DefaultExperiment, LogCategory, ModelDescription, ModelExchange, Tool,
 };
-pub use read::{Places, ReadError, Reading, read};
+pub use read::read;
+pub use reading::{Places, ReadError, Reading};
 pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};

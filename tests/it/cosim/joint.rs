@@ -70,8 +70,9 @@ fn errors(h: f64, algorithm: Algorithm, exact: [f64; 2]) -> [f64; 2] {
 }
 
 /// With Jacobi both held inputs lag by h/2 on average, and all errors are of first order. With
-/// Gauss-Seidel the vehicle gets the stick h/2 early and the pilot the position h/2 late: around the
-/// loop this cancels, so that the stick is of second order, while the position, h/2 early, is of first.
+/// Gauss-Seidel the vehicle steps first (the pilot's `error` depends on the position at once): it gets
+/// the stick h/2 late, and the pilot gets the position h/2 early. Around the loop this cancels, so that
+/// the stick is of second order, while the position, h/2 late, is of first.
 #[test]
 fn the_closed_loop_converges_at_the_expected_order() {
     let exact = reference();

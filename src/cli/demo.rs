@@ -1,0 +1,285 @@
+//! `pilotage demo`: the whole chain on the six example trials, into one new folder.
+
+use super::progress::Progress;
+use super::{Failure, Outcome, folder, terminal, validate};
+use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
+use crate::export::{self, Provenance};
+use crate::identification::{Fit, Options, RunFit, Trial, TrialSet, fit, pilot_file, simulate};
+use crate::models::Joint;
+use crate::report::{self, ClosedLoop, Report, rms, significant};
+use crate::series::Series;
+use crate::{output, vehicle};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `pilotage demo`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The folder to fill.
+    #[arg(short, long, value_name = "FOLDER", default_value = "pilotage-demo")]
+    output: PathBuf,
+    /// Write into a folder that is not empty.
+    #[arg(long)]
+    force: bool,
+}
+
+macro_rules! trials {
+    ($($name:literal),*) => {
+        [$(($name, include_bytes!(concat!("../../examples/trials/", $name)).as_slice())),*]
+    };
+}
+
+/// The files of `examples/trials`: they are part of the command.
+const TRIALS: [(&str, &[u8]); 7] = trials![
+    "trials.toml",
+    "10m-run1.csv",
+    "10m-run2.csv",
+    "10m-run3.csv",
+    "20m-run1.csv",
+    "20m-run2.csv",
+    "20m-run3.csv"
+];
+
+/// Communication step of the co-simulations [s].
+const STEP: f64 = 0.01;
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    folder::create_new(&args.output, args.force)?;
+    let demo = Demo {
+        folder: args.output,
+        options: Options::default(),
+    };
+    let trials = demo.trials()?;
+    let fit = demo.fit(&trials)?;
+    demo.export(&fit)?;
+    let valid = demo.validate()?;
+    let loops = demo.co_simulate(&trials)?;
+    demo.report(&fit, &trials, &loops)?;
+    terminal::print(&demo.what_lies_where(&loops))?;
+    Ok(match fit.converged && valid {
+        true => Outcome::Done,
+        false => Outcome::No,
+    })
+}
+
+/// A co-simulation to one target.
+struct Flight {
+    target: f64,
+    file: String,
+    series: Series,
+}
+
+struct Demo {
+    folder: PathBuf,
+    options: Options,
+}
+
+impl Demo {
+    fn path(&self, file: &str) -> PathBuf {
+        self.folder.join(file)
+    }
+
+    fn save(&self, file: &str, content: &[u8]) -> Result<(), Failure> {
+        let path = self.path(file);
+        let written = output::write(&path, content);
+        written.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+    }
+
+    /// Writes the example trials out and reads them as any user's.
+    fn trials(&self) -> Result<Vec<Trial>, Failure> {
+        folder::create_new(&self.path("trials"), true)?;
+        for (file, content) in TRIALS {
+            self.save(&format!("trials/{file}"), content)?;
+        }
+        let trials = TrialSet::read(&[self.path("trials/trials.toml")])?.fit;
+        say("trials", &format!("{} recorded flights", trials.len()))?;
+        Ok(trials)
+    }
+
+    fn fit(&self, trials: &[Trial]) -> Result<Fit, Failure> {
+        let mut progress = Progress::new();
+        let fitted = fit(trials, &self.options, &mut |p| progress.show(p));
+        progress.clear();
+        let fitted = fitted?;
+        let text = pilot_file::to_toml(&fitted, &self.options, trials);
+        self.save("pilot.toml", text.as_bytes())?;
+        self.save(
+            "vehicle.toml",
+            vehicle::to_toml(&self.options.vehicle).as_bytes(),
+        )?;
+        let verdict = match fitted.converged {
+            true => "converged".to_owned(),
+            false => format!("NOT CONVERGED ({})", fitted.status),
+        };
+        let residual = rms(fitted.runs.iter().flat_map(|run| &run.residual));
+        say(
+            "fit",
+            &format!(
+                "{verdict}: {} unknowns, {} iterations, {} s; rms residual {} m",
+                fitted.unknowns,
+                fitted.iterations,
+                significant(fitted.seconds, 3),
+                significant(residual, 3)
+            ),
+        )?;
+        Ok(fitted)
+    }
+
+    fn export(&self, fit: &Fit) -> Result<(), Failure> {
+        let text = crate::document::read(&self.path("pilot.toml"))?;
+        let provenance = Provenance::fit(text, fit.converged);
+        let (theta, limit) = (&fit.theta, self.options.stick_limit);
+        export::export_pilot(theta, limit, &provenance, &self.path("pilot.fmu"))?;
+        let provenance = Provenance::vehicle(None);
+        export::export_quadcopter(
+            &self.options.vehicle,
+            &provenance,
+            &self.path("quadcopter.fmu"),
+        )?;
+        say("export", "pilot.fmu and quadcopter.fmu")
+    }
+
+    fn validate(&self) -> Result<bool, Failure> {
+        let mut valid = true;
+        for file in ["pilot.fmu", "quadcopter.fmu"] {
+            let report = validate::check(&self.path(file), true)?;
+            valid &= report.is_valid();
+            if !report.is_clean() {
+                terminal::print(&validate::to_text(&report))?;
+            }
+        }
+        let verdict = match valid {
+            true => "both FMUs follow FMI 2.0, and their binaries run",
+            false => "NOT VALID: see above",
+        };
+        say("validate", verdict)?;
+        Ok(valid)
+    }
+
+    /// Flies to each of the trials' targets.
+    fn co_simulate(&self, trials: &[Trial]) -> Result<Vec<Flight>, Failure> {
+        let mut flights: Vec<Flight> = Vec::new();
+        for trial in trials {
+            let target = trial.summary().target;
+            if flights.iter().any(|flight| flight.target == target) {
+                continue;
+            }
+            let file = format!("closed-loop-{target}m.csv");
+            let csv = self.fly(target, trial.summary().duration)?;
+            self.save(&file, &csv)?;
+            let series = Series::parse(&csv, &file)?;
+            let position = series.column("quadcopter.z").map(|z| &z.values);
+            let last = position.and_then(|z| z.last()).copied().unwrap_or(f64::NAN);
+            say(
+                "cosim",
+                &format!("to {target} m: the vehicle ends at {last:.2} m"),
+            )?;
+            flights.push(Flight {
+                target,
+                file,
+                series,
+            });
+        }
+        Ok(flights)
+    }
+
+    /// The pilot's FMU flies the quadcopter's FMU; the result as CSV.
+    fn fly(&self, target: f64, duration: f64) -> Result<Vec<u8>, Failure> {
+        let mut system = System::new();
+        for name in ["pilot", "quadcopter"] {
+            let slave = FmuSlave::open(&self.path(&format!("{name}.fmu")), name)?;
+            system.add(name, Box::new(slave))?;
+        }
+        system.connect("pilot.stick", "quadcopter.stick")?;
+        system.connect("quadcopter.z", "pilot.position")?;
+        system.set("pilot.target", &target.to_string())?;
+        let clock = Clock::new(0.0, duration, STEP)?;
+        let mut recorder = CsvRecorder::new(Vec::new());
+        let run = crate::cosim::run(system, &clock, None, Algorithm::GaussSeidel, &mut recorder)?;
+        if !matches!(run.ending, Ending::Completed) {
+            return Err(Failure::new(format!(
+                "the co-simulation to {target} m ended at {} s: {:?}",
+                run.time, run.ending
+            )));
+        }
+        (recorder.finish()).map_err(|error| Failure::new(format!("cannot write a row: {error}")))
+    }
+
+    fn report(&self, fit: &Fit, trials: &[Trial], flights: &[Flight]) -> Result<(), Failure> {
+        let joint = Joint {
+            vehicle: self.options.vehicle,
+            pilot: self.options.pilot,
+        };
+        let flown = (trials.iter())
+            .map(|trial| simulate(&joint, &fit.theta, trial))
+            .collect::<Result<Vec<RunFit>, _>>()?;
+        let loops: Vec<ClosedLoop> = (flights.iter())
+            .map(|flight| ClosedLoop {
+                target: flight.target,
+                series: &flight.series,
+                position: "quadcopter.z",
+                stick: "pilot.stick",
+            })
+            .collect();
+        let page = report::page(&Report {
+            fit,
+            options: &self.options,
+            trials,
+            flown: &flown,
+            loops: &loops,
+            command: "pilotage demo",
+        });
+        self.save("report.html", page.as_bytes())?;
+        say("report", "report.html")
+    }
+
+    fn what_lies_where(&self, flights: &[Flight]) -> String {
+        let results: Vec<&str> = flights.iter().map(|flight| flight.file.as_str()).collect();
+        let rows = [
+            (
+                "report.html",
+                "look at this first: the fit, the closed loop, all numbers",
+            ),
+            ("pilot.toml", "θ, and where it comes from"),
+            (
+                "vehicle.toml",
+                "the vehicle that was flown; change it and fit again",
+            ),
+            (
+                "pilot.fmu, quadcopter.fmu",
+                "for any tool that reads FMI 2.0 co-simulation",
+            ),
+            (&results.join(", "), "what the two FMUs do together"),
+            ("trials/", "the six recorded flights"),
+        ];
+        let width = rows
+            .iter()
+            .map(|(file, _)| file.chars().count())
+            .max()
+            .unwrap_or(0);
+        let rows: String = (rows.iter())
+            .map(|(file, what)| format!("  {file:<width$}  {what}\n"))
+            .collect();
+        let (folder, program) = (self.folder.display(), program());
+        format!(
+            "\n{folder}/\n{rows}\nnext: {program} cosim {folder}/pilot.fmu {folder}/quadcopter.fmu \\\n          \
+             --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\\n          \
+             --set pilot.target=15 --stop-time 15 --step 0.01 -o result.csv\n      \
+             {program} fit YOUR-TRIALS.csv -o pilot.toml\n"
+        )
+    }
+}
+
+/// One line of progress.
+fn say(step: &str, what: &str) -> Result<(), Failure> {
+    terminal::print(&format!("{step:<9} {what}\n"))
+}
+
+/// The command as it was typed, so that what is printed can be typed too.
+fn program() -> String {
+    let typed = std::env::args_os().next().map(PathBuf::from);
+    typed
+        .as_deref()
+        .map(Path::display)
+        .map_or("pilotage".into(), |path| path.to_string())
+}

@@ -1,0 +1,135 @@
+//! What reading a modelDescription.xml yields.
+
+use super::{Finding, ModelDescription, Place};
+use thiserror::Error;
+
+/// Why a modelDescription.xml cannot be read.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ReadError {
+    /// The file is too large to be a description.
+    #[error("modelDescription.xml has {bytes} bytes, more than the limit of {limit}")]
+    TooLarge {
+        /// Size of the file.
+        bytes: usize,
+        /// Largest size that is read.
+        limit: usize,
+    },
+    /// Not UTF-8 though it says so, or says nothing.
+    #[error(
+        "modelDescription.xml, line {line}: byte 0x{byte:02x} is not UTF-8; save the file as UTF-8"
+    )]
+    NotUtf8 {
+        /// Line of the first bad byte.
+        line: u32,
+        /// The byte.
+        byte: u8,
+    },
+    /// It begins with a UTF-16 byte order mark, but is not UTF-16.
+    #[error("modelDescription.xml has a UTF-16 byte order mark but is not UTF-16")]
+    NotUtf16,
+    /// An encoding that is not read.
+    #[error(
+        "modelDescription.xml is encoded in {encoding}; UTF-8, UTF-16 and ISO-8859-1 can be read"
+    )]
+    UnknownEncoding {
+        /// As declared.
+        encoding: String,
+    },
+    /// Not well-formed XML.
+    #[error("modelDescription.xml is not well-formed XML")]
+    Malformed(#[from] roxmltree::Error),
+    /// The root element is another one.
+    #[error(
+        "modelDescription.xml, {place}: the root element is <{found}>, expected <fmiModelDescription>"
+    )]
+    WrongRoot {
+        /// Where it stands.
+        place: Place,
+        /// Its name.
+        found: String,
+    },
+    /// Another version of FMI.
+    #[error("this is an FMU of FMI {found}; only FMI 2.0 can be used")]
+    WrongVersion {
+        /// As written.
+        found: String,
+    },
+    /// A value that is needed is missing or cannot be understood.
+    #[error("modelDescription.xml, {}: {}", .0.place, .0.rule)]
+    Unusable(Box<Finding>),
+}
+
+/// A description as it was read: the values, where they stand, and what was wrong.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reading {
+    /// The values; where one was bad, a default.
+    pub description: ModelDescription,
+    /// Where elements stand.
+    pub places: Places,
+    /// What does not follow the schema. The rules beyond it are checked by
+    /// [`validate`](super::validate).
+    pub findings: Vec<Finding>,
+}
+
+/// Where elements stand; lists are parallel to those of the description.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Places {
+    /// Root element.
+    pub root: Place,
+    /// `<ModelExchange>`, else the root.
+    pub model_exchange: Place,
+    /// `<CoSimulation>`, else the root.
+    pub co_simulation: Place,
+    /// `<DefaultExperiment>`, else the root.
+    pub default_experiment: Place,
+    /// `<ModelStructure>`, else the root.
+    pub structure: Place,
+    /// Each `<Unit>`.
+    pub units: Vec<Place>,
+    /// Each `<SimpleType>`.
+    pub types: Vec<Place>,
+    /// Each log `<Category>`.
+    pub log_categories: Vec<Place>,
+    /// Each `<ScalarVariable>`.
+    pub variables: Vec<Place>,
+    /// Each `<Unknown>` of `<Outputs>`.
+    pub outputs: Vec<Place>,
+    /// Each `<Unknown>` of `<Derivatives>`.
+    pub derivatives: Vec<Place>,
+    /// Each `<Unknown>` of `<InitialUnknowns>`.
+    pub initial_unknowns: Vec<Place>,
+}
+
+impl Places {
+    pub(super) fn new(root: Place) -> Self {
+        Self {
+            root,
+            model_exchange: root,
+            co_simulation: root,
+            default_experiment: root,
+            structure: root,
+            units: Vec::new(),
+            types: Vec::new(),
+            log_categories: Vec::new(),
+            variables: Vec::new(),
+            outputs: Vec::new(),
+            derivatives: Vec::new(),
+            initial_unknowns: Vec::new(),
+        }
+    }
+}
+
+impl Reading {
+    /// The description, if every value that was written could be understood.
+    ///
+    /// # Errors
+    /// The first value that is missing or cannot be understood. Breaches of the schema that leave no
+    /// doubt about the values (an unknown attribute, a wrong order of elements) are let pass.
+    pub fn into_usable(self) -> Result<ModelDescription, ReadError> {
+        let blocking = |finding: &Finding| finding.rule.leaves_value_unknown();
+        match self.findings.into_iter().find(blocking) {
+            Some(finding) => Err(ReadError::Unusable(Box::new(finding))),
+            None => Ok(self.description),
+        }
+    }
+}
