@@ -56,13 +56,13 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
             "{name}: {} {objective}",
             fit.objective
         );
+        // IPOPT stays off an active limit by its barrier: a parameter near zero is compared with what
+        // is small beside the others.
+        let largest = expected.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
         for (i, (found, expected)) in fit.theta.iter().zip(&expected).enumerate() {
-            let error = (found / expected - 1.0).abs();
-            assert!(
-                error < 1e-6,
-                "{name}, theta{}: {found}, IPOPT {expected}",
-                i + 1
-            );
+            let bound = 1e-6 * expected.abs().max(1e-3 * largest);
+            let near = (found - expected).abs() < bound;
+            assert!(near, "{name}, theta{}: {found}, IPOPT {expected}", i + 1);
         }
     }
 }
