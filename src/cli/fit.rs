@@ -324,7 +324,10 @@ fn runs(flown: &[Flown], options: &Options) -> String {
 /// The report page of a fit alone.
 fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
     let flown: Vec<RunFit> = flown.iter().map(|flown| flown.run.clone()).collect();
-    let command: Vec<String> = std::env::args().skip(1).collect();
+    let words = std::env::args_os().skip(1);
+    let command: Vec<String> = words
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect();
     report::page(&Report {
         fit,
         options,

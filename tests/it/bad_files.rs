@@ -290,6 +290,38 @@ fn vehicles() {
 }
 
 #[test]
+fn pilots() {
+    let export = ["export", "pilot"];
+    let good = "converged = true\nstick_limit = 1.0\n\n[theta]\ntheta1 = 1.0\ntheta2 = 2.0\n";
+    let known = "known are tool, status, converged, stick_limit, theta, pole, fit, vehicle, data";
+    let cases: &[(&str, String, String)] = &[
+        ("not TOML", good.replace("[theta]", "[theta"), "p.toml:4: not TOML: unclosed table, expected `]`".into()),
+        ("unknown field", good.replace("converged", "convergd"), format!("p.toml:1: unknown field `convergd`; did you mean `converged`?; {known}")),
+        ("no theta", "converged = true\n".into(), "p.toml:1: the field `theta` is missing".into()),
+        ("theta is a list", "theta = [1, 2]\n".into(), "p.toml:1: `theta` is an array; expected a table".into()),
+        ("no parameters", "[theta]\n".into(), "p.toml:1: [theta] has 0 parameters; a pilot of order n has 2n: theta1 to theta2n".into()),
+        ("an odd number", good.replace("theta2 = 2.0\n", ""), "p.toml:4: [theta] has 1 parameters; a pilot of order n has 2n: theta1 to theta2n".into()),
+        ("a gap in the numbers", good.replace("theta2", "theta3"), "p.toml:6: unknown field `theta3`; did you mean `theta1`?; known are theta1, theta2".into()),
+        ("a string", good.replace("2.0", "\"2\""), "p.toml:6: `theta2` is a string; expected a number".into()),
+        ("not a number", good.replace("2.0", "nan"), "p.toml:6: theta2 = NaN; expected a finite number".into()),
+        ("no stick", good.replace("stick_limit = 1.0", "stick_limit = 0"), "p.toml:2: stick_limit = 0; expected a finite number above 0".into()),
+        ("converged is a word", good.replace("true", "\"yes\""), "p.toml:1: `converged` is a string; expected true or false".into()),
+        ("not converged", good.replace("true", "false"), "p.toml: the fit did not converge\nhint: fit again (more iterations, another --start), or pass --allow-unconverged to export its best iterate".into()),
+    ];
+    for (what, content, message) in cases {
+        println!("{what}");
+        refused(&export, "p.toml", content, message);
+    }
+    let folder = Folder::new();
+    folder.write("p.toml", good);
+    let ended = folder.pilotage(&["export", "pilot", "p.toml"]);
+    assert_eq!(
+        ended.code, 0,
+        "the file that the others are made of is good: {ended:?}"
+    );
+}
+
+#[test]
 fn uses() {
     let cases: &[(&[&str], &str)] = &[
         (
