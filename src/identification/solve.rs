@@ -178,6 +178,9 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
     }
 }
 
+/// Makes the runs of a solution.
+type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit> + 'a;
+
 /// A solve that may go on.
 struct Attempt<D, C> {
     problem: Collocation<D, C>,
@@ -192,7 +195,7 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     from: &impl Fn(&[f64]) -> (Collocation<D, C>, Vec<f64>),
     options: &Options,
     observer: &mut Observer<'_>,
-    runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
+    runs: &Runs<'_, D, C>,
 ) -> Fit {
     let alone = candidates.len() == 1;
     let scout = if alone {
@@ -321,7 +324,7 @@ fn run<D: Dynamics, C: ParameterConstraints>(
 fn report<D: Dynamics, C: ParameterConstraints>(
     attempts: &[Attempt<D, C>],
     best: usize,
-    runs: &dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit>,
+    runs: &Runs<'_, D, C>,
 ) -> Fit {
     let Attempt {
         problem, solution, ..

@@ -25,7 +25,7 @@ pub struct Smoothed {
     pub a: Vec<f64>,
 }
 
-/// Local cubic polynomials through the samples within [`WINDOW`] (Savitzky & Golay 1964).
+/// Local cubic polynomials through the samples within 0.35 s (Savitzky & Golay 1964).
 pub fn smooth(trial: &Trial) -> Smoothed {
     let position = fill_gaps(&trial.time, &trial.position);
     let n = trial.time.len();
@@ -289,10 +289,10 @@ pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<
     };
     let mut x = Quadcopter::hover(0.0);
     let mut out = Vec::with_capacity(trial.time.len());
-    for k in 0..trial.time.len() {
+    for (k, pilot_state) in pilot.iter().enumerate() {
         x[0] = smoothed.z[k];
         x[2] = smoothed.v[k];
-        out.push(x.iter().copied().chain(pilot[k].iter().copied()).collect());
+        out.push(x.iter().chain(pilot_state).copied().collect());
         if k + 1 < trial.time.len() {
             let (u0, u1) = (stick(k), stick(k + 1));
             rk4(&mut x, trial.time[k + 1] - trial.time[k], 8, |x, c| {

@@ -1,8 +1,8 @@
 //! A sparse SQP for any nonlinear program. It has never heard of ODEs, pilots or FMI.
 //!
-//! The globalisation is the ℓ1 exact penalty merit with Armijo backtracking and a second-order
-//! correction, and a Levenberg–Marquardt term in the QP that grows when the model is not to be
-//! trusted ([`solver`], [`globalisation`]). Quadratic programs are solved through [`QpSolver`].
+//! The globalisation is an augmented Lagrangian merit with Armijo backtracking, second-order
+//! corrections whose length is tested, and a Levenberg–Marquardt term in the QP that grows when the
+//! model is not to be trusted ([`solver`], [`globalisation`]). Quadratic programs are solved through [`QpSolver`].
 
 mod active_set;
 pub mod convergence;

@@ -111,7 +111,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     /// The recorded value at node `k` of run `j`; None where there is none.
     pub fn sample(&self, j: usize, k: usize) -> Option<f64> {
         let s = self.scheme.unknown_nodes();
-        let sample = (k % s == 0).then(|| self.runs[j].measured[k / s])?;
+        let sample = k.is_multiple_of(s).then(|| self.runs[j].measured[k / s])?;
         sample.is_finite().then_some(sample)
     }
 

@@ -333,8 +333,7 @@ impl RunSweep {
                 j,
                 k,
                 kind,
-                &self.e[k * n..(k + 1) * n],
-                &zero,
+                (&self.e[k * n..(k + 1) * n], &zero),
                 &mut full,
             );
             self.project(&full, &self.s[k * n * r..(k + 1) * n * r], &mut row);
@@ -349,8 +348,7 @@ impl RunSweep {
         j: usize,
         k: usize,
         kind: Hessian,
-        dx: &[f64],
-        dtheta: &[f64],
+        (dx, dtheta): (&[f64], &[f64]),
         out: &mut [f64],
     ) {
         out.fill(0.0);
@@ -420,7 +418,7 @@ impl RunSweep {
         let mut curvature = 0.0;
         for (k, right) in right.chunks_exact_mut(n).enumerate() {
             let dx = &self.dx[k * n..(k + 1) * n];
-            self.model_gradient(problem, j, k, kind, dx, dtheta, &mut full);
+            self.model_gradient(problem, j, k, kind, (dx, dtheta), &mut full);
             curvature += dot(&full[..n], dx) + dot(&full[n..], dtheta);
             right.copy_from_slice(&full[..n]);
             if problem.sample(j, k).is_some() {
@@ -494,7 +492,7 @@ pub fn node_weights<D: Dynamics, C: ParameterConstraints>(
             );
         }
     };
-    if k % s == 0 && k > 0 {
+    if k.is_multiple_of(s) && k > 0 {
         add(k / s - 1, s);
     }
     if k / s < run.intervals() {
