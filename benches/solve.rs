@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! cargo bench --bench solve
-//! cargo bench --bench solve -- --solution FILE    also writes the default fit's θ and states as JSON
+//! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
-use pilotage::identification::{Fit, Options, SchemeName, TrialSet, fit};
+use pilotage::identification::{Fit, FitError, InitialState, Options, SchemeName, TrialSet, fit};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "{:<16} {:>8} {:>10} {:>8}  {:<10} objective [m²]",
         "scheme", "unknowns", "iterations", "seconds", "status"
     );
+    let mut fits = Vec::new();
     for scheme in SchemeName::ALL {
         let options = Options {
             scheme,
@@ -31,9 +32,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             fit.status,
             fit.objective
         );
-        if let Some(file) = solution_file().filter(|_| scheme == Options::default().scheme) {
-            std::fs::write(file, json(&fit))?;
-        }
+        fits.push((scheme, fit));
+    }
+    if let Some(file) = solution_file() {
+        // Near one optimum: every scheme from the default scheme's θ, as compare.py begins, at rest.
+        let default = fits
+            .iter()
+            .find(|(scheme, _)| *scheme == Options::default().scheme);
+        let start = default.map(|(_, fit)| fit.theta.clone());
+        let near = |scheme: SchemeName| -> Result<String, FitError> {
+            let options = Options {
+                scheme,
+                start: start.clone(),
+                initial_state: InitialState::AtRest,
+                ..Options::default()
+            };
+            let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
+            Ok(format!("{:?}: {}", scheme.as_str(), json(&fit)))
+        };
+        let solutions = SchemeName::ALL
+            .into_iter()
+            .map(near)
+            .collect::<Result<Vec<_>, _>>()?;
+        std::fs::write(file, format!("{{{}}}\n", solutions.join(",\n")))?;
     }
     Ok(())
 }
@@ -52,7 +73,7 @@ fn json(fit: &Fit) -> String {
         .map(|run| format!("{{\"name\": {:?}, \"states\": {:?}}}", run.name, run.states))
         .collect();
     format!(
-        "{{\"objective\": {:?}, \"theta\": {:?}, \"runs\": [{}]}}\n",
+        "{{\"objective\": {:?}, \"theta\": {:?}, \"runs\": [{}]}}",
         fit.objective,
         fit.theta,
         runs.join(", ")

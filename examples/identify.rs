@@ -6,7 +6,7 @@
 //! is the one that brings the vehicle nearest to where it was recorded; how much the second misses
 //! depends on the flights (in the paper's Fig. 2 it never reaches the target).
 
-use pilotage::identification::{InitialState, Objective, Options, TrialSet, fit, simulate};
+use pilotage::identification::{Objective, Options, TrialSet, fit, simulate};
 use pilotage::models::Joint;
 use pilotage::report::rms;
 use std::error::Error;
@@ -17,7 +17,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let trials = TrialSet::read(&paths)?.fit;
     for objective in Objective::ALL {
         let options = Options {
-            initial_state: InitialState::AtRest,
             objective,
             ..Options::default()
         };

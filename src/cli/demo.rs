@@ -4,9 +4,7 @@ use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
 use crate::export::{self, Provenance};
-use crate::identification::{
-    Fit, InitialState, Options, RunFit, Trial, TrialSet, fit, pilot_file, simulate,
-};
+use crate::identification::{Fit, Options, RunFit, Trial, TrialSet, fit, pilot_file, simulate};
 use crate::models::Joint;
 use crate::report::{self, ClosedLoop, Report, rms, significant};
 use crate::series::Series;
@@ -49,11 +47,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     folder::create_new(&args.output, args.force)?;
     let demo = Demo {
         folder: args.output,
-        options: Options {
-            // Each flight begins at rest: the target appears, and only then does anybody act.
-            initial_state: InitialState::AtRest,
-            ..Options::default()
-        },
+        options: Options::default(),
     };
     let trials = demo.trials()?;
     let fit = demo.fit(&trials)?;

@@ -38,7 +38,7 @@ pub enum Objective {
 pub struct Options {
     /// Collocation scheme. Default: trapezoid.
     pub scheme: SchemeName,
-    /// Initial states. Default: the vehicle at rest.
+    /// Initial states. Default: at rest, as an exported pilot begins; the paper's are free.
     pub initial_state: InitialState,
     /// Objective. Default: the vehicle's response.
     pub objective: Objective,
@@ -60,7 +60,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             scheme: SchemeName::Trapezoid,
-            initial_state: InitialState::VehicleAtRest,
+            initial_state: InitialState::AtRest,
             objective: Objective::Response,
             pilot: Pilot::default(),
             vehicle: Quadcopter::default(),

@@ -23,7 +23,11 @@ pub struct Options {
     /// Fraction η of the predicted decrease of the merit that a step must bring (Armijo; Nocedal &
     /// Wright, *Numerical Optimization*, 2nd ed., eq. 18.28). Default: 1e-4.
     pub armijo: f64,
-    /// Shortest step length α that the line search tries. Default: 1e-8.
+    /// Step length α down to which the line search goes before the damping is raised instead.
+    /// Default: 0.2. Where the start is far from the constraints, as in collocation, shorter steps
+    /// along a good direction serve better than damped ones.
+    pub short_step: f64,
+    /// Shortest step length α, when damping has not helped. Default: 1e-8.
     pub min_step: f64,
 }
 
@@ -35,6 +39,7 @@ impl Default for Options {
             initial_damping: 1e-3,
             max_damping: 1e12,
             armijo: 1e-4,
+            short_step: 0.2,
             min_step: 1e-8,
         }
     }

@@ -63,6 +63,6 @@ pub trait QpSolver<P: Problem + ?Sized> {
 
     /// Second-order correction (Nocedal & Wright, section 18.3): solves the QP of the last `solve` or
     /// `correct` again, with its constraints moved to their values at `trial`, the point that `step`
-    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`. Only `step.d` is written.
+    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`.
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
 }

@@ -14,8 +14,6 @@ const DAMPING_UP: f64 = 8.0;
 const DAMPING_DOWN: f64 = 0.1;
 /// Damping below this is none: the last steps are pure Newton.
 const DAMPING_FLOOR: f64 = 1e-10;
-/// Shortest step length tried before the damping is raised instead.
-const SHORT_STEP: f64 = 0.01;
 /// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.5;
 /// Limit on second-order corrections of one step.
@@ -132,7 +130,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                 return None;
             }
             let shortest = if raised < PATIENCE {
-                SHORT_STEP
+                self.options.short_step
             } else {
                 self.options.min_step
             };

@@ -385,10 +385,6 @@ impl QpSolver<fit::ResponseProblem> for Checked {
         if step.violation == 0.0 {
             let at = self.at.as_ref().expect("linearised");
             let (dual, primal) = optimality(problem, at, hessian, damping, step);
-            eprintln!(
-                "{hessian:?} {damping:e} {dual:e} {primal:e} {}",
-                step.active
-            );
             self.worst = (self.worst.0.max(dual), self.worst.1.max(primal));
             self.steps += 1;
         }

@@ -83,13 +83,8 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
     rows.extend([at.measured_gradient.clone(), at.bounded_gradient.clone()]);
     let scale = largest(&values(&point)) + rows.iter().map(|row| largest(row)).fold(0.0, f64::max);
     for j in 0..n + p {
-        for (i, expected) in difference(&values, &point, j).iter().enumerate() {
-            assert_near(
-                rows[i][j],
-                *expected,
-                scale,
-                &format!("row {i}, variable {j}"),
-            );
+        for (i, (row, expected)) in rows.iter().zip(difference(&values, &point, j)).enumerate() {
+            assert_near(row[j], expected, scale, &format!("row {i}, variable {j}"));
         }
     }
 
@@ -179,13 +174,8 @@ fn check_problem<D: Dynamics, C: ParameterConstraints>(
     problem.hessian(&at.z, &at.lambda, &at.eta, Hessian::Exact, &mut hessian);
     let curved = scale * (1.0 + largest(&at.lambda)) + largest(&hessian);
     for j in 0..at.z.len() {
-        for (i, expected) in difference(&values, &at.z, j).iter().enumerate() {
-            assert_near(
-                rows[i][j],
-                *expected,
-                scale,
-                &format!("row {i}, variable {j}"),
-            );
+        for (i, (row, expected)) in rows.iter().zip(difference(&values, &at.z, j)).enumerate() {
+            assert_near(row[j], expected, scale, &format!("row {i}, variable {j}"));
         }
         let mut column = vec![0.0; j + 1];
         pattern

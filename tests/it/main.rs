@@ -3,6 +3,7 @@
 mod arrows;
 mod bad_files;
 mod bad_fmus;
+mod casadi;
 mod closed_loop;
 mod command;
 mod condensed;
@@ -19,6 +20,7 @@ mod fmu_commands;
 mod foreign;
 mod python;
 mod random_collocation;
+mod recovery;
 mod sqp_problems;
 mod trials;
 mod vehicle;

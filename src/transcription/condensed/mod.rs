@@ -98,10 +98,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     ) -> Result<(), QpFailure> {
         self.c.clone_from(&self.c_iterate);
         self.g.clone_from(&self.g_iterate);
-        let reduced = self.solve_shifted(problem, hessian, damping)?;
-        self.write_primal(problem, &reduced.solution.x, step);
-        self.write_dual(problem, hessian, damping, &reduced, step);
-        Ok(())
+        self.solve_shifted(problem, hessian, damping, step)
     }
 
     fn correct(
@@ -126,26 +123,19 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             let at = problem.layout.parameter_constraints + i;
             self.g[at] = trial.g[at] - dense::dot(row, dtheta);
         }
-        let reduced = self.solve_shifted(problem, hessian, damping)?;
-        self.write_primal(problem, &reduced.solution.x, step);
-        Ok(())
+        self.solve_shifted(problem, hessian, damping, step)
     }
 }
 
-/// Solution of the reduced QP.
-struct Reduced {
-    rows: Vec<Row>,
-    solution: ConvexSolution,
-}
-
 impl Condensed {
-    /// The reduced QP with the constraint values in `c` and `g`; leaves the steps of the nodes expanded.
+    /// The QP with the constraint values in `c` and `g`.
     fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
         damping: f64,
-    ) -> Result<Reduced, QpFailure> {
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
         if self.singular {
             return Err(QpFailure::NoSolution);
         }
@@ -184,7 +174,9 @@ impl Condensed {
         }
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
-        Ok(Reduced { rows, solution })
+        self.write_primal(problem, &solution.x, step);
+        self.write_dual(problem, hessian, damping, &rows, &solution, step);
+        Ok(())
     }
 
     /// Allocates the workspace at the first use.
@@ -392,19 +384,21 @@ impl Condensed {
         problem: &Collocation<D, C>,
         hessian: Hessian,
         damping: f64,
-        reduced: &Reduced,
+        rows: &[Row],
+        solution: &ConvexSolution,
         step: &mut Step,
     ) {
-        let (layout, rho) = (&problem.layout, &reduced.solution.x);
+        let (layout, rho) = (&problem.layout, &solution.x);
         let dtheta = &rho[..problem.n_parameters()];
         step.lambda.resize(layout.n_equalities, 0.0);
         step.eta.clear();
         step.eta.resize(self.g.len(), 0.0);
-        for (row, y) in reduced.rows.iter().zip(&reduced.solution.y) {
+        for (row, y) in rows.iter().zip(&solution.y) {
             step.eta[row.index] = *y;
         }
         step.active = self.working.len();
-        step.violation = reduced.solution.violation;
+        step.violation = solution.violation;
+        step.residual.clear();
         step.curvature = damping * dense::dot(rho, rho);
         for (j, (run, at)) in self.runs.iter().zip(&layout.runs).enumerate() {
             let eta = &step.eta[at.g..at.g + problem.runs[j].time.len()];

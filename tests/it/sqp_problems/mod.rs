@@ -209,32 +209,32 @@ fn known_problems_end_as_known() {
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
     problem          status           iterations evaluations linearisations qps
-    HS1              converged                25          59             26  50
-    HS2              converged                 8          16              9  18
+    HS1              converged                25          94             26  85
+    HS2              converged                 8          21              9  23
     HS6              converged                 5          12              6  10
     HS7              converged                10          26             11  21
-    HS10             converged                12          29             13  26
+    HS10             converged                12          30             13  27
     HS12             converged                 8          16              9  16
     HS12 twice       converged                 8          16              9  16
     HS13             no-progress              17          34             18  61
-    HS26             converged                23          47             24  65
+    HS26             converged                24          49             25  48
     HS28             converged                 3           6              4   6
     HS35             converged                 3           5              4   5
     HS39             converged                13          36             14  28
-    HS40             converged                 5           9              6  13
-    HS43             converged                 7          16              8  14
-    HS71             converged                 9          15             10  23
+    HS40             converged                 4           8              5   8
+    HS43             converged                 7          17              8  15
+    HS71             converged                 5           9              6  10
     HS76             converged                 3           5              4   5
-    HS78             converged                 7          13              8  19
+    HS78             converged                 6          11              7  11
     HS100            converged                 6          28              7  19
     Maratos          converged                 6          11              7  11
     Wächter-Biegler  infeasible                4           8              5  13
     linear program   converged                 2           3              3   3
     equality as g    converged                 3           5              4   5
     equality twice   converged                 5          11              6  10
-    parallel lines   infeasible                2           5              3   5
-    line and disc    infeasible               16          60             17  45
-    isolated         infeasible               14          53             15  39
+    parallel lines   infeasible                2          10              3  10
+    line and disc    infeasible               16          62             17  47
+    isolated         infeasible               14          58             15  44
     half line        unbounded                 8          16              9  16
     saddle           unbounded                37          74             38 110
     ");

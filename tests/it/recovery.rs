@@ -1,0 +1,174 @@
+//! A pilot that is known is found again. The trajectories are integrated here, by code of its own.
+
+use pilotage::identification::{Fit, Options, SchemeName, Trial, fit};
+use pilotage::models::{Dynamics, Joint};
+use pilotage::transcription::Scheme;
+use std::ops::ControlFlow;
+
+/// A pilot like the synthetic humans: lead, and lags at some rad/s.
+const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.4, -1.1, -0.1];
+
+fn joint(options: &Options) -> Joint {
+    Joint {
+        vehicle: options.vehicle,
+        pilot: options.pilot,
+    }
+}
+
+fn derivative(joint: &Joint, x: &[f64], target: f64) -> Vec<f64> {
+    let mut dx = vec![0.0; x.len()];
+    joint.derivative(x, &[target], &THETA, &mut dx);
+    dx
+}
+
+/// `x + Σ a k`.
+fn along(x: &[f64], terms: &[(f64, &Vec<f64>)]) -> Vec<f64> {
+    let sum = |i: usize| terms.iter().map(|(a, k)| a * k[i]).sum::<f64>();
+    (0..x.len()).map(|i| x[i] + sum(i)).collect()
+}
+
+/// One step of a scheme: its equations `X_i = X_0 + h Σ a_ij f(X_j)` by fixed-point iteration.
+fn scheme_step(joint: &Joint, scheme: &Scheme, x: &[f64], target: f64, h: f64) -> Vec<f64> {
+    let mut nodes = vec![x.to_vec(); scheme.abscissae.len()];
+    for _ in 0..1000 {
+        let rates: Vec<_> = nodes.iter().map(|x| derivative(joint, x, target)).collect();
+        let mut next = vec![x.to_vec()];
+        for row in scheme.weights {
+            let terms: Vec<_> = row.iter().map(|a| h * a).zip(&rates).collect();
+            next.push(along(x, &terms));
+        }
+        let changes = next
+            .iter()
+            .flatten()
+            .zip(nodes.iter().flatten())
+            .map(|(a, b)| (a - b).abs());
+        let change = changes.fold(0.0, f64::max);
+        nodes = next;
+        if change < 1e-15 {
+            break;
+        }
+    }
+    nodes.pop().expect("a node")
+}
+
+/// One step of the continuous model: classical Runge–Kutta in steps of at most a millisecond.
+fn exact_step(joint: &Joint, x: &[f64], target: f64, h: f64) -> Vec<f64> {
+    let n = (h / 1e-3).ceil();
+    let h = h / n;
+    let mut x = x.to_vec();
+    for _ in 0..n as usize {
+        let k1 = derivative(joint, &x, target);
+        let k2 = derivative(joint, &along(&x, &[(h / 2.0, &k1)]), target);
+        let k3 = derivative(joint, &along(&x, &[(h / 2.0, &k2)]), target);
+        let k4 = derivative(joint, &along(&x, &[(h, &k3)]), target);
+        x = along(
+            &x,
+            &[
+                (h / 6.0, &k1),
+                (h / 3.0, &k2),
+                (h / 3.0, &k3),
+                (h / 6.0, &k4),
+            ],
+        );
+    }
+    x
+}
+
+/// A run from rest to a target [m]: duration and interval [s].
+fn trial(
+    options: &Options,
+    target: f64,
+    (duration, h): (f64, f64),
+    step: impl Fn(&Joint, &[f64], f64, f64) -> Vec<f64>,
+) -> Trial {
+    let joint = joint(options);
+    let n = (duration / h).round() as usize;
+    let mut states = vec![vec![0.0; joint.n_states()]];
+    for k in 0..n {
+        states.push(step(&joint, &states[k], target, h));
+    }
+    let stick: Vec<f64> = states
+        .iter()
+        .map(|x| joint.bounded(x, &[target], &THETA))
+        .collect();
+    assert!(
+        stick.iter().all(|u| u.abs() < 0.99),
+        "the stick stays off its limits"
+    );
+    Trial {
+        name: format!("{target} m"),
+        origin: String::new(),
+        sha256: String::new(),
+        time: (0..=n).map(|k| k as f64 * h).collect(),
+        target: vec![target; n + 1],
+        position: states.iter().map(|x| x[0]).collect(),
+        stick: Some(stick),
+        weight: 1.0,
+    }
+}
+
+fn fitted(trials: &[Trial], options: &Options) -> Fit {
+    let fit = fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert!(
+        fit.converged,
+        "{}: {} {:?}",
+        options.scheme.as_str(),
+        fit.status,
+        fit.theta
+    );
+    fit
+}
+
+/// Largest relative error of θ.
+fn error(fit: &Fit) -> f64 {
+    fit.theta
+        .iter()
+        .zip(THETA)
+        .fold(0.0, |m, (t, e)| m.max(((t - e) / e).abs()))
+}
+
+#[test]
+fn data_of_the_discretised_model_give_its_parameters_back() {
+    for scheme in SchemeName::ALL {
+        let options = Options {
+            scheme,
+            tolerance: 1e-10,
+            ..Options::default()
+        };
+        let step = |joint: &Joint, x: &[f64], target: f64, h: f64| {
+            scheme_step(joint, scheme.coefficients(), x, target, h)
+        };
+        let trials = [6.0, -8.0].map(|target| trial(&options, target, (10.0, 0.05), step));
+        let fit = fitted(&trials, &options);
+        assert!(error(&fit) < 1e-6, "{}: {:?}", scheme.as_str(), fit.theta);
+    }
+}
+
+#[test]
+fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
+    for (scheme, h) in [
+        (SchemeName::Euler, 0.006_25),
+        (SchemeName::Trapezoid, 0.025),
+        (SchemeName::HermiteSimpson, 0.1),
+    ] {
+        let options = Options {
+            scheme,
+            start: Some(THETA.to_vec()),
+            tolerance: 1e-10,
+            ..Options::default()
+        };
+        let error_at = |h: f64| {
+            error(&fitted(
+                &[trial(&options, 10.0, (8.0, h), exact_step)],
+                &options,
+            ))
+        };
+        let order = (error_at(h) / error_at(h / 2.0)).log2();
+        let expected = scheme.coefficients().order as f64;
+        assert!(
+            (order - expected).abs() < 0.2,
+            "{}: order {order}",
+            scheme.as_str()
+        );
+    }
+}
