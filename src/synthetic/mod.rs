@@ -11,8 +11,11 @@
 //! stick = clip(s, -1, 1)
 //! ```
 
+mod closed_loop;
+
 use crate::models::{Quadcopter, quadcopter::N_STATES};
 use crate::series::{Column, Series};
+use closed_loop::Loop;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -274,91 +277,6 @@ impl Human {
     }
 }
 
-/// States of human and vehicle: `[x_v, s, ṡ]`.
-const N: usize = N_STATES + 2;
-
-/// Human and vehicle in closed loop, integrated by the classical Runge–Kutta method with a fixed step.
-struct Loop<'a> {
-    human: &'a Human,
-    vehicle: &'a Quadcopter,
-    target: f64,
-    step: f64,
-    state: [f64; N],
-    /// Error [m] and its rate [m/s] at every step so far.
-    seen: Vec<(f64, f64)>,
-    /// Remnant [stick].
-    remnant: f64,
-}
-
-impl<'a> Loop<'a> {
-    fn new(human: &'a Human, vehicle: &'a Quadcopter, target: f64, step: f64) -> Self {
-        Self {
-            human,
-            vehicle,
-            target,
-            step,
-            state: [0.0; N],
-            seen: vec![(target, 0.0)],
-            remnant: 0.04,
-        }
-    }
-
-    /// Advances by one step; the remnant is held over it.
-    fn advance(&mut self, random: &mut ChaCha8Rng) {
-        let h = self.step;
-        let k1 = self.derivative(&self.state, 0.0);
-        let k2 = self.derivative(&along(&self.state, &k1, h / 2.0), 0.5);
-        let k3 = self.derivative(&along(&self.state, &k2, h / 2.0), 0.5);
-        let k4 = self.derivative(&along(&self.state, &k3, h), 1.0);
-        for i in 0..N {
-            self.state[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
-        }
-        self.seen
-            .push((self.target - self.state[0], -self.state[2]));
-        self.remnant = self.next_remnant(random);
-    }
-
-    /// The remnant one step on: exact discretisation of an Ornstein–Uhlenbeck process.
-    fn next_remnant(&self, random: &mut ChaCha8Rng) -> f64 {
-        let deviation = self.human.remnant * self.human.gain * self.target.abs();
-        let decay = (-self.step / self.human.remnant_time).exp();
-        let deviate: f64 = StandardNormal.sample(random);
-        decay * self.remnant + deviation * (1.0 - decay * decay).sqrt() * deviate
-    }
-
-    /// Error and rate as seen at `fraction` of the present step, a delay ago; nothing before the target
-    /// appears. Between steps it is interpolated linearly.
-    fn seen(&self, fraction: f64) -> (f64, f64) {
-        let now = (self.seen.len() - 1) as f64 + fraction;
-        let at = now - self.human.delay / self.step;
-        if at < 0.0 {
-            return (0.0, 0.0);
-        }
-        let (k, part) = (at.floor() as usize, at.fract());
-        let (a, b) = (self.seen[k], self.seen[(k + 1).min(self.seen.len() - 1)]);
-        (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1))
-    }
-
-    fn derivative(&self, x: &[f64; N], fraction: f64) -> [f64; N] {
-        let human = self.human;
-        let (error, rate) = self.seen(fraction);
-        let command = -human.gain * (error + human.lead * rate) + self.remnant;
-        let (arm, arm_rate) = (x[N_STATES], x[N_STATES + 1]);
-        let mut dx = [0.0; N];
-        self.vehicle
-            .derivative(&x[..N_STATES], clip(arm), &mut dx[..N_STATES]);
-        dx[N_STATES] = arm_rate;
-        dx[N_STATES + 1] =
-            human.frequency * (human.frequency * (command - arm) - 2.0 * human.damping * arm_rate);
-        dx
-    }
-}
-
-/// `x + h dx`.
-fn along(x: &[f64; N], dx: &[f64; N], h: f64) -> [f64; N] {
-    std::array::from_fn(|i| x[i] + h * dx[i])
-}
-
 /// The stick's stops.
 fn clip(stick: f64) -> f64 {
     stick.clamp(-1.0, 1.0)
@@ -370,126 +288,4 @@ fn rounded(value: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Greatest and last value of a column.
-    fn peak_and_last(values: &[f64]) -> (f64, f64) {
-        let peak = values.iter().copied().fold(f64::MIN, f64::max);
-        (peak, values[values.len() - 1])
-    }
-
-    #[test]
-    fn the_default_flights_are_credible() {
-        for flight in Flights::default()
-            .fly(&Human::default(), &Quadcopter::default())
-            .unwrap()
-        {
-            let values = |name| &flight.series.column(name).unwrap().values;
-            let target = values("target")[0];
-            let (peak, last) = peak_and_last(values("position"));
-            assert!(
-                (1.1..1.3).contains(&(peak / target)),
-                "{}: {peak}",
-                flight.name
-            );
-            assert!(
-                (last / target - 1.0).abs() < 0.04,
-                "{}: {last}",
-                flight.name
-            );
-            let stick = values("stick")
-                .iter()
-                .fold(0.0, |peak: f64, s| peak.max(s.abs()));
-            assert!(
-                (0.02..0.035).contains(&(stick / target)),
-                "{}: {stick}",
-                flight.name
-            );
-            assert_eq!(flight.series.time.len(), 301);
-        }
-    }
-
-    #[test]
-    fn a_run_does_not_depend_on_the_runs_after_it_and_differs_from_its_neighbours() {
-        let all = Flights::default()
-            .fly(&Human::default(), &Quadcopter::default())
-            .unwrap();
-        let one = Flights {
-            targets: vec![10.0],
-            runs: 1,
-            ..Flights::default()
-        };
-        let alone = one.fly(&Human::default(), &Quadcopter::default()).unwrap();
-        assert_eq!(alone[0], all[0]);
-        assert_ne!(all[0].series, all[1].series);
-    }
-
-    #[test]
-    fn without_remnant_and_variation_the_step_size_does_not_matter() {
-        let human = Human {
-            remnant: 0.0,
-            ..Human::default()
-        };
-        let at_rate = |rate| {
-            let flights = Flights {
-                targets: vec![10.0],
-                runs: 1,
-                rate,
-                variation: 0.0,
-                ..Flights::default()
-            };
-            let series = flights
-                .fly(&human, &Quadcopter::default())
-                .unwrap()
-                .remove(0)
-                .series;
-            series.column("position").unwrap().values.clone()
-        };
-        // 1000 and 3000 integration steps a second, compared once a second. The target comes into view
-        // somewhere within a step, so the way flown differs by half a coarse step's worth at most.
-        let (coarse, fine) = (at_rate(1000.0), at_rate(3000.0));
-        for second in 0..=15 {
-            let difference = coarse[1000 * second] - fine[3000 * second];
-            assert!(difference.abs() < 2e-3, "{second} s: {difference}");
-        }
-    }
-
-    #[test]
-    fn what_cannot_be_flown_is_refused() {
-        let unstable = Quadcopter {
-            attitude_gain: 76.37,
-            rate_gain: 1.02,
-            ..Quadcopter::default()
-        };
-        let error = Flights::default().fly(&Human::default(), &unstable).err();
-        assert!(
-            matches!(error, Some(SyntheticError::Diverged { .. })),
-            "{error:?}"
-        );
-        let wild = Human {
-            gain: f64::NAN,
-            ..Human::default()
-        };
-        let error = Flights::default().fly(&wild, &Quadcopter::default()).err();
-        assert_eq!(
-            error.map(|error| error.to_string()).as_deref(),
-            Some("gain = NaN is out of range; expected 0.0001 to 10")
-        );
-    }
-
-    #[test]
-    fn the_stick_ends_at_its_stops() {
-        let flights = Flights {
-            targets: vec![60.0],
-            runs: 1,
-            ..Flights::default()
-        };
-        let flight = flights
-            .fly(&Human::default(), &Quadcopter::default())
-            .unwrap()
-            .remove(0);
-        let stick = &flight.series.column("stick").unwrap().values;
-        assert!(stick.contains(&-1.0) && stick.iter().all(|s| s.abs() <= 1.0));
-    }
-}
+mod tests;
