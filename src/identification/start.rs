@@ -107,7 +107,7 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
 }
 
 /// Starts for θ, estimated from the data: shapes of a pilot with the gain and the lead that the stick
-/// shows ([`shapes`]), and regressions of the stick on the error with a slow and a fast filter.
+/// shows, and regressions of the stick on the error with a slow and a fast filter.
 pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
     let regressions = FILTERS
         .iter()

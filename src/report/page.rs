@@ -16,7 +16,7 @@ pub struct Report<'a> {
     pub options: &'a Options,
     /// The trials that it was fitted to, in the order of the fit's runs.
     pub trials: &'a [Trial],
-    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate`]).
+    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate()`]).
     pub flown: &'a [RunFit],
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],

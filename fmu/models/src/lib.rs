@@ -9,7 +9,7 @@
 //! | [`pilot`] | the pilot: n-th order linear system in controllable canonical form |
 //! | [`joint`] | pilot and vehicle in closed loop, one ODE |
 //! | [`dynamics`] | the trait through which the transcription sees any of them |
-//! | [`unit`], [`variable`], [`coefficient`] | units, variables, and the vehicle's coefficients as data |
+//! | [mod@unit], [`variable`], [`coefficient`] | units, variables, and the vehicle's coefficients as data |
 //! | [`model`] | pilot or vehicle as it is exported: table of variables, GUID, model file |
 //! | [`simulation`] | a model that runs |
 //! | [`lti`], [`integrate`](mod@integrate) | exact steps of linear systems; Dormand–Prince with error control |
