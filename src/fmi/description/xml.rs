@@ -1,64 +1,63 @@
 //! XML text made element by element: indentation, escaping and the lexical forms of XML Schema.
 
-use std::fmt::Write;
+use quick_xml::Writer;
+use quick_xml::events::attributes::Attribute;
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
+use quick_xml::name::QName;
 
 /// An XML document under construction.
 pub(super) struct Xml {
-    text: String,
+    writer: Writer<Vec<u8>>,
     open: Vec<&'static str>,
-    /// The last start tag still lacks its `>` or `/>`.
-    pending: bool,
+    /// The last start tag, which may still get attributes.
+    pending: Option<BytesStart<'static>>,
 }
 
 impl Xml {
     /// An empty document with its XML declaration.
     pub(super) fn new() -> Self {
-        Self {
-            text: "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n".to_owned(),
+        let mut xml = Self {
+            writer: Writer::new_with_indent(Vec::new(), b' ', 2),
             open: Vec::new(),
-            pending: false,
-        }
+            pending: None,
+        };
+        xml.write(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)));
+        xml
     }
 
     /// Opens an element.
     pub(super) fn open(&mut self, name: &'static str) {
-        self.finish_tag("\n");
-        self.indent();
-        self.text.push('<');
-        self.text.push_str(name);
+        self.finish_tag();
         self.open.push(name);
-        self.pending = true;
+        self.pending = Some(BytesStart::new(name));
     }
 
     /// Closes the innermost element.
     pub(super) fn close(&mut self) {
         let Some(name) = self.open.pop() else { return };
-        if self.pending {
-            self.pending = false;
-            self.text.push_str("/>\n");
-        } else {
-            self.indent();
-            let _ = writeln!(self.text, "</{name}>");
+        match self.pending.take() {
+            Some(start) => self.write(Event::Empty(start)),
+            None => self.write(Event::End(BytesEnd::new(name))),
         }
     }
 
     /// Closes the innermost element with `content` as it stands between its tags.
     pub(super) fn close_with(&mut self, content: &str) {
-        if content.is_empty() {
-            return self.close();
+        if !content.is_empty() {
+            self.finish_tag();
+            self.write(Event::Text(BytesText::from_escaped(content)));
         }
-        self.finish_tag("");
-        self.text.push_str(content);
-        if let Some(name) = self.open.pop() {
-            let _ = writeln!(self.text, "</{name}>");
-        }
+        self.close();
     }
 
     /// An attribute of the element opened last.
     pub(super) fn text(&mut self, name: &str, value: &str) {
-        let _ = write!(self.text, " {name}=\"");
-        escape_into(&mut self.text, value);
-        self.text.push('"');
+        if let Some(start) = &mut self.pending {
+            start.push_attribute(Attribute {
+                key: QName(name),
+                value: escaped(value).into(),
+            });
+        }
     }
 
     /// An attribute that may be absent.
@@ -99,20 +98,20 @@ impl Xml {
         while !self.open.is_empty() {
             self.close();
         }
-        self.text
+        let mut text = String::from_utf8_lossy(self.writer.get_ref()).into_owned();
+        text.push('\n');
+        text
     }
 
-    fn finish_tag(&mut self, after: &str) {
-        if std::mem::take(&mut self.pending) {
-            self.text.push('>');
-            self.text.push_str(after);
+    fn finish_tag(&mut self) {
+        if let Some(start) = self.pending.take() {
+            self.write(Event::Start(start));
         }
     }
 
-    fn indent(&mut self) {
-        for _ in &self.open {
-            self.text.push_str("  ");
-        }
+    fn write(&mut self, event: Event<'_>) {
+        // Writing to memory cannot fail.
+        let _ = self.writer.write_event(event);
     }
 }
 
@@ -130,9 +129,10 @@ pub(super) fn xs_double(value: f64) -> String {
     }
 }
 
-/// Appends an attribute's value. White space other than a blank is written as a reference, since a
+/// An attribute's value as it is written. White space other than a blank becomes a reference, since a
 /// reader would turn it into a blank; characters that XML 1.0 forbids become U+FFFD.
-fn escape_into(out: &mut String, value: &str) {
+fn escaped(value: &str) -> String {
+    let mut out = String::with_capacity(value.len());
     for c in value.chars() {
         match c {
             '&' => out.push_str("&amp;"),
@@ -146,4 +146,5 @@ fn escape_into(out: &mut String, value: &str) {
             c => out.push(c),
         }
     }
+    out
 }
