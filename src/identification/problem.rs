@@ -63,23 +63,15 @@ pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProble
         pilot: options.pilot,
     };
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
-    let runs = trials.iter().map(|trial| {
-        let position = fill_gaps(&trial.time, &trial.position);
-        Run {
-            time: trial.time.clone(),
-            inputs: trial
-                .target
-                .iter()
-                .zip(position)
-                .map(|(t, z)| vec![t - z])
-                .collect(),
-            measured: trial
-                .stick
-                .clone()
-                .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
-            weight: trial.weight,
-            initial: vec![known; pilot.n_states()],
-        }
+    let runs = trials.iter().map(|trial| Run {
+        time: trial.time.clone(),
+        inputs: recorded_error(trial).into_iter().map(|e| vec![e]).collect(),
+        measured: trial
+            .stick
+            .clone()
+            .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
+        weight: trial.weight,
+        initial: vec![known; pilot.n_states()],
     });
     collocation(pilot, runs.collect(), options, scales)
 }
@@ -101,6 +93,17 @@ fn collocation<D: Dynamics>(
         scales,
         options.stick_limit,
     )
+}
+
+/// The error ŷ - y_v that the pilot saw at each sample [m], gaps filled.
+pub fn recorded_error(trial: &Trial) -> Vec<f64> {
+    let position = fill_gaps(&trial.time, &trial.position);
+    trial
+        .target
+        .iter()
+        .zip(position)
+        .map(|(t, z)| t - z)
+        .collect()
 }
 
 /// The signal with missing samples (NaN) filled by linear interpolation, constant at the ends.

@@ -1,6 +1,6 @@
 //! Starts, so that none is asked of the user.
 
-use super::problem::fill_gaps;
+use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use crate::transcription::{Collocation, ParameterConstraints, Scales};
 use nalgebra::{DMatrix, DVector};
@@ -80,13 +80,7 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
     let mut normal = DMatrix::<f64>::zeros(2 * n, 2 * n);
     let mut right = DVector::<f64>::zeros(2 * n);
     for (trial, stick) in trials.iter().zip(sticks) {
-        let position = fill_gaps(&trial.time, &trial.position);
-        let error: Vec<f64> = trial
-            .target
-            .iter()
-            .zip(&position)
-            .map(|(t, z)| t - z)
-            .collect();
+        let error = recorded_error(trial);
         let u = filtered_derivatives(&trial.time, stick, n, filter);
         let e = filtered_derivatives(&trial.time, &error, n, filter);
         for k in 0..trial.time.len() {
@@ -255,13 +249,7 @@ pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
 
 /// The pilot's states and stick when it sees the recorded error from rest.
 fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
-    let position = fill_gaps(&trial.time, &trial.position);
-    let error: Vec<f64> = trial
-        .target
-        .iter()
-        .zip(&position)
-        .map(|(t, z)| t - z)
-        .collect();
+    let error = recorded_error(trial);
     let mut x = vec![0.0; pilot.order];
     let mut out = vec![x.clone()];
     for k in 0..trial.time.len() - 1 {
