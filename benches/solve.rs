@@ -5,9 +5,12 @@
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
-use pilotage::identification::{Fit, FitError, InitialState, Options, SchemeName, TrialSet, fit};
+use pilotage::identification::{Fit, FitError, InitialState, Options, TrialSet, fit};
+use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+
+const SCHEMES: [Scheme; 3] = [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials/trials.toml");
@@ -17,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "scheme", "unknowns", "iterations", "seconds", "status"
     );
     let mut fits = Vec::new();
-    for scheme in SchemeName::ALL {
+    for scheme in SCHEMES {
         let options = Options {
             scheme,
             ..Options::default()
@@ -25,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
         println!(
             "{:<16} {:>8} {:>10} {:>8.2}  {:<10} {:.9}",
-            scheme.as_str(),
+            scheme.name(),
             fit.unknowns,
             fit.iterations,
             fit.seconds,
@@ -40,7 +43,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .iter()
             .find(|(scheme, _)| *scheme == Options::default().scheme);
         let start = default.map(|(_, fit)| fit.theta.clone());
-        let near = |scheme: SchemeName| -> Result<String, FitError> {
+        let near = |scheme: Scheme| -> Result<String, FitError> {
             let options = Options {
                 scheme,
                 start: start.clone(),
@@ -48,9 +51,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 ..Options::default()
             };
             let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
-            Ok(format!("{:?}: {}", scheme.as_str(), json(&fit)))
+            Ok(format!("{:?}: {}", scheme.name(), json(&fit)))
         };
-        let solutions = SchemeName::ALL
+        let solutions = SCHEMES
             .into_iter()
             .map(near)
             .collect::<Result<Vec<_>, _>>()?;

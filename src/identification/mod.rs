@@ -11,7 +11,7 @@ pub mod solve;
 pub mod start;
 pub mod trials;
 
-pub use options::{InitialState, Objective, Options, SchemeName};
+pub use options::{InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};
 pub use simulate::simulate;

@@ -1,20 +1,6 @@
 //! The options' names, as the command line and the result file write them.
 
-use super::{InitialState, Objective, SchemeName};
-
-impl SchemeName {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Euler, Self::Trapezoid, Self::HermiteSimpson];
-
-    /// `euler`, `trapezoid` or `hermite-simpson`.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Euler => "euler",
-            Self::Trapezoid => "trapezoid",
-            Self::HermiteSimpson => "hermite-simpson",
-        }
-    }
-}
+use super::{InitialState, Objective};
 
 impl InitialState {
     /// All of them.

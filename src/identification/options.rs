@@ -1,16 +1,15 @@
 //! What a user may choose about a fit.
 
+use crate::transcription::Scheme;
 use pilotage_models::{Pilot, Quadcopter};
 
-/// The collocation scheme (paper: forward Euler, its matrix D).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SchemeName {
-    /// Forward Euler, first order: the paper's D.
-    Euler,
-    /// Trapezoid, second order.
-    Trapezoid,
-    /// Hermite–Simpson, fourth order.
-    HermiteSimpson,
+/// The mesh on which the states are solved; residuals stay at the samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mesh {
+    /// The samples (the paper's).
+    Samples,
+    /// Equal intervals of about this length [s], finer or coarser than the samples.
+    Step(f64),
 }
 
 /// What is known of the states at the first sample.
@@ -36,8 +35,10 @@ pub enum Objective {
 /// Options of a fit, with their defaults.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Collocation scheme. Default: trapezoid.
-    pub scheme: SchemeName,
+    /// Collocation scheme. Default: trapezoid; the paper's is forward Euler.
+    pub scheme: Scheme,
+    /// Mesh. Default: the samples.
+    pub mesh: Mesh,
     /// Initial states. Default: at rest, as an exported pilot begins; the paper's are free.
     pub initial_state: InitialState,
     /// Objective. Default: the vehicle's response.
@@ -59,7 +60,8 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            scheme: SchemeName::Trapezoid,
+            scheme: Scheme::Trapezoid,
+            mesh: Mesh::Samples,
             initial_state: InitialState::AtRest,
             objective: Objective::Response,
             pilot: Pilot::default(),

@@ -173,7 +173,7 @@ fn solve(fit: &Fit, options: &Options) -> String {
         "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\ninitial_state = \"{}\"\n\
          sum_of_squares = {:?} # [{unit}]\nkkt = {:?}\ntolerance = {:?}\niterations = {}\nseconds = {:.3}\n",
         options.objective.as_str(),
-        options.scheme.as_str(),
+        options.scheme,
         options.initial_state.as_str(),
         fit.objective,
         fit.kkt,

@@ -1,8 +1,7 @@
 //! The paper's problem from trials and options.
 
 use super::constraints::RouthHurwitz;
-use super::{InitialState, Options, SchemeName, Trial};
-use crate::transcription::scheme::{EULER, HERMITE_SIMPSON, Scheme, TRAPEZOID};
+use super::{InitialState, Mesh, Options, Trial};
 use crate::transcription::{Collocation, Run, Scales};
 use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter, quadcopter};
 
@@ -11,18 +10,22 @@ pub type ResponseProblem = Collocation<Joint, RouthHurwitz>;
 /// The problem of the stick fit: the pilot alone, driven by the recorded error.
 pub type StickProblem = Collocation<OpenLoopPilot, RouthHurwitz>;
 
-impl SchemeName {
-    /// Its coefficients.
-    pub fn coefficients(self) -> &'static Scheme {
+impl Mesh {
+    /// Interval boundaries [s] for samples at these times.
+    pub fn boundaries(self, time: &[f64]) -> Vec<f64> {
+        let (start, end) = (time[0], time[time.len() - 1]);
         match self {
-            Self::Euler => &EULER,
-            Self::Trapezoid => &TRAPEZOID,
-            Self::HermiteSimpson => &HERMITE_SIMPSON,
+            Self::Samples => time.to_vec(),
+            Self::Step(h) => {
+                let intervals = ((end - start) / h).round().max(1.0) as usize;
+                let at = |k: usize| start + (end - start) * (k as f64 / intervals as f64);
+                (0..intervals).map(at).chain([end]).collect()
+            }
         }
     }
 }
 
-/// The response problem (paper, eq. 5); its mesh is the trials' samples.
+/// The response problem (paper, eq. 5).
 pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> ResponseProblem {
     let joint = Joint {
         vehicle: options.vehicle,
@@ -47,6 +50,7 @@ pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Response
             initial[quadcopter::N_STATES..].fill(Some(0.0));
         }
         Run {
+            mesh: options.mesh.boundaries(&trial.time),
             time: trial.time.clone(),
             inputs: trial.target.iter().map(|t| vec![*t]).collect(),
             measured: trial.position.clone(),
@@ -64,6 +68,7 @@ pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProble
     };
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
     let runs = trials.iter().map(|trial| Run {
+        mesh: options.mesh.boundaries(&trial.time),
         time: trial.time.clone(),
         inputs: recorded_error(trial).into_iter().map(|e| vec![e]).collect(),
         measured: trial
@@ -88,7 +93,7 @@ fn collocation<D: Dynamics>(
     Collocation::new(
         dynamics,
         constraints,
-        options.scheme.coefficients(),
+        options.scheme,
         runs,
         scales,
         options.stick_limit,

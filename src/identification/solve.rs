@@ -350,27 +350,16 @@ fn report<D: Dynamics, C: ParameterConstraints>(
     }
 }
 
-/// The runs of a solution at the interval boundaries.
+/// The runs of a solution at the samples.
 fn runs<D: Dynamics, C: ParameterConstraints>(
     problem: &Collocation<D, C>,
     z: &[f64],
     trials: &[Trial],
 ) -> Vec<RunFit> {
     let theta = problem.physical_theta(z);
-    let scales = &problem.model.scales.states;
-    let s = problem.scheme.unknown_nodes();
     let one = |(j, trial): (usize, &Trial)| {
         let run = &problem.runs[j];
-        let states: Vec<Vec<f64>> = (0..run.time.len())
-            .map(|b| {
-                problem
-                    .node(z, j, b * s)
-                    .iter()
-                    .zip(scales)
-                    .map(|(x, s)| x * s)
-                    .collect()
-            })
-            .collect();
+        let states = problem.states_at_samples(z, j);
         let model = &problem.model.dynamics;
         let at = |f: &dyn Fn(&[f64], &[f64]) -> f64| -> Vec<f64> {
             states

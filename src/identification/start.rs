@@ -326,13 +326,13 @@ pub fn variables<D: Dynamics, C: ParameterConstraints>(
     let scales = &problem.model.scales;
     let mut z = Vec::with_capacity(problem.layout.theta + theta.len());
     for (j, states) in states.iter().enumerate() {
-        for k in 0..problem.layout.runs[j].nodes {
-            let (interval, c) = problem.place(j, k);
-            let (from, to) = (
-                &states[interval],
-                &states[(interval + 1).min(states.len() - 1)],
-            );
-            z.extend((0..from.len()).map(|i| (from[i] + c * (to[i] - from[i])) / scales.states[i]));
+        let time = &problem.runs[j].time;
+        for t in &problem.grids[j].times {
+            let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
+            let c = (t - time[to - 1]) / (time[to] - time[to - 1]);
+            let (from, to) = (&states[to - 1], &states[to]);
+            let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
+            z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
         }
         let start = problem.layout.runs[j].z;
         for (i, known) in problem.runs[j].initial.iter().enumerate() {

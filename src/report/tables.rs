@@ -5,8 +5,9 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::{Fit, InitialState, Objective, Options, SchemeName, Trial};
+use crate::identification::{Fit, InitialState, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
+use crate::transcription::Scheme;
 use crate::vehicle::Mode;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.
@@ -208,12 +209,13 @@ pub fn files(trials: &[Trial]) -> String {
     table(&["data file", "SHA-256"], &[], &rows)
 }
 
-fn scheme(scheme: SchemeName) -> &'static str {
-    match scheme {
-        SchemeName::Euler => "forward Euler (first order, the paper's)",
-        SchemeName::Trapezoid => "trapezoid (second order)",
-        SchemeName::HermiteSimpson => "Hermite–Simpson (fourth order)",
-    }
+fn scheme(scheme: Scheme) -> String {
+    let paper = if scheme == Scheme::Euler {
+        ", the paper's"
+    } else {
+        ""
+    };
+    format!("{scheme} (order {}{paper})", scheme.order())
 }
 
 fn objective(objective: Objective) -> &'static str {

@@ -1,28 +1,32 @@
 //! The NLP that collocation makes of several runs with shared parameters (paper, eq. 5).
 
 use super::constraints::ParameterConstraints;
+use super::grid::{Grid, PointState};
 use super::layout::Layout;
 use super::mesh::Run;
 use super::node::{NodeModel, Scales};
-use super::scheme::Scheme;
+use super::parallel;
+use super::tableau::Scheme;
 use crate::sqp::Problem;
 use num_dual::HyperDual64;
 use pilotage_models::Dynamics;
 
 /// Collocation of runs of one model with shared parameters θ.
 ///
-/// Variables and defects are scaled by [`Scales`]; the objective is `Σ_j w_j Σ_k (y_k - h(x_k))²` in
-/// the output's unit squared.
+/// Variables and defects are scaled by [`Scales`]; the objective is `Σ_j w_j Σ_k (y_k - h(x(t_k)))²` in
+/// the output's unit squared, over the samples `t_k` of run `j`.
 #[derive(Debug, Clone)]
 pub struct Collocation<D, C> {
-    /// The model at a node.
+    /// The model at a point.
     pub model: NodeModel<D>,
     /// Constraints on θ.
     pub constraints: C,
     /// The scheme.
-    pub scheme: &'static Scheme,
+    pub scheme: Scheme,
     /// The runs.
     pub runs: Vec<Run>,
+    /// What the scheme makes of each run.
+    pub grids: Vec<Grid>,
     /// Where everything stands.
     pub layout: Layout,
     constraint_scales: Vec<f64>,
@@ -31,18 +35,26 @@ pub struct Collocation<D, C> {
 }
 
 impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
-    /// The NLP of these runs, with the model's bounded signal within `± limit` at every boundary.
+    /// The NLP of these runs, with the model's bounded signal within `± limit` at every sample.
     pub fn new(
         dynamics: D,
         constraints: C,
-        scheme: &'static Scheme,
+        scheme: Scheme,
         runs: Vec<Run>,
         scales: Scales,
         limit: f64,
     ) -> Self {
         let model = NodeModel::new(dynamics, scales);
-        let (n, p) = (model.n_states(), model.n_parameters());
-        let layout = Layout::new(&runs, n, scheme.unknown_nodes());
+        let (n, p, inputs) = (
+            model.n_states(),
+            model.n_parameters(),
+            model.dynamics.n_inputs(),
+        );
+        let grids: Vec<Grid> = runs
+            .iter()
+            .map(|run| Grid::new(scheme, run, inputs))
+            .collect();
+        let layout = Layout::new(&runs, &grids, n);
         let path = layout.parameter_constraints;
         let mut lower = vec![-limit; path];
         let mut upper = vec![limit; path];
@@ -65,6 +77,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             constraints,
             scheme,
             runs,
+            grids,
             layout,
         }
     }
@@ -79,10 +92,9 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         self.model.n_parameters()
     }
 
-    /// The scaled states of node `k` of run `j`.
-    pub fn node<'z>(&self, z: &'z [f64], j: usize, k: usize) -> &'z [f64] {
-        let start = self.layout.runs[j].z + k * self.n_states();
-        &z[start..start + self.n_states()]
+    /// The scaled coefficient vectors of run `j`.
+    pub fn coefficients<'z>(&self, z: &'z [f64], j: usize) -> &'z [f64] {
+        &z[self.layout.runs[j].variables()]
     }
 
     /// The scaled parameters.
@@ -92,90 +104,95 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
     /// Parameters in their units.
     pub fn physical_theta(&self, z: &[f64]) -> Vec<f64> {
-        self.theta(z)
-            .iter()
-            .zip(&self.model.scales.parameters)
-            .map(|(t, s)| t * s)
-            .collect()
+        let theta = self.theta(z).iter().zip(&self.model.scales.parameters);
+        theta.map(|(t, s)| t * s).collect()
     }
 
-    /// Interval and fraction of the interval at which node `k` lies.
-    pub fn place(&self, j: usize, k: usize) -> (usize, f64) {
-        let s = self.scheme.unknown_nodes();
-        match k / s {
-            interval if interval == self.runs[j].intervals() => (interval, 0.0),
-            interval => (interval, self.scheme.abscissae[k % s]),
-        }
+    /// States of run `j` at its samples, in their units, by the scheme's interpolant.
+    pub fn states_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
+        let values = self.evaluate_points(z, j, |_, _| {});
+        let grid = &self.grids[j];
+        let v = self.coefficients(z, j);
+        let state = |&i: &usize| {
+            let scaled = values.states(grid, v, i, self.n_states());
+            let units = scaled.iter().zip(&self.model.scales.states);
+            units.map(|(x, s)| x * s).collect()
+        };
+        grid.observed.iter().map(state).collect()
     }
 
-    /// The recorded value at node `k` of run `j`; None where there is none.
-    pub fn sample(&self, j: usize, k: usize) -> Option<f64> {
-        let s = self.scheme.unknown_nodes();
-        let sample = k.is_multiple_of(s).then(|| self.runs[j].measured[k / s])?;
-        sample.is_finite().then_some(sample)
+    /// The recorded value of a sample of run `j`; None where it is missing.
+    pub fn recorded(&self, j: usize, sample: u32) -> Option<f64> {
+        let value = self.runs[j].measured[sample as usize];
+        value.is_finite().then_some(value)
     }
 
-    /// Defects of one interval: `X_i - X_0 - h Σ a_ij f(X_j)`, from the states `x` and derivatives
-    /// `f` of its nodes.
-    pub(super) fn defects(&self, h: f64, x: &[f64], f: &[f64], out: &mut [f64]) {
-        let n = self.n_states();
-        for (i, (row, out)) in self
-            .scheme
-            .weights
-            .iter()
-            .zip(out.chunks_exact_mut(n))
-            .enumerate()
-        {
-            for (l, value) in out.iter_mut().enumerate() {
-                let sum: f64 = row.iter().enumerate().map(|(j, a)| a * f[j * n + l]).sum();
-                *value = x[(i + 1) * n + l] - x[l] - h * sum;
+    /// The model at every point of run `j`; calls `observe` with each observed point's sample and its
+    /// measured output and bounded signal.
+    pub(super) fn evaluate_points(
+        &self,
+        z: &[f64],
+        j: usize,
+        mut observe: impl FnMut(u32, (f64, f64)),
+    ) -> Values {
+        let mut values = Values::new(self, j);
+        let (grid, theta, n) = (&self.grids[j], self.theta(z), self.n_states());
+        let (v, inputs) = (self.coefficients(z, j), self.model.dynamics.n_inputs());
+        for (i, point) in grid.points.iter().enumerate() {
+            values.combine(grid, v, i, n);
+            let input = &grid.inputs[i * inputs..(i + 1) * inputs];
+            let x = match &point.state {
+                PointState::Node(k) => &v[k * n..(k + 1) * n],
+                PointState::Combination(c) => &values.combined[c.index * n..(c.index + 1) * n],
+            };
+            let f = &mut values.f[i * n..(i + 1) * n];
+            let outputs = self.model.values(x, input, theta, f);
+            if let Some(sample) = point.sample {
+                observe(sample, outputs);
             }
         }
+        values
     }
 
-    /// Objective, defects and bounded signals of one run.
+    /// Objective, equalities and bounded signals of one run; `c` and `g` are the run's own.
     fn evaluate_run(&self, z: &[f64], j: usize, c: &mut [f64], g: &mut [f64]) -> f64 {
-        let (n, s) = (self.n_states(), self.scheme.unknown_nodes());
-        let (run, at) = (&self.runs[j], self.layout.runs[j]);
-        let mut row = at.c;
-        for (i, known) in run.initial.iter().enumerate() {
-            if let Some(value) = known {
-                c[row] = z[at.z + i] - value / self.model.scales.states[i];
-                row += 1;
-            }
+        let n = self.n_states();
+        let (run, grid, v) = (&self.runs[j], &self.grids[j], self.coefficients(z, j));
+        let (first, c) = c.split_at_mut(self.layout.runs[j].known);
+        let known = run.initial.iter().enumerate();
+        let known = known.filter_map(|(i, value)| Some((i, (*value)?)));
+        for ((i, value), c) in known.zip(first) {
+            *c = v[i] - value / self.model.scales.states[i];
         }
-        let mut input = vec![0.0; self.model.dynamics.n_inputs()];
-        let mut f = vec![0.0; n * at.nodes];
         let mut squares = 0.0;
-        for (k, f) in f.chunks_exact_mut(n).enumerate() {
-            let (interval, fraction) = self.place(j, k);
-            run.inputs_at(interval, fraction, &mut input);
-            let (measured, bounded) =
-                self.model
-                    .values(self.node(z, j, k), &input, self.theta(z), f);
-            if let Some(sample) = self.sample(j, k) {
-                squares += (sample - measured).powi(2);
+        let values = self.evaluate_points(z, j, |sample, (measured, bounded)| {
+            if let Some(recorded) = self.recorded(j, sample) {
+                squares += (recorded - measured).powi(2);
             }
-            if k % s == 0 {
-                g[at.g + k / s] = bounded;
+            g[sample as usize] = bounded;
+        });
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let own = c[element.first * n..].chunks_exact_mut(n);
+            for (defect, out) in element.tableau.defects.iter().zip(own) {
+                for (l, value) in out.iter_mut().enumerate() {
+                    let e = defect
+                        .e
+                        .iter()
+                        .map(|(j, e)| e * v[(element.first + j) * n + l]);
+                    let a = defect.a.iter();
+                    let a = a.map(|(i, a)| a * values.f[points[*i] as usize * n + l]);
+                    *value = e.sum::<f64>() - element.h * a.sum::<f64>();
+                }
             }
-        }
-        for i in 0..run.intervals() {
-            let nodes = i * s * n..(i + 1) * s * n + n;
-            let x = &z[at.z + nodes.start..at.z + nodes.end];
-            let rows = row + i * s * n..row + (i + 1) * s * n;
-            self.defects(run.step(i), x, &f[nodes], &mut c[rows]);
         }
         run.weight * squares
     }
 
     /// Scaled values of the constraints on θ.
     pub(super) fn constraint_values(&self, theta: &[f64], out: &mut [f64]) {
-        let physical: Vec<f64> = theta
-            .iter()
-            .zip(&self.model.scales.parameters)
-            .map(|(t, s)| t * s)
-            .collect();
+        let theta = theta.iter().zip(&self.model.scales.parameters);
+        let physical: Vec<f64> = theta.map(|(t, s)| t * s).collect();
         self.constraints.values(&physical, out);
         out.iter_mut()
             .zip(&self.constraint_scales)
@@ -206,6 +223,50 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     }
 }
 
+/// Derivatives at all points of a run, and the states of those that are combinations.
+#[derive(Debug)]
+pub(super) struct Values {
+    f: Vec<f64>,
+    combined: Vec<f64>,
+}
+
+impl Values {
+    fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
+        let (grid, n) = (&problem.grids[j], problem.n_states());
+        Self {
+            f: vec![0.0; grid.points.len() * n],
+            combined: vec![0.0; grid.combinations * n],
+        }
+    }
+
+    /// Forms point `i` if it is a combination.
+    fn combine(&mut self, grid: &Grid, v: &[f64], i: usize, n: usize) {
+        let PointState::Combination(c) = &grid.points[i].state else {
+            return;
+        };
+        let out = &mut self.combined[c.index * n..(c.index + 1) * n];
+        out.fill(0.0);
+        for &(k, p) in &c.p {
+            out.iter_mut()
+                .zip(&v[k * n..])
+                .for_each(|(o, v)| *o += p * v);
+        }
+        for &(l, q) in &c.q {
+            out.iter_mut()
+                .zip(&self.f[l * n..])
+                .for_each(|(o, f)| *o += q * f);
+        }
+    }
+
+    /// The states of point `i`, given the run's coefficient vectors.
+    pub fn states<'a>(&'a self, grid: &Grid, v: &'a [f64], i: usize, n: usize) -> &'a [f64] {
+        match &grid.points[i].state {
+            PointState::Node(k) => &v[k * n..(k + 1) * n],
+            PointState::Combination(c) => &self.combined[c.index * n..(c.index + 1) * n],
+        }
+    }
+}
+
 impl<D: Dynamics, C: ParameterConstraints> Problem for Collocation<D, C> {
     fn n_variables(&self) -> usize {
         self.layout.theta + self.n_parameters()
@@ -220,11 +281,17 @@ impl<D: Dynamics, C: ParameterConstraints> Problem for Collocation<D, C> {
     }
 
     fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
-        let objective = (0..self.runs.len())
-            .map(|j| self.evaluate_run(z, j, c, g))
-            .sum();
-        self.constraint_values(self.theta(z), &mut g[self.layout.parameter_constraints..]);
-        objective
+        let (path, on_theta) = g.split_at_mut(self.layout.parameter_constraints);
+        self.constraint_values(self.theta(z), on_theta);
+        let runs = &self.layout.runs;
+        let mut work: Vec<_> = parallel::parts(c, runs.iter().map(|r| r.equalities()))
+            .zip(parallel::parts(path, runs.iter().map(|r| r.inequalities())))
+            .map(|(c, g)| (c, g, 0.0))
+            .collect();
+        parallel::each(&mut work, |j, (c, g, objective)| {
+            *objective = self.evaluate_run(z, j, c, g);
+        });
+        work.iter().map(|(_, _, objective)| objective).sum()
     }
 
     fn damping_weights(&self) -> &[f64] {

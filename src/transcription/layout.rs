@@ -1,12 +1,14 @@
 //! Where each unknown and each constraint stands in the NLP's vectors.
 //!
 //! ```text
-//! z = [X¹ | X² | ... | X^M | θ]     X^j: the run's nodes in time order, all states of a node together
-//! c = [run 1 | run 2 | ...]         a run: its known initial states, then the defects of each interval
-//! g = [run 1 | run 2 | ... | g(θ)]  a run: the bounded signal at each interval boundary
+//! z = [V¹ | V² | ... | V^M | θ]     V^j: the run's coefficient vectors in time order, n numbers each
+//! c = [run 1 | run 2 | ...]         a run: its known initial states, then the defects of each element
+//! g = [run 1 | run 2 | ... | g(θ)]  a run: the bounded signal at each sample
 //! ```
 
+use super::grid::Grid;
 use super::mesh::Run;
+use std::ops::Range;
 
 /// Offsets of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,8 +21,29 @@ pub struct RunLayout {
     pub g: usize,
     /// Number of known initial states: the run's first equalities.
     pub known: usize,
-    /// Number of nodes.
+    /// Number of coefficient vectors.
     pub nodes: usize,
+    /// Number of samples.
+    pub samples: usize,
+    /// Number of states.
+    pub n: usize,
+}
+
+impl RunLayout {
+    /// Its variables.
+    pub fn variables(&self) -> Range<usize> {
+        self.z..self.z + self.n * self.nodes
+    }
+
+    /// Its equalities.
+    pub fn equalities(&self) -> Range<usize> {
+        self.c..self.c + self.known + self.n * (self.nodes - 1)
+    }
+
+    /// Its inequalities.
+    pub fn inequalities(&self) -> Range<usize> {
+        self.g..self.g + self.samples
+    }
 }
 
 /// Offsets of everything.
@@ -37,27 +60,25 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Layout of runs with `n` states and `s` unknown nodes in each interval.
-    pub fn new(runs: &[Run], n: usize, s: usize) -> Self {
+    /// Layout of runs with `n` states.
+    pub fn new(runs: &[Run], grids: &[Grid], n: usize) -> Self {
         let (mut z, mut c, mut g) = (0, 0, 0);
-        let runs = runs
-            .iter()
-            .map(|run| {
-                let known = run.initial.iter().flatten().count();
-                let nodes = 1 + s * run.intervals();
-                let layout = RunLayout {
-                    z,
-                    c,
-                    g,
-                    known,
-                    nodes,
-                };
-                z += n * nodes;
-                c += known + n * s * run.intervals();
-                g += run.time.len();
-                layout
-            })
-            .collect();
+        let one = |(run, grid): (&Run, &Grid)| {
+            let layout = RunLayout {
+                z,
+                c,
+                g,
+                known: run.initial.iter().flatten().count(),
+                nodes: grid.nodes(),
+                samples: run.time.len(),
+                n,
+            };
+            z = layout.variables().end;
+            c = layout.equalities().end;
+            g = layout.inequalities().end;
+            layout
+        };
+        let runs = runs.iter().zip(grids).map(one).collect();
         Self {
             runs,
             theta: z,

@@ -1,13 +1,18 @@
-//! One run: its mesh and what is known on it.
+//! One run: what is known of it, and the mesh on which it is solved.
 
-/// A run as the transcription needs it. Intervals lie between consecutive `time`s.
+/// A run as the transcription needs it.
+///
+/// The mesh and the samples are apart: the mesh may be finer or coarser than the samples, neither need
+/// be uniform, and samples may be missing. Residuals are taken at the samples' own times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Interval boundaries [s], strictly increasing; at least one.
+    /// Interval boundaries [s], strictly increasing, at least two; from the first sample to the last.
+    pub mesh: Vec<f64>,
+    /// Times of the samples [s], strictly increasing, within the mesh.
     pub time: Vec<f64>,
-    /// Exogenous inputs at each boundary; linear in between.
+    /// Exogenous inputs at each sample; linear in between.
     pub inputs: Vec<Vec<f64>>,
-    /// Recorded output at each boundary; NaN where there is no sample.
+    /// Recorded output at each sample; NaN where it is missing.
     pub measured: Vec<f64>,
     /// Weight of this run's squared residuals.
     pub weight: f64,
@@ -16,23 +21,19 @@ pub struct Run {
 }
 
 impl Run {
-    /// Number of intervals.
-    pub fn intervals(&self) -> usize {
-        self.time.len() - 1
-    }
-
-    /// Length of an interval [s].
-    pub fn step(&self, interval: usize) -> f64 {
-        self.time[interval + 1] - self.time[interval]
-    }
-
-    /// Inputs at the fraction `c` of an interval.
-    pub fn inputs_at(&self, interval: usize, c: f64, out: &mut [f64]) {
-        let (from, to) = (
-            &self.inputs[interval],
-            &self.inputs[(interval + 1).min(self.inputs.len() - 1)],
-        );
-        for ((o, a), b) in out.iter_mut().zip(from).zip(to) {
+    /// Inputs at a time [s]; constant before the first sample and after the last.
+    pub fn inputs_at(&self, time: f64, out: &mut [f64]) {
+        let after = self.time.partition_point(|t| *t <= time);
+        let from = after.saturating_sub(1);
+        let to = after.min(self.time.len() - 1);
+        let span = self.time[to] - self.time[from];
+        let c = if span > 0.0 {
+            (time - self.time[from]) / span
+        } else {
+            0.0
+        };
+        let c = c.clamp(0.0, 1.0);
+        for ((o, a), b) in out.iter_mut().zip(&self.inputs[from]).zip(&self.inputs[to]) {
             *o = a + c * (b - a);
         }
     }

@@ -3,15 +3,17 @@
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
+pub mod grid;
 pub mod layout;
 pub mod mesh;
 pub mod node;
-pub mod scheme;
+mod parallel;
 mod sparse;
+pub mod tableau;
 
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
 pub use mesh::Run;
 pub use node::Scales;
-pub use scheme::Scheme;
+pub use tableau::Scheme;

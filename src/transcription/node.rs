@@ -1,16 +1,26 @@
-//! Values and derivatives of the model at one node, in scaled variables.
+//! Values and derivatives of the model at one point, in scaled variables.
 //!
-//! First derivatives come from one dual number per variable, second derivatives from one hyper-dual
-//! number per pair of variables that the model couples nonlinearly. Which pairs those are is found
-//! once by evaluating the model at random points: few for a vehicle and a linear pilot.
+//! First derivatives come from dual numbers with several parts, second derivatives from hyper-dual
+//! numbers for the variables that enter nonlinearly. Which derivatives are ever other than zero, and
+//! which second derivatives are constant, is found once by evaluating the model at random points.
 
-use num_dual::{Dual64, HyperDual64};
+use nalgebra::{Const, RowSVector, SMatrix, SVector, U1};
+use num_dual::{Derivative, DualSVec64, HyperDualSVec64};
 use pilotage_models::{Dynamics, Scalar};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Largest number of states or parameters; a node's numbers stay on the stack.
+/// Largest number of states or parameters; a point's numbers stay on the stack.
 pub const MAX_SIZE: usize = 16;
+/// Derivative parts of a dual number.
+const LANES: usize = 8;
+/// Derivative parts of a hyper-dual number, each way.
+const BLOCK: usize = 3;
+/// Random points at which the patterns are found.
+const PROBES: usize = 8;
+
+type Dual = DualSVec64<LANES>;
+type HyperDual = HyperDualSVec64<BLOCK, BLOCK>;
 
 /// Typical magnitudes, by which variables are divided.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,26 +42,33 @@ pub struct NodeModel<D> {
     pub pairs: Vec<(usize, usize)>,
     /// Entries `(row, column)` of `∂f̄/∂[x̄; θ̄]` that may be other than zero, column by column.
     pub entries: Vec<(usize, usize)>,
+    /// Number of those entries that belong to states: the first ones.
+    pub state_entries: usize,
+    /// Second derivatives that never change: pair, row of `[f̄; measured; bounded]`, value.
+    constant: Vec<(usize, usize, f64)>,
+    /// Variables of the other pairs, in blocks.
+    curved: Vec<usize>,
+    /// For each pair of blocks of `curved`: `(row, column, pair)` of what it gives.
+    curved_blocks: Vec<CurvedBlock>,
 }
 
-/// First derivatives at a node. `v` counts the variables `[x̄; θ̄]`.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct FirstOrder {
-    /// `f̄`, n.
-    pub f: Vec<f64>,
-    /// Values of `∂f̄/∂[x̄; θ̄]` at [`NodeModel::entries`].
-    pub jacobian: Vec<f64>,
-    /// Measured output.
-    pub measured: f64,
-    /// Its gradient, v.
-    pub measured_gradient: Vec<f64>,
-    /// Bounded signal.
-    pub bounded: f64,
-    /// Its gradient, v.
-    pub bounded_gradient: Vec<f64>,
+#[derive(Debug, Clone)]
+struct CurvedBlock {
+    rows: usize,
+    columns: usize,
+    pairs: Vec<(usize, usize, usize)>,
 }
 
-/// Weights of a node's contribution `Σ_i f_i f̄_i + m·measured + b·bounded` to the Lagrangian.
+/// Where [`NodeModel::first_order`] writes.
+#[derive(Debug)]
+pub struct FirstOrder<'a> {
+    /// Values of `∂f̄/∂[x̄; θ̄]` at [`NodeModel::entries`]; empty when they are not wanted.
+    pub jacobian: &'a mut [f64],
+    /// Gradients of the measured output and of the bounded signal over `[x̄; θ̄]`, when wanted.
+    pub outputs: Option<(&'a mut [f64], &'a mut [f64])>,
+}
+
+/// Weights of a point's contribution `Σ_i f_i f̄_i + m·measured + b·bounded` to the Lagrangian.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights<'a> {
     /// Of `f̄`.
@@ -60,6 +77,13 @@ pub struct Weights<'a> {
     pub measured: f64,
     /// Of the bounded signal.
     pub bounded: f64,
+}
+
+/// A model's states, parameters and derivatives in some number type.
+struct Numbers<T> {
+    x: [T; MAX_SIZE],
+    theta: [T; MAX_SIZE],
+    dx: [T; MAX_SIZE],
 }
 
 impl<D: Dynamics> NodeModel<D> {
@@ -73,61 +97,20 @@ impl<D: Dynamics> NodeModel<D> {
             n <= MAX_SIZE && p <= MAX_SIZE,
             "{n} states and {p} parameters: at most {MAX_SIZE} of each"
         );
-        let all_pairs = (0..n + p)
-            .flat_map(|i| (i..n + p).map(move |j| (i, j)))
-            .collect();
-        let all_entries = (0..n + p)
-            .flat_map(|j| (0..n).map(move |i| (i, j)))
-            .collect();
+        let v = n + p;
         let mut model = Self {
             dynamics,
             scales,
-            pairs: all_pairs,
-            entries: all_entries,
+            pairs: (0..v).flat_map(|i| (i..v).map(move |j| (i, j))).collect(),
+            entries: (0..v).flat_map(|j| (0..n).map(move |i| (i, j))).collect(),
+            state_entries: n * n,
+            constant: Vec::new(),
+            curved: (0..v).collect(),
+            curved_blocks: Vec::new(),
         };
+        model.curved_blocks = model.blocks(&vec![true; model.pairs.len()]);
         model.find_patterns();
         model
-    }
-
-    /// Keeps the pairs and entries that are not zero at one of several random points.
-    fn find_patterns(&mut self) {
-        let (n, p, w) = (
-            self.dynamics.n_states(),
-            self.dynamics.n_parameters(),
-            self.dynamics.n_inputs(),
-        );
-        let mut random = ChaCha8Rng::seed_from_u64(0x70696c6f74);
-        let mut draw = |count: usize| -> Vec<f64> {
-            (0..count)
-                .map(|_| random.next_u32() as f64 / u32::MAX as f64 * 2.0 - 1.0)
-                .collect()
-        };
-        let mut pair_used = vec![false; self.pairs.len()];
-        let mut entry_used = vec![false; self.entries.len()];
-        let mut second = vec![0.0; self.pairs.len()];
-        let mut first = FirstOrder::default();
-        for _ in 0..8 {
-            let (x, input, theta, weight) = (draw(n), draw(w), draw(p), draw(n));
-            let weights = Weights {
-                f: &weight,
-                measured: 0.7,
-                bounded: -0.3,
-            };
-            self.second_order(&x, &input, &theta, weights, &mut second);
-            self.first_order(&x, &input, &theta, &mut first);
-            pair_used
-                .iter_mut()
-                .zip(&second)
-                .for_each(|(used, v)| *used |= *v != 0.0);
-            entry_used
-                .iter_mut()
-                .zip(&first.jacobian)
-                .for_each(|(used, v)| *used |= *v != 0.0);
-        }
-        let mut used = pair_used.iter();
-        self.pairs.retain(|_| *used.next().unwrap_or(&true));
-        let mut used = entry_used.iter();
-        self.entries.retain(|_| *used.next().unwrap_or(&true));
     }
 
     /// Number of states.
@@ -142,46 +125,55 @@ impl<D: Dynamics> NodeModel<D> {
 
     /// Writes `f̄` into `f` and returns the measured output and the bounded signal.
     pub fn values(&self, x: &[f64], input: &[f64], theta: &[f64], f: &mut [f64]) -> (f64, f64) {
-        let (mut xs, mut ts) = ([0.0; MAX_SIZE], [0.0; MAX_SIZE]);
-        self.unscale(x, theta, &mut xs, &mut ts, |v| v);
-        let (xs, ts) = (&xs[..x.len()], &ts[..theta.len()]);
-        self.dynamics.derivative(xs, input, ts, f);
-        f.iter_mut()
-            .zip(&self.scales.states)
-            .for_each(|(f, s)| *f /= s);
-        (
-            self.dynamics.measured(xs, input, ts),
-            self.dynamics.bounded(xs, input, ts),
-        )
+        let mut at = self.unscaled(x, theta, |v| v);
+        self.evaluate(&mut at, input);
+        for ((f, dx), s) in f.iter_mut().zip(&at.dx).zip(&self.scales.states) {
+            *f = dx / s;
+        }
+        self.outputs(&at, input)
     }
 
-    /// Values and first derivatives.
-    pub fn first_order(&self, x: &[f64], input: &[f64], theta: &[f64], out: &mut FirstOrder) {
+    /// Writes first derivatives; returns the measured output and the bounded signal, zero when they are
+    /// not wanted.
+    pub fn first_order(
+        &self,
+        x: &[f64],
+        input: &[f64],
+        theta: &[f64],
+        mut out: FirstOrder<'_>,
+    ) -> (f64, f64) {
         let (n, v) = (x.len(), x.len() + theta.len());
-        out.f.resize(n, 0.0);
-        out.measured_gradient.resize(v, 0.0);
-        out.bounded_gradient.resize(v, 0.0);
-        out.jacobian.resize(self.entries.len(), 0.0);
-        let zero = Dual64::from(0.0);
-        let (mut xs, mut ts, mut dx) = ([zero; MAX_SIZE], [zero; MAX_SIZE], [zero; MAX_SIZE]);
-        self.unscale(x, theta, &mut xs, &mut ts, Dual64::from);
-        let mut entries = out.jacobian.iter_mut().zip(&self.entries).peekable();
-        for j in 0..v {
-            self.seed(j, n, &mut xs, &mut ts, |value, scale| value.eps = scale);
-            let (xs_n, ts_p) = (&xs[..n], &ts[..v - n]);
-            self.dynamics.derivative(xs_n, input, ts_p, &mut dx[..n]);
-            let measured = self.dynamics.measured(xs_n, input, ts_p);
-            let bounded = self.dynamics.bounded(xs_n, input, ts_p);
-            while let Some((value, &(i, _))) = entries.next_if(|(_, (_, column))| *column == j) {
-                *value = dx[i].eps / self.scales.states[i];
+        let mut at = self.unscaled(x, theta, |value| Dual::new(value, Derivative::none()));
+        let mut values = (0.0, 0.0);
+        let mut next = 0;
+        for first in (0..v).step_by(LANES) {
+            let lanes = first..(first + LANES).min(v);
+            for j in lanes.clone() {
+                let mut part = SVector::<f64, LANES>::zeros();
+                part[j - first] = self.scale(j);
+                at.variable(j, n).eps = Derivative::some(part);
             }
-            (out.measured, out.measured_gradient[j]) = (measured.re, measured.eps);
-            (out.bounded, out.bounded_gradient[j]) = (bounded.re, bounded.eps);
-            self.seed(j, n, &mut xs, &mut ts, |value, _| value.eps = 0.0);
+            if !out.jacobian.is_empty() {
+                self.evaluate(&mut at, input);
+                while let Some(&(i, j)) = self.entries.get(next).filter(|e| lanes.contains(&e.1)) {
+                    let part = at.dx[i].eps.0.map_or(0.0, |eps| eps[j - first]);
+                    out.jacobian[next] = part / self.scales.states[i];
+                    next += 1;
+                }
+            }
+            if let Some((measured_gradient, bounded_gradient)) = &mut out.outputs {
+                let (measured, bounded) = self.outputs(&at, input);
+                values = (measured.re, bounded.re);
+                for (gradient, output) in
+                    [(measured_gradient, measured), (bounded_gradient, bounded)]
+                {
+                    let parts = output.eps.unwrap_generic(Const::<LANES>, U1);
+                    gradient[lanes.clone()].copy_from_slice(&parts.as_slice()[..lanes.len()]);
+                }
+            }
+            lanes.for_each(|j| at.variable(j, n).eps = Derivative::none());
         }
-        for (f, (dx, scale)) in out.f.iter_mut().zip(dx.iter().zip(&self.scales.states)) {
-            *f = dx.re / scale;
-        }
+        values
     }
 
     /// Writes the second derivatives of the weighted sum at [`pairs`](Self::pairs) into `out`.
@@ -194,44 +186,228 @@ impl<D: Dynamics> NodeModel<D> {
         out: &mut [f64],
     ) {
         let n = x.len();
-        let zero = HyperDual64::from(0.0);
-        let (mut xs, mut ts, mut dx) = ([zero; MAX_SIZE], [zero; MAX_SIZE], [zero; MAX_SIZE]);
-        self.unscale(x, theta, &mut xs, &mut ts, HyperDual64::from);
-        for (value, &(i, j)) in out.iter_mut().zip(&self.pairs) {
-            self.seed(i, n, &mut xs, &mut ts, |value, scale| value.eps1 = scale);
-            self.seed(j, n, &mut xs, &mut ts, |value, scale| value.eps2 = scale);
-            let (xs_n, ts_p) = (&xs[..n], &ts[..theta.len()]);
-            self.dynamics.derivative(xs_n, input, ts_p, &mut dx[..n]);
-            let outputs = self.dynamics.measured(xs_n, input, ts_p).eps1eps2 * weights.measured
-                + self.dynamics.bounded(xs_n, input, ts_p).eps1eps2 * weights.bounded;
-            let terms = dx[..n].iter().zip(weights.f).zip(&self.scales.states);
-            *value = terms.fold(outputs, |sum, ((f, w), s)| sum + f.eps1eps2 * w / s);
-            self.seed(i, n, &mut xs, &mut ts, |value, _| value.eps1 = 0.0);
-            self.seed(j, n, &mut xs, &mut ts, |value, _| value.eps2 = 0.0);
+        out.fill(0.0);
+        for &(pair, row, value) in &self.constant {
+            out[pair] += value
+                * match row.checked_sub(n) {
+                    None => weights.f[row],
+                    Some(0) => weights.measured,
+                    Some(_) => weights.bounded,
+                };
+        }
+        for block in &self.curved_blocks {
+            self.curved_block(x, input, theta, block, |i, j, pair, row| {
+                let terms = row.dx[..n].iter().zip(weights.f).zip(&self.scales.states);
+                out[pair] = terms.fold(
+                    second(&row.measured, i, j) * weights.measured
+                        + second(&row.bounded, i, j) * weights.bounded,
+                    |sum, ((f, w), s)| sum + second(f, i, j) * w / s,
+                );
+            });
         }
     }
 
-    fn unscale<T: Scalar>(
+    /// Calls `visit(i, j, pair, values)` for each pair of a block, with the hyper-dual values in which
+    /// its second derivatives stand at `(i, j)`.
+    fn curved_block(
         &self,
         x: &[f64],
+        input: &[f64],
         theta: &[f64],
-        xs: &mut [T],
-        ts: &mut [T],
-        lift: impl Fn(f64) -> T,
+        block: &CurvedBlock,
+        mut visit: impl FnMut(usize, usize, usize, &Hyper),
     ) {
-        for ((out, value), scale) in xs.iter_mut().zip(x).zip(&self.scales.states) {
-            *out = lift(value * scale);
+        let n = x.len();
+        let zero = |re| {
+            HyperDual::new(
+                re,
+                Derivative::none(),
+                Derivative::none(),
+                Derivative::none(),
+            )
+        };
+        let mut at = self.unscaled(x, theta, zero);
+        let members = |b: usize| {
+            let variables = self.curved[b * BLOCK..].iter().take(BLOCK);
+            variables.copied().enumerate()
+        };
+        for (k, j) in members(block.rows) {
+            let mut part = SVector::<f64, BLOCK>::zeros();
+            part[k] = self.scale(j);
+            at.variable(j, n).eps1 = Derivative::some(part);
         }
-        for ((out, value), scale) in ts.iter_mut().zip(theta).zip(&self.scales.parameters) {
-            *out = lift(value * scale);
+        for (k, j) in members(block.columns) {
+            let mut part = RowSVector::<f64, BLOCK>::zeros();
+            part[k] = self.scale(j);
+            at.variable(j, n).eps2 = Derivative::some(part);
+        }
+        self.evaluate(&mut at, input);
+        let (measured, bounded) = self.outputs(&at, input);
+        let values = Hyper {
+            dx: at.dx,
+            measured,
+            bounded,
+        };
+        for &(i, j, pair) in &block.pairs {
+            visit(i, j, pair, &values);
         }
     }
 
-    /// Applies `set` with its scale to variable `j` of `[x; θ]`.
-    fn seed<T>(&self, j: usize, n: usize, xs: &mut [T], ts: &mut [T], set: impl Fn(&mut T, f64)) {
-        match j < n {
-            true => set(&mut xs[j], self.scales.states[j]),
-            false => set(&mut ts[j - n], self.scales.parameters[j - n]),
+    /// Keeps the entries and pairs that are not zero at one of several random points, and sets those
+    /// second derivatives apart that are the same at all of them.
+    fn find_patterns(&mut self) {
+        let (n, p) = (self.n_states(), self.n_parameters());
+        let mut random = ChaCha8Rng::seed_from_u64(0x70696c6f74);
+        let mut draw = |count: usize| -> Vec<f64> {
+            let uniform = |v: u32| f64::from(v) / f64::from(u32::MAX) * 2.0 - 1.0;
+            (0..count).map(|_| uniform(random.next_u32())).collect()
+        };
+        let rows = n + 2;
+        let mut entry_used = vec![false; self.entries.len()];
+        let mut seen: Vec<Vec<f64>> = Vec::new();
+        for _ in 0..PROBES {
+            let (x, input, theta) = (draw(n), draw(self.dynamics.n_inputs()), draw(p));
+            let mut jacobian = vec![0.0; self.entries.len()];
+            let out = FirstOrder {
+                jacobian: &mut jacobian,
+                outputs: None,
+            };
+            self.first_order(&x, &input, &theta, out);
+            let used = entry_used.iter_mut().zip(&jacobian);
+            used.for_each(|(used, v)| *used |= *v != 0.0);
+            let mut tensor = vec![0.0; rows * self.pairs.len()];
+            for block in &self.curved_blocks {
+                self.curved_block(&x, &input, &theta, block, |i, j, pair, values| {
+                    let out = &mut tensor[pair * rows..(pair + 1) * rows];
+                    for (l, f) in values.dx[..n].iter().enumerate() {
+                        out[l] = second(f, i, j) / self.scales.states[l];
+                    }
+                    out[n] = second(&values.measured, i, j);
+                    out[n + 1] = second(&values.bounded, i, j);
+                });
+            }
+            seen.push(tensor);
+        }
+        let mut used = entry_used.into_iter();
+        self.entries.retain(|_| used.next() == Some(true));
+        self.state_entries = self.entries.iter().filter(|(_, j)| *j < n).count();
+        self.keep_pairs(&seen, rows);
+    }
+
+    /// Keeps the pairs whose tensors `seen` at the probes (pairs × rows each) are not all zero.
+    fn keep_pairs(&mut self, seen: &[Vec<f64>], rows: usize) {
+        let slice = |probe: &'_ [f64], pair: usize| probe[pair * rows..(pair + 1) * rows].to_vec();
+        let (mut pairs, mut varying) = (Vec::new(), Vec::new());
+        for (k, pair) in self.pairs.iter().enumerate() {
+            let first = slice(&seen[0], k);
+            let same = |probe: &Vec<f64>| {
+                let values = slice(probe, k);
+                let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-13 * a.abs().max(b.abs());
+                values.iter().zip(&first).all(near)
+            };
+            let zero = |probe: &Vec<f64>| slice(probe, k).iter().all(|v| *v == 0.0);
+            if seen.iter().all(zero) {
+                continue;
+            }
+            let constant = seen.iter().all(same);
+            if constant {
+                let values = first.iter().enumerate().filter(|(_, v)| **v != 0.0);
+                let at = pairs.len();
+                self.constant.extend(values.map(|(row, v)| (at, row, *v)));
+            }
+            varying.push(!constant);
+            pairs.push(*pair);
+        }
+        self.pairs = pairs;
+        let of_varying = self.pairs.iter().zip(&varying).filter(|(_, v)| **v);
+        self.curved = of_varying.flat_map(|(&(i, j), _)| [i, j]).collect();
+        self.curved.sort_unstable();
+        self.curved.dedup();
+        self.curved_blocks = self.blocks(&varying);
+    }
+
+    /// The pairs of blocks of `curved` that contain wanted pairs.
+    fn blocks(&self, wanted: &[bool]) -> Vec<CurvedBlock> {
+        let place = |j: usize| self.curved.iter().position(|c| *c == j);
+        let mut blocks: Vec<CurvedBlock> = Vec::new();
+        for (pair, &(a, b)) in self.pairs.iter().enumerate().filter(|(k, _)| wanted[*k]) {
+            let (Some(a), Some(b)) = (place(a), place(b)) else {
+                continue;
+            };
+            let (rows, columns) = (a / BLOCK, b / BLOCK);
+            let entry = (a % BLOCK, b % BLOCK, pair);
+            match blocks
+                .iter_mut()
+                .find(|k| (k.rows, k.columns) == (rows, columns))
+            {
+                Some(block) => block.pairs.push(entry),
+                None => blocks.push(CurvedBlock {
+                    rows,
+                    columns,
+                    pairs: vec![entry],
+                }),
+            }
+        }
+        blocks
+    }
+
+    fn scale(&self, variable: usize) -> f64 {
+        match variable.checked_sub(self.n_states()) {
+            None => self.scales.states[variable],
+            Some(parameter) => self.scales.parameters[parameter],
         }
     }
+
+    fn unscaled<T: Scalar>(&self, x: &[f64], theta: &[f64], lift: impl Fn(f64) -> T) -> Numbers<T> {
+        let zero = lift(0.0);
+        let mut out = Numbers {
+            x: [zero; MAX_SIZE],
+            theta: [zero; MAX_SIZE],
+            dx: [zero; MAX_SIZE],
+        };
+        for ((out, value), scale) in out.x.iter_mut().zip(x).zip(&self.scales.states) {
+            *out = lift(value * scale);
+        }
+        for ((out, value), scale) in out.theta.iter_mut().zip(theta).zip(&self.scales.parameters) {
+            *out = lift(value * scale);
+        }
+        out
+    }
+
+    fn evaluate<T: Scalar>(&self, at: &mut Numbers<T>, input: &[f64]) {
+        let (n, p) = (self.n_states(), self.n_parameters());
+        self.dynamics
+            .derivative(&at.x[..n], input, &at.theta[..p], &mut at.dx[..n]);
+    }
+
+    /// Measured output and bounded signal.
+    fn outputs<T: Scalar>(&self, at: &Numbers<T>, input: &[f64]) -> (T, T) {
+        let (x, theta) = (&at.x[..self.n_states()], &at.theta[..self.n_parameters()]);
+        (
+            self.dynamics.measured(x, input, theta),
+            self.dynamics.bounded(x, input, theta),
+        )
+    }
+}
+
+impl<T> Numbers<T> {
+    /// Variable `j` of `[x; θ]`.
+    fn variable(&mut self, j: usize, n: usize) -> &mut T {
+        match j.checked_sub(n) {
+            None => &mut self.x[j],
+            Some(parameter) => &mut self.theta[parameter],
+        }
+    }
+}
+
+/// Hyper-dual values of a model.
+struct Hyper {
+    dx: [HyperDual; MAX_SIZE],
+    measured: HyperDual,
+    bounded: HyperDual,
+}
+
+fn second(value: &HyperDual, i: usize, j: usize) -> f64 {
+    let part: Option<SMatrix<f64, BLOCK, BLOCK>> = value.eps1eps2.0;
+    part.map_or(0.0, |part| part[(i, j)])
 }

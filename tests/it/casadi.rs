@@ -1,7 +1,8 @@
 //! The fit against CasADi and IPOPT, which solved the same problems once: tests/casadi/compare.py
 //! wrote the numbers that are compared here.
 
-use pilotage::identification::{InitialState, Options, SchemeName, TrialSet, fit};
+use pilotage::identification::{InitialState, Options, TrialSet, fit};
+use pilotage::transcription::Scheme;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,9 +36,9 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
     let text = std::fs::read_to_string(root().join("tests/casadi/result.json")).unwrap();
     let stored: Value = serde_json::from_str(&text).unwrap();
     let set = TrialSet::read(&[root().join("examples/trials/trials.toml")]).unwrap();
-    for scheme in SchemeName::ALL {
-        let ipopt = &stored["schemes"][scheme.as_str()]["from the solution"];
-        assert_eq!(ipopt["status"], "Solve_Succeeded", "{}", scheme.as_str());
+    for scheme in [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson] {
+        let ipopt = &stored["schemes"][scheme.name()]["from the solution"];
+        assert_eq!(ipopt["status"], "Solve_Succeeded", "{}", scheme.name());
         let expected = theta(ipopt);
         let start = Some(expected.iter().copied().map(rounded).collect());
         let options = Options {
@@ -48,7 +49,7 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
             ..Options::default()
         };
         let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(())).unwrap();
-        let name = scheme.as_str();
+        let name = scheme.name();
         assert!(fit.converged, "{name}: {}", fit.status);
         let objective = number(&ipopt["objective"]);
         assert!(

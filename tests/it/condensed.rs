@@ -1,14 +1,14 @@
 //! The condensed QP against the obvious way: the whole KKT system as one dense matrix, and against the
 //! general sparse path.
 
-use crate::random_collocation::{Random, iterate, problem};
+use crate::random_collocation::{Random, SCHEMES, iterate, problem, problem_on_samples};
 use nalgebra::{DMatrix, DVector};
-use pilotage::identification::{InitialState, Options, SchemeName, Trial, problem as fit, start};
+use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{
     self, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem, SparseQp, Step,
 };
-use pilotage::transcription::Condensed;
+use pilotage::transcription::{Condensed, Scheme};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -66,12 +66,13 @@ impl Dense {
         (z.transpose() * &self.w * z).symmetric_eigenvalues().min()
     }
 
-    /// Step, λ and η of the QP with the given constraint values and active rows of `g`.
+    /// Step, λ and η of the QP with the given constraint values and active rows of `g`; None where the
+    /// active rows depend on each other, so that the multipliers are not unique.
     fn solve(
         &self,
         c: &[f64],
         active: &[(usize, f64)],
-    ) -> (DVector<f64>, DVector<f64>, DVector<f64>) {
+    ) -> Option<(DVector<f64>, DVector<f64>, DVector<f64>)> {
         let (n, m, k) = (self.w.ncols(), self.j.nrows(), active.len());
         let mut matrix = DMatrix::zeros(n + m + k, n + m + k);
         let mut right = DVector::zeros(n + m + k);
@@ -86,12 +87,14 @@ impl Dense {
             right[n + m + i] = value;
         }
         matrix.fill_upper_triangle_with_lower_triangle();
-        let solution = matrix
-            .full_piv_lu()
-            .solve(&right)
-            .expect("a regular KKT matrix");
+        let lu = matrix.full_piv_lu();
+        let pivots = lu.u().diagonal().abs();
+        if pivots.min() < 1e-9 * pivots.max() {
+            return None;
+        }
+        let solution = lu.solve(&right)?;
         let part = |from: usize, count: usize| solution.rows(from, count).into_owned();
-        (part(0, n), part(n, m), part(n + m, k))
+        Some((part(0, n), part(n, m), part(n + m, k)))
     }
 }
 
@@ -106,7 +109,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Asserts that a step solves the QP with constraint values `c` and `g`: it is the dense solution for
-/// its own active set, and that set is right (the QP is strictly convex, so this is sufficient).
+/// its own active set, and that set is right (the QP is strictly convex, so this is sufficient). False
+/// where the active rows depend on each other, which leaves nothing to compare with.
 fn assert_solves(
     dense: &Dense,
     problem: &Random,
@@ -114,7 +118,7 @@ fn assert_solves(
     g: &[f64],
     step: &Step,
     tolerance: f64,
-) {
+) -> bool {
     let (lower, upper) = problem.limits();
     let active: Vec<(usize, f64)> = (0..g.len())
         .filter(|&i| step.eta[i] != 0.0)
@@ -129,7 +133,9 @@ fn assert_solves(
             )
         })
         .collect();
-    let (d, lambda, eta) = dense.solve(c, &active);
+    let Some((d, lambda, eta)) = dense.solve(c, &active) else {
+        return false;
+    };
     assert!(
         distance(&step.d, d.as_slice()) < tolerance,
         "step {:?}\n{d}",
@@ -155,6 +161,7 @@ fn assert_solves(
             "row {i}: {value}"
         );
     }
+    true
 }
 
 /// As [`assert_solves`] for the general path, which relaxes constraints that are almost inconsistent:
@@ -183,6 +190,7 @@ struct Met {
     with_active: usize,
     not_convex: usize,
     inconsistent: usize,
+    dependent_rows: usize,
 }
 
 fn check(seed: u64, met: &mut Met) {
@@ -232,9 +240,12 @@ fn check(seed: u64, met: &mut Met) {
         assert!(general.violation > 1e-8 || general.residual.iter().any(|r| r.abs() > 1e-8));
         return;
     }
+    if !assert_solves(&dense, &problem, &at.c, &at.g, &step, 1e-8) {
+        met.dependent_rows += 1;
+        return;
+    }
     met.solved += 1;
     met.with_active += usize::from(step.active > 0);
-    assert_solves(&dense, &problem, &at.c, &at.g, &step, 1e-8);
     assert_general(&dense, &problem, &at.c, &at.g, &general, &step);
 
     let z = at.z.iter().zip(&step.d).map(|(z, d)| z + d).collect();
@@ -403,7 +414,10 @@ impl QpSolver<fit::ResponseProblem> for Checked {
 
 #[test]
 fn every_step_of_an_identification_is_optimal() {
-    for (scheme, initial_state) in SchemeName::ALL.into_iter().zip(InitialState::ALL) {
+    for (scheme, initial_state) in SCHEMES
+        .into_iter()
+        .zip(InitialState::ALL.into_iter().cycle())
+    {
         let options = Options {
             scheme,
             initial_state,
@@ -423,12 +437,17 @@ fn every_step_of_an_identification_is_optimal() {
         sqp::solve(&problem, &mut qp, z, &limits, &mut |_| {
             ControlFlow::Continue(())
         });
-        assert!(qp.steps >= 4, "{}: {} steps", scheme.as_str(), qp.steps);
+        assert!(qp.steps >= 4, "{}: {} steps", scheme.name(), qp.steps);
         let (dual, primal) = qp.worst;
+        // One system for a whole run has larger multipliers of the elimination than small elements.
+        let rounding = match scheme {
+            Scheme::FiniteDifference(_) => 1e-8,
+            _ => 1e-13,
+        };
         assert!(
-            dual < 1e-7 && primal < 1e-13,
+            dual < 1e-7 && primal < rounding,
             "{}: {dual:e} {primal:e}",
-            scheme.as_str()
+            scheme.name()
         );
     }
 }
@@ -503,7 +522,7 @@ fn iterates(problem: &Random, z: Vec<f64>, qp: impl QpSolver<Random>) -> Vec<Ite
 fn both_qp_paths_give_the_same_iterates() {
     let mut compared = 0;
     for seed in 0..60 {
-        let problem = problem(seed);
+        let problem = problem_on_samples(seed);
         let z = iterate(&problem, seed).z;
         let fast = iterates(&problem, z.clone(), Condensed::default());
         let general = iterates(&problem, z, SparseQp::default());

@@ -1,8 +1,8 @@
 //! Every derivative against central differences.
 
-use crate::random_collocation::{Draw, Random, iterate, problem};
+use crate::random_collocation::{Draw, Random, SCHEMES, iterate, problem};
 use pilotage::identification::constraints::RouthHurwitz;
-use pilotage::identification::{InitialState, Options, SchemeName, Trial, problem as fit, start};
+use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
 use pilotage::models::{Dynamics, Joint, OpenLoopPilot, Pilot, Quadcopter};
 use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
 use pilotage::transcription::node::{FirstOrder, NodeModel, Weights};
@@ -49,6 +49,14 @@ fn largest(v: &[f64]) -> f64 {
     v.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
+/// What first derivatives are written to.
+struct First {
+    jacobian: Vec<f64>,
+    measured_gradient: Vec<f64>,
+    bounded_gradient: Vec<f64>,
+    outputs: (f64, f64),
+}
+
 /// Scaled derivatives of a model at one point: its Jacobian and gradients, and the Hessian of a
 /// weighted sum, against differences of values and of first derivatives.
 fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
@@ -67,15 +75,21 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
         f
     };
     let first = |v: &[f64]| {
-        let mut first = FirstOrder::default();
-        model.first_order(&v[..n], &input, &v[n..], &mut first);
+        let mut first = First {
+            jacobian: vec![0.0; model.entries.len()],
+            measured_gradient: vec![0.0; n + p],
+            bounded_gradient: vec![0.0; n + p],
+            outputs: (0.0, 0.0),
+        };
+        let out = FirstOrder {
+            jacobian: &mut first.jacobian,
+            outputs: Some((&mut first.measured_gradient, &mut first.bounded_gradient)),
+        };
+        first.outputs = model.first_order(&v[..n], &input, &v[n..], out);
         first
     };
     let at = first(&point);
-    assert_eq!(
-        [at.f.as_slice(), &[at.measured, at.bounded]].concat(),
-        values(&point)
-    );
+    assert_eq!([at.outputs.0, at.outputs.1], values(&point)[n..]);
     let mut rows = vec![vec![0.0; n + p]; n];
     for (value, &(i, j)) in at.jacobian.iter().zip(&model.entries) {
         rows[i][j] = *value;
@@ -256,7 +270,7 @@ fn derivatives_of_the_identification_problems_are_exact() {
         time,
     };
     let (trials, theta) = ([trial.clone()], [0.3, 1.2, 1.1, -0.2, -0.1, -0.3]);
-    for scheme in SchemeName::ALL {
+    for scheme in SCHEMES {
         for initial_state in InitialState::ALL {
             let options = Options {
                 scheme,

@@ -21,6 +21,7 @@ mod foreign;
 mod python;
 mod random_collocation;
 mod recovery;
+mod schemes;
 mod sqp_problems;
 mod trials;
 mod vehicle;

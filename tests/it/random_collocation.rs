@@ -1,10 +1,10 @@
-//! Small random collocation problems: models with linear, bilinear and transcendental terms, any
-//! scheme, irregular meshes, missing samples, every kind of initial state.
+//! Small random collocation problems: models with linear, bilinear and transcendental terms, every
+//! family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
+//! of initial state.
 
 use pilotage::models::{Dynamics, Scalar};
 use pilotage::sqp::{Iterate, Problem};
-use pilotage::transcription::scheme::SCHEMES;
-use pilotage::transcription::{Collocation, ParameterConstraints, Run, Scales};
+use pilotage::transcription::{Collocation, ParameterConstraints, Run, Scales, Scheme};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -92,10 +92,34 @@ impl ParameterConstraints for Constraints {
     }
 }
 
+/// One of each kind of scheme: explicit, implicit, with inner nodes, with stages, with coefficients
+/// that are no states, with nested points, and with one element for a whole run.
+pub const SCHEMES: [Scheme; 9] = [
+    Scheme::Euler,
+    Scheme::Trapezoid,
+    Scheme::HermiteSimpson,
+    Scheme::HermiteSimpsonCompressed,
+    Scheme::Gauss(2),
+    Scheme::Radau(3),
+    Scheme::Lobatto(3),
+    Scheme::Bernstein(3),
+    Scheme::FiniteDifference(3),
+];
+
 pub type Random = Collocation<Model, Constraints>;
 
 /// A random problem.
 pub fn problem(seed: u64) -> Random {
+    with_mesh(seed, false)
+}
+
+/// A random problem whose mesh is its samples, so that no two bounded rows are of one interval: their
+/// multipliers are unique more often.
+pub fn problem_on_samples(seed: u64) -> Random {
+    with_mesh(seed, true)
+}
+
+fn with_mesh(seed: u64, on_samples: bool) -> Random {
     let mut draw = Draw::new(seed);
     let (n, p) = (1 + draw.below(4), 1 + draw.below(3));
     let model = Model {
@@ -106,7 +130,11 @@ pub fn problem(seed: u64) -> Random {
         c: draw.vector(n),
         nonlinear: [0.0, 0.7][draw.below(2)],
     };
-    let runs = (0..draw.below(4)).map(|_| run(&mut draw, n)).collect();
+    let mut runs: Vec<Run> = (0..draw.below(4)).map(|_| run(&mut draw, n)).collect();
+    if on_samples {
+        runs.iter_mut()
+            .for_each(|run| run.mesh.clone_from(&run.time));
+    }
     let positive = |v: Vec<f64>| v.iter().map(|v| 1.5 + v).collect();
     let scales = Scales {
         states: positive(draw.vector(n)),
@@ -116,7 +144,7 @@ pub fn problem(seed: u64) -> Random {
     Collocation::new(
         model,
         Constraints,
-        SCHEMES[draw.below(3)],
+        SCHEMES[draw.below(SCHEMES.len())],
         runs,
         scales,
         limit,
@@ -138,7 +166,12 @@ fn run(draw: &mut Draw, n: usize) -> Run {
             .map(|v| (v > 0.0).then_some(v))
             .collect(),
     };
+    let mesh = match draw.below(3) {
+        0 => time.clone(),
+        _ => mesh(draw, time[0], time[boundaries - 1]),
+    };
     Run {
+        mesh,
         inputs: (0..boundaries).map(|_| draw.vector(1)).collect(),
         measured: draw
             .vector(boundaries)
@@ -149,6 +182,20 @@ fn run(draw: &mut Draw, n: usize) -> Run {
         initial,
         time,
     }
+}
+
+/// Boundaries between two times, finer or coarser than the samples.
+fn mesh(draw: &mut Draw, start: f64, end: f64) -> Vec<f64> {
+    let intervals = 1 + draw.below(5);
+    let parts: Vec<f64> = draw.vector(intervals).iter().map(|v| 1.5 + v).collect();
+    let total: f64 = parts.iter().sum();
+    let mut sum = 0.0;
+    let inner = parts[1..].iter().zip(&parts).map(|(_, part)| {
+        sum += part;
+        start + (end - start) * sum / total
+    });
+    let inner: Vec<f64> = inner.collect();
+    [vec![start], inner, vec![end]].concat()
 }
 
 /// A random point with multipliers: η where the constraints of the problem might be active.

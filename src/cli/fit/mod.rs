@@ -6,11 +6,12 @@ use super::progress::Progress;
 use super::{Failure, Outcome, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Fit, InitialState, Objective, Options, RunFit, SchemeName, Trial, TrialSet, fit, pilot_file,
+    Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, TrialSet, fit, pilot_file,
 };
 use crate::models::Pilot;
 use crate::output::Output;
 use crate::report::{self, Report};
+use crate::transcription::Scheme;
 use crate::vehicle::PitchLoop;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::{Path, PathBuf};
@@ -26,9 +27,11 @@ pub struct Args {
     #[arg(short, long, default_value = "pilot.toml")]
     output: PathBuf,
     /// Collocation scheme; `euler` is the paper's.
-    #[arg(long, value_parser = named(SchemeName::ALL, SchemeName::as_str),
-          default_value = Options::default().scheme.as_str())]
-    scheme: SchemeName,
+    #[arg(long, default_value_t = Options::default().scheme)]
+    scheme: Scheme,
+    /// Length of the mesh's intervals, about; the samples are the mesh where it is missing.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    mesh_step: Option<f64>,
     /// What is known of the states at the first sample; `free` is the paper's.
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
           default_value = Options::default().initial_state.as_str())]
@@ -134,6 +137,7 @@ impl Args {
         }
         Ok(Options {
             scheme: self.scheme,
+            mesh: self.mesh_step.map_or(Mesh::Samples, Mesh::Step),
             initial_state: self.initial_state,
             objective: self.objective,
             pilot,

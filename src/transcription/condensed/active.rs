@@ -1,4 +1,5 @@
-//! The reduced QP with inequalities: clarabel finds the active set, one exact solve polishes it.
+//! The reduced QP with inequalities: exchanges find the active set where they settle, clarabel where they
+//! do not; the solution with that active set is exact.
 
 use super::arrow::{Arrow, ArrowFactor};
 use super::dense::{axpy, cholesky, cholesky_solve};
@@ -8,14 +9,16 @@ use crate::sqp::iterate::violation;
 
 /// Cost of violating a row when the rows are inconsistent, per unit.
 const RELAXATION: f64 = 1e6;
+/// Exchanges of active rows before clarabel is asked for them.
+const MAX_EXCHANGES: usize = 12;
 /// Rounding allowed to a polished solution.
 const POLISH_TOLERANCE: f64 = 1e-10;
 
 /// Which inequality a row stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowAt {
-    /// The bounded signal of a run at an interval boundary.
-    Bounded { run: usize, boundary: usize },
+    /// The bounded signal of a run at a sample.
+    Bounded { run: usize, sample: usize },
     /// A constraint on θ.
     Parameter(usize),
 }
@@ -41,13 +44,17 @@ impl Row {
     }
 }
 
-/// Minimises `½ ρᵀ H ρ + qᵀ ρ` within the rows.
+/// Minimises `½ ρᵀ H ρ + qᵀ ρ` within the rows; `guess` says which are active, as [`exchanged`].
 pub fn solve(
     matrix: &Arrow,
     factor: &ArrowFactor,
     q: &[f64],
     rows: &[Row],
+    guess: &[f64],
 ) -> Result<ConvexSolution, QpFailure> {
+    if let Some(solution) = exchanged(factor, q, rows, guess) {
+        return Ok(solution);
+    }
     let qp = ConvexQp {
         p: matrix.triplets(),
         q: q.to_vec(),
@@ -60,7 +67,7 @@ pub fn solve(
         upper: rows.iter().map(|row| row.upper).collect(),
     };
     match qp.solve(None) {
-        Ok(rough) => Ok(exact(factor, q, rows, &sides(rows, &rough)).unwrap_or(rough)),
+        Ok(rough) => Ok(exchanged(factor, q, rows, &sides(rows, &rough)).unwrap_or(rough)),
         Err(QpFailure::Infeasible) => qp.solve(Some(RELAXATION)),
         Err(other) => Err(other),
     }
@@ -88,8 +95,43 @@ fn sides(rows: &[Row], rough: &ConvexSolution) -> Vec<f64> {
     rows.iter().zip(&rough.y).map(side).collect()
 }
 
-/// The exact solution with the rows active at these sides; None when that guess is wrong.
-pub fn exact(
+/// The exact solution by exchanging active rows (primal-dual active set: Hintermüller, Ito & Kunisch,
+/// SIAM J. Optim. 13, 2002): rows whose multiplier has the wrong sign leave, violated ones enter.
+///
+/// `guess` holds the side at which each row is active, +1 upper, -1 lower, 0 neither. None when the
+/// exchange does not settle, or the active rows depend on each other.
+pub fn exchanged(
+    factor: &ArrowFactor,
+    q: &[f64],
+    rows: &[Row],
+    guess: &[f64],
+) -> Option<ConvexSolution> {
+    let mut sides = guess.to_vec();
+    for _ in 0..MAX_EXCHANGES {
+        let solution = with_active(factor, q, rows, &sides)?;
+        let mut settled = true;
+        for ((row, side), y) in rows.iter().zip(&mut sides).zip(&solution.y) {
+            let value = row.value(&solution.x);
+            let scale = 1.0 + row.lower.abs().min(row.upper.abs());
+            let next = match *side {
+                0.0 if violation(value, row.lower, row.upper) <= POLISH_TOLERANCE * scale => 0.0,
+                0.0 => (value - row.upper).max(0.0) - (row.lower - value).max(0.0),
+                side if side * y < 0.0 => 0.0,
+                side => side,
+            };
+            let next = if next == 0.0 { 0.0 } else { next.signum() };
+            settled &= next == *side;
+            *side = next;
+        }
+        if settled {
+            return Some(solution);
+        }
+    }
+    None
+}
+
+/// The solution with the rows active at these sides as equations.
+fn with_active(
     factor: &ArrowFactor,
     q: &[f64],
     rows: &[Row],
@@ -126,13 +168,5 @@ pub fn exact(
     }
     solution.y = vec![0.0; rows.len()];
     active.iter().zip(&y).for_each(|(&i, y)| solution.y[i] = *y);
-    let signs = sides
-        .iter()
-        .zip(&solution.y)
-        .all(|(side, y)| side * y >= 0.0);
-    let inside = rows.iter().all(|row| {
-        let scale = 1.0 + row.lower.abs().min(row.upper.abs());
-        violation(row.value(&solution.x), row.lower, row.upper) <= POLISH_TOLERANCE * scale
-    });
-    (signs && inside).then_some(solution)
+    Some(solution)
 }

@@ -11,15 +11,22 @@ mod active;
 pub mod arrow;
 mod dense;
 mod run;
+mod sparse_lu;
+mod stencil;
+mod sweep;
 
 use super::Collocation;
 use super::constraints::ParameterConstraints;
+use super::parallel;
 use crate::sqp::convex::ConvexSolution;
+use crate::sqp::iterate::violation;
 use crate::sqp::{Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
 use active::{Row, RowAt};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
-use run::RunSweep;
+use run::{Place, RunSweep};
+use std::sync::Arc;
+use stencil::{Factorable, Stencil};
 
 /// Tolerance on a linearised inequality before it enters the QP.
 const ROW_TOLERANCE: f64 = 1e-12;
@@ -30,6 +37,7 @@ const MAX_ROUNDS: usize = 50;
 #[derive(Debug, Clone, Default)]
 pub struct Condensed {
     runs: Vec<RunSweep>,
+    stencils: Stencils,
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
     /// Constraint values of the QP: those of the iterate, or moved by a correction.
@@ -49,6 +57,14 @@ pub struct Condensed {
     working: Vec<(RowAt, f64)>,
 }
 
+/// The elements' operations and orders of elimination: one for each different tableau.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stencils {
+    kinds: Vec<(Stencil, Factorable)>,
+    /// Kind of each element of each run.
+    kind: Vec<Vec<u32>>,
+}
+
 impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Condensed {
     fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
         self.prepare(problem);
@@ -56,29 +72,21 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.c_iterate.clone_from(&at.c);
         self.g_iterate.clone_from(&at.g);
         self.last = None;
-        self.singular = false;
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.linearise(
-                problem,
-                j,
-                at,
-                exact,
-                &mut self.gradient,
-                &mut self.lagrangian,
-            );
-            self.singular |= !run.sweep_sensitivities(problem, j);
-            for (i, (f, l)) in run
-                .theta_gradient
-                .iter()
-                .zip(&run.theta_lagrangian)
-                .enumerate()
-            {
-                self.gradient[problem.layout.theta + i] += f;
-                self.lagrangian[problem.layout.theta + i] += l;
-            }
+        let theta = problem.layout.theta;
+        let variables = || problem.layout.runs.iter().map(|run| run.variables());
+        let mut work: Vec<_> = (self.runs.iter_mut())
+            .zip(parallel::parts(&mut self.gradient, variables()))
+            .zip(parallel::parts(&mut self.lagrangian, variables()))
+            .map(|((run, gradient), lagrangian)| (run, gradient, lagrangian))
+            .collect();
+        parallel::each(&mut work, |j, (run, gradient, lagrangian)| {
+            run.linearise(Place { problem, j }, at, exact, gradient, lagrangian);
+        });
+        for run in &self.runs {
+            dense::axpy(1.0, &run.theta_gradient, &mut self.gradient[theta..]);
+            dense::axpy(1.0, &run.theta_lagrangian, &mut self.lagrangian[theta..]);
         }
-        self.gauss_newton = self.reduce(problem, Hessian::GaussNewton);
-        self.exact = exact.then(|| self.reduce(problem, Hessian::Exact));
+        self.singular = !self.stencils.order(problem, &self.runs) || !self.sweep(problem, exact);
     }
 
     fn gradient(&self) -> &[f64] {
@@ -112,11 +120,9 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
         let dtheta = &step.d[problem.layout.theta..];
         for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
-            for b in 0..problem.runs[j].time.len() {
-                let k = b * problem.scheme.unknown_nodes();
-                let x = at.z + k * problem.n_states();
-                let change = run.bounded_change(k, &step.d[x..x + problem.n_states()], dtheta);
-                self.g[at.g + b] = trial.g[at.g + b] - change;
+            for k in 0..at.samples {
+                let change = run.bounded_change(&problem.grids[j], k, dtheta);
+                self.g[at.g + k] = trial.g[at.g + k] - change;
             }
         }
         for (i, row) in self.parameter_rows.iter().enumerate() {
@@ -127,7 +133,110 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     }
 }
 
+/// Sign of a multiplier; zero for zero.
+fn sign(y: f64) -> f64 {
+    if y == 0.0 { 0.0 } else { y.signum() }
+}
+
+impl Stencils {
+    /// Finds the kinds of elements.
+    fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
+        let model = &problem.model;
+        let sizes = (problem.n_states(), problem.n_parameters());
+        let mut out = Self::default();
+        for grid in &problem.grids {
+            let mut kinds: Vec<u32> = Vec::with_capacity(grid.elements.len());
+            for element in &grid.elements {
+                let same = |(stencil, _): &(Stencil, Factorable)| {
+                    Arc::ptr_eq(&stencil.tableau, &element.tableau)
+                        || stencil.tableau == element.tableau
+                };
+                let last = kinds
+                    .last()
+                    .filter(|k| same(&out.kinds[**k as usize]))
+                    .copied();
+                let known = last
+                    .map(|k| k as usize)
+                    .or_else(|| out.kinds.iter().position(same));
+                let kind = known.unwrap_or_else(|| {
+                    let tableau = element.tableau.clone();
+                    let stencil = Stencil::new(tableau, sizes, &model.entries, model.state_entries);
+                    out.kinds.push((stencil, Factorable::default()));
+                    out.kinds.len() - 1
+                });
+                kinds.push(kind as u32);
+            }
+            out.kind.push(kinds);
+        }
+        out
+    }
+
+    /// Chooses the order of elimination of each kind where there is none, on its first element. False
+    /// when that is singular.
+    fn order<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        runs: &[RunSweep],
+    ) -> bool {
+        for (j, run) in runs.iter().enumerate() {
+            for (element, kind) in self.kind[j].iter().enumerate() {
+                let (stencil, order) = &mut self.kinds[*kind as usize];
+                if order.symbolic.size() == stencil.size() {
+                    continue;
+                }
+                match stencil.order(&run.local(&problem.grids[j], element, stencil)) {
+                    Some(found) => *order = found,
+                    None => return false,
+                }
+            }
+        }
+        true
+    }
+}
+
 impl Condensed {
+    /// Eliminates the states and forms the reduced Hessians. False when an element is singular.
+    fn sweep<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        exact: bool,
+    ) -> bool {
+        let stencils = &self.stencils;
+        let mut work: Vec<_> = (self.runs.iter_mut())
+            .map(|run| (run, true, Vec::new(), Vec::new()))
+            .collect();
+        parallel::each(&mut work, |j, (run, regular, gauss_newton, full)| {
+            let at = Place { problem, j };
+            *regular = run.factor(at, stencils) && run.sweep_sensitivities(at, stencils);
+            let reduced = |kind: Hessian| {
+                let mut local = vec![0.0; run.r() * run.r()];
+                run.reduce_matrix(at, kind, &mut local);
+                local
+            };
+            *gauss_newton = reduced(Hessian::GaussNewton);
+            if exact {
+                *full = reduced(Hessian::Exact);
+            }
+        });
+        let regular = work.iter().all(|(_, regular, ..)| *regular);
+        let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
+        let mut arrows = [
+            Arrow::zeros(problem.n_parameters(), &free),
+            Arrow::zeros(problem.n_parameters(), &free),
+        ];
+        for (j, (_, _, gauss_newton, full)) in work.iter().enumerate() {
+            arrows[0].set_run(j, gauss_newton);
+            if exact {
+                arrows[1].set_run(j, full);
+            }
+        }
+        let [gauss_newton, mut full] = arrows;
+        dense::axpy(1.0, &self.parameter_hessian, &mut full.theta);
+        self.gauss_newton = gauss_newton;
+        self.exact = exact.then_some(full);
+        regular
+    }
+
     /// The QP with the constraint values in `c` and `g`.
     fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
         &mut self,
@@ -146,13 +255,7 @@ impl Condensed {
         };
         matrix.add_diagonal(damping);
         let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            run.sweep_offsets(problem, j, &self.c);
-        }
-        let mut q = vec![0.0; matrix.size()];
-        self.each_local(&mut q, problem, |run, j, local| {
-            run.reduce_vector(problem, j, hessian, local)
-        });
+        let q = self.reduced_vector(problem, hessian, matrix.size());
 
         let (lower, upper) = problem.limits();
         let mut rows: Vec<Row> = self
@@ -161,16 +264,22 @@ impl Condensed {
             .map(|(at, _)| self.row(problem, *at, lower, upper))
             .collect();
         let guess: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
-        let mut solution = active::exact(&factor, &q, &rows, &guess).unwrap_or_else(|| {
+        let mut solution = active::exchanged(&factor, &q, &rows, &guess).unwrap_or_else(|| {
             rows.clear();
             active::free(&factor, &q)
         });
         for _ in 0..MAX_ROUNDS {
-            self.expand(problem, &solution.x);
-            if solution.violation > 0.0 || !self.add_violated(problem, &solution.x, &mut rows) {
+            let outside = self.expand(problem, &solution.x, &rows);
+            if solution.violation > 0.0 || outside.is_empty() {
                 break;
             }
-            solution = active::solve(&matrix, &factor, &q, &rows)?;
+            let new = outside
+                .into_iter()
+                .map(|at| self.row(problem, at, lower, upper));
+            rows.extend(new);
+            let mut guess: Vec<f64> = solution.y.iter().map(|y| sign(*y)).collect();
+            guess.resize(rows.len(), 0.0);
+            solution = active::solve(&matrix, &factor, &q, &rows, &guess)?;
         }
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
@@ -186,12 +295,14 @@ impl Condensed {
             self.runs = (0..problem.runs.len())
                 .map(|j| RunSweep::new(problem, j))
                 .collect();
+            self.stencils = Stencils::new(problem);
             self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
             self.working.clear();
         }
-        self.gradient.fill(0.0);
-        self.lagrangian.fill(0.0);
+        let theta = problem.layout.theta;
+        self.gradient[theta..].fill(0.0);
+        self.lagrangian[theta..].fill(0.0);
     }
 
     /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
@@ -218,107 +329,88 @@ impl Condensed {
         }
     }
 
-    /// The reduced Hessian.
-    fn reduce<D: Dynamics, C: ParameterConstraints>(
-        &self,
+    /// Offsets of all runs for the constraint values in `c`, and the reduced linear term.
+    fn reduced_vector<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
         problem: &Collocation<D, C>,
-        kind: Hessian,
-    ) -> Arrow {
-        let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
-        let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
-        for (j, run) in self.runs.iter().enumerate() {
-            let mut local = vec![0.0; run.r() * run.r()];
-            run.reduce_matrix(problem, j, kind, &mut local);
-            arrow.set_run(j, &local);
-        }
-        if kind == Hessian::Exact {
-            dense::axpy(1.0, &self.parameter_hessian, &mut arrow.theta);
-        }
-        arrow
-    }
-
-    /// Calls `add` for each run with a local vector over `[θ; its free states]` and sums the results
-    /// into the global one.
-    fn each_local<D, C>(
-        &self,
-        global: &mut [f64],
-        problem: &Collocation<D, C>,
-        mut add: impl FnMut(&RunSweep, usize, &mut [f64]),
-    ) where
-        D: Dynamics,
-        C: ParameterConstraints,
-    {
+        hessian: Hessian,
+        size: usize,
+    ) -> Vec<f64> {
+        let (stencils, c) = (&self.stencils, &self.c);
+        let mut work: Vec<_> = (self.runs.iter_mut())
+            .map(|run| {
+                let local = vec![0.0; run.r()];
+                (run, local)
+            })
+            .collect();
+        parallel::each(&mut work, |j, (run, local)| {
+            let at = Place { problem, j };
+            run.sweep_offsets(at, stencils, &c[problem.layout.runs[j].equalities()]);
+            run.reduce_vector(at, hessian, local);
+        });
         let p = problem.n_parameters();
+        let mut q = vec![0.0; size];
         let mut first = p;
-        for (j, run) in self.runs.iter().enumerate() {
-            let mut local = vec![0.0; run.r()];
-            add(run, j, &mut local);
-            dense::axpy(1.0, &local[..p], &mut global[..p]);
-            dense::axpy(1.0, &local[p..], &mut global[first..first + run.free.len()]);
-            first += run.free.len();
+        for (_, local) in &work {
+            dense::axpy(1.0, &local[..p], &mut q[..p]);
+            let free = local.len() - p;
+            q[first..first + free].copy_from_slice(&local[p..]);
+            first += free;
         }
+        q
     }
 
-    /// Steps of all nodes from the reduced variables.
+    /// Steps of all unknowns from the reduced variables; returns the inequalities beside `rows` that they
+    /// violate: of each stretch of samples of a run that lie outside, the worst.
     fn expand<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         rho: &[f64],
-    ) {
+        rows: &[Row],
+    ) -> Vec<RowAt> {
         let p = problem.n_parameters();
-        let mut local = rho[..p].to_vec();
-        let mut first = p;
-        for run in &mut self.runs {
-            local.truncate(p);
-            local.extend_from_slice(&rho[first..first + run.free.len()]);
-            run.expand(&local);
-            first += run.free.len();
-        }
-    }
-
-    /// Adds the inequalities that the expanded step violates; false when there is nothing new.
-    fn add_violated<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        rho: &[f64],
-        rows: &mut Vec<Row>,
-    ) -> bool {
-        let (p, n, s) = (
-            problem.n_parameters(),
-            problem.n_states(),
-            problem.scheme.unknown_nodes(),
-        );
         let (lower, upper) = problem.limits();
-        let outside = |row: usize, value: f64| {
-            crate::sqp::iterate::violation(value, lower[row], upper[row]) > ROW_TOLERANCE
-        };
-        let mut wanted: Vec<RowAt> = Vec::new();
-        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
-            for b in 0..problem.runs[j].time.len() {
-                let dx = &run.dx[b * s * n..(b * s + 1) * n];
-                let value = self.g[at.g + b] + run.bounded_change(b * s, dx, &rho[..p]);
-                if outside(at.g + b, value) {
-                    wanted.push(RowAt::Bounded {
+        let mut first = p;
+        let mut work = Vec::with_capacity(self.runs.len());
+        for run in &mut self.runs {
+            let mut local = rho[..p].to_vec();
+            local.extend_from_slice(&rho[first..first + run.free.len()]);
+            first += run.free.len();
+            work.push((run, local, Vec::new()));
+        }
+        let g = &self.g;
+        parallel::each(&mut work, |j, (run, local, outside)| {
+            run.expand(local);
+            let (grid, at) = (&problem.grids[j], problem.layout.runs[j]);
+            let mut worst = (0.0, 0);
+            for k in 0..at.samples {
+                let value = g[at.g + k] + run.bounded_change(grid, k, &rho[..p]);
+                let excess = violation(value, lower[at.g + k], upper[at.g + k]);
+                let row = RowAt::Bounded { run: j, sample: k };
+                let new = || rows.iter().all(|known| known.at != row);
+                if excess > ROW_TOLERANCE && excess > worst.0 && new() {
+                    worst = (excess, k);
+                }
+                let ends = excess <= ROW_TOLERANCE || k + 1 == at.samples;
+                if ends && worst.0 > 0.0 {
+                    outside.push(RowAt::Bounded {
                         run: j,
-                        boundary: b,
+                        sample: worst.1,
                     });
+                    worst = (0.0, 0);
                 }
             }
-        }
+        });
+        let mut outside: Vec<RowAt> = work.into_iter().flat_map(|(.., outside)| outside).collect();
         for (i, row) in self.parameter_rows.iter().enumerate() {
             let at = problem.layout.parameter_constraints + i;
-            if outside(at, self.g[at] + dense::dot(row, &rho[..p])) {
-                wanted.push(RowAt::Parameter(i));
+            let value = self.g[at] + dense::dot(row, &rho[..p]);
+            let new = rows.iter().all(|known| known.at != RowAt::Parameter(i));
+            if new && violation(value, lower[at], upper[at]) > ROW_TOLERANCE {
+                outside.push(RowAt::Parameter(i));
             }
         }
-        wanted.retain(|at| rows.iter().all(|row| row.at != *at));
-        if wanted.is_empty() {
-            return false;
-        }
-        for at in wanted {
-            rows.push(self.row(problem, at, lower, upper));
-        }
-        true
+        outside
     }
 
     /// One inequality over the reduced variables.
@@ -333,25 +425,18 @@ impl Condensed {
         let (index, entries, value) = match at {
             RowAt::Parameter(i) => {
                 let index = problem.layout.parameter_constraints + i;
-                (
-                    index,
-                    self.parameter_rows[i].iter().copied().enumerate().collect(),
-                    self.g[index],
-                )
+                let entries = self.parameter_rows[i].iter().copied().enumerate();
+                (index, entries.collect(), self.g[index])
             }
-            RowAt::Bounded { run: j, boundary } => {
-                let index = problem.layout.runs[j].g + boundary;
+            RowAt::Bounded { run: j, sample } => {
+                let index = problem.layout.runs[j].g + sample;
                 let run = &self.runs[j];
                 let mut local = vec![0.0; run.r()];
-                let offset = run.bounded_row(boundary * problem.scheme.unknown_nodes(), &mut local);
+                let offset = run.bounded_row(&problem.grids[j], sample, &mut local);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
-                let entries = local
-                    .iter()
-                    .enumerate()
-                    .map(|(i, v)| (column(i), *v))
-                    .collect();
-                (index, entries, self.g[index] + offset)
+                let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v));
+                (index, entries.collect(), self.g[index] + offset)
             }
         };
         Row {
@@ -363,7 +448,7 @@ impl Condensed {
         }
     }
 
-    /// The full step from the reduced solution and the expanded nodes.
+    /// The full step from the reduced solution and the expanded unknowns.
     fn write_primal<D: Dynamics, C: ParameterConstraints>(
         &self,
         problem: &Collocation<D, C>,
@@ -374,13 +459,13 @@ impl Condensed {
         step.d.resize(problem.layout.theta + p, 0.0);
         step.d[problem.layout.theta..].copy_from_slice(&rho[..p]);
         for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
-            step.d[at.z..at.z + run.dx.len()].copy_from_slice(&run.dx);
+            step.d[at.variables()].copy_from_slice(&run.nodes.dx);
         }
     }
 
     /// Multipliers and curvature that go with it.
     fn write_dual<D: Dynamics, C: ParameterConstraints>(
-        &self,
+        &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
         damping: f64,
@@ -399,19 +484,23 @@ impl Condensed {
         step.active = self.working.len();
         step.violation = solution.violation;
         step.residual.clear();
+        let (stencils, eta) = (&self.stencils, &step.eta);
+        let equalities = layout.runs.iter().map(|run| run.equalities());
+        let mut work: Vec<_> = (self.runs.iter_mut())
+            .zip(parallel::parts(&mut step.lambda, equalities))
+            .map(|(run, lambda)| (run, lambda, 0.0))
+            .collect();
+        parallel::each(&mut work, |j, (run, lambda, curvature)| {
+            let eta = &eta[layout.runs[j].inequalities()];
+            let at = Place { problem, j };
+            *curvature = run.adjoint(at, stencils, hessian, (dtheta, eta), lambda);
+        });
         step.curvature = damping * dense::dot(rho, rho);
-        for (j, (run, at)) in self.runs.iter().zip(&layout.runs).enumerate() {
-            let eta = &step.eta[at.g..at.g + problem.runs[j].time.len()];
-            step.curvature +=
-                run.adjoint(problem, j, hessian, dtheta, eta, &mut step.lambda[at.c..]);
-        }
+        step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {
-            for (i, row) in self
-                .parameter_hessian
-                .chunks_exact(dtheta.len())
-                .enumerate()
-            {
-                step.curvature += dtheta[i] * dense::dot(row, dtheta);
+            let rows = self.parameter_hessian.chunks_exact(dtheta.len());
+            for (row, d) in rows.zip(dtheta) {
+                step.curvature += d * dense::dot(row, dtheta);
             }
         }
     }

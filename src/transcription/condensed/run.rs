@@ -1,37 +1,96 @@
-//! One run: derivatives at its nodes, forward elimination of its states, adjoint sweep.
+//! One run: the derivatives at its points.
 
-use super::dense::{axpy, dot, lu_factor, lu_solve, lu_solve_transposed};
+use super::Stencils;
+use super::dense::{axpy, dot};
+use super::stencil::{Factorable, Local, Stencil};
 use crate::sqp::{Hessian, Iterate};
 use crate::transcription::Collocation;
 use crate::transcription::constraints::ParameterConstraints;
-use crate::transcription::layout::RunLayout;
+use crate::transcription::grid::{Combination, Grid, PointState};
 use crate::transcription::node::{FirstOrder, Weights};
 use pilotage_models::Dynamics;
+use std::collections::BTreeMap;
 
 /// Workspace of one run; everything is allocated once.
 ///
-/// The reduced variables of a run are `ρ = [δθ; its free initial states]`, `r` of them. The sweep
-/// writes every node's step as `δX_k = S_k ρ + e_k`.
+/// The reduced variables of a run are `ρ = [δθ; its free initial states]`, `r` of them. The sweeps
+/// ([`super::sweep`]) write the step of every unknown and point as `S ρ + e`.
 #[derive(Debug, Clone)]
 pub struct RunSweep {
-    n: usize,
-    p: usize,
+    pub(super) n: usize,
+    pub(super) p: usize,
     /// Indices of the free initial states.
     pub free: Vec<usize>,
-    first: Vec<FirstOrder>,
+    /// Jacobian entries at all points.
+    pub(super) jacobian: Vec<f64>,
+    /// Gradients of the measured output and of the bounded signal at all samples, over `[x̄; θ̄]`.
+    measured: Vec<f64>,
+    bounded: Vec<f64>,
+    /// Recorded minus modelled output at the samples, and `2 w`; both zero where none is recorded.
     residual: Vec<f64>,
+    weight: Vec<f64>,
+    /// Second derivatives at all points.
     second: Vec<f64>,
-    s: Vec<f64>,
-    e: Vec<f64>,
-    lu: Vec<f64>,
-    pivots: Vec<usize>,
-    /// Steps of all nodes after [`expand`](Self::expand).
-    pub dx: Vec<f64>,
+    /// Rows `S`, offsets `e` and steps of the unknowns, and of the points that are combinations.
+    pub(super) nodes: Rows,
+    pub(super) combined: Rows,
+    /// Factors of each element's matrix, one after the other, and those with an order of their own.
+    pub(super) lu: Vec<f64>,
+    pub(super) special: BTreeMap<usize, (Factorable, Vec<f64>)>,
+    pub(super) work: Work,
     /// Gradient of this run's objective with respect to θ.
     pub theta_gradient: Vec<f64>,
     /// Its part of the Lagrangian's gradient with respect to θ.
     pub theta_lagrangian: Vec<f64>,
+    /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
+    pub(super) omega: Vec<f64>,
+    pub(super) right: Vec<f64>,
 }
+
+/// Sensitivities, offsets and steps of a list of state vectors.
+#[derive(Debug, Clone, Default)]
+pub struct Rows {
+    /// `S`, `r` columns.
+    pub s: Vec<f64>,
+    /// `e`.
+    pub e: Vec<f64>,
+    /// `S ρ + e`.
+    pub dx: Vec<f64>,
+}
+
+/// Scratch of the sweeps, as large as the largest element needs.
+#[derive(Debug, Clone, Default)]
+pub struct Work {
+    pub right: Vec<f64>,
+    pub pivots: Vec<f64>,
+}
+
+impl Rows {
+    fn new(count: usize, n: usize, r: usize) -> Self {
+        Self {
+            s: vec![0.0; count * n * r],
+            e: vec![0.0; count * n],
+            dx: vec![0.0; count * n],
+        }
+    }
+}
+
+/// What a run's linearisation reads besides the problem and the iterate.
+#[derive(Debug)]
+pub struct Place<'a, D, C> {
+    /// The problem.
+    pub problem: &'a Collocation<D, C>,
+    /// Number of the run.
+    pub j: usize,
+}
+
+impl<D, C> Clone for Place<'_, D, C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<D, C> Copy for Place<'_, D, C> {}
 
 impl RunSweep {
     /// Workspace for run `j`.
@@ -39,31 +98,34 @@ impl RunSweep {
         problem: &Collocation<D, C>,
         j: usize,
     ) -> Self {
-        let (n, p, s) = (
-            problem.n_states(),
-            problem.n_parameters(),
-            problem.scheme.unknown_nodes(),
-        );
-        let (run, nodes) = (&problem.runs[j], problem.layout.runs[j].nodes);
+        let (n, p) = (problem.n_states(), problem.n_parameters());
+        let (run, grid) = (&problem.runs[j], &problem.grids[j]);
+        let (samples, points) = (run.time.len(), grid.points.len());
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let implicit = if problem.scheme.is_explicit() {
-            0
-        } else {
-            run.intervals()
-        };
+        let r = p + free.len();
+        let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
+        let size = n * largest.unwrap_or(0).max(1);
         Self {
             n,
             p,
-            first: vec![FirstOrder::default(); nodes],
-            residual: vec![0.0; nodes],
-            second: vec![0.0; nodes * problem.model.pairs.len()],
-            s: vec![0.0; nodes * n * (p + free.len())],
-            e: vec![0.0; nodes * n],
-            lu: vec![0.0; implicit * (s * n) * (s * n)],
-            pivots: vec![0; implicit * s * n],
-            dx: vec![0.0; nodes * n],
+            jacobian: vec![0.0; points * problem.model.entries.len()],
+            measured: vec![0.0; samples * (n + p)],
+            bounded: vec![0.0; samples * (n + p)],
+            residual: vec![0.0; samples],
+            weight: vec![0.0; samples],
+            second: vec![0.0; points * problem.model.pairs.len()],
+            nodes: Rows::new(grid.nodes(), n, r),
+            combined: Rows::new(grid.combinations, n, r),
+            lu: Vec::new(),
+            special: BTreeMap::new(),
+            work: Work {
+                right: vec![0.0; size * r.max(1)],
+                pivots: vec![0.0; size],
+            },
             theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
+            omega: vec![0.0; points * n],
+            right: vec![0.0; grid.nodes() * n],
             free,
         }
     }
@@ -73,233 +135,250 @@ impl RunSweep {
         self.p + self.free.len()
     }
 
-    /// Derivatives at every node; writes the run's parts of `∇f` and `∇L` into `gradient` and
-    /// `lagrangian` (over all variables).
+    /// The Jacobians at an element's points.
+    pub(super) fn local<'a>(
+        &'a self,
+        grid: &'a Grid,
+        element: usize,
+        stencil: &Stencil,
+    ) -> Local<'a> {
+        Local::new(grid, &grid.elements[element], stencil, &self.jacobian)
+    }
+
+    /// Derivatives at every point; writes the run's parts of `∇f` and `∇L` into `gradient` and
+    /// `lagrangian`, over the run's own variables.
     pub fn linearise<D: Dynamics, C: ParameterConstraints>(
         &mut self,
-        problem: &Collocation<D, C>,
-        j: usize,
-        at: &Iterate,
+        at: Place<'_, D, C>,
+        iterate: &Iterate,
         exact: bool,
         gradient: &mut [f64],
         lagrangian: &mut [f64],
     ) {
-        let (n, s) = (self.n, problem.scheme.unknown_nodes());
-        let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
-        let pairs = problem.model.pairs.len();
-        let mut input = vec![0.0; problem.model.dynamics.n_inputs()];
-        let mut omega = vec![0.0; n];
-        self.theta_gradient.fill(0.0);
+        self.first_order(at, &iterate.z);
+        let place = &at.problem.layout.runs[at.j];
+        let lambda = &iterate.lambda[place.equalities()];
+        let eta = &iterate.eta[place.inequalities()];
+        self.defects_transposed(at, lambda, lagrangian);
+        self.pull_back(at, Some((iterate, eta, exact)), lagrangian);
+        std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
+        self.omega.fill(0.0);
+        gradient.fill(0.0);
+        self.pull_back(at, None, gradient);
+        std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
+    }
+
+    /// First derivatives and residuals.
+    fn first_order<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        z: &[f64],
+    ) {
+        let (problem, j, n) = (at.problem, at.j, self.n);
+        let (grid, v) = (&problem.grids[j], problem.coefficients(z, j));
+        let values = (grid.combinations > 0).then(|| problem.evaluate_points(z, j, |_, _| {}));
+        let (theta, all) = (problem.theta(z), n + self.p);
+        let (inputs, entries) = (
+            problem.model.dynamics.n_inputs(),
+            problem.model.entries.len(),
+        );
+        for (i, point) in grid.points.iter().enumerate() {
+            let x = match (&point.state, &values) {
+                (PointState::Node(k), _) => &v[k * n..(k + 1) * n],
+                (_, Some(values)) => values.states(grid, v, i, n),
+                (PointState::Combination(_), None) => continue,
+            };
+            let jacobian = match point.collocated {
+                true => &mut self.jacobian[i * entries..(i + 1) * entries],
+                false => &mut [],
+            };
+            let outputs = point.sample.map(|sample| {
+                let at = sample as usize * all..(sample as usize + 1) * all;
+                (&mut self.measured[at.clone()], &mut self.bounded[at])
+            });
+            let out = FirstOrder { jacobian, outputs };
+            let input = &grid.inputs[i * inputs..(i + 1) * inputs];
+            let (measured, _) = problem.model.first_order(x, input, theta, out);
+            if let Some(sample) = point.sample {
+                let recorded = problem.recorded(j, sample);
+                let k = sample as usize;
+                self.residual[k] = recorded.map_or(0.0, |value| value - measured);
+                self.weight[k] = recorded.map_or(0.0, |_| 2.0 * problem.runs[j].weight);
+            }
+        }
+    }
+
+    /// Writes `Eᵀ λ` and the known states' multipliers into `out`, and the weights `-h Σ_r A_ri λ_r` of
+    /// the points' derivatives into `omega`.
+    fn defects_transposed<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        lambda: &[f64],
+        out: &mut [f64],
+    ) {
+        let (n, grid) = (self.n, &at.problem.grids[at.j]);
+        out.fill(0.0);
+        self.omega.fill(0.0);
+        let known = (0..n).filter(|i| !self.free.contains(i));
+        let count = n - self.free.len();
+        known
+            .zip(&lambda[..count])
+            .for_each(|(i, lambda)| out[i] += lambda);
+        let lambda = &lambda[count..];
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let rows = lambda[element.first * n..].chunks_exact(n);
+            for (defect, lambda) in element.tableau.defects.iter().zip(rows) {
+                for &(j, e) in &defect.e {
+                    let k = element.first + j;
+                    axpy(e, lambda, &mut out[k * n..(k + 1) * n]);
+                }
+                for &(i, a) in &defect.a {
+                    let i = points[i] as usize;
+                    axpy(-element.h * a, lambda, &mut self.omega[i * n..(i + 1) * n]);
+                }
+            }
+        }
+    }
+
+    /// Reverse sweep over the points: adds the gradient with respect to the unknowns to `out`, and
+    /// writes that of θ into `theta_lagrangian`. With an iterate and its multipliers of the bounded
+    /// signal it is the Lagrangian's gradient, and second derivatives are taken if wanted; without, the
+    /// objective's.
+    fn pull_back<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        of: Option<(&Iterate, &[f64], bool)>,
+        out: &mut [f64],
+    ) {
+        let (problem, j, n) = (at.problem, at.j, self.n);
+        let (grid, entries) = (&problem.grids[j], problem.model.entries.len());
+        let mut full = vec![0.0; n + self.p];
+        let exact = of
+            .filter(|(_, _, exact)| *exact)
+            .map(|(iterate, ..)| iterate);
+        let values = exact.filter(|_| grid.combinations > 0);
+        let values = values.map(|iterate| problem.evaluate_points(&iterate.z, j, |_, _| {}));
         self.theta_lagrangian.fill(0.0);
-        self.defect_transposed(place, at, s, run.intervals(), lagrangian);
-        for k in 0..place.nodes {
-            let (interval, fraction) = problem.place(j, k);
-            run.inputs_at(interval, fraction, &mut input);
-            let (x, theta) = (problem.node(&at.z, j, k), problem.theta(&at.z));
-            let first = &mut self.first[k];
-            problem.model.first_order(x, &input, theta, first);
-            let sample = problem.sample(j, k);
-            self.residual[k] = sample.map_or(0.0, |value| value - first.measured);
-            let pull = sample.map_or(0.0, |_| -2.0 * run.weight * self.residual[k]);
-            let eta = if k % s == 0 {
-                at.eta[place.g + k / s]
-            } else {
-                0.0
-            };
-            node_weights(problem, j, k, &at.lambda, &mut omega);
-            let columns = place.z + k * n;
-            let mut add = |c: usize, objective: f64, all: f64| match c < n {
-                true => {
-                    gradient[columns + c] += objective;
-                    lagrangian[columns + c] += all;
+        for (i, point) in grid.points.iter().enumerate().rev() {
+            full.fill(0.0);
+            let omega = &self.omega[i * n..(i + 1) * n];
+            let (mut pull, mut eta) = (0.0, 0.0);
+            if let Some(sample) = point.sample {
+                let k = sample as usize;
+                pull = -self.weight[k] * self.residual[k];
+                eta = of.map_or(0.0, |(_, eta, _)| eta[k]);
+                let own = k * (n + self.p)..(k + 1) * (n + self.p);
+                axpy(pull, &self.measured[own.clone()], &mut full);
+                if eta != 0.0 {
+                    axpy(eta, &self.bounded[own], &mut full);
                 }
-                false => {
-                    self.theta_gradient[c - n] += objective;
-                    self.theta_lagrangian[c - n] += all;
+            }
+            if point.collocated && (of.is_some() || grid.combinations > 0) {
+                let jacobian = &self.jacobian[i * entries..(i + 1) * entries];
+                for (value, &(l, c)) in jacobian.iter().zip(&problem.model.entries) {
+                    full[c] += omega[l] * value;
                 }
-            };
-            for c in 0..n + self.p {
-                let objective = pull * first.measured_gradient[c];
-                add(c, objective, objective + eta * first.bounded_gradient[c]);
             }
-            for (value, &(i, c)) in first.jacobian.iter().zip(&problem.model.entries) {
-                add(c, 0.0, omega[i] * value);
-            }
-            if exact {
+            if let Some(iterate) = exact {
+                let pairs = problem.model.pairs.len();
+                let (v, inputs) = (
+                    problem.coefficients(&iterate.z, j),
+                    problem.model.dynamics.n_inputs(),
+                );
+                let x = match (&point.state, &values) {
+                    (PointState::Node(k), _) => &v[k * n..(k + 1) * n],
+                    (_, Some(values)) => values.states(grid, v, i, n),
+                    (PointState::Combination(_), None) => continue,
+                };
                 let weights = Weights {
-                    f: &omega,
+                    f: omega,
                     measured: pull,
                     bounded: eta,
                 };
-                let out = &mut self.second[k * pairs..(k + 1) * pairs];
-                problem.model.second_order(x, &input, theta, weights, out);
-            }
-        }
-    }
-
-    /// Adds `λ` through the parts of the defects that are linear: `X_i - X_0`, and the known states.
-    fn defect_transposed(
-        &self,
-        place: RunLayout,
-        at: &Iterate,
-        s: usize,
-        intervals: usize,
-        out: &mut [f64],
-    ) {
-        let n = self.n;
-        let known = (0..n).filter(|i| !self.free.contains(i));
-        known
-            .zip(&at.lambda[place.c..])
-            .for_each(|(i, lambda)| out[place.z + i] += lambda);
-        for interval in 0..intervals {
-            for i in 0..s {
-                let row = place.c + place.known + (interval * s + i) * n;
-                let (start, node) = (
-                    place.z + interval * s * n,
-                    place.z + (interval * s + i + 1) * n,
-                );
-                for l in 0..n {
-                    out[node + l] += at.lambda[row + l];
-                    out[start + l] -= at.lambda[row + l];
-                }
-            }
-        }
-    }
-
-    /// Forward sweep for the sensitivities `S`. False when an interval's matrix is singular.
-    pub fn sweep_sensitivities<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        j: usize,
-    ) -> bool {
-        let (n, r, s) = (self.n, self.r(), problem.scheme.unknown_nodes());
-        let run = &problem.runs[j];
-        self.s[..n * r].fill(0.0);
-        for (l, &i) in self.free.iter().enumerate() {
-            self.s[i * r + self.p + l] = 1.0;
-        }
-        for interval in 0..run.intervals() {
-            let start = interval * s;
-            let (done, rest) = self.s.split_at_mut((start + 1) * n * r);
-            let from = &done[start * n * r..];
-            let to = &mut rest[..s * n * r];
-            let nodes = &self.first[start..=start + s];
-            right_hand_side(problem, run.step(interval), nodes, from, to, r);
-            if !problem.scheme.is_explicit() {
-                let size = s * n;
-                let lu = &mut self.lu[interval * size * size..(interval + 1) * size * size];
-                let pivots = &mut self.pivots[interval * size..(interval + 1) * size];
-                interval_matrix(problem, run.step(interval), nodes, lu);
-                if !lu_factor(lu, size, pivots) {
-                    return false;
-                }
-                lu_solve(lu, size, pivots, to, r);
-            }
-        }
-        self.s.iter().all(|v| v.is_finite())
-    }
-
-    /// Forward sweep for the offsets `e` that remove the constraint values `c` (over all equalities).
-    pub fn sweep_offsets<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        j: usize,
-        c: &[f64],
-    ) {
-        let (n, s) = (self.n, problem.scheme.unknown_nodes());
-        let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
-        let e = &mut self.e;
-        e[..n].fill(0.0);
-        let known = (0..n).filter(|i| !self.free.contains(i));
-        known
-            .zip(&c[place.c..])
-            .for_each(|(i, value)| e[i] = -value);
-        for interval in 0..run.intervals() {
-            let start = interval * s;
-            let (done, rest) = e.split_at_mut((start + 1) * n);
-            let to = &mut rest[..s * n];
-            let nodes = &self.first[start..=start + s];
-            start_transition(
-                problem,
-                run.step(interval),
-                &nodes[0],
-                &done[start * n..],
-                to,
-                1,
-            );
-            let rows = place.c + place.known + start * n;
-            axpy(-1.0, &c[rows..rows + s * n], to);
-            if !problem.scheme.is_explicit() {
-                let size = s * n;
-                let lu = &self.lu[interval * size * size..(interval + 1) * size * size];
-                lu_solve(
-                    lu,
-                    size,
-                    &self.pivots[interval * size..(interval + 1) * size],
-                    to,
-                    1,
+                problem.model.second_order(
+                    x,
+                    &grid.inputs[i * inputs..(i + 1) * inputs],
+                    problem.theta(&iterate.z),
+                    weights,
+                    &mut self.second[i * pairs..(i + 1) * pairs],
                 );
             }
+            axpy(1.0, &full[n..], &mut self.theta_lagrangian);
+            match &point.state {
+                PointState::Node(k) => axpy(1.0, &full[..n], &mut out[k * n..(k + 1) * n]),
+                PointState::Combination(c) => distribute(c, &full[..n], out, &mut self.omega),
+            }
         }
     }
 
-    /// Adds `Σ Zᵀ W Z` to `matrix` (r × r, row-major) where `δ[X; θ] = Z ρ + e`.
+    /// Rows `S` of a point.
+    fn s_of(&self, state: &PointState) -> &[f64] {
+        let size = self.n * self.r();
+        match state {
+            PointState::Node(k) => &self.nodes.s[k * size..(k + 1) * size],
+            PointState::Combination(c) => &self.combined.s[c.index * size..(c.index + 1) * size],
+        }
+    }
+
+    fn e_of(&self, state: &PointState) -> &[f64] {
+        match state {
+            PointState::Node(k) => &self.nodes.e[k * self.n..(k + 1) * self.n],
+            PointState::Combination(c) => {
+                &self.combined.e[c.index * self.n..(c.index + 1) * self.n]
+            }
+        }
+    }
+
+    fn dx_of(&self, state: &PointState) -> &[f64] {
+        match state {
+            PointState::Node(k) => &self.nodes.dx[k * self.n..(k + 1) * self.n],
+            PointState::Combination(c) => {
+                &self.combined.dx[c.index * self.n..(c.index + 1) * self.n]
+            }
+        }
+    }
+
+    /// Adds `Σ Zᵀ W Z` to `matrix` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`.
     pub fn reduce_matrix<D: Dynamics, C: ParameterConstraints>(
         &self,
-        problem: &Collocation<D, C>,
-        j: usize,
+        at: Place<'_, D, C>,
         kind: Hessian,
         matrix: &mut [f64],
     ) {
-        let (n, r, pairs) = (self.n, self.r(), problem.model.pairs.len());
+        let (n, r, model) = (self.n, self.r(), &at.problem.model);
+        let pairs = model.pairs.len();
         let mut row = vec![0.0; r];
-        for (k, first) in self.first.iter().enumerate() {
-            let s = &self.s[k * n * r..(k + 1) * n * r];
-            if problem.sample(j, k).is_some() {
-                self.project(&first.measured_gradient, s, &mut row);
-                for i in 0..r {
-                    axpy(
-                        2.0 * problem.runs[j].weight * row[i],
-                        &row,
-                        &mut matrix[i * r..(i + 1) * r],
-                    );
+        // Half of the symmetric sum; its transpose is added at the end.
+        let mut half = vec![0.0; r * r];
+        for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
+            let s = self.s_of(&point.state);
+            if let Some(k) = point
+                .sample
+                .map(|k| k as usize)
+                .filter(|k| self.weight[*k] != 0.0)
+            {
+                self.project(
+                    &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)],
+                    s,
+                    &mut row,
+                );
+                for (value, out) in row.iter().zip(half.chunks_exact_mut(r)) {
+                    axpy(0.5 * self.weight[k] * value, &row, out);
                 }
             }
             if kind == Hessian::Exact {
-                let values = &self.second[k * pairs..(k + 1) * pairs];
-                for (&w, &(a, b)) in values.iter().zip(&problem.model.pairs) {
-                    if w != 0.0 {
-                        self.add_pair(w, a, b, s, matrix);
-                    }
+                let values = &self.second[i * pairs..(i + 1) * pairs];
+                for (&w, &(a, b)) in values.iter().zip(&model.pairs).filter(|(w, _)| **w != 0.0) {
+                    let w = if a == b { 0.5 * w } else { w };
+                    add_pair(w, a, b, s, (n, r), &mut half);
                 }
             }
         }
-    }
-
-    /// Adds `w (z_a z_bᵀ + z_b z_aᵀ)`, or `w z_a z_aᵀ` for `a == b`, with `z_a` row `a` of `Z`.
-    fn add_pair(&self, w: f64, a: usize, b: usize, s: &[f64], matrix: &mut [f64]) {
-        let (n, r) = (self.n, self.r());
-        let mut add = |a: usize, b: usize| match (a < n, b < n) {
-            (true, true) => {
-                for i in 0..r {
-                    axpy(
-                        w * s[a * r + i],
-                        &s[b * r..(b + 1) * r],
-                        &mut matrix[i * r..(i + 1) * r],
-                    );
-                }
+        for i in 0..r {
+            for l in 0..r {
+                matrix[i * r + l] += half[i * r + l] + half[l * r + i];
             }
-            (true, false) => (0..r).for_each(|i| matrix[i * r + b - n] += w * s[a * r + i]),
-            (false, true) => axpy(
-                w,
-                &s[b * r..(b + 1) * r],
-                &mut matrix[(a - n) * r..(a - n + 1) * r],
-            ),
-            (false, false) => matrix[(a - n) * r + b - n] += w,
-        };
-        add(a, b);
-        if a != b {
-            add(b, a);
         }
     }
 
@@ -308,9 +387,9 @@ impl RunSweep {
         let r = self.r();
         out[..self.p].copy_from_slice(&gradient[self.n..]);
         out[self.p..].fill(0.0);
-        for (i, g) in gradient[..self.n].iter().enumerate() {
+        for (g, s) in gradient[..self.n].iter().zip(s.chunks_exact(r)) {
             if *g != 0.0 {
-                axpy(*g, &s[i * r..(i + 1) * r], out);
+                axpy(*g, s, out);
             }
         }
     }
@@ -318,262 +397,171 @@ impl RunSweep {
     /// Adds `Σ Zᵀ (g + W [e; 0])` to `vector`.
     pub fn reduce_vector<D: Dynamics, C: ParameterConstraints>(
         &self,
-        problem: &Collocation<D, C>,
-        j: usize,
+        at: Place<'_, D, C>,
         kind: Hessian,
         vector: &mut [f64],
     ) {
         let (n, r) = (self.n, self.r());
         let zero = vec![0.0; self.p];
         let mut full = vec![0.0; n + self.p];
-        let mut row = vec![0.0; r];
-        for k in 0..self.first.len() {
-            self.model_gradient(
-                problem,
-                j,
-                k,
-                kind,
-                (&self.e[k * n..(k + 1) * n], &zero),
-                &mut full,
-            );
-            self.project(&full, &self.s[k * n * r..(k + 1) * n * r], &mut row);
-            axpy(1.0, &row, vector);
+        for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
+            let step = (self.e_of(&point.state), zero.as_slice());
+            if !self.model_gradient(at, i, kind, step, &mut full) {
+                continue;
+            }
+            axpy(1.0, &full[n..], &mut vector[..self.p]);
+            for (g, s) in full[..n]
+                .iter()
+                .zip(self.s_of(&point.state).chunks_exact(r))
+            {
+                if *g != 0.0 {
+                    axpy(*g, s, vector);
+                }
+            }
         }
     }
 
-    /// Writes node `k`'s `g + W [δx; δθ]` into `out` (n + p).
-    fn model_gradient<D: Dynamics, C: ParameterConstraints>(
+    /// Writes point `i`'s `g + W [δx; δθ]` into `out` (n + p); false when that is zero.
+    pub(super) fn model_gradient<D: Dynamics, C: ParameterConstraints>(
         &self,
-        problem: &Collocation<D, C>,
-        j: usize,
-        k: usize,
+        at: Place<'_, D, C>,
+        i: usize,
         kind: Hessian,
         (dx, dtheta): (&[f64], &[f64]),
         out: &mut [f64],
-    ) {
-        out.fill(0.0);
-        let first = &self.first[k];
-        let (n, pairs) = (self.n, problem.model.pairs.len());
-        if problem.sample(j, k).is_some() {
-            let h = &first.measured_gradient;
-            let change = dot(&h[..n], dx) + dot(&h[n..], dtheta);
-            axpy(
-                2.0 * problem.runs[j].weight * (change - self.residual[k]),
-                h,
-                out,
-            );
+    ) -> bool {
+        let (model, n) = (&at.problem.model, self.n);
+        let sample = at.problem.grids[at.j].points[i].sample;
+        let sample = sample
+            .map(|k| k as usize)
+            .filter(|k| self.weight[*k] != 0.0);
+        let curved = kind == Hessian::Exact && !model.pairs.is_empty();
+        if sample.is_none() && !curved {
+            return false;
         }
-        if kind == Hessian::Exact {
+        out.fill(0.0);
+        if let Some(k) = sample {
+            let h = &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)];
+            let change = dot(&h[..n], dx) + dot(&h[n..], dtheta);
+            axpy(self.weight[k] * (change - self.residual[k]), h, out);
+        }
+        if curved {
+            let pairs = model.pairs.len();
             let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
-            for (w, &(a, b)) in self.second[k * pairs..(k + 1) * pairs]
-                .iter()
-                .zip(&problem.model.pairs)
-            {
+            let values = &self.second[i * pairs..(i + 1) * pairs];
+            for (w, &(a, b)) in values.iter().zip(&model.pairs) {
                 out[a] += w * step(b);
                 if a != b {
                     out[b] += w * step(a);
                 }
             }
         }
+        true
     }
 
-    /// Row of the bounded signal at boundary `b`: its coefficients over the reduced variables, and its
+    /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
     /// change by the offsets alone.
-    pub fn bounded_row(&self, node: usize, out: &mut [f64]) -> f64 {
-        let (n, r) = (self.n, self.r());
-        let gradient = &self.first[node].bounded_gradient;
-        self.project(gradient, &self.s[node * n * r..(node + 1) * n * r], out);
-        dot(&gradient[..n], &self.e[node * n..(node + 1) * n])
+    pub fn bounded_row(&self, grid: &Grid, sample: usize, out: &mut [f64]) -> f64 {
+        let gradient = &self.bounded[sample * (self.n + self.p)..(sample + 1) * (self.n + self.p)];
+        let state = &grid.points[grid.observed[sample]].state;
+        self.project(gradient, self.s_of(state), out);
+        dot(&gradient[..self.n], self.e_of(state))
     }
 
-    /// Linear change of the bounded signal at a node for a step of the node and of θ.
-    pub fn bounded_change(&self, node: usize, dx: &[f64], dtheta: &[f64]) -> f64 {
-        let gradient = &self.first[node].bounded_gradient;
-        dot(&gradient[..self.n], dx) + dot(&gradient[self.n..], dtheta)
+    /// Linear change of the bounded signal at a sample by the last expanded step.
+    pub fn bounded_change(&self, grid: &Grid, sample: usize, dtheta: &[f64]) -> f64 {
+        let gradient = &self.bounded[sample * (self.n + self.p)..(sample + 1) * (self.n + self.p)];
+        let state = &grid.points[grid.observed[sample]].state;
+        dot(&gradient[..self.n], self.dx_of(state)) + dot(&gradient[self.n..], dtheta)
     }
 
-    /// All nodes' steps from the reduced variables, into `dx`.
-    pub fn expand(&mut self, rho: &[f64]) {
-        let r = self.r();
-        for ((dx, s), e) in self.dx.iter_mut().zip(self.s.chunks_exact(r)).zip(&self.e) {
-            *dx = e + dot(s, rho);
-        }
-    }
-
-    /// Backward sweep for the multipliers of the run's equalities, given the step in `dx` and `dtheta`
-    /// and the multipliers `eta` of the bounded signal at the boundaries. Returns the part of `dᵀHd`.
+    /// Backward sweep for the multipliers of the run's equalities, given the last expanded step,
+    /// `dtheta` and the multipliers `eta` of the bounded signal at the samples. Returns the part of
+    /// `dᵀHd`.
     pub fn adjoint<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        problem: &Collocation<D, C>,
-        j: usize,
+        &mut self,
+        at: Place<'_, D, C>,
+        stencils: &Stencils,
         kind: Hessian,
-        dtheta: &[f64],
-        eta: &[f64],
+        (dtheta, eta): (&[f64], &[f64]),
         lambda: &mut [f64],
     ) -> f64 {
-        let (n, s) = (self.n, problem.scheme.unknown_nodes());
-        let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
+        let (n, grid) = (self.n, &at.problem.grids[at.j]);
         let mut full = vec![0.0; n + self.p];
-        let mut right = vec![0.0; place.nodes * n];
         let mut curvature = 0.0;
-        for (k, right) in right.chunks_exact_mut(n).enumerate() {
-            let dx = &self.dx[k * n..(k + 1) * n];
-            self.model_gradient(problem, j, k, kind, (dx, dtheta), &mut full);
-            curvature += dot(&full[..n], dx) + dot(&full[n..], dtheta);
-            right.copy_from_slice(&full[..n]);
-            if problem.sample(j, k).is_some() {
-                // g is not part of the curvature
-                let h = &self.first[k].measured_gradient;
-                let pull = 2.0 * run.weight * self.residual[k];
-                curvature += pull * (dot(&h[..n], dx) + dot(&h[n..], dtheta));
+        let (mut right, mut omega) = (
+            std::mem::take(&mut self.right),
+            std::mem::take(&mut self.omega),
+        );
+        right.fill(0.0);
+        omega.fill(0.0);
+        let entries = at.problem.model.entries.len();
+        for (i, point) in grid.points.iter().enumerate().rev() {
+            let dx = self.dx_of(&point.state);
+            let sample = point.sample.map(|k| k as usize);
+            if self.model_gradient(at, i, kind, (dx, dtheta), &mut full) {
+                curvature += dot(&full[..n], dx) + dot(&full[n..], dtheta);
+                if let Some(k) = sample.filter(|k| self.weight[*k] != 0.0) {
+                    // The objective's gradient is in `full`, and no part of the Hessian.
+                    let h = &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)];
+                    let along = dot(&h[..n], dx) + dot(&h[n..], dtheta);
+                    curvature += self.weight[k] * self.residual[k] * along;
+                }
+            } else {
+                full.fill(0.0);
             }
-            if k % s == 0 && eta[k / s] != 0.0 {
-                axpy(eta[k / s], &self.first[k].bounded_gradient[..n], right);
+            if let Some(k) = sample.filter(|k| eta[*k] != 0.0) {
+                let own = k * (n + self.p)..(k + 1) * (n + self.p);
+                axpy(eta[k], &self.bounded[own], &mut full);
             }
-        }
-        for interval in (0..run.intervals()).rev() {
-            let start = interval * s;
-            let rows = place.known + start * n;
-            let out = &mut lambda[rows..rows + s * n];
-            let (head, tail) = right.split_at_mut((start + 1) * n);
-            out.iter_mut().zip(tail.iter()).for_each(|(o, v)| *o = -v);
-            if !problem.scheme.is_explicit() {
-                let size = s * n;
-                let lu = &self.lu[interval * size * size..(interval + 1) * size * size];
-                lu_solve_transposed(
-                    lu,
-                    size,
-                    &self.pivots[interval * size..(interval + 1) * size],
-                    out,
-                );
-            }
-            let carry = &mut head[start * n..];
-            for (i, row) in problem.scheme.weights.iter().enumerate() {
-                let part = &out[i * n..(i + 1) * n];
-                axpy(-1.0, part, carry);
-                let factor = -run.step(interval) * row[0];
-                for (value, &(l, c)) in self.first[start]
-                    .jacobian
-                    .iter()
-                    .zip(&problem.model.entries)
-                {
-                    if c < n {
-                        carry[c] += factor * value * part[l];
-                    }
+            if grid.combinations > 0 && point.collocated {
+                let jacobian = &self.jacobian[i * entries..(i + 1) * entries];
+                let own = jacobian.iter().zip(&at.problem.model.entries);
+                for (value, &(l, c)) in own.take_while(|(_, (_, c))| *c < n) {
+                    full[c] += omega[i * n + l] * value;
                 }
             }
+            match &point.state {
+                PointState::Node(k) => axpy(1.0, &full[..n], &mut right[k * n..(k + 1) * n]),
+                PointState::Combination(c) => distribute(c, &full[..n], &mut right, &mut omega),
+            }
         }
-        let known = (0..n).filter(|i| !self.free.contains(i));
-        known
-            .zip(lambda.iter_mut())
-            .for_each(|(i, out)| *out = -right[i]);
+        self.omega = omega;
+        self.eliminate_backward(at, stencils, &mut right, lambda);
+        self.right = right;
         curvature
     }
 }
 
-/// Weights of `f̄` of node `k` in `λᵀ c`: `-h Σ_i a_ij λ_i` over the intervals that the node is in.
-pub fn node_weights<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    j: usize,
-    k: usize,
-    lambda: &[f64],
-    out: &mut [f64],
-) {
-    let (n, s) = (problem.n_states(), problem.scheme.unknown_nodes());
-    let (run, place) = (&problem.runs[j], problem.layout.runs[j]);
-    out.fill(0.0);
-    let mut add = |interval: usize, column: usize| {
-        for (i, row) in problem.scheme.weights.iter().enumerate() {
-            let rows = place.c + place.known + (interval * s + i) * n;
-            axpy(
-                -run.step(interval) * row[column],
-                &lambda[rows..rows + n],
-                out,
-            );
-        }
-    };
-    if k.is_multiple_of(s) && k > 0 {
-        add(k / s - 1, s);
+/// Adds the derivative by a combination to those by its parts.
+fn distribute(combination: &Combination, gradient: &[f64], nodes: &mut [f64], omega: &mut [f64]) {
+    let n = gradient.len();
+    for &(k, p) in &combination.p {
+        axpy(p, gradient, &mut nodes[k * n..(k + 1) * n]);
     }
-    if k / s < run.intervals() {
-        add(k / s, k % s);
+    for &(l, q) in &combination.q {
+        axpy(q, gradient, &mut omega[l * n..(l + 1) * n]);
     }
 }
 
-/// Contribution of the interval's first node: row block `i` is `(I + h a_i0 A_0) from`.
-fn start_transition<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    h: f64,
-    first: &FirstOrder,
-    from: &[f64],
-    to: &mut [f64],
-    columns: usize,
-) {
-    let n = problem.n_states();
-    for (row, to) in problem
-        .scheme
-        .weights
-        .iter()
-        .zip(to.chunks_exact_mut(n * columns))
-    {
-        to.copy_from_slice(&from[..n * columns]);
-        if row[0] == 0.0 {
-            continue;
-        }
-        for (value, &(i, c)) in first.jacobian.iter().zip(&problem.model.entries) {
-            if c < n {
-                let source = &from[c * columns..(c + 1) * columns];
-                axpy(
-                    h * row[0] * value,
-                    source,
-                    &mut to[i * columns..(i + 1) * columns],
-                );
+/// Adds `w z_a z_bᵀ`, with `z_a` row `a` of `Z = [S; I]`; of a pair of parameter and state only the
+/// order whose row is the parameter's.
+fn add_pair(w: f64, a: usize, b: usize, s: &[f64], (n, r): (usize, usize), matrix: &mut [f64]) {
+    match (a < n, b < n) {
+        (true, true) => {
+            for i in 0..r {
+                let row = &mut matrix[i * r..(i + 1) * r];
+                axpy(w * s[a * r + i], &s[b * r..(b + 1) * r], row);
             }
         }
-    }
-}
-
-/// Right-hand side of an interval's sensitivities: the first node's transition, and every node's
-/// direct dependence on θ.
-fn right_hand_side<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    h: f64,
-    nodes: &[FirstOrder],
-    from: &[f64],
-    to: &mut [f64],
-    r: usize,
-) {
-    let n = problem.n_states();
-    start_transition(problem, h, &nodes[0], from, to, r);
-    for (i, row) in problem.scheme.weights.iter().enumerate() {
-        for (node, a) in nodes.iter().zip(*row).filter(|(_, a)| **a != 0.0) {
-            for (value, &(l, c)) in node.jacobian.iter().zip(&problem.model.entries) {
-                if c >= n {
-                    to[(i * n + l) * r + c - n] += h * a * value;
-                }
-            }
+        (true, false) => {
+            let row = &mut matrix[(b - n) * r..(b - n + 1) * r];
+            axpy(w, &s[a * r..(a + 1) * r], row);
         }
-    }
-}
-
-/// `M = I - h [a_ij A_j]` over the unknown nodes of an interval.
-fn interval_matrix<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    h: f64,
-    nodes: &[FirstOrder],
-    matrix: &mut [f64],
-) {
-    let (n, s) = (problem.n_states(), problem.scheme.unknown_nodes());
-    let size = n * s;
-    matrix.fill(0.0);
-    (0..size).for_each(|i| matrix[i * size + i] = 1.0);
-    for (i, row) in problem.scheme.weights.iter().enumerate() {
-        for (j, a) in row[1..].iter().enumerate().filter(|(_, a)| **a != 0.0) {
-            for (value, &(l, c)) in nodes[j + 1].jacobian.iter().zip(&problem.model.entries) {
-                if c < n {
-                    matrix[(i * n + l) * size + j * n + c] -= h * a * value;
-                }
-            }
+        (false, true) => {
+            let row = &mut matrix[(a - n) * r..(a - n + 1) * r];
+            axpy(w, &s[b * r..(b + 1) * r], row);
         }
+        (false, false) => matrix[(a - n) * r + b - n] += w,
     }
 }

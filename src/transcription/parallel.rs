@@ -1,0 +1,32 @@
+//! Work on all runs at once. Each run writes to its own part only, and sums over runs are formed
+//! afterwards in their order: results have the same bits for any number of threads.
+
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Calls `work(index, item)` for every item, in parallel where there is more than one thread.
+pub fn each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+    if items.len() > 1 && rayon::current_num_threads() > 1 {
+        items
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(i, item)| work(i, item));
+    } else {
+        items
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, item)| work(i, item));
+    }
+}
+
+/// The parts of a slice at consecutive ranges that follow each other.
+pub fn parts<'a>(
+    mut rest: &'a mut [f64],
+    ranges: impl Iterator<Item = Range<usize>> + 'a,
+) -> impl Iterator<Item = &'a mut [f64]> {
+    ranges.map(move |range| {
+        let (part, tail) = std::mem::take(&mut rest).split_at_mut(range.len());
+        rest = tail;
+        part
+    })
+}
