@@ -8,9 +8,11 @@
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};
+use super::curvature::{Cone, Curvature, MAX_SIZE, activities, null_space};
 use super::iterate::violation;
 use super::problem::Pattern;
 use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step};
+use nalgebra::{DMatrix, DVector};
 
 /// Ladder of ρ, relative to the largest entry of the Hessian.
 const CONVEXIFICATION: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e8];
@@ -123,6 +125,50 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
             .for_each(|&(i, j, v)| values[i] -= v * step.d[j]);
         let (c, g) = values.split_at(trial.c.len());
         self.solve_at(problem.limits(), c, g, step)
+    }
+
+    fn curvature(&mut self, problem: &P, at: &Iterate) -> Option<Curvature> {
+        let n = at.z.len();
+        let w = self.exact.as_ref().filter(|_| n <= MAX_SIZE)?;
+        let mut hessian = DMatrix::zeros(n, n);
+        for &(i, j, v) in w {
+            hessian[(i, j)] += v;
+            if i != j {
+                hessian[(j, i)] += v;
+            }
+        }
+        let mut rows = vec![DVector::zeros(n); at.c.len() + at.g.len()];
+        (self.jacobian.iter()).for_each(|&(i, j, v)| rows[i][j] += v);
+        let inequalities = rows.split_off(at.c.len());
+        let reduced = Reduced::new(&rows, problem.damping_weights())?;
+        let mut cone = Cone::default();
+        for (row, activity) in inequalities.iter().zip(activities(problem, at)) {
+            cone.add(activity, reduced.basis.tr_mul(row));
+        }
+        let mut found = cone.smallest(&reduced.basis.tr_mul(&(hessian * &reduced.basis)))?;
+        if !found.direction.is_empty() {
+            let direction = &reduced.basis * DVector::from_vec(found.direction);
+            found.direction = direction.as_slice().to_vec();
+        }
+        Some(found)
+    }
+}
+
+/// The tangent space of the equalities.
+struct Reduced {
+    /// A basis, as columns, that is orthonormal in the metric of the damping weights.
+    basis: DMatrix<f64>,
+}
+
+impl Reduced {
+    /// None when the weights are no metric there.
+    fn new(equalities: &[DVector<f64>], weights: &[f64]) -> Option<Self> {
+        let z = null_space(equalities, weights.len());
+        let weighted = DMatrix::from_fn(z.nrows(), z.ncols(), |i, j| weights[i] * z[(i, j)]);
+        let l = z.tr_mul(&weighted).cholesky()?.unpack();
+        // Z L⁻ᵀ
+        let basis = l.solve_lower_triangular(&z.transpose())?.transpose();
+        Some(Self { basis })
     }
 }
 

@@ -9,13 +9,14 @@
 
 mod active;
 pub mod arrow;
+mod curvature;
 mod dense;
 mod run;
 
 use super::Collocation;
 use super::constraints::ParameterConstraints;
 use crate::sqp::convex::ConvexSolution;
-use crate::sqp::{Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
+use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
 use active::{Row, RowAt};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
@@ -124,6 +125,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             self.g[at] = trial.g[at] - dense::dot(row, dtheta);
         }
         self.solve_shifted(problem, hessian, damping, step)
+    }
+
+    fn curvature(&mut self, problem: &Collocation<D, C>, at: &Iterate) -> Option<Curvature> {
+        self.smallest_curvature(problem, at)
     }
 }
 

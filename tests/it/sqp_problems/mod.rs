@@ -1,17 +1,19 @@
 //! The SQP on problems with known answers, through its public interface and the general QP path.
 
+mod hostile;
 mod library;
 
 use library::{Answer, Example, examples};
 use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
+use pilotage::sqp::curvature::TOLERANCE;
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{Hessian, Options, Problem, Solution, SparseProblem, SparseQp, Status, solve};
 use std::ops::ControlFlow;
 
-/// An example as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
-struct Nlp {
-    example: Example,
+/// A problem as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
+struct Nlp<F> {
+    functions: F,
     limits: (Vec<f64>, Vec<f64>),
     weights: Vec<f64>,
     n_equalities: usize,
@@ -20,25 +22,27 @@ struct Nlp {
 /// Objective, equalities, inequalities.
 type Values = (HyperDual64, Vec<HyperDual64>, Vec<HyperDual64>);
 
-impl Nlp {
-    fn new(example: Example) -> Self {
+impl<F: Functions> Nlp<F> {
+    fn new(functions: F, limits: &[(f64, f64)], n_variables: usize) -> Self {
         let mut nlp = Self {
-            limits: example.limits.iter().copied().unzip(),
-            weights: vec![1.0; example.start.len()],
+            functions,
+            limits: limits.iter().copied().unzip(),
+            weights: vec![1.0; n_variables],
             n_equalities: 0,
-            example,
         };
-        nlp.n_equalities = nlp.values(nlp.example.start, 0, 0).1.len();
+        nlp.n_equalities = nlp.values(&vec![0.0; n_variables], 0, 0).1.len();
         nlp
     }
 
     /// Values with their derivatives by variables `i` and `j`.
     fn values(&self, z: &[f64], i: usize, j: usize) -> Values {
         let mut z: Vec<HyperDual64> = z.iter().map(|v| HyperDual64::from(*v)).collect();
-        z[i].eps1 = 1.0;
-        z[j].eps2 = 1.0;
+        if !z.is_empty() {
+            z[i].eps1 = 1.0;
+            z[j].eps2 = 1.0;
+        }
         let (mut c, mut g) = (Vec::new(), Vec::new());
-        let f = (self.example.functions)(&z, &mut c, &mut g);
+        let f = (self.functions)(&z, &mut c, &mut g);
         (f, c, g)
     }
 
@@ -49,9 +53,20 @@ impl Nlp {
     }
 }
 
-impl Problem for Nlp {
+/// Returns the objective and pushes the values of the constraints.
+trait Functions:
+    Fn(&[HyperDual64], &mut Vec<HyperDual64>, &mut Vec<HyperDual64>) -> HyperDual64
+{
+}
+
+impl<F: Fn(&[HyperDual64], &mut Vec<HyperDual64>, &mut Vec<HyperDual64>) -> HyperDual64> Functions
+    for F
+{
+}
+
+impl<F: Functions> Problem for Nlp<F> {
     fn n_variables(&self) -> usize {
-        self.example.start.len()
+        self.weights.len()
     }
 
     fn n_equalities(&self) -> usize {
@@ -74,7 +89,7 @@ impl Problem for Nlp {
     }
 }
 
-impl SparseProblem for Nlp {
+impl<F: Functions> SparseProblem for Nlp<F> {
     fn gradient(&self, z: &[f64], gradient: &mut [f64]) {
         gradient
             .iter_mut()
@@ -129,33 +144,32 @@ impl SparseProblem for Nlp {
     }
 }
 
-fn run(nlp: &Nlp) -> Solution {
-    let start = nlp.example.start.to_vec();
+fn run<F: Functions>(nlp: &Nlp<F>, start: &[f64]) -> Solution {
     solve(
         nlp,
         &mut SparseQp::default(),
-        start,
+        start.to_vec(),
         &Options::default(),
         &mut |_| ControlFlow::Continue(()),
     )
 }
 
 /// ℓ1 norm of the violation of all constraints.
-fn l1_violation(nlp: &Nlp, solution: &Solution) -> f64 {
-    let rows = solution.iterate.g.iter().zip(nlp.example.limits);
+fn l1_violation(example: &Example, solution: &Solution) -> f64 {
+    let rows = solution.iterate.g.iter().zip(example.limits);
     let inequalities: f64 = rows.map(|(g, (l, u))| (l - g).max(g - u).max(0.0)).sum();
     inequalities + solution.iterate.c.iter().map(|c| c.abs()).sum::<f64>()
 }
 
 /// Why a solution does not agree with what is known; None when it does.
-fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
+fn disagreement(example: &Example, solution: &Solution) -> Option<String> {
     let (iterate, status) = (&solution.iterate, solution.status);
     let distance = |z: &[f64]| {
         z.iter()
             .zip(&iterate.z)
             .fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()))
     };
-    let (right, expected) = match &nlp.example.answer {
+    let (right, expected) = match &example.answer {
         Answer::Optimum { f, z } => {
             let near = (iterate.f - f).abs() < 1e-6 * (1.0 + f.abs()) && distance(z) < 1e-5;
             (
@@ -168,16 +182,20 @@ fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
             (near, format!("near f = {f}, z = {z:?}"))
         }
         Answer::Infeasible { violation } => {
-            let near = (l1_violation(nlp, solution) - violation).abs() < 1e-3;
+            let near = (l1_violation(example, solution) - violation).abs() < 1e-3;
             (
                 status == Status::Infeasible && near,
                 format!("infeasible, violated by {violation}"),
             )
         }
         Answer::Unbounded => (status == Status::Unbounded, "unbounded".into()),
+        Answer::Saddle { z } => (
+            status == Status::SaddlePoint && distance(z) < 1e-8,
+            format!("saddle-point, z = {z:?}"),
+        ),
     };
     (!right).then(|| {
-        let Example { name, source, .. } = &nlp.example;
+        let Example { name, source, .. } = example;
         format!(
             "{name} ({source}): {status}, f = {}, z = {:?}; expected {expected}",
             iterate.f, iterate.z
@@ -188,23 +206,32 @@ fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
 #[test]
 fn known_problems_end_as_known() {
     let mut table = format!(
-        "{:<16} {:<16} iterations evaluations linearisations qps\n",
+        "{:<16} {:<16} iterations evaluations linearisations qps escapes curvature\n",
         "problem", "status"
     );
     let mut wrong = Vec::new();
     for example in examples() {
-        let nlp = Nlp::new(example);
-        let solution = run(&nlp);
-        let (name, work) = (nlp.example.name, solution.work);
+        let nlp = Nlp::new(example.functions, example.limits, example.start.len());
+        let solution = run(&nlp, example.start);
+        let (name, work) = (example.name, solution.work);
+        let curvature = solution.curvature.map_or("-".into(), |c| format!("{c:.3}"));
         table += &format!(
-            "{name:<16} {:<16} {:>10} {:>11} {:>14} {:>3}\n",
+            "{name:<16} {:<16} {:>10} {:>11} {:>14} {:>3} {:>7} {curvature:>9}\n",
             solution.status.as_str(),
             work.iterations,
             work.evaluations,
             work.linearisations,
-            work.qps
+            work.qps,
+            work.escapes,
         );
-        wrong.extend(disagreement(&nlp, &solution));
+        wrong.extend(disagreement(&example, &solution));
+        if solution.status == Status::Converged {
+            let curvature = solution.curvature.expect("small enough to be checked");
+            assert!(
+                (-TOLERANCE..=1.0).contains(&curvature),
+                "{name}: {curvature}"
+            );
+        }
     }
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
