@@ -177,8 +177,9 @@ pub fn null_space(rows: &[DVector<f64>], n: usize) -> DMatrix<f64> {
         return basis;
     }
     let qr = DMatrix::from_columns(&units).col_piv_qr();
-    let rank = (qr.r().diagonal().iter())
-        .take_while(|pivot| pivot.abs() > RANK)
+    let r = qr.r();
+    let rank = (0..r.nrows())
+        .take_while(|&i| r[(i, i)].abs() > RANK)
         .count();
     qr.q_tr_mul(&mut basis);
     basis.rows(rank, n - rank).transpose()
@@ -190,6 +191,11 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn null_spaces_are_orthonormal_and_complete(
             n in 1_usize..9, m in 0_usize..9, copies in 0_usize..3,

@@ -62,7 +62,7 @@ pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     pub(super) merit: Merit,
     pub(super) damping: f64,
     pub(super) work: Work,
-    /// Of the last point at which it was looked at.
+    /// Smallest, scaled; at a KKT point.
     curvature: Option<f64>,
     /// Objective at the last saddle.
     pub(super) saddle: f64,
@@ -114,23 +114,25 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
 
     /// What the current point is.
     fn verdict(&mut self, kkt: Kkt, exact: bool) -> Verdict {
-        let undefined = kkt.residual().is_nan();
+        self.curvature = None;
         let residual = kkt.residual();
-        if undefined && self.work.iterations == 0 {
-            return Verdict::Done(Status::UndefinedStart);
-        }
-        if undefined {
+        if residual.is_nan() {
             // Finite values with derivatives that are not.
-            return Verdict::Done(Status::NoProgress);
-        }
-        if kkt.primal <= self.options.tolerance && self.has_diverged() {
-            return Verdict::Done(Status::Unbounded);
+            return Verdict::Done(match self.work.iterations {
+                0 => Status::UndefinedStart,
+                _ => Status::NoProgress,
+            });
         }
         if residual > self.options.tolerance {
-            return match self.current.z.is_empty() {
-                true => Verdict::Done(Status::Infeasible),
-                false => Verdict::GoOn,
-            };
+            let is_feasible = kkt.primal <= self.options.tolerance;
+            if is_feasible && self.has_diverged() {
+                return Verdict::Done(Status::Unbounded);
+            }
+            if self.current.z.is_empty() {
+                // There is nothing to move.
+                return Verdict::Done(Status::Infeasible);
+            }
+            return Verdict::GoOn;
         }
         if !exact {
             self.linearise(true);

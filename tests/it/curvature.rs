@@ -1,10 +1,15 @@
 //! The second-order condition of a collocation problem: on the reduced variables and on all of them.
 
-use crate::random_collocation::{Draw, Random, iterate, problem};
+use crate::random_collocation::{Constraints, Draw, Random, iterate, problem};
+use pilotage::models::{Dynamics, Scalar};
 use pilotage::sqp::curvature::{Activity, activities};
 use pilotage::sqp::problem::Pattern;
-use pilotage::sqp::{Curvature, Hessian, Iterate, Problem, QpSolver, SparseProblem, SparseQp};
-use pilotage::transcription::Condensed;
+use pilotage::sqp::{
+    self, Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, Status,
+};
+use pilotage::transcription::scheme::TRAPEZOID;
+use pilotage::transcription::{Collocation, Condensed, Run, Scales};
+use std::ops::ControlFlow;
 
 /// A random point, with values at their limits, with and without a multiplier.
 fn with_active_rows(problem: &Random, seed: u64) -> Iterate {
@@ -105,4 +110,76 @@ fn both_paths_find_the_same_smallest_curvature() {
         }
     }
     assert!(negative > 20 && vertices > 4, "{negative} {vertices}");
+}
+
+/// `ẋ = θ² w`, x measured: θ and -θ do the same, so θ = 0 is a KKT point whatever was measured.
+#[derive(Debug, Clone)]
+struct Squared;
+
+impl Dynamics for Squared {
+    fn n_states(&self) -> usize {
+        1
+    }
+
+    fn n_parameters(&self) -> usize {
+        1
+    }
+
+    fn n_inputs(&self) -> usize {
+        1
+    }
+
+    fn derivative<T: Scalar>(&self, _: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+        dx[0] = theta[0] * theta[0] * w[0];
+    }
+
+    fn measured<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+        x[0]
+    }
+
+    fn bounded<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+        x[0]
+    }
+}
+
+/// From θ = 0 to the θ that explains `x = slope t`, with `|x| ≤ limit`.
+fn from_the_saddle<Q>(slope: f64, limit: f64) -> Solution
+where
+    Q: QpSolver<Collocation<Squared, Constraints>> + Default,
+{
+    let time: Vec<f64> = (0..6).map(|k| 0.2 * f64::from(k)).collect();
+    let run = Run {
+        inputs: vec![vec![1.0]; time.len()],
+        measured: time.iter().map(|t| slope * t).collect(),
+        weight: 1.0,
+        initial: vec![Some(0.0)],
+        time,
+    };
+    let scales = Scales {
+        states: vec![1.0],
+        parameters: vec![1.0],
+    };
+    let problem = Collocation::new(Squared, Constraints, &TRAPEZOID, vec![run], scales, limit);
+    let start = vec![0.0; problem.n_variables()];
+    let options = sqp::Options::default();
+    sqp::solve(&problem, &mut Q::default(), start, &options, &mut |_| {
+        ControlFlow::Continue(())
+    })
+}
+
+#[test]
+fn a_fit_does_not_end_at_a_saddle() {
+    // What is measured asks for θ = ±1.2; for θ = ±1, since x stays below 1; for θ = 0.
+    for (slope, limit, theta) in [(1.44, 50.0, 1.2), (1.44, 1.0, 1.0), (-1.0, 50.0, 0.0)] {
+        for solution in [
+            from_the_saddle::<Condensed>(slope, limit),
+            from_the_saddle::<SparseQp>(slope, limit),
+        ] {
+            assert_eq!(solution.status, Status::Converged, "{solution:?}");
+            let found = solution.iterate.z.last().unwrap();
+            assert!((found.abs() - theta).abs() < 1e-6, "{found} for {theta}");
+            assert_eq!(solution.work.escapes, usize::from(theta > 0.0));
+            assert!(solution.curvature.unwrap() > 0.0, "{solution:?}");
+        }
+    }
 }

@@ -82,7 +82,7 @@ mod tests {
         });
         insta::assert_snapshot!(format!("{HEADER}\n{text}"), @"
         start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
-            2    12 -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
+            2    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
         ");
     }
 }

@@ -26,6 +26,7 @@ impl Condensed {
         if self.singular {
             return None;
         }
+        self.g.clone_from(&self.g_iterate);
         let arrow = self.exact.as_ref()?;
         let rows = self.active_rows(problem, at);
         let mut found = match arrow.size() <= MAX_SIZE {
@@ -196,6 +197,11 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: proptest::test_runner::RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn few_and_many_agree(
             p in 1_usize..4, free in prop::collection::vec(0_usize..4, 0..4), parameter_row in any::<bool>(),

@@ -132,7 +132,7 @@ impl<F: Functions> SparseProblem for Nlp<F> {
             let inequalities: f64 = g.iter().zip(eta).map(|(g, e)| g.eps1eps2 * e).sum();
             f.eps1eps2 + equalities + inequalities
         });
-        if kind == Hessian::GaussNewton {
+        if kind == Hessian::GaussNewton && n > 0 {
             let eigen = w.symmetric_eigen();
             let magnitudes = DVector::from_iterator(n, eigen.eigenvalues.iter().map(|v| v.abs()));
             let v = &eigen.eigenvectors;
