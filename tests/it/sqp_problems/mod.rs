@@ -235,34 +235,49 @@ fn known_problems_end_as_known() {
     }
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
-    problem          status           iterations evaluations linearisations qps
-    HS1              converged                25          94             26  85
-    HS2              converged                 8          21              9  23
-    HS6              converged                 5          12              6  10
-    HS7              converged                10          26             11  21
-    HS10             converged                12          30             13  27
-    HS12             converged                 8          16              9  16
-    HS12 twice       converged                 8          16              9  16
-    HS13             no-progress              17          34             18  61
-    HS26             converged                24          49             25  48
-    HS28             converged                 3           6              4   6
-    HS35             converged                 3           5              4   5
-    HS39             converged                13          36             14  28
-    HS40             converged                 4           8              5   8
-    HS43             converged                 7          17              8  15
-    HS71             converged                 5           9              6  10
-    HS76             converged                 3           5              4   5
-    HS78             converged                 6          11              7  11
-    HS100            converged                 6          28              7  19
-    Maratos          converged                 6          11              7  11
-    Wächter-Biegler  infeasible                4           8              5  13
-    linear program   converged                 2           3              3   3
-    equality as g    converged                 3           5              4   5
-    equality twice   converged                 5          11              6  10
-    parallel lines   infeasible                2          10              3  10
-    line and disc    infeasible               16          62             17  47
-    isolated         infeasible               14          58             15  44
-    half line        unbounded                 8          16              9  16
-    saddle           unbounded                37          74             38 110
+    problem          status           iterations evaluations linearisations qps escapes curvature
+    HS1              converged                25          94             26  85       0     0.000
+    HS2              converged                 8          21              9  23       0     1.000
+    HS6              converged                 5          12              6  10       0     0.400
+    HS7              converged                10          26             11  21       0     1.000
+    HS10             converged                12          30             13  27       0     1.000
+    HS12             converged                 8          16              9  16       0     1.000
+    HS12 twice       converged                 8          16              9  16       0     1.000
+    HS13             no-progress              17          34             18  61       0         -
+    HS14             converged                 5          10              6  10       0     1.000
+    HS22             converged                 5           9              6   9       0     1.000
+    HS26             converged                24          49             25  48       0     0.000
+    HS28             converged                 3           6              4   6       0     0.152
+    HS35             converged                 3           5              4   5       0     0.398
+    HS39             converged                13          36             14  28       0     0.707
+    HS40             converged                 4           8              5   8       0     1.000
+    HS43             converged                 7          17              8  15       0     0.668
+    HS65             converged                 5           9              6   9       0     0.333
+    HS71             converged                 5           9              6  10       0     1.000
+    HS76             converged                 3           5              4   5       0     0.479
+    HS78             converged                 6          11              7  11       0     0.700
+    HS100            converged                 6          28              7  19       0     0.068
+    HS113            converged                 5           9              6   9       0     0.207
+    Maratos          converged                 6          11              7  11       0     1.000
+    Wächter-Biegler  infeasible                4           8              5  13       0         -
+    linear program   converged                 2           3              3   3       0     1.000
+    equality as g    converged                 3           5              4   5       0     1.000
+    equality twice   converged                 5          11              6  10       0     1.000
+    idle bounds      converged                 3           6              4   6       0     0.707
+    no solution at z infeasible                1           2              2   3       0         -
+    parallel lines   infeasible                2          10              3  10       0         -
+    line and disc    infeasible               16          62             17  47       0         -
+    isolated         infeasible               14          58             15  44       0         -
+    half line        unbounded                 8          16              9  16       0         -
+    saddle           unbounded                37          74             38 110       0         -
+    ridge            converged                 8          23              9  21       1     0.447
+    start on saddle  converged                 5          17              7  13       1     0.447
+    half ridge       converged                 8          23              9  21       1     0.447
+    corner           converged                 5          17              7  13       1     0.447
+    copositive       converged                19          38             20  55       0     0.392
+    pole of circle   converged                15          47             16  39       1     1.000
+    pole of disc     converged                13          36             14  37       1     1.000
+    bounded ridge    converged                 7          12              8  16       1     1.000
+    knife edge       saddle-point              3          46              4   8       0    -0.707
     ");
 }
