@@ -510,7 +510,7 @@ pub fn examples() -> Vec<Example> {
             },
         },
         Example {
-            name: "no solution at z",
+            name: "gap",
             source: "x ≤ 0 and x ≥ 1: inconsistent bounds",
             functions: |z, _, g| {
                 g.extend([z[0], z[0]]);

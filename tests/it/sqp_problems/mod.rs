@@ -264,7 +264,7 @@ fn known_problems_end_as_known() {
     equality as g    converged                 3           5              4   5       0     1.000
     equality twice   converged                 5          11              6  10       0     1.000
     idle bounds      converged                 3           6              4   6       0     0.707
-    no solution at z infeasible                1           2              2   3       0         -
+    gap              infeasible                1           2              2   3       0         -
     parallel lines   infeasible                2          10              3  10       0         -
     line and disc    infeasible               16          62             17  47       0         -
     isolated         infeasible               14          58             15  44       0         -
