@@ -10,11 +10,14 @@ use super::Condensed;
 use super::active::RowAt;
 use super::arrow::Arrow;
 use super::dense::{axpy, dot};
-use crate::sqp::curvature::{Activity, Cone, Curvature, MAX_SIZE, activities};
+use crate::sqp::curvature::{Activity, Cone, Curvature, activities};
 use crate::sqp::{Iterate, Problem, Step};
 use crate::transcription::{Collocation, ParameterConstraints};
 use nalgebra::{DMatrix, DVector};
 use pilotage_models::Dynamics;
+
+/// Reduced variables up to which all eigenvalues are computed.
+const FEW: usize = 200;
 
 impl Condensed {
     /// See [`QpSolver::curvature`](crate::sqp::QpSolver::curvature).
@@ -29,7 +32,7 @@ impl Condensed {
         self.g.clone_from(&self.g_iterate);
         let arrow = self.exact.as_ref()?;
         let rows = self.active_rows(problem, at);
-        let mut found = match arrow.size() <= MAX_SIZE {
+        let mut found = match arrow.size() <= FEW {
             true => among_few(arrow, &rows),
             false => among_many(arrow, &rows),
         }?;
