@@ -6,6 +6,11 @@
 //! vectors lies inside one of its faces and is an eigenvector of the Hessian projected on the face's span
 //! (W. Kaplan, *A test for copositive matrices*, Linear Algebra Appl. 313, 2000), so all faces are
 //! looked at. Without weakly active inequalities there is one face: the null space of the active rows.
+//!
+//! The sign of the curvature does not depend on the variables' scales, but its size and the rounding in
+//! it do, and reduced variables may differ by many orders of magnitude. So the reduced Hessian is scaled
+//! to a unit diagonal first, which is nearly the best that a diagonal scaling can do (A. van der Sluis,
+//! *Condition numbers and equilibration of matrices*, Numer. Math. 14, 1969).
 
 use super::Problem;
 use super::iterate::Iterate;
@@ -27,13 +32,13 @@ pub const MAX_SIZE: usize = 500;
 /// The smallest curvature of the Lagrangian over the critical cone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curvature {
-    /// Scaled: over the Frobenius norm of the projected Hessian, or over one where that is larger. At
-    /// most one, which is also what a vertex has: it leaves no direction.
+    /// Smallest eigenvalue of the reduced Hessian, scaled to a unit diagonal and projected on the cone,
+    /// over that matrix's Frobenius norm (or over one, where that is larger). At most one, which is
+    /// also what a vertex has: it leaves no direction.
     pub smallest: f64,
     /// `dᵀWd` along the direction.
     pub along: f64,
-    /// The direction `d` that has it, in all variables, of unit length in the metric of the
-    /// [damping weights](Problem::damping_weights); empty at a vertex.
+    /// The direction `d` that has it, of any length; empty at a vertex.
     pub direction: Vec<f64>,
 }
 
@@ -106,8 +111,8 @@ impl Cone {
         }
     }
 
-    /// The smallest curvature of `h` over the cone, with the Euclidean metric. None when it cannot be
-    /// computed: too large, or not finite.
+    /// The smallest curvature of `h` over the cone. None when it cannot be computed: too large, or not
+    /// finite.
     pub fn smallest(mut self, h: &DMatrix<f64>) -> Option<Curvature> {
         if h.nrows() > MAX_SIZE || h.iter().any(|v| !v.is_finite()) {
             return None;
@@ -115,8 +120,12 @@ impl Cone {
         if self.weak.len() > MAX_WEAK {
             self.held.extend(self.weak.drain(MAX_WEAK..));
         }
+        let unit = DVector::from_iterator(h.nrows(), h.diagonal().iter().map(|v| unit(*v)));
+        let h = DMatrix::from_fn(h.nrows(), h.ncols(), |i, j| h[(i, j)] * unit[i] * unit[j]);
+        let rows = self.held.iter_mut().chain(&mut self.weak);
+        rows.for_each(|row| row.component_mul_assign(&unit));
         let span = null_space(&self.held, h.nrows());
-        let projected = span.tr_mul(&(h * &span));
+        let projected = span.tr_mul(&(&h * &span));
         let scale = projected.norm().max(1.0);
         let weak: Vec<DVector<f64>> = (self.weak.iter())
             .map(|row| (span.tr_mul(row), RANK * row.norm()))
@@ -130,10 +139,16 @@ impl Cone {
             least.map_or_else(Curvature::vertex, |(along, direction)| Curvature {
                 smallest: along / scale,
                 along,
-                direction: (span * direction).as_slice().to_vec(),
+                direction: (span * direction).component_mul(&unit).as_slice().to_vec(),
             }),
         )
     }
+}
+
+/// The unit of a variable in which a diagonal entry of the Hessian becomes one; entries below one are
+/// left, since a flat direction of a scaled problem is flat.
+pub fn unit(diagonal: f64) -> f64 {
+    1.0 / diagonal.abs().max(1.0).sqrt()
 }
 
 /// The smallest eigenvalue whose eigenvector lies in the cone `weak · d ≤ 0`, on its face where the rows
@@ -232,7 +247,6 @@ mod tests {
             prop_assert!(found.smallest <= 1.0);
             if !found.direction.is_empty() {
                 let d = DVector::from_vec(found.direction.clone());
-                prop_assert!((d.norm() - 1.0).abs() < 1e-9);
                 prop_assert!((d.dot(&(&h * &d)) - found.along).abs() < 1e-9);
                 prop_assert!(cone.held.iter().all(|row| row.dot(&d).abs() < 1e-9));
                 prop_assert!(cone.weak.iter().all(|row| row.dot(&d) < 1e-8));
@@ -242,7 +256,8 @@ mod tests {
                 let d = &span * span.tr_mul(&DVector::from_column_slice(chunk));
                 let inside = d.norm() > 1e-3 && cone.weak.iter().all(|row| row.dot(&d) <= 0.0);
                 if inside {
-                    let d = d.normalize();
+                    let unit = DVector::from_iterator(n, h.diagonal().iter().map(|v| unit(*v)));
+                    let d = d.component_div(&unit).normalize().component_mul(&unit);
                     prop_assert!(!found.direction.is_empty());
                     prop_assert!(d.dot(&(&h * &d)) >= found.along - 1e-9);
                 }

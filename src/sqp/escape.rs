@@ -10,7 +10,7 @@ use super::solver::{Accepted, Sqp};
 
 /// Fraction of the decrease `½ α² dᵀWd` that a step must bring.
 const SUFFICIENT: f64 = 0.1;
-/// Shortest step, of a direction of unit length.
+/// Shortest step, as the largest change of a variable. The longest is one, the variables' order.
 const SHORTEST: f64 = 1e-6;
 
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
@@ -22,8 +22,12 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
         let measure = Lagrangian::new(self.problem, &self.current, self.merit.penalty());
         let here = measure.value(&self.current);
-        let mut alpha = 1.0;
-        while alpha >= SHORTEST {
+        let length = curvature
+            .direction
+            .iter()
+            .fold(0.0, |m: f64, d| m.max(d.abs()));
+        let mut alpha = 1.0 / length;
+        while alpha * length >= SHORTEST {
             let promised = SUFFICIENT * 0.5 * alpha * alpha * curvature.along;
             for signed in [alpha, -alpha] {
                 self.move_trial(signed, &curvature.direction);

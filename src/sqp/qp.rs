@@ -68,8 +68,7 @@ pub trait QpSolver<P: Problem + ?Sized> {
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
 
     /// The smallest curvature of the Lagrangian over the critical cone of the KKT point `at`, where the
-    /// last linearisation, an exact one, was taken: the eigenvalues of the reduced Hessian, projected on
-    /// the null space of the active inequalities, in the metric of
-    /// [`Problem::damping_weights`]. None when it cannot be computed: then nothing is known of it.
+    /// last linearisation, an exact one, was taken: of the reduced Hessian, projected on the null space of
+    /// the active inequalities. None when it cannot be computed: then nothing is known of it.
     fn curvature(&mut self, problem: &P, at: &Iterate) -> Option<Curvature>;
 }

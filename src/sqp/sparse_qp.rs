@@ -140,35 +140,32 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
         let mut rows = vec![DVector::zeros(n); at.c.len() + at.g.len()];
         (self.jacobian.iter()).for_each(|&(i, j, v)| rows[i][j] += v);
         let inequalities = rows.split_off(at.c.len());
-        let reduced = Reduced::new(&rows, problem.damping_weights())?;
+        let basis = tangents(&rows, problem.damping_weights());
         let mut cone = Cone::default();
         for (row, activity) in inequalities.iter().zip(activities(problem, at)) {
-            cone.add(activity, reduced.basis.tr_mul(row));
+            cone.add(activity, basis.tr_mul(row));
         }
-        let mut found = cone.smallest(&reduced.basis.tr_mul(&(hessian * &reduced.basis)))?;
+        let mut found = cone.smallest(&basis.tr_mul(&(hessian * &basis)))?;
         if !found.direction.is_empty() {
-            let direction = &reduced.basis * DVector::from_vec(found.direction);
+            let direction = basis * DVector::from_vec(found.direction);
             found.direction = direction.as_slice().to_vec();
         }
         Some(found)
     }
 }
 
-/// The tangent space of the equalities.
-struct Reduced {
-    /// A basis, as columns, that is orthonormal in the metric of the damping weights.
-    basis: DMatrix<f64>,
-}
-
-impl Reduced {
-    /// None when the weights are no metric there.
-    fn new(equalities: &[DVector<f64>], weights: &[f64]) -> Option<Self> {
-        let z = null_space(equalities, weights.len());
-        let weighted = DMatrix::from_fn(z.nrows(), z.ncols(), |i, j| weights[i] * z[(i, j)]);
-        let l = z.tr_mul(&weighted).cholesky()?.unpack();
-        // Z L⁻ᵀ
-        let basis = l.solve_lower_triangular(&z.transpose())?.transpose();
-        Some(Self { basis })
+/// A basis of the tangent space of the equalities, as columns: over the variables that the equalities
+/// leave free, where the weights say which those are, else orthonormal.
+fn tangents(equalities: &[DVector<f64>], weights: &[f64]) -> DMatrix<f64> {
+    let basis = null_space(equalities, weights.len());
+    let free: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
+    let inverse = match free.len() == basis.ncols() {
+        true => basis.select_rows(&free).try_inverse(),
+        false => None,
+    };
+    match inverse {
+        Some(inverse) => basis * inverse,
+        None => basis,
     }
 }
 

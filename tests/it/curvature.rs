@@ -45,13 +45,9 @@ fn times(rows: usize, pattern: &Pattern, values: &[f64], d: &[f64]) -> Vec<f64> 
     out
 }
 
-/// Asserts that the direction lies in the critical cone, has unit length and the curvature that is said
-/// of it.
+/// Asserts that the direction lies in the critical cone and has the curvature that is said of it.
 fn assert_direction(seed: u64, problem: &Random, at: &Iterate, found: &Curvature) {
     let d = &found.direction;
-    let weighted = d.iter().zip(problem.damping_weights());
-    let length: f64 = weighted.map(|(d, w)| w * d * d).sum();
-    assert!((length - 1.0).abs() < 1e-8, "{seed}: {length}");
     let patterns = (problem.equality_pattern(), problem.inequality_pattern());
     let (mut c, mut g) = (vec![0.0; patterns.0.len()], vec![0.0; patterns.1.len()]);
     problem.jacobians(&at.z, &mut c, &mut g);

@@ -10,7 +10,7 @@ use super::Condensed;
 use super::active::RowAt;
 use super::arrow::Arrow;
 use super::dense::{axpy, dot};
-use crate::sqp::curvature::{Activity, Cone, Curvature, activities};
+use crate::sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use crate::sqp::{Iterate, Problem, Step};
 use crate::transcription::{Collocation, ParameterConstraints};
 use nalgebra::{DMatrix, DVector};
@@ -119,17 +119,17 @@ const STEPS: usize = 60;
 
 /// By factors of the arrowhead.
 fn among_many(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
+    let (mut held, units) = with_unit_diagonal(arrow);
     let square = |(i, j, v): (usize, usize, f64)| if i == j { v * v } else { 2.0 * v * v };
-    let scale = arrow
-        .triplets()
-        .into_iter()
-        .map(square)
-        .sum::<f64>()
-        .sqrt()
-        .max(1.0);
-    let mut held = arrow.clone();
-    rows.iter()
-        .for_each(|row| add_square(&mut held, row, PENALTY * scale));
+    let squares: f64 = held.triplets().into_iter().map(square).sum();
+    let scale = squares.sqrt().max(1.0);
+    for row in rows {
+        let mut row = row.clone();
+        row.entries
+            .iter_mut()
+            .for_each(|(column, v)| *v *= units[*column]);
+        add_square(&mut held, &row, PENALTY * scale);
+    }
     let mut shift = 0.0;
     let factor = loop {
         let mut shifted = held.clone();
@@ -153,12 +153,39 @@ fn among_many(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
         along = 1.0 / dot(&before, &direction) - shift;
     }
     let length = dot(&direction, &direction).sqrt();
-    direction.iter_mut().for_each(|v| *v /= length);
+    let units = units.iter().map(|unit| unit / length);
+    direction
+        .iter_mut()
+        .zip(units)
+        .for_each(|(v, unit)| *v *= unit);
     Some(Curvature {
         smallest: (along / scale).min(1.0),
         along,
         direction,
     })
+}
+
+/// The matrix scaled to a unit diagonal, and the [`unit`] of each variable.
+fn with_unit_diagonal(arrow: &Arrow) -> (Arrow, Vec<f64>) {
+    let (p, mut scaled) = (arrow.p, arrow.clone());
+    let of = |matrix: &[f64], n: usize| -> Vec<f64> {
+        (0..n).map(|i| unit(matrix[i * n + i])).collect()
+    };
+    let shared = of(&arrow.theta, p);
+    let mut units = shared.clone();
+    let scale = |matrix: &mut [f64], rows: &[f64], columns: &[f64]| {
+        for (row, r) in matrix.chunks_exact_mut(columns.len().max(1)).zip(rows) {
+            row.iter_mut().zip(columns).for_each(|(v, c)| *v *= r * c);
+        }
+    };
+    scale(&mut scaled.theta, &shared, &shared);
+    for run in &mut scaled.runs {
+        let own = of(&run.diagonal, run.n);
+        scale(&mut run.cross, &own, &shared);
+        scale(&mut run.diagonal, &own, &own);
+        units.extend(own);
+    }
+    (scaled, units)
 }
 
 /// Adds a multiple of `aaᵀ`.

@@ -236,28 +236,28 @@ fn known_problems_end_as_known() {
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
     problem          status           iterations evaluations linearisations qps escapes curvature
-    HS1              converged                25          94             26  85       0     0.000
+    HS1              converged                25          94             26  85       0     0.001
     HS2              converged                 8          21              9  23       0     1.000
     HS6              converged                 5          12              6  10       0     0.400
     HS7              converged                10          26             11  21       0     1.000
-    HS10             converged                12          30             13  27       0     1.000
+    HS10             converged                12          30             13  27       0     0.500
     HS12             converged                 8          16              9  16       0     1.000
     HS12 twice       converged                 8          16              9  16       0     1.000
     HS13             no-progress              17          34             18  61       0         -
     HS14             converged                 5          10              6  10       0     1.000
     HS22             converged                 5           9              6   9       0     1.000
     HS26             converged                24          49             25  48       0     0.000
-    HS28             converged                 3           6              4   6       0     0.152
-    HS35             converged                 3           5              4   5       0     0.398
+    HS28             converged                 3           6              4   6       0     0.333
+    HS35             converged                 3           5              4   5       0     0.357
     HS39             converged                13          36             14  28       0     0.707
     HS40             converged                 4           8              5   8       0     1.000
-    HS43             converged                 7          17              8  15       0     0.668
-    HS65             converged                 5           9              6   9       0     0.333
-    HS71             converged                 5           9              6  10       0     1.000
-    HS76             converged                 3           5              4   5       0     0.479
+    HS43             converged                 7          17              8  15       0     0.707
+    HS65             converged                 5           9              6   9       0     0.349
+    HS71             converged                 5           9              6  10       0     0.434
+    HS76             converged                 3           5              4   5       0     0.707
     HS78             converged                 6          11              7  11       0     0.700
-    HS100            converged                 6          28              7  19       0     0.068
-    HS113            converged                 5           9              6   9       0     0.207
+    HS100            converged                 6          28              7  19       0     0.363
+    HS113            converged                 5           9              6   9       0     0.493
     Maratos          converged                 6          11              7  11       0     1.000
     Wächter-Biegler  infeasible                4           8              5  13       0         -
     linear program   converged                 2           3              3   3       0     1.000
@@ -270,10 +270,10 @@ fn known_problems_end_as_known() {
     isolated         infeasible               14          58             15  44       0         -
     half line        unbounded                 8          16              9  16       0         -
     saddle           unbounded                37          74             38 110       0         -
-    ridge            converged                 8          23              9  21       1     0.447
-    start on saddle  converged                 5          17              7  13       1     0.447
-    half ridge       converged                 8          23              9  21       1     0.447
-    corner           converged                 5          17              7  13       1     0.447
+    ridge            converged                 8          23              9  21       1     0.707
+    start on saddle  converged                 5          17              7  13       1     0.707
+    half ridge       converged                 8          23              9  21       1     0.707
+    corner           converged                 1           3              3   0       1     0.447
     copositive       converged                19          38             20  55       0     0.392
     pole of circle   converged                15          47             16  39       1     1.000
     pole of disc     converged                13          36             14  37       1     1.000
