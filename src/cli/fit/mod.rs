@@ -35,8 +35,9 @@ Examples:
   pilotage fit run*.csv --time-limit 10
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
 
-A fit that ends by a limit or by Ctrl-C writes the best iterate so far, marked as not converged; a second
-Ctrl-C kills. Exit codes: 0 converged, 1 not converged (the best iterate is written), 2 bad use or input.";
+A fit that a limit or Ctrl-C ends writes the best iterate so far, marked as not converged; a
+second Ctrl-C kills. Exit codes: 0 converged, 1 not converged (the best iterate is written), 2 bad
+use or input.";
 
 /// Arguments of `pilotage fit`; the defaults are those of [`Options`].
 #[derive(Debug, clap::Args)]
