@@ -9,6 +9,7 @@ use crate::models::Joint;
 use crate::report::{self, ClosedLoop, Report, rms, significant};
 use crate::series::Series;
 use crate::{output, vehicle};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `pilotage demo`.
@@ -98,7 +99,10 @@ impl Demo {
 
     fn fit(&self, trials: &[Trial]) -> Result<Fit, Failure> {
         let mut progress = Progress::new();
-        let fitted = fit(trials, &self.options, &mut |p| progress.show(p));
+        let fitted = fit(trials, &self.options, &mut |iteration| {
+            progress.show(iteration);
+            ControlFlow::Continue(())
+        });
         progress.clear();
         let fitted = fitted?;
         let text = pilot_file::to_toml(&fitted, &self.options, trials);

@@ -10,6 +10,7 @@ mod fit;
 mod folder;
 mod format;
 mod info;
+mod interrupt;
 mod progress;
 mod terminal;
 mod trials;

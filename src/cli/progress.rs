@@ -1,18 +1,16 @@
 //! Progress of long work, on a terminal only.
 
 use crate::identification;
-use std::io::{IsTerminal, Write};
-use std::ops::ControlFlow;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
 /// Work that is done sooner shows nothing.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// One line on stderr that is overwritten as the work goes on.
+/// A bar over the starts of a fit. indicatif itself shows nothing where stderr is no terminal.
 pub struct Progress {
     begin: Instant,
-    on_terminal: bool,
-    shown: bool,
+    bar: ProgressBar,
 }
 
 impl Progress {
@@ -20,35 +18,35 @@ impl Progress {
     pub fn new() -> Self {
         Self {
             begin: Instant::now(),
-            on_terminal: std::io::stderr().is_terminal(),
-            shown: false,
+            bar: ProgressBar::hidden(),
         }
     }
 
-    /// Shows an iteration; never asks to stop.
-    pub fn show(&mut self, progress: &identification::Progress) -> ControlFlow<()> {
-        if self.on_terminal && self.begin.elapsed() > PATIENCE {
-            let mut stderr = std::io::stderr().lock();
-            // A terminal that cannot be written to is no reason to stop the work.
-            let _ = write!(
-                stderr,
-                "\r\x1b[Kstart {} of {}, iteration {}: objective {:.6e}, KKT residual {:.1e}",
-                progress.start + 1,
-                progress.starts,
+    /// Shows an iteration.
+    pub fn show(&mut self, progress: &identification::Progress) {
+        if self.begin.elapsed() > PATIENCE {
+            if self.bar.is_hidden() {
+                self.bar = bar(progress.starts);
+            }
+            self.bar.set_position(progress.start as u64 + 1);
+            self.bar.set_message(format!(
+                "iteration {}: objective {:.6e}, KKT residual {:.1e}",
                 progress.iteration.number,
                 progress.iteration.objective,
                 progress.iteration.kkt.residual()
-            );
-            let _ = stderr.flush();
-            self.shown = true;
+            ));
         }
-        ControlFlow::Continue(())
     }
 
-    /// Wipes the line.
+    /// Wipes it.
     pub fn clear(&mut self) {
-        if self.shown {
-            let _ = write!(std::io::stderr().lock(), "\r\x1b[K");
-        }
+        self.bar.finish_and_clear();
     }
+}
+
+fn bar(starts: usize) -> ProgressBar {
+    let target = ProgressDrawTarget::stderr_with_hz(5);
+    let bar = ProgressBar::with_draw_target(Some(starts as u64), target);
+    let style = ProgressStyle::with_template("{bar:20} start {pos} of {len}, {msg}");
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

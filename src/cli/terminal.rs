@@ -15,6 +15,11 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// Prints to stderr what would go to stdout, were that not taken.
+pub fn tell(text: &str) {
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}
+
 /// Tells something on stderr that is no failure.
 pub fn note(text: &str) {
     // Whoever closed stderr does not want to know.

@@ -225,6 +225,8 @@ mod tests {
             seconds: 0.25,
             unknowns: 16_260,
             starts: Vec::new(),
+            skipped: 0,
+            curvature: None,
             runs: Vec::new(),
         }
     }

@@ -22,12 +22,20 @@ pub struct RunFit {
 /// What became of one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StartReport {
+    /// Which start, from 1, in the order in which they began.
+    pub number: usize,
     /// How its solve ended.
     pub status: String,
     /// Its objective.
     pub objective: f64,
+    /// Its scaled KKT residual.
+    pub kkt: f64,
+    /// Its smallest scaled curvature: see [`Fit::curvature`].
+    pub curvature: Option<f64>,
     /// Its SQP iterations.
     pub iterations: usize,
+    /// Wall time that it took [s].
+    pub seconds: f64,
 }
 
 /// The outcome of a fit, converged or not.
@@ -37,12 +45,16 @@ pub struct Fit {
     pub theta: Vec<f64>,
     /// Sum of squared residuals: [m²] for the response, [1] for the stick.
     pub objective: f64,
-    /// True when the scaled KKT residual reached the tolerance.
+    /// True when the scaled KKT residual reached the tolerance and the second-order condition holds.
     pub converged: bool,
     /// One word for how the solve ended, such as `converged` or `iteration-limit`.
     pub status: String,
     /// Scaled KKT residual of the returned iterate.
     pub kkt: f64,
+    /// Smallest eigenvalue of the reduced Hessian of the Lagrangian over the critical cone, scaled by that
+    /// matrix's norm ([`crate::sqp::Curvature::smallest`]): not negative, beyond rounding, at a local
+    /// optimum. None where it was not looked at, since the iterate is no KKT point.
+    pub curvature: Option<f64>,
     /// SQP iterations, over all starts.
     pub iterations: usize,
     /// Unknowns of the NLP: the states of all nodes and θ.
@@ -51,6 +63,8 @@ pub struct Fit {
     pub seconds: f64,
     /// What became of each start, best first.
     pub starts: Vec<StartReport>,
+    /// Starts that were not tried, since the observer ended the fit.
+    pub skipped: usize,
     /// The runs.
     pub runs: Vec<RunFit>,
 }

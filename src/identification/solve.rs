@@ -65,8 +65,9 @@ pub struct Progress<'a> {
     pub iteration: &'a Iteration,
 }
 
-/// Sees each iterate; `Break` ends the fit with the best iterate so far.
-pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<()> + 'a;
+/// Sees each iterate; `Break` ends the fit with the best iterate so far and that status, or with the
+/// start that had converged before.
+pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 
 /// Fits one pilot to all trials (paper, eq. 5).
 ///
@@ -183,9 +184,12 @@ type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit> + 'a;
 
 /// A solve that may go on.
 struct Attempt<D, C> {
+    /// Which start, from 0.
+    number: usize,
     problem: Collocation<D, C>,
     solution: Solution,
     iterations: usize,
+    seconds: f64,
 }
 
 /// Runs the SQP from each candidate for some iterations, then goes on with the most promising until
@@ -203,9 +207,14 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     } else {
         SCOUT_ITERATIONS.min(options.max_iterations)
     };
-    let mut stopped = false;
+    let mut watched = Watched {
+        observer,
+        starts: candidates.len(),
+        stopped: None,
+    };
     let mut attempts: Vec<Attempt<D, C>> = Vec::new();
     for (number, theta) in candidates.iter().enumerate() {
+        let clock = Instant::now();
         let (problem, z) = from(theta);
         let best = attempts
             .iter()
@@ -216,54 +225,96 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
             window: Vec::new(),
         };
         let mut watch = |iteration: &Iteration| {
-            let flow = observer(&Progress {
-                start: number,
-                starts: candidates.len(),
-                iteration,
-            });
-            stopped |= flow.is_break();
-            if race.is_lost(iteration) {
-                ControlFlow::Break(())
+            let flow = watched.show(number, 0, iteration);
+            if flow.is_continue() && race.is_lost(iteration) {
+                ControlFlow::Break(Status::Stopped)
             } else {
                 flow
             }
         };
         let solution = run(&problem, z, options, scout, &mut watch);
-        let iterations = solution.work.iterations;
         attempts.push(Attempt {
+            number,
             problem,
+            iterations: solution.work.iterations,
             solution,
-            iterations,
+            seconds: clock.elapsed().as_secs_f64(),
         });
-        if stopped {
+        if watched.stopped.is_some() {
             break;
         }
     }
-    attempts.sort_by(|a, b| rank(&a.solution).total_cmp(&rank(&b.solution)));
-    let mut best = 0;
-    while !stopped && best < attempts.len() && attempts[best].solution.status != Status::Converged {
-        let attempt = &mut attempts[best];
-        let left = options.max_iterations.saturating_sub(attempt.iterations);
-        if left > 0 && attempt.solution.status == Status::IterationLimit {
-            let mut watch = |iteration: &Iteration| {
-                let flow = observer(&Progress {
-                    start: 0,
-                    starts: 1,
-                    iteration,
-                });
-                stopped |= flow.is_break();
-                flow
-            };
-            let z = attempt.solution.iterate.z.clone();
-            attempt.solution = run(&attempt.problem, z, options, left, &mut watch);
-            attempt.iterations += attempt.solution.work.iterations;
+    attempts.sort_by(|a, b| {
+        let violations = || a.solution.kkt.primal.total_cmp(&b.solution.kkt.primal);
+        rank(&a.solution)
+            .total_cmp(&rank(&b.solution))
+            .then_with(violations)
+    });
+    for attempt in &mut attempts {
+        if watched.stopped.is_some() || attempt.has_converged() {
+            break;
         }
-        if attempt.solution.status != Status::Converged {
-            best += 1;
+        attempt.go_on(options, &mut watched);
+    }
+    let best = attempts.iter().position(Attempt::has_converged);
+    let skipped = candidates.len() - attempts.len();
+    report(&attempts, best.unwrap_or(0), watched.stopped, skipped, runs)
+}
+
+/// The caller's observer, and whether it has ended the fit.
+struct Watched<'a, 'b> {
+    observer: &'a mut Observer<'b>,
+    starts: usize,
+    stopped: Option<Status>,
+}
+
+impl Watched<'_, '_> {
+    /// Shows an iteration of a solve that had `before` iterations earlier.
+    fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
+        let flow = (self.observer)(&Progress {
+            start,
+            starts: self.starts,
+            iteration: &Iteration {
+                number: before + iteration.number,
+                ..*iteration
+            },
+        });
+        self.stopped = flow.break_value();
+        flow
+    }
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
+    fn has_converged(&self) -> bool {
+        self.solution.status == Status::Converged
+    }
+
+    /// Goes on where the scouting stopped, if that was for its limit on iterations.
+    fn go_on(&mut self, options: &Options, watched: &mut Watched<'_, '_>) {
+        let left = options.max_iterations.saturating_sub(self.iterations);
+        if left == 0 || self.solution.status != Status::IterationLimit {
+            return;
+        }
+        let clock = Instant::now();
+        let (number, before) = (self.number, self.iterations);
+        let mut watch = |iteration: &Iteration| watched.show(number, before, iteration);
+        let z = self.solution.iterate.z.clone();
+        self.solution = run(&self.problem, z, options, left, &mut watch);
+        self.iterations += self.solution.work.iterations;
+        self.seconds += clock.elapsed().as_secs_f64();
+    }
+
+    fn report(&self) -> StartReport {
+        StartReport {
+            number: self.number + 1,
+            status: self.solution.status.to_string(),
+            objective: self.solution.iterate.f,
+            kkt: self.solution.kkt.residual(),
+            curvature: self.solution.curvature,
+            iterations: self.iterations,
+            seconds: self.seconds,
         }
     }
-    let best = if best < attempts.len() { best } else { 0 };
-    report(&attempts, best, runs)
 }
 
 /// Whether a start still may beat the best so far.
@@ -310,7 +361,7 @@ fn run<D: Dynamics, C: ParameterConstraints>(
     z: Vec<f64>,
     options: &Options,
     max_iterations: usize,
-    watch: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+    watch: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
 ) -> Solution {
     let sqp_options = sqp::Options {
         tolerance: options.tolerance,
@@ -321,31 +372,34 @@ fn run<D: Dynamics, C: ParameterConstraints>(
     sqp::solve(problem, &mut Condensed::default(), z, &sqp_options, watch)
 }
 
+/// `stopped` is why the observer ended the fit, if it did.
 fn report<D: Dynamics, C: ParameterConstraints>(
     attempts: &[Attempt<D, C>],
     best: usize,
+    stopped: Option<Status>,
+    skipped: usize,
     runs: &Runs<'_, D, C>,
 ) -> Fit {
+    let attempt = &attempts[best];
     let Attempt {
         problem, solution, ..
-    } = &attempts[best];
+    } = attempt;
+    let status = match stopped {
+        Some(status) if !attempt.has_converged() => status,
+        _ => solution.status,
+    };
     Fit {
         theta: problem.physical_theta(&solution.iterate.z),
         objective: solution.iterate.f,
-        converged: solution.status == Status::Converged,
-        status: solution.status.to_string(),
+        converged: attempt.has_converged(),
+        status: status.to_string(),
         kkt: solution.kkt.residual(),
+        curvature: solution.curvature,
         iterations: attempts.iter().map(|a| a.iterations).sum(),
         unknowns: solution.iterate.z.len(),
         seconds: 0.0,
-        starts: attempts
-            .iter()
-            .map(|a| StartReport {
-                status: a.solution.status.to_string(),
-                objective: a.solution.iterate.f,
-                iterations: a.iterations,
-            })
-            .collect(),
+        starts: attempts.iter().map(Attempt::report).collect(),
+        skipped,
         runs: runs(problem, &solution.iterate.z),
     }
 }

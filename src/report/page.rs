@@ -240,6 +240,8 @@ mod tests {
             seconds: 1.5,
             unknowns: 16_260,
             starts: Vec::new(),
+            skipped: 0,
+            curvature: None,
             runs: runs.collect(),
         }
     }

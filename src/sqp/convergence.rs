@@ -19,6 +19,13 @@ pub struct Kkt {
 }
 
 impl Kkt {
+    /// Of a point outside the problem's domain.
+    pub const UNDEFINED: Self = Self {
+        dual: f64::NAN,
+        primal: f64::NAN,
+        complementarity: f64::NAN,
+    };
+
     /// The parts at an iterate with the gradient of its Lagrangian.
     pub fn at<P: Problem + ?Sized>(problem: &P, at: &Iterate, lagrangian_gradient: &[f64]) -> Self {
         let (lower, upper) = problem.limits();

@@ -1,6 +1,7 @@
 //! The seam at which the QP of an SQP iteration is solved: any sparse problem by clarabel
 //! ([`super::SparseQp`]), a structured one by its own elimination.
 
+use super::curvature::Curvature;
 use super::{Hessian, Iterate, Problem};
 
 /// Step and multipliers that a QP gives.
@@ -65,4 +66,9 @@ pub trait QpSolver<P: Problem + ?Sized> {
     /// `correct` again, with its constraints moved to their values at `trial`, the point that `step`
     /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`.
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
+
+    /// The smallest curvature of the Lagrangian over the critical cone of the KKT point `at`, where the
+    /// last linearisation, an exact one, was taken: of the reduced Hessian, projected on the null space of
+    /// the active inequalities. None when it cannot be computed: then nothing is known of it.
+    fn curvature(&mut self, problem: &P, at: &Iterate) -> Option<Curvature>;
 }

@@ -13,6 +13,8 @@ pub struct Work {
     pub linearisations: usize,
     /// Quadratic programs solved, corrections included.
     pub qps: usize,
+    /// Steps along a direction of negative curvature, away from a saddle.
+    pub escapes: usize,
 }
 
 /// The outcome of a solve: the best iterate with how good it is.
@@ -24,6 +26,12 @@ pub struct Solution {
     pub iterate: Iterate,
     /// Its KKT residual.
     pub kkt: Kkt,
+    /// The smallest curvature of the Lagrangian over the critical cone, scaled
+    /// ([`Curvature::smallest`](super::Curvature::smallest)): not below minus
+    /// [`TOLERANCE`](super::curvature::TOLERANCE) where the solve converged. None where the second-order
+    /// condition was not checked: the iterate is no KKT point, or the problem is too large for its QP
+    /// solver's check.
+    pub curvature: Option<f64>,
     /// What it took.
     pub work: Work,
 }
@@ -39,12 +47,39 @@ pub struct Iteration {
     pub kkt: Kkt,
     /// Step length α of the step that led here.
     pub step: f64,
+    /// Largest change of a variable by that step.
+    pub length: f64,
     /// Levenberg–Marquardt parameter μ of that step.
     pub damping: f64,
     /// Penalty ν of the merit.
     pub penalty: f64,
     /// Number of active inequalities in the QP.
     pub active: usize,
-    /// True when that step used the exact Hessian.
-    pub exact: bool,
+    /// What that step was taken from.
+    pub model: StepModel,
+}
+
+/// What led to an iterate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StepModel {
+    /// Nothing: it is the start.
+    Start,
+    /// A QP with the exact Hessian of the Lagrangian.
+    Exact,
+    /// A QP with the Gauss–Newton Hessian.
+    GaussNewton,
+    /// A direction of negative curvature, from a saddle.
+    Curvature,
+}
+
+impl StepModel {
+    /// One word, as in log files.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Exact => "exact",
+            Self::GaussNewton => "gauss-newton",
+            Self::Curvature => "curvature",
+        }
+    }
 }

@@ -8,9 +8,11 @@
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};
+use super::curvature::{Cone, Curvature, MAX_SIZE, activities, null_space};
 use super::iterate::violation;
 use super::problem::Pattern;
 use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step};
+use nalgebra::{DMatrix, DVector};
 
 /// Ladder of ρ, relative to the largest entry of the Hessian.
 const CONVEXIFICATION: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e8];
@@ -123,6 +125,47 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
             .for_each(|&(i, j, v)| values[i] -= v * step.d[j]);
         let (c, g) = values.split_at(trial.c.len());
         self.solve_at(problem.limits(), c, g, step)
+    }
+
+    fn curvature(&mut self, problem: &P, at: &Iterate) -> Option<Curvature> {
+        let n = at.z.len();
+        let w = self.exact.as_ref().filter(|_| n <= MAX_SIZE)?;
+        let mut hessian = DMatrix::zeros(n, n);
+        for &(i, j, v) in w {
+            hessian[(i, j)] += v;
+            if i != j {
+                hessian[(j, i)] += v;
+            }
+        }
+        let mut rows = vec![DVector::zeros(n); at.c.len() + at.g.len()];
+        (self.jacobian.iter()).for_each(|&(i, j, v)| rows[i][j] += v);
+        let inequalities = rows.split_off(at.c.len());
+        let basis = tangents(&rows, problem.damping_weights());
+        let mut cone = Cone::default();
+        for (row, activity) in inequalities.iter().zip(activities(problem, at)) {
+            cone.add(activity, basis.tr_mul(row));
+        }
+        let mut found = cone.smallest(&basis.tr_mul(&(hessian * &basis)))?;
+        if !found.direction.is_empty() {
+            let direction = basis * DVector::from_vec(found.direction);
+            found.direction = direction.as_slice().to_vec();
+        }
+        Some(found)
+    }
+}
+
+/// A basis of the tangent space of the equalities, as columns: over the variables that the equalities
+/// leave free, where the weights say which those are, else orthonormal.
+fn tangents(equalities: &[DVector<f64>], weights: &[f64]) -> DMatrix<f64> {
+    let basis = null_space(equalities, weights.len());
+    let free: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
+    let inverse = match free.len() == basis.ncols() {
+        true => basis.select_rows(&free).try_inverse(),
+        false => None,
+    };
+    match inverse {
+        Some(inverse) => basis * inverse,
+        None => basis,
     }
 }
 

@@ -3,7 +3,8 @@
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// The scaled KKT residual reached the tolerance.
+    /// The scaled KKT residual reached the tolerance, and no direction has negative curvature, as far as
+    /// that was checked ([`Solution::curvature`](super::Solution::curvature)).
     Converged,
     /// Iteration limit.
     IterationLimit,
@@ -14,9 +15,17 @@ pub enum Status {
     /// Feasible iterates left every bound that a scaled problem keeps: the objective seems to have no
     /// lower bound.
     Unbounded,
-    /// The problem's values are not finite at the start.
+    /// The scaled KKT residual reached the tolerance, but with negative curvature, and no point along its
+    /// direction was better. At degenerate points, where multipliers are not unique, it may be an
+    /// optimum all the same.
+    SaddlePoint,
+    /// The problem's values or derivatives are not finite at the start.
     UndefinedStart,
-    /// The caller's observer asked to stop.
+    /// Stopped by the caller's observer: its time was up.
+    TimeLimit,
+    /// Stopped by the caller's observer: the user wanted so.
+    Interrupted,
+    /// Stopped by the caller's observer for another reason.
     Stopped,
 }
 
@@ -30,6 +39,9 @@ impl Status {
             Self::Infeasible => "infeasible",
             Self::Unbounded => "unbounded",
             Self::UndefinedStart => "undefined-start",
+            Self::SaddlePoint => "saddle-point",
+            Self::TimeLimit => "time-limit",
+            Self::Interrupted => "interrupted",
             Self::Stopped => "stopped",
         }
     }

@@ -6,7 +6,8 @@ use nalgebra::{DMatrix, DVector};
 use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{
-    self, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem, SparseQp, Step,
+    self, Curvature, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem,
+    SparseQp, Step,
 };
 use pilotage::transcription::{Condensed, Scheme};
 use std::ops::ControlFlow;
@@ -410,6 +411,10 @@ impl QpSolver<fit::ResponseProblem> for Checked {
     ) -> Result<(), QpFailure> {
         self.qp.correct(problem, trial, step)
     }
+
+    fn curvature(&mut self, problem: &fit::ResponseProblem, at: &Iterate) -> Option<Curvature> {
+        self.qp.curvature(problem, at)
+    }
 }
 
 #[test]
@@ -492,6 +497,10 @@ impl<Q: QpSolver<Random>> QpSolver<Random> for Watched<'_, Q> {
             .set(self.1.get() || step.violation > 0.0 || !step.residual.is_empty());
         Ok(())
     }
+
+    fn curvature(&mut self, problem: &Random, at: &Iterate) -> Option<Curvature> {
+        self.0.curvature(problem, at)
+    }
 }
 
 /// The iterates of a solve up to the first relaxed QP, and while they are not at rounding.
@@ -527,7 +536,7 @@ fn both_qp_paths_give_the_same_iterates() {
         let fast = iterates(&problem, z.clone(), Condensed::default());
         let general = iterates(&problem, z, SparseQp::default());
         for (a, b) in fast.iter().zip(&general) {
-            assert_eq!((a.step, a.exact), (b.step, b.exact), "{seed}: {a:?} {b:?}");
+            assert_eq!((a.step, a.model), (b.step, b.model), "{seed}: {a:?} {b:?}");
             assert!(
                 distance(&[a.objective], &[b.objective]) < 1e-6,
                 "{seed}: {a:?} {b:?}"

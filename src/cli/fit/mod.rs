@@ -1,9 +1,12 @@
 //! `pilotage fit`: the pilot from recorded flights.
 
+mod log;
+mod next;
 mod summary;
+mod table;
+mod watch;
 
-use super::progress::Progress;
-use super::{Failure, Outcome, terminal, vehicle};
+use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
     Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, TrialSet, fit, pilot_file,
@@ -14,11 +17,32 @@ use crate::report::{self, Report};
 use crate::transcription::Scheme;
 use crate::vehicle::PitchLoop;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use log::Log;
 use std::path::{Path, PathBuf};
 use summary::{Flown, to_json, to_text};
+use watch::Watch;
+
+const EXAMPLES: &str = "\
+Examples:
+  # The pilot of six flights, with a page about it.
+  pilotage fit run*.csv --vehicle vehicle.toml -o pilot.toml --report fit.html
+
+  # Watch the solver: a table for people, or JSON lines for scripts.
+  pilotage fit run*.csv --verbose
+  pilotage fit run*.csv --log fit.jsonl
+  pilotage fit run*.csv --log - | jq -c 'select(.event == \"iteration\") | [.start, .objective]'
+
+  # At most ten seconds, and from where that ended.
+  pilotage fit run*.csv --time-limit 10
+  pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
+
+A fit that a limit or Ctrl-C ends writes the best iterate so far, marked as not converged; a
+second Ctrl-C kills. Exit codes: 0 converged, 1 not converged (the best iterate is written), 2 bad
+use or input.";
 
 /// Arguments of `pilotage fit`; the defaults are those of [`Options`].
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Trials (CSV) or manifests (TOML).
     #[arg(required = true)]
@@ -58,9 +82,12 @@ pub struct Args {
     /// Limit on |y_p| at every sample.
     #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive)]
     stick_limit: f64,
-    /// Iteration limit.
+    /// Iteration limit of each start.
     #[arg(long, default_value_t = Options::default().max_iterations)]
     max_iterations: usize,
+    /// Stop after this time [s] with the best so far.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    time_limit: Option<f64>,
     /// Scaled KKT residual at which the solve has converged.
     #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive)]
     tolerance: f64,
@@ -70,6 +97,13 @@ pub struct Args {
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
+    /// Write each iteration as a JSON object on a line of its own, and at the end one for each start and
+    /// for the fit; `-` is stdout, and the summary then goes to stderr.
+    #[arg(long, value_name = "FILE|-")]
+    log: Option<PathBuf>,
+    /// Print a line for each iteration on stderr.
+    #[arg(short, long)]
+    verbose: bool,
 }
 
 /// A parser for one of `all`, by its name.
@@ -93,16 +127,20 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    if args.json && args.logs_to_stdout() {
+        return Err(Failure::new("--json and --log - both want stdout")
+            .hint("give --log a file; or leave --json out: the log's last line has the result"));
+    }
     let options = args.options()?;
     let set = TrialSet::read(&args.trials)?;
     let pilot_output = open(&args.output)?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
-    let mut progress = Progress::new();
-    let fitted = fit(&set.fit, &options, &mut |iteration| {
-        progress.show(iteration)
-    });
-    progress.clear();
+    interrupt::listen()?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let mut watch = Watch::new(args.time_limit, log, args.verbose);
+    let fitted = fit(&set.fit, &options, &mut |iteration| watch.see(iteration));
+    let log = watch.end();
     let fitted = fitted?;
 
     save(
@@ -114,10 +152,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(output), Some(path)) = (report_output, &args.report) {
         save(output, path, &page(&fitted, &options, &set.fit, &flown))?;
     }
-    terminal::print(&match args.json {
-        true => format!("{:#}\n", to_json(&fitted, &options, &flown)),
-        false => to_text(&fitted, &options, &flown) + &args.next(&fitted, &options),
-    })?;
+    args.tell(&fitted, &options, &flown)?;
+    if let Some(log) = log {
+        log.close(&fitted)?;
+    }
     Ok(match fitted.converged {
         true => Outcome::Done,
         false => Outcome::No,
@@ -149,28 +187,22 @@ impl Args {
         })
     }
 
-    /// What was written, and what to type next.
-    fn next(&self, fit: &Fit, options: &Options) -> String {
-        let pilot = self.output.display();
-        let mut text = format!("\nwrote {pilot}\n");
-        if let Some(report) = &self.report {
-            text += &format!("wrote {}\n", report.display());
+    /// The summary, away from the log.
+    fn tell(&self, fit: &Fit, options: &Options, flown: &[Flown]) -> Result<(), Failure> {
+        let text = match self.json {
+            true => format!("{:#}\n", to_json(fit, options, flown)),
+            false => to_text(fit, options, flown) + &self.next(fit, options),
+        };
+        match self.logs_to_stdout() {
+            true => terminal::tell(&text),
+            false => terminal::print(&text)?,
         }
-        text + &match fit.converged {
-            true => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
-            false => what_else(options),
-        }
+        Ok(())
     }
-}
 
-/// What may help a solve that did not converge.
-fn what_else(options: &Options) -> String {
-    let mut text = String::from("next: this is the best iterate, not a result; try\n");
-    if options.initial_state == InitialState::Free {
-        text += "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
+    fn logs_to_stdout(&self) -> bool {
+        self.log.as_deref().is_some_and(log::is_stdout)
     }
-    text += "      --start with other values of θ\n";
-    text + &format!("      --max-iterations above {}\n", options.max_iterations)
 }
 
 /// The report page of a fit alone.

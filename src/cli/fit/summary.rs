@@ -61,9 +61,13 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
     let starts: Vec<Value> = (fit.starts.iter())
         .map(|start| {
             json!({
+                "start": start.number,
                 "status": start.status,
                 "objective": start.objective,
+                "kkt": start.kkt,
+                "curvature": start.curvature,
                 "iterations": start.iterations,
+                "seconds": start.seconds,
             })
         })
         .collect();
@@ -75,7 +79,9 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,
+        "skipped": fit.skipped,
         "kkt": fit.kkt,
+        "curvature": fit.curvature,
         "seconds": fit.seconds,
         "poles": modes.iter().map(|mode| json!([mode.pole.re, mode.pole.im])).collect::<Vec<_>>(),
         "runs": runs,
@@ -95,11 +101,13 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
         false => format!("NOT CONVERGED ({})", fit.status),
     };
     let mut text = format!(
-        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n\
+        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}{}\n{}\
          {} runs, {} samples: rms residual {}{unit}, sum of squares {}{squared}\n\n",
         fit.iterations,
         significant(fit.seconds, 3),
         fit.kkt,
+        curvature(fit),
+        skipped(fit),
         fit.runs.len(),
         residuals().filter(|residual| residual.is_finite()).count(),
         significant(rms(residuals()), 3),
@@ -119,6 +127,26 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
         text += &format::mode(&mode);
     }
     text + &runs(flown, options) + &carried(flown, options)
+}
+
+/// The second-order condition, where the first-order one is fulfilled.
+fn curvature(fit: &Fit) -> String {
+    match fit.curvature {
+        Some(curvature) => format!(", smallest curvature {curvature:.1e}"),
+        None if fit.converged => ", curvature not checked".into(),
+        None => String::new(),
+    }
+}
+
+/// Says so when the fit ended before all starts were tried.
+fn skipped(fit: &Fit) -> String {
+    match fit.skipped {
+        0 => String::new(),
+        skipped => format!(
+            "stopped early: {skipped} of {} starts were not tried\n",
+            fit.starts.len() + skipped
+        ),
+    }
 }
 
 /// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.

@@ -9,6 +9,7 @@
 
 mod active;
 pub mod arrow;
+mod curvature;
 mod dense;
 mod run;
 mod sparse_lu;
@@ -20,7 +21,7 @@ use super::constraints::ParameterConstraints;
 use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
-use crate::sqp::{Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
+use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
 use active::{Row, RowAt};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
@@ -130,6 +131,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             self.g[at] = trial.g[at] - dense::dot(row, dtheta);
         }
         self.solve_shifted(problem, hessian, damping, step)
+    }
+
+    fn curvature(&mut self, problem: &Collocation<D, C>, at: &Iterate) -> Option<Curvature> {
+        self.smallest_curvature(problem, at)
     }
 }
 

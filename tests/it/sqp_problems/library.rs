@@ -16,6 +16,8 @@ pub enum Answer {
     Infeasible { violation: f64 },
     /// The objective has no lower bound.
     Unbounded,
+    /// A saddle that cannot be left: beside it the problem is not defined.
+    Saddle { z: &'static [f64] },
 }
 
 /// One problem: `f(z)` is returned, `c` and `g` are pushed.
@@ -41,7 +43,7 @@ fn rosenbrock(z: &[H]) -> H {
 
 /// All problems.
 pub fn examples() -> Vec<Example> {
-    use Answer::{Infeasible, NotKkt, Optimum, Unbounded};
+    use Answer::{Infeasible, NotKkt, Optimum, Saddle, Unbounded};
     vec![
         Example {
             name: "HS1",
@@ -159,6 +161,36 @@ pub fn examples() -> Vec<Example> {
             },
         },
         Example {
+            name: "HS14",
+            source: "HS 14: one equality, one inequality",
+            functions: |z, c, g| {
+                c.push(z[0] - z[1] * 2.0 + 1.0);
+                g.push(-square(z[0]) * 0.25 - square(z[1]) + 1.0);
+                square(z[0] - 2.0) + square(z[1] - 1.0)
+            },
+            limits: &[POSITIVE],
+            start: &[2.0, 2.0],
+            answer: Optimum {
+                f: 1.393_464_979,
+                z: &[0.822_875_656, 0.911_437_828],
+            },
+        },
+        Example {
+            name: "HS22",
+            source: "HS 22: as many active inequalities as variables, a vertex",
+            functions: |z, _, g| {
+                g.push(-z[0] - z[1] + 2.0);
+                g.push(-square(z[0]) + z[1]);
+                square(z[0] - 2.0) + square(z[1] - 1.0)
+            },
+            limits: &[POSITIVE, POSITIVE],
+            start: &[2.0, 2.0],
+            answer: Optimum {
+                f: 1.0,
+                z: &[1.0, 1.0],
+            },
+        },
+        Example {
             name: "HS26",
             source: "HS 26: singular Hessian at the optimum",
             functions: |z, c, _| {
@@ -246,6 +278,21 @@ pub fn examples() -> Vec<Example> {
             answer: Optimum {
                 f: -44.0,
                 z: &[0.0, 1.0, 2.0, -1.0],
+            },
+        },
+        Example {
+            name: "HS65",
+            source: "HS 65: a ball and bounds on all variables",
+            functions: |z, _, g| {
+                g.push(-square(z[0]) - square(z[1]) - square(z[2]) + 48.0);
+                g.extend_from_slice(z);
+                square(z[0] - z[1]) + square(z[0] + z[1] - 10.0) / 9.0 + square(z[2] - 5.0)
+            },
+            limits: &[POSITIVE, (-4.5, 4.5), (-4.5, 4.5), (-5.0, 5.0)],
+            start: &[-5.0, 5.0, 0.0],
+            answer: Optimum {
+                f: 0.953_528_856_7,
+                z: &[3.650_461_821, 3.650_461_68, 4.620_417_050_7],
             },
         },
         Example {
@@ -342,6 +389,38 @@ pub fn examples() -> Vec<Example> {
             },
         },
         Example {
+            name: "HS113",
+            source: "HS 113: ten variables, eight inequalities of which six are active",
+            functions: |z, _, g| {
+                let x = |i: usize| z[i - 1];
+                let s = |i: usize, from: f64| square(z[i - 1] - from);
+                g.push(-x(1) * 4.0 - x(2) * 5.0 + x(7) * 3.0 - x(8) * 9.0 + 105.0);
+                g.push(-x(1) * 10.0 + x(2) * 8.0 + x(7) * 17.0 - x(8) * 2.0);
+                g.push(x(1) * 8.0 - x(2) * 2.0 - x(9) * 5.0 + x(10) * 2.0 + 12.0);
+                g.push(-s(1, 2.0) * 3.0 - s(2, 3.0) * 4.0 - s(3, 0.0) * 2.0 + x(4) * 7.0 + 120.0);
+                g.push(-s(1, 0.0) * 5.0 - x(2) * 8.0 - s(3, 6.0) + x(4) * 2.0 + 40.0);
+                g.push(-s(1, 8.0) * 0.5 - s(2, 4.0) * 2.0 - s(5, 0.0) * 3.0 + x(6) + 30.0);
+                g.push(-s(1, 0.0) - s(2, 2.0) * 2.0 + x(1) * x(2) * 2.0 - x(5) * 14.0 + x(6) * 6.0);
+                g.push(x(1) * 3.0 - x(2) * 6.0 - s(9, 8.0) * 12.0 + x(10) * 7.0);
+                s(1, 0.0) + s(2, 0.0) + x(1) * x(2) - x(1) * 14.0 - x(2) * 16.0
+                    + s(3, 10.0)
+                    + s(4, 5.0) * 4.0
+                    + s(5, 3.0)
+                    + s(6, 1.0) * 2.0
+                    + s(7, 0.0) * 5.0
+                    + s(8, 11.0) * 7.0
+                    + s(9, 10.0) * 2.0
+                    + s(10, 7.0)
+                    + 45.0
+            },
+            limits: &[POSITIVE; 8],
+            start: &[2.0, 3.0, 5.0, 5.0, 1.0, 2.0, 7.0, 3.0, 6.0, 10.0],
+            answer: Optimum {
+                f: 24.306_209_1,
+                z: &[],
+            },
+        },
+        Example {
             name: "Maratos",
             source: "Nocedal and Wright, Numerical Optimization, 2nd ed. 2006, example 15.4: a merit \
                      function forbids the full step without a second-order correction",
@@ -416,6 +495,32 @@ pub fn examples() -> Vec<Example> {
             },
         },
         Example {
+            name: "idle bounds",
+            source: "min x² + (y - 1)², x ≥ 0, y ≤ 1: strict complementarity fails, both bounds are active \
+                     without a multiplier",
+            functions: |z, _, g| {
+                g.extend([z[0], z[1]]);
+                square(z[0]) + square(z[1] - 1.0)
+            },
+            limits: &[POSITIVE, (-INF, 1.0)],
+            start: &[2.0, -1.0],
+            answer: Optimum {
+                f: 0.0,
+                z: &[0.0, 1.0],
+            },
+        },
+        Example {
+            name: "gap",
+            source: "x ≤ 0 and x ≥ 1: inconsistent bounds",
+            functions: |z, _, g| {
+                g.extend([z[0], z[0]]);
+                square(z[0] - 3.0)
+            },
+            limits: &[(-INF, 0.0), (1.0, INF)],
+            start: &[5.0],
+            answer: Infeasible { violation: 1.0 },
+        },
+        Example {
             name: "parallel lines",
             source: "x = 0 and x = 1",
             functions: |z, c, _| {
@@ -476,6 +581,111 @@ pub fn examples() -> Vec<Example> {
             limits: &[(-1.0, 1.0)],
             start: &[0.5, 0.1],
             answer: Unbounded,
+        },
+        Example {
+            name: "ridge",
+            source: "min x² - y² + y⁴ from its ridge y = 0, whose KKT point is a saddle: y = ±1/√2",
+            functions: |z, _, _| square(z[0]) - square(z[1]) + square(square(z[1])),
+            limits: &[],
+            start: &[1.0, 0.0],
+            answer: Optimum { f: -0.25, z: &[] },
+        },
+        Example {
+            name: "start on saddle",
+            source: "min x² - y² + y⁴ from the saddle itself",
+            functions: |z, _, _| square(z[0]) - square(z[1]) + square(square(z[1])),
+            limits: &[],
+            start: &[0.0, 0.0],
+            answer: Optimum { f: -0.25, z: &[] },
+        },
+        Example {
+            name: "half ridge",
+            source: "as ridge, with y ≥ 0, which is weakly active at the saddle: y = 1/√2",
+            functions: |z, _, g| {
+                g.push(z[1]);
+                square(z[0]) - square(z[1]) + square(square(z[1]))
+            },
+            limits: &[POSITIVE],
+            start: &[1.0, 0.0],
+            answer: Optimum {
+                f: -0.25,
+                z: &[0.0, std::f64::consts::FRAC_1_SQRT_2],
+            },
+        },
+        Example {
+            name: "corner",
+            source: "min -xy + x⁴ + y⁴, x, y ≥ 0, from (0, 0), where both bounds are weakly active and only \
+                     directions inside both have negative curvature: x = y = 1/2",
+            functions: |z, _, g| {
+                g.extend([z[0], z[1]]);
+                square(square(z[0])) + square(square(z[1])) - z[0] * z[1]
+            },
+            limits: &[POSITIVE, POSITIVE],
+            start: &[0.0, 0.0],
+            answer: Optimum {
+                f: -0.125,
+                z: &[0.5, 0.5],
+            },
+        },
+        Example {
+            name: "copositive",
+            source: "min x² + y² + 3xy + x⁴, x, y ≥ 0, from (1, 1): the Hessian at (0, 0) is indefinite, but \
+                     positive in the quadrant",
+            functions: |z, _, g| {
+                g.extend([z[0], z[1]]);
+                square(z[0]) + square(z[1]) + z[0] * z[1] * 3.0 + square(square(z[0]))
+            },
+            limits: &[POSITIVE, POSITIVE],
+            start: &[1.0, 1.0],
+            answer: Optimum {
+                f: 0.0,
+                z: &[0.0, 0.0],
+            },
+        },
+        Example {
+            name: "pole of circle",
+            source: "min x² + 2y² on the unit circle from its pole (0, 1), which is the maximum: (±1, 0)",
+            functions: |z, c, _| {
+                c.push(square(z[0]) + square(z[1]) - 1.0);
+                square(z[0]) + square(z[1]) * 2.0
+            },
+            limits: &[],
+            start: &[0.0, 1.0],
+            answer: Optimum { f: 1.0, z: &[] },
+        },
+        Example {
+            name: "pole of disc",
+            source: "min x² + 2y² outside of the unit disc, from above its pole (0, 1), a saddle where the \
+                     strongly active disc is curved: (±1, 0)",
+            functions: |z, _, g| {
+                g.push(square(z[0]) + square(z[1]));
+                square(z[0]) + square(z[1]) * 2.0
+            },
+            limits: &[(1.0, INF)],
+            start: &[0.0, 2.0],
+            answer: Optimum { f: 1.0, z: &[] },
+        },
+        Example {
+            name: "bounded ridge",
+            source: "min x² - y², |y| ≤ 2, from the ridge: y = ±2",
+            functions: |z, _, g| {
+                g.push(z[1]);
+                square(z[0]) - square(z[1])
+            },
+            limits: &[(-2.0, 2.0)],
+            start: &[1.0, 0.0],
+            answer: Optimum { f: -4.0, z: &[] },
+        },
+        Example {
+            name: "knife edge",
+            source: "min x² - y² where y = 0, not defined elsewhere",
+            functions: |z, _, _| {
+                let beside = if z[1].re == 0.0 { 0.0 } else { f64::NAN };
+                square(z[0]) - square(z[1]) + beside
+            },
+            limits: &[],
+            start: &[1.0, 0.0],
+            answer: Saddle { z: &[0.0, 0.0] },
         },
     ]
 }

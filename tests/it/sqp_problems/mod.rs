@@ -1,17 +1,19 @@
 //! The SQP on problems with known answers, through its public interface and the general QP path.
 
+mod hostile;
 mod library;
 
 use library::{Answer, Example, examples};
 use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
+use pilotage::sqp::curvature::TOLERANCE;
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{Hessian, Options, Problem, Solution, SparseProblem, SparseQp, Status, solve};
 use std::ops::ControlFlow;
 
-/// An example as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
-struct Nlp {
-    example: Example,
+/// A problem as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
+struct Nlp<F> {
+    functions: F,
     limits: (Vec<f64>, Vec<f64>),
     weights: Vec<f64>,
     n_equalities: usize,
@@ -20,25 +22,27 @@ struct Nlp {
 /// Objective, equalities, inequalities.
 type Values = (HyperDual64, Vec<HyperDual64>, Vec<HyperDual64>);
 
-impl Nlp {
-    fn new(example: Example) -> Self {
+impl<F: Functions> Nlp<F> {
+    fn new(functions: F, limits: &[(f64, f64)], n_variables: usize) -> Self {
         let mut nlp = Self {
-            limits: example.limits.iter().copied().unzip(),
-            weights: vec![1.0; example.start.len()],
+            functions,
+            limits: limits.iter().copied().unzip(),
+            weights: vec![1.0; n_variables],
             n_equalities: 0,
-            example,
         };
-        nlp.n_equalities = nlp.values(nlp.example.start, 0, 0).1.len();
+        nlp.n_equalities = nlp.values(&vec![0.0; n_variables], 0, 0).1.len();
         nlp
     }
 
     /// Values with their derivatives by variables `i` and `j`.
     fn values(&self, z: &[f64], i: usize, j: usize) -> Values {
         let mut z: Vec<HyperDual64> = z.iter().map(|v| HyperDual64::from(*v)).collect();
-        z[i].eps1 = 1.0;
-        z[j].eps2 = 1.0;
+        if !z.is_empty() {
+            z[i].eps1 = 1.0;
+            z[j].eps2 = 1.0;
+        }
         let (mut c, mut g) = (Vec::new(), Vec::new());
-        let f = (self.example.functions)(&z, &mut c, &mut g);
+        let f = (self.functions)(&z, &mut c, &mut g);
         (f, c, g)
     }
 
@@ -49,9 +53,20 @@ impl Nlp {
     }
 }
 
-impl Problem for Nlp {
+/// Returns the objective and pushes the values of the constraints.
+trait Functions:
+    Fn(&[HyperDual64], &mut Vec<HyperDual64>, &mut Vec<HyperDual64>) -> HyperDual64
+{
+}
+
+impl<F: Fn(&[HyperDual64], &mut Vec<HyperDual64>, &mut Vec<HyperDual64>) -> HyperDual64> Functions
+    for F
+{
+}
+
+impl<F: Functions> Problem for Nlp<F> {
     fn n_variables(&self) -> usize {
-        self.example.start.len()
+        self.weights.len()
     }
 
     fn n_equalities(&self) -> usize {
@@ -74,7 +89,7 @@ impl Problem for Nlp {
     }
 }
 
-impl SparseProblem for Nlp {
+impl<F: Functions> SparseProblem for Nlp<F> {
     fn gradient(&self, z: &[f64], gradient: &mut [f64]) {
         gradient
             .iter_mut()
@@ -117,7 +132,7 @@ impl SparseProblem for Nlp {
             let inequalities: f64 = g.iter().zip(eta).map(|(g, e)| g.eps1eps2 * e).sum();
             f.eps1eps2 + equalities + inequalities
         });
-        if kind == Hessian::GaussNewton {
+        if kind == Hessian::GaussNewton && n > 0 {
             let eigen = w.symmetric_eigen();
             let magnitudes = DVector::from_iterator(n, eigen.eigenvalues.iter().map(|v| v.abs()));
             let v = &eigen.eigenvectors;
@@ -129,33 +144,32 @@ impl SparseProblem for Nlp {
     }
 }
 
-fn run(nlp: &Nlp) -> Solution {
-    let start = nlp.example.start.to_vec();
+fn run<F: Functions>(nlp: &Nlp<F>, start: &[f64]) -> Solution {
     solve(
         nlp,
         &mut SparseQp::default(),
-        start,
+        start.to_vec(),
         &Options::default(),
         &mut |_| ControlFlow::Continue(()),
     )
 }
 
 /// ℓ1 norm of the violation of all constraints.
-fn l1_violation(nlp: &Nlp, solution: &Solution) -> f64 {
-    let rows = solution.iterate.g.iter().zip(nlp.example.limits);
+fn l1_violation(example: &Example, solution: &Solution) -> f64 {
+    let rows = solution.iterate.g.iter().zip(example.limits);
     let inequalities: f64 = rows.map(|(g, (l, u))| (l - g).max(g - u).max(0.0)).sum();
     inequalities + solution.iterate.c.iter().map(|c| c.abs()).sum::<f64>()
 }
 
 /// Why a solution does not agree with what is known; None when it does.
-fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
+fn disagreement(example: &Example, solution: &Solution) -> Option<String> {
     let (iterate, status) = (&solution.iterate, solution.status);
     let distance = |z: &[f64]| {
         z.iter()
             .zip(&iterate.z)
             .fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()))
     };
-    let (right, expected) = match &nlp.example.answer {
+    let (right, expected) = match &example.answer {
         Answer::Optimum { f, z } => {
             let near = (iterate.f - f).abs() < 1e-6 * (1.0 + f.abs()) && distance(z) < 1e-5;
             (
@@ -168,16 +182,20 @@ fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
             (near, format!("near f = {f}, z = {z:?}"))
         }
         Answer::Infeasible { violation } => {
-            let near = (l1_violation(nlp, solution) - violation).abs() < 1e-3;
+            let near = (l1_violation(example, solution) - violation).abs() < 1e-3;
             (
                 status == Status::Infeasible && near,
                 format!("infeasible, violated by {violation}"),
             )
         }
         Answer::Unbounded => (status == Status::Unbounded, "unbounded".into()),
+        Answer::Saddle { z } => (
+            status == Status::SaddlePoint && distance(z) < 1e-8,
+            format!("saddle-point, z = {z:?}"),
+        ),
     };
     (!right).then(|| {
-        let Example { name, source, .. } = &nlp.example;
+        let Example { name, source, .. } = example;
         format!(
             "{name} ({source}): {status}, f = {}, z = {:?}; expected {expected}",
             iterate.f, iterate.z
@@ -188,54 +206,78 @@ fn disagreement(nlp: &Nlp, solution: &Solution) -> Option<String> {
 #[test]
 fn known_problems_end_as_known() {
     let mut table = format!(
-        "{:<16} {:<16} iterations evaluations linearisations qps\n",
+        "{:<16} {:<16} iterations evaluations linearisations qps escapes curvature\n",
         "problem", "status"
     );
     let mut wrong = Vec::new();
     for example in examples() {
-        let nlp = Nlp::new(example);
-        let solution = run(&nlp);
-        let (name, work) = (nlp.example.name, solution.work);
+        let nlp = Nlp::new(example.functions, example.limits, example.start.len());
+        let solution = run(&nlp, example.start);
+        let (name, work) = (example.name, solution.work);
+        let curvature = solution.curvature.map_or("-".into(), |c| format!("{c:.3}"));
         table += &format!(
-            "{name:<16} {:<16} {:>10} {:>11} {:>14} {:>3}\n",
+            "{name:<16} {:<16} {:>10} {:>11} {:>14} {:>3} {:>7} {curvature:>9}\n",
             solution.status.as_str(),
             work.iterations,
             work.evaluations,
             work.linearisations,
-            work.qps
+            work.qps,
+            work.escapes,
         );
-        wrong.extend(disagreement(&nlp, &solution));
+        wrong.extend(disagreement(&example, &solution));
+        if solution.status == Status::Converged {
+            let curvature = solution.curvature.expect("small enough to be checked");
+            assert!(
+                (-TOLERANCE..=1.0).contains(&curvature),
+                "{name}: {curvature}"
+            );
+        }
     }
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
-    problem          status           iterations evaluations linearisations qps
-    HS1              converged                25          94             26  85
-    HS2              converged                 8          21              9  23
-    HS6              converged                 5          12              6  10
-    HS7              converged                10          26             11  21
-    HS10             converged                12          30             13  27
-    HS12             converged                 8          16              9  16
-    HS12 twice       converged                 8          16              9  16
-    HS13             no-progress              17          34             18  61
-    HS26             converged                24          49             25  48
-    HS28             converged                 3           6              4   6
-    HS35             converged                 3           5              4   5
-    HS39             converged                13          36             14  28
-    HS40             converged                 4           8              5   8
-    HS43             converged                 7          17              8  15
-    HS71             converged                 5           9              6  10
-    HS76             converged                 3           5              4   5
-    HS78             converged                 6          11              7  11
-    HS100            converged                 6          28              7  19
-    Maratos          converged                 6          11              7  11
-    Wächter-Biegler  infeasible                4           8              5  13
-    linear program   converged                 2           3              3   3
-    equality as g    converged                 3           5              4   5
-    equality twice   converged                 5          11              6  10
-    parallel lines   infeasible                2          10              3  10
-    line and disc    infeasible               16          62             17  47
-    isolated         infeasible               14          58             15  44
-    half line        unbounded                 8          16              9  16
-    saddle           unbounded                37          74             38 110
+    problem          status           iterations evaluations linearisations qps escapes curvature
+    HS1              converged                25          94             26  85       0     0.001
+    HS2              converged                 8          21              9  23       0     1.000
+    HS6              converged                 5          12              6  10       0     0.400
+    HS7              converged                10          26             11  21       0     1.000
+    HS10             converged                12          30             13  27       0     0.500
+    HS12             converged                 8          16              9  16       0     1.000
+    HS12 twice       converged                 8          16              9  16       0     1.000
+    HS13             no-progress              17          34             18  61       0         -
+    HS14             converged                 5          10              6  10       0     1.000
+    HS22             converged                 5           9              6   9       0     1.000
+    HS26             converged                24          49             25  48       0     0.000
+    HS28             converged                 3           6              4   6       0     0.333
+    HS35             converged                 3           5              4   5       0     0.357
+    HS39             converged                13          36             14  28       0     0.707
+    HS40             converged                 4           8              5   8       0     1.000
+    HS43             converged                 7          17              8  15       0     0.707
+    HS65             converged                 5           9              6   9       0     0.349
+    HS71             converged                 5           9              6  10       0     0.434
+    HS76             converged                 3           5              4   5       0     0.707
+    HS78             converged                 6          11              7  11       0     0.700
+    HS100            converged                 6          28              7  19       0     0.363
+    HS113            converged                 5           9              6   9       0     0.493
+    Maratos          converged                 6          11              7  11       0     1.000
+    Wächter-Biegler  infeasible                4           8              5  13       0         -
+    linear program   converged                 2           3              3   3       0     1.000
+    equality as g    converged                 3           5              4   5       0     1.000
+    equality twice   converged                 5          11              6  10       0     1.000
+    idle bounds      converged                 3           6              4   6       0     0.707
+    gap              infeasible                1           2              2   3       0         -
+    parallel lines   infeasible                2          10              3  10       0         -
+    line and disc    infeasible               16          62             17  47       0         -
+    isolated         infeasible               14          58             15  44       0         -
+    half line        unbounded                 8          16              9  16       0         -
+    saddle           unbounded                37          74             38 110       0         -
+    ridge            converged                 8          23              9  21       1     0.707
+    start on saddle  converged                 5          17              7  13       1     0.707
+    half ridge       converged                 8          23              9  21       1     0.707
+    corner           converged                 1           3              3   0       1     0.447
+    copositive       converged                19          38             20  55       0     0.392
+    pole of circle   converged                15          47             16  39       1     1.000
+    pole of disc     converged                13          36             14  37       1     1.000
+    bounded ridge    converged                 7          12              8  16       1     1.000
+    knife edge       saddle-point              3          46              4   8       0    -0.707
     ");
 }

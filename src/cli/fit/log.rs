@@ -1,0 +1,103 @@
+//! The log of a fit as JSON lines: one object for each iteration as it happens, one for each start and
+//! one for the fit at the end.
+
+use crate::cli::Failure;
+use crate::identification::result::StartReport;
+use crate::identification::{Fit, Progress};
+use serde_json::{Value, json};
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Where the lines go. What cannot be written is told at the end: it is no reason to stop a fit.
+pub struct Log {
+    path: PathBuf,
+    out: Box<dyn Write>,
+    failed: Option<io::Error>,
+}
+
+/// The path that means stdout.
+pub fn is_stdout(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+impl Log {
+    /// Opens the file, which is written as the fit goes on, or stdout for `-`.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        let out: Box<dyn Write> = match is_stdout(path) {
+            true => Box::new(io::stdout()),
+            false => {
+                let file = File::create(path);
+                Box::new(file.map_err(|error| super::cannot_write(path, &error))?)
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            out,
+            failed: None,
+        })
+    }
+
+    /// One iteration.
+    pub fn iteration(&mut self, progress: &Progress) {
+        let iteration = progress.iteration;
+        self.line(&json!({
+            "event": "iteration",
+            "start": progress.start + 1,
+            "iteration": iteration.number,
+            "objective": iteration.objective,
+            "primal": iteration.kkt.primal,
+            "dual": iteration.kkt.dual,
+            "complementarity": iteration.kkt.complementarity,
+            "step": iteration.step,
+            "change": iteration.length,
+            "damping": iteration.damping,
+            "penalty": iteration.penalty,
+            "active": iteration.active,
+            "hessian": iteration.model.as_str(),
+        }));
+    }
+
+    /// What became of the starts and of the fit.
+    pub fn close(mut self, fit: &Fit) -> Result<(), Failure> {
+        let mut starts: Vec<&StartReport> = fit.starts.iter().collect();
+        starts.sort_by_key(|start| start.number);
+        for start in starts {
+            self.line(&json!({
+                "event": "start",
+                "start": start.number,
+                "status": start.status,
+                "iterations": start.iterations,
+                "objective": start.objective,
+                "kkt": start.kkt,
+                "curvature": start.curvature,
+                "seconds": start.seconds,
+            }));
+        }
+        self.line(&json!({
+            "event": "fit",
+            "status": fit.status,
+            "iterations": fit.iterations,
+            "objective": fit.objective,
+            "kkt": fit.kkt,
+            "curvature": fit.curvature,
+            "seconds": fit.seconds,
+            "skipped": fit.skipped,
+        }));
+        match self.failed {
+            // A reader that has gone is no failure.
+            Some(error) if error.kind() != ErrorKind::BrokenPipe => {
+                Err(super::cannot_write(&self.path, &error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// One line in one piece, so that a reader or a crash sees whole lines.
+    fn line(&mut self, object: &Value) {
+        if self.failed.is_none() {
+            let written = self.out.write_all(format!("{object}\n").as_bytes());
+            self.failed = written.and_then(|()| self.out.flush()).err();
+        }
+    }
+}

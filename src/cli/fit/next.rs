@@ -1,0 +1,57 @@
+//! What was written, and what to type next.
+
+use super::Args;
+use crate::identification::{Fit, InitialState, Options};
+use crate::sqp::Status;
+
+impl Args {
+    /// The end of the summary.
+    pub(super) fn next(&self, fit: &Fit, options: &Options) -> String {
+        let pilot = self.output.display();
+        let mut text = format!("\nwrote {pilot}\n");
+        if let Some(report) = &self.report {
+            text += &format!("wrote {}\n", report.display());
+        }
+        text + &match fit.converged {
+            true => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
+            false => self.what_else(fit, options),
+        }
+    }
+
+    /// What may help a solve that did not converge.
+    fn what_else(&self, fit: &Fit, options: &Options) -> String {
+        let mut text = String::from("next: this is the best iterate, not a result; try\n");
+        if options.initial_state == InitialState::Free {
+            text +=
+                "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
+        }
+        let ended_by = |status: Status| fit.status == status.as_str();
+        let was_cut_short = [
+            Status::IterationLimit,
+            Status::TimeLimit,
+            Status::Interrupted,
+        ]
+        .into_iter()
+        .any(ended_by);
+        text += &match was_cut_short {
+            true => format!(
+                "      --start {}, to go on from here\n",
+                numbers(&fit.theta)
+            ),
+            false => "      --start with other values of θ\n".into(),
+        };
+        if let (true, Some(limit)) = (ended_by(Status::TimeLimit), self.time_limit) {
+            text += &format!("      --time-limit above {limit}\n");
+        }
+        if ended_by(Status::IterationLimit) {
+            text += &format!("      --max-iterations above {}\n", options.max_iterations);
+        }
+        text
+    }
+}
+
+/// With all digits, separated by commas.
+fn numbers(values: &[f64]) -> String {
+    let words: Vec<String> = values.iter().map(f64::to_string).collect();
+    words.join(",")
+}

@@ -1,0 +1,88 @@
+//! The iterations of a fit as a table on stderr, in the columns that users of SQP and interior-point
+//! solvers know.
+
+use crate::identification::Progress;
+use std::io::Write;
+
+/// Lines between two headers.
+const PAGE: usize = 20;
+
+const HEADER: &str = "start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
+                      active  hessian";
+
+/// Prints one line for each iteration.
+#[derive(Default)]
+pub struct Table {
+    lines: usize,
+}
+
+impl Table {
+    /// Prints an iteration.
+    pub fn show(&mut self, progress: &Progress) {
+        let mut text = String::new();
+        if self.lines.is_multiple_of(PAGE) {
+            text += HEADER;
+            text += "\n";
+        }
+        self.lines += 1;
+        text += &line(progress);
+        // Whoever closed stderr does not want to know.
+        let _ = std::io::stderr().lock().write_all(text.as_bytes());
+    }
+}
+
+fn line(progress: &Progress) -> String {
+    let i = progress.iteration;
+    let damping = match i.damping > 0.0 {
+        true => format!("{:.1}", i.damping.log10()),
+        false => "-".into(),
+    };
+    format!(
+        "{:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
+        progress.start + 1,
+        i.number,
+        i.objective,
+        i.kkt.primal,
+        i.kkt.dual,
+        i.kkt.complementarity,
+        i.step,
+        i.length,
+        i.penalty,
+        i.active,
+        i.model.as_str(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sqp::{Iteration, Kkt, StepModel};
+
+    #[test]
+    fn lines_stand_below_the_header() {
+        let iteration = Iteration {
+            number: 12,
+            objective: -268.25,
+            kkt: Kkt {
+                dual: 1e-3,
+                primal: 2.5e-9,
+                complementarity: 0.0,
+            },
+            step: 0.5,
+            length: 0.031,
+            damping: 1e-4,
+            penalty: 17.0,
+            active: 41,
+            model: StepModel::GaussNewton,
+        };
+        let text = line(&Progress {
+            start: 1,
+            starts: 4,
+            iteration: &iteration,
+        });
+        insta::assert_snapshot!(format!("{HEADER}\n{text}"), @"
+        start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
+            2    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
+        ");
+    }
+}

@@ -1,0 +1,164 @@
+//! Which part of a QP's step is taken: backtracking on the merit, with second-order corrections of the
+//! full step.
+
+use super::Problem;
+use super::globalisation::Model;
+use super::qp::{QpSolver, Step};
+use super::solver::Sqp;
+
+/// Longest second-order correction, relative to the step or the correction before it.
+const CORRECTION_RATE: f64 = 0.5;
+/// Limit on second-order corrections of one step.
+const MAX_CORRECTIONS: usize = 6;
+
+impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
+    /// The step length at which the merit falls enough, and how the fall compares with the model's.
+    /// Leaves the accepted point in `trial`.
+    pub(super) fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
+        let slope: f64 = self
+            .qp
+            .gradient()
+            .iter()
+            .zip(&self.step.d)
+            .map(|(g, d)| g * d)
+            .sum();
+        let model = self
+            .merit
+            .prepare(self.problem, &self.current, &self.step, slope);
+        let start = self.merit.value(self.problem, &self.current);
+        let test = Descent {
+            start,
+            model,
+            armijo: self.options.armijo,
+        };
+        if let Some(ratio) = self.full_step(&test) {
+            return Some((1.0, ratio));
+        }
+        let mut alpha = 0.5;
+        while alpha >= shortest {
+            self.try_step(alpha);
+            let value = self.merit.value(self.problem, &self.trial);
+            if test.passes(value, alpha) {
+                return Some((alpha, test.ratio(value)));
+            }
+            alpha *= 0.5;
+        }
+        None
+    }
+
+    /// The full step, as it is or with a second-order correction, if either passes and the correction
+    /// is short.
+    fn full_step(&mut self, test: &Descent) -> Option<f64> {
+        self.try_step(1.0);
+        let value = self.merit.value(self.problem, &self.trial);
+        if test.is_rounding() && test.passes(value, 1.0) {
+            // The merit says nothing any more; a Newton step still improves the residual.
+            return Some(1.0);
+        }
+        if !value.is_finite() {
+            return None;
+        }
+        let uncorrected = self.trial.z.clone();
+        let mut step = self.step.clone();
+        let mut length = largest(&step.d);
+        for round in 0..MAX_CORRECTIONS {
+            let moved = self.correct(&mut step)?;
+            if moved > CORRECTION_RATE * length {
+                return None;
+            }
+            if round == 0 && test.passes(value, 1.0) {
+                self.trial.z = uncorrected;
+                self.trial.evaluate(self.problem);
+                return Some(test.ratio(value));
+            }
+            let corrected = self.merit.value(self.problem, &self.trial);
+            if test.passes(corrected, 1.0) {
+                return Some(test.ratio(corrected));
+            }
+            length = moved;
+        }
+        None
+    }
+
+    /// Second-order correction of `step`, which led to `trial`. Returns how far it moves the trial: a
+    /// simplified Newton step, short beside the one before where the linearisation holds (Deuflhard,
+    /// *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
+    fn correct(&mut self, step: &mut Step) -> Option<f64> {
+        self.work.qps += 1;
+        self.qp.correct(self.problem, &self.trial, step).ok()?;
+        let mut moved: f64 = 0.0;
+        let points = self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d);
+        for ((trial, z), d) in points {
+            moved = moved.max((z + d - *trial).abs());
+            *trial = z + d;
+        }
+        self.trial.evaluate(self.problem);
+        self.work.evaluations += 1;
+        self.trial.is_finite().then_some(moved)
+    }
+
+    fn try_step(&mut self, alpha: f64) {
+        for ((t, z), d) in self
+            .trial
+            .z
+            .iter_mut()
+            .zip(&self.current.z)
+            .zip(&self.step.d)
+        {
+            *t = z + alpha * d;
+        }
+        self.trial.evaluate(self.problem);
+        blend(
+            &mut self.trial.lambda,
+            &self.current.lambda,
+            &self.step.lambda,
+            alpha,
+        );
+        blend(
+            &mut self.trial.eta,
+            &self.current.eta,
+            &self.step.eta,
+            alpha,
+        );
+        self.work.evaluations += 1;
+    }
+}
+
+/// Largest magnitude.
+fn largest(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |m, x| x.abs().max(m))
+}
+
+/// Test of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), blind to rounding.
+struct Descent {
+    start: f64,
+    model: Model,
+    armijo: f64,
+}
+
+impl Descent {
+    /// Differences below this cannot be told from a decrease.
+    fn rounding(&self) -> f64 {
+        100.0 * f64::EPSILON * self.start.abs()
+    }
+
+    fn is_rounding(&self) -> bool {
+        self.model.decrease.abs() <= 10.0 * self.rounding()
+    }
+
+    fn passes(&self, value: f64, alpha: f64) -> bool {
+        value <= self.start + self.armijo * alpha * self.model.derivative.min(0.0) + self.rounding()
+    }
+
+    /// Decrease over the decrease that the model predicts for the full step.
+    fn ratio(&self, value: f64) -> f64 {
+        (self.start - value + self.rounding()) / (self.model.decrease + self.rounding())
+    }
+}
+
+/// `out = from + alpha (to - from)`.
+fn blend(out: &mut [f64], from: &[f64], to: &[f64], alpha: f64) {
+    for ((o, f), t) in out.iter_mut().zip(from).zip(to) {
+        *o = f + alpha * (t - f);
+    }
+}

@@ -1,0 +1,283 @@
+//! How a fit is watched, limited and stopped.
+
+use crate::command::{Ended, Folder, example};
+use pilotage::identification::{Options, Trial, TrialSet, fit};
+use pilotage::sqp::Status;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read};
+use std::ops::ControlFlow;
+use std::process::{Command, Stdio};
+
+fn manifest() -> String {
+    example("trials/trials.toml").to_str().unwrap().to_owned()
+}
+
+fn lines(text: &str) -> Vec<Value> {
+    let parse = |line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"));
+    text.lines().map(parse).collect()
+}
+
+fn of<'a>(log: &'a [Value], event: &str) -> Vec<&'a Value> {
+    log.iter().filter(|line| line["event"] == event).collect()
+}
+
+#[test]
+fn the_log_tells_each_iteration_and_how_it_ended() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&["fit", &manifest(), "--log=fit.jsonl", "--json", "--verbose"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let log = lines(&folder.read("fit.jsonl"));
+    let (iterations, starts) = (of(&log, "iteration"), of(&log, "start"));
+    assert_eq!(log.len(), iterations.len() + starts.len() + 1);
+
+    let numbers: Vec<_> = starts
+        .iter()
+        .map(|start| start["start"].as_u64().unwrap())
+        .collect();
+    assert_eq!(numbers, (1..=starts.len() as u64).collect::<Vec<_>>());
+    for start in &starts {
+        let own: Vec<_> = iterations
+            .iter()
+            .filter(|i| i["start"] == start["start"])
+            .collect();
+        let first = own.first().unwrap();
+        assert_eq!(
+            (&first["iteration"], &first["hessian"]),
+            (&0.into(), &"start".into())
+        );
+        let last = own.last().unwrap();
+        assert_eq!(last["iteration"], start["iterations"]);
+        assert_eq!(last["objective"], start["objective"]);
+        let parts = ["primal", "dual", "complementarity"].map(|part| last[part].as_f64().unwrap());
+        assert_eq!(
+            start["kkt"].as_f64().unwrap(),
+            parts.into_iter().fold(0.0, f64::max)
+        );
+        for key in ["step", "change", "damping", "penalty", "active"] {
+            assert!(own.iter().all(|i| i[key].as_f64().unwrap() >= 0.0), "{key}");
+        }
+        let known = ["start", "exact", "gauss-newton", "curvature"].map(Value::from);
+        assert!(own.iter().all(|i| known.contains(&i["hessian"])));
+    }
+    // The optimum has an active limit, a curvature, and the numbers of the summary.
+    let (closing, summary) = (log.last().unwrap(), ended.json());
+    for key in [
+        "status",
+        "iterations",
+        "objective",
+        "kkt",
+        "curvature",
+        "seconds",
+        "skipped",
+    ] {
+        assert_eq!(closing[key], summary[key], "{key}");
+    }
+    assert_eq!(
+        (&closing["event"], &closing["skipped"]),
+        (&"fit".into(), &0.into())
+    );
+    assert!(summary["curvature"].as_f64().unwrap() > 0.0, "{summary}");
+    let total: u64 = starts
+        .iter()
+        .map(|start| start["iterations"].as_u64().unwrap())
+        .sum();
+    assert_eq!(closing["iterations"], total);
+
+    // The table has the same lines.
+    let rows = (ended.stderr.lines()).filter(|line| !line.starts_with("start  iter"));
+    assert_eq!(rows.count(), iterations.len(), "{}", ended.stderr);
+}
+
+#[test]
+fn a_log_on_stdout_is_alone_there() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&["fit", &manifest(), "--log=-"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert_eq!(lines(&ended.stdout).last().unwrap()["status"], "converged");
+    assert!(ended.stderr.starts_with("converged: "), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("\nwrote pilot.toml\n"),
+        "{}",
+        ended.stderr
+    );
+
+    let ended = folder.pilotage(&["fit", &manifest(), "--log=-", "--json"]);
+    let message = "error: --json and --log - both want stdout\n\
+                   hint: give --log a file; or leave --json out: the log's last line has the result\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, message));
+
+    let ended = folder.pilotage(&["fit", &manifest(), "--log=no/such/fit.jsonl"]);
+    let message = "error: cannot write no/such/fit.jsonl: No such file or directory (os error 2)\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, message));
+}
+
+/// Asserts that a fit was cut short: written and marked, with what to do next.
+fn assert_cut_short(folder: &Folder, ended: &Ended, summary: &str, status: &str) {
+    assert_eq!(ended.code, 1, "{ended:?}");
+    assert!(
+        summary.starts_with(&format!("NOT CONVERGED ({status}): ")),
+        "{summary}"
+    );
+    let file: toml::Table = folder.read("pilot.toml").parse().unwrap();
+    assert_eq!(file["converged"].as_bool(), Some(false));
+    let theta: Vec<String> = (1..=6)
+        .map(|i| {
+            file["theta"][&format!("theta{i}")]
+                .as_float()
+                .unwrap()
+                .to_string()
+        })
+        .collect();
+    let next = format!("      --start {}, to go on from here\n", theta.join(","));
+    assert!(summary.contains(&next), "{summary}");
+}
+
+#[test]
+fn a_time_limit_keeps_the_best_so_far() {
+    let folder = Folder::new();
+    let ended = folder.pilotage(&["fit", &manifest(), "--time-limit=1e-9", "--log=fit.jsonl"]);
+    assert_cut_short(&folder, &ended, &ended.stdout, "time-limit");
+    assert!(
+        ended
+            .stdout
+            .ends_with("      --time-limit above 0.000000001\n"),
+        "{}",
+        ended.stdout
+    );
+    let log = lines(&folder.read("fit.jsonl"));
+    assert_eq!(of(&log, "iteration").len(), 1);
+    let skipped = log.last().unwrap()["skipped"].as_u64().unwrap();
+    let told = format!(
+        "\nstopped early: {skipped} of {} starts were not tried\n",
+        skipped + 1
+    );
+    assert!(
+        skipped > 0 && ended.stdout.contains(&told),
+        "{}",
+        ended.stdout
+    );
+}
+
+/// Flights enough for a fit of many seconds, which the signal of the test below cannot miss.
+fn many_flights(folder: &Folder) {
+    let names = [
+        "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
+    ];
+    let mut manifest = String::new();
+    for copy in 0..15 {
+        for name in names {
+            let content = std::fs::read(example(&format!("trials/{name}.csv"))).unwrap();
+            let file = format!("{name}-{copy}.csv");
+            folder.write(&file, content);
+            manifest += &format!("[[run]]\nfile = '{file}'\n");
+        }
+    }
+    folder.write("many.toml", manifest);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_the_best_so_far() {
+    let folder = Folder::new();
+    many_flights(&folder);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pilotage"))
+        .args(["fit", "many.toml", "--scheme=hermite-simpson", "--log=-"])
+        .current_dir(folder.path(""))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The first line says that the fit runs, and that it listens.
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    let mut log = String::new();
+    stdout.read_line(&mut log).unwrap();
+    let signal = ["-INT", &child.id().to_string()];
+    assert!(
+        Command::new("kill")
+            .args(signal)
+            .status()
+            .unwrap()
+            .success()
+    );
+    stdout.read_to_string(&mut log).unwrap();
+    let mut stderr = String::new();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut stderr)
+        .unwrap();
+    let ended = Ended {
+        code: child.wait().unwrap().code().unwrap_or(-1),
+        stdout: log,
+        stderr,
+    };
+    let note = "note: stopping at the next iteration; Ctrl-C again kills\n";
+    let summary = ended
+        .stderr
+        .strip_prefix(note)
+        .unwrap_or_else(|| panic!("{}", ended.stderr));
+    assert_cut_short(&folder, &ended, summary, "interrupted");
+    let log = lines(&ended.stdout);
+    assert_eq!(log.last().unwrap()["status"], "interrupted");
+    assert!(log.last().unwrap()["skipped"].as_u64().unwrap() > 0);
+}
+
+fn trials() -> Vec<Trial> {
+    TrialSet::read(&[example("trials/trials.toml")])
+        .unwrap()
+        .fit
+}
+
+#[test]
+fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
+    let whole = fit(&trials(), &Options::default(), &mut |_| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let converged = whole.starts.iter().filter(|s| s.status == "converged");
+    let first = converged.min_by_key(|start| start.number).unwrap();
+    let starts = whole.starts.len();
+    assert!(
+        first.number < starts,
+        "the test is about a start after one that converged"
+    );
+    let stopped = fit(&trials(), &Options::default(), &mut |progress| match (
+        progress.start,
+        progress.iteration.number,
+    ) {
+        (start, 2) if start == first.number => ControlFlow::Break(Status::Interrupted),
+        _ => ControlFlow::Continue(()),
+    })
+    .unwrap();
+    assert!(stopped.converged);
+    assert_eq!(
+        (stopped.status.as_str(), stopped.objective),
+        ("converged", first.objective)
+    );
+    let next = stopped
+        .starts
+        .iter()
+        .find(|start| start.number == first.number + 1);
+    assert_eq!(next.unwrap().status, "interrupted");
+    assert_eq!(stopped.skipped, starts - stopped.starts.len());
+}
+
+#[test]
+fn a_stop_before_anything_has_converged_gives_the_best_iterate() {
+    let mut seen = Vec::new();
+    let stopped = fit(&trials(), &Options::default(), &mut |progress| {
+        seen.push(progress.iteration.objective);
+        match seen.len() {
+            6 => ControlFlow::Break(Status::TimeLimit),
+            _ => ControlFlow::Continue(()),
+        }
+    })
+    .unwrap();
+    assert_eq!(
+        (stopped.converged, stopped.status.as_str()),
+        (false, "time-limit")
+    );
+    assert_eq!((stopped.iterations, stopped.curvature), (5, None));
+    assert_eq!(stopped.objective, seen[5]);
+}
