@@ -38,13 +38,26 @@ def random_pilot(seed):
     return denominator + [-gain * denominator[0] * zero for zero in zeros]
 
 
-def starts(ours, manifest, scheme, initial_state, count):
+def starts(ours, problem, count):
     """The default starts that pilotage estimates from the data, then random ones."""
-    problem = {"manifest": str(manifest), "scheme": scheme, "initial_state": initial_state}
     named = [(f"default{i + 1}", theta) for i, theta in enumerate(ours.ask(problem)["candidates"])]
     rest = range(1, 1 + max(0, count - len(named)))
-    named += [(f"random{i}", random_pilot(f"{manifest.parent.name} {i}")) for i in rest]
+    named += [(f"random{i}", random_pilot(f"{problem['data_set']} {i}")) for i in rest]
     return named[:count]
+
+
+def cases(ours, manifests, schemes, initial_state, count, thetas=None):
+    """Every data set with every scheme from every start; `thetas` are starts of the user's."""
+    for manifest in manifests:
+        for scheme in schemes:
+            problem = {
+                "data_set": manifest.parent.name,
+                "manifest": str(manifest),
+                "scheme": scheme,
+                "initial_state": initial_state,
+            }
+            for start, theta in thetas or starts(ours, problem, count):
+                yield problem | {"start": start, "theta": theta}
 
 
 def read_theta(path):
@@ -53,4 +66,6 @@ def read_theta(path):
     theta = json.loads(text)["theta"] if path.suffix == ".json" else tomllib.loads(text)["theta"]
     if isinstance(theta, dict):
         theta = [theta[f"theta{i + 1}"] for i in range(len(theta))]
+    if len(theta) != 6:
+        raise SystemExit(f"{path}: theta has {len(theta)} numbers; the pilot here is of third order: 6")
     return theta

@@ -29,7 +29,6 @@ sys.path.insert(0, str(ROOT / "tests" / "casadi"))
 
 import environment
 
-TOLERANCE = 1e-8
 ROUNDING = 1.1  # what another order of summation may add to the residual, as a factor
 SAME_OBJECTIVE = 1e-6  # relative
 ONE_THREAD = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"]
@@ -67,32 +66,16 @@ def build():
 
 def run_case(ours, case, options):
     """One start: ours and IPOPT's by turns."""
-    from nlp import Problem
-    from solvers import FASTEST, Ipopt
-    from trials import read_manifest
+    from solvers import FASTEST, Ipopt, problem_of
 
-    request = {key: case[key] for key in ("manifest", "scheme", "initial_state", "theta")} | {
-        "max_iterations": options.max_iter,
-        "max_seconds": options.max_seconds,
-        "tolerance": TOLERANCE,
-        "repeats": options.repeats,
-    }
-    limits = {
-        "tol": TOLERANCE,
-        "max_iter": options.max_iter,
-        "max_cpu_time": options.max_seconds,
-    }
-    answers = [ours.ask(request)]
-    scales = answers[0]["scales"]
-    trials = read_manifest(Path(case["manifest"]))
-    problem = Problem(
-        case["scheme"], case["initial_state"], trials, scales["states"], scales["parameters"]
-    )
+    limits = options.max_iter, options.max_seconds
+    answers = [ours.ask(case)]
+    problem = problem_of(case, answers[0]["scales"])
     peer = {}
     for hessian in options.hessians:
-        solver = Ipopt(problem, hessian, FASTEST, limits)
+        solver = Ipopt(problem, hessian, FASTEST, *limits)
         peer[hessian] = solver.solve(answers[0]["start"])
-        answers.append(ours.ask(request))
+        answers.append(ours.ask(case))
     converged = [h for h in peer if peer[h]["converged"]]
     best = min(converged, key=lambda h: peer[h]["seconds"]) if converged else None
     return case | {
@@ -105,6 +88,8 @@ def run_case(ours, case, options):
 
 def judge(problem, answers):
     """Our solve: the median of its repetitions, its residual according to CasADi."""
+    from solvers import TOLERANCE
+
     last = answers[-1]
     lam_g, lam_x = problem.multipliers(last["lambda"], last["eta"])
     objective, parts = problem.kkt(last["z"], lam_g, lam_x)
@@ -125,35 +110,27 @@ def main():
     for name in ONE_THREAD:
         os.environ[name] = "1"
     environment.enter()
-    import cases
     import table
+    from cases import cases, fly, read_theta
     from solvers import Ours
 
     programs = build()
-    ours = Ours(programs["race"])
-    manifests = options.trials
+    ours = Ours(programs["race"], options.max_iter, options.max_seconds, options.repeats)
+    manifests, thetas = options.trials, None
     if not manifests:
         folder = ROOT / "target" / "race"
-        manifests = [cases.fly(programs["pilotage"], folder, n) for n in range(options.data_sets)]
+        manifests = [fly(programs["pilotage"], folder, n) for n in range(options.data_sets)]
+    if options.theta:
+        thetas = [(path.stem, read_theta(path)) for path in options.theta]
     rows = []
     print(table.header(), flush=True)
-    for manifest in manifests:
-        for scheme in options.schemes:
-            problem = {
-                "data_set": manifest.parent.name,
-                "manifest": str(manifest),
-                "scheme": scheme,
-                "initial_state": options.initial_state,
-            }
-            if options.theta:
-                starts = [(path.stem, cases.read_theta(path)) for path in options.theta]
-            else:
-                starts = cases.starts(ours, manifest, scheme, options.initial_state, options.starts)
-            for start, theta in starts:
-                rows.append(run_case(ours, problem | {"start": start, "theta": theta}, options))
-                print(table.row(rows[-1]), flush=True)
-                if options.json:
-                    options.json.write_text(json.dumps(rows, indent=1) + "\n")
+    for case in cases(
+        ours, manifests, options.schemes, options.initial_state, options.starts, thetas
+    ):
+        rows.append(run_case(ours, case, options))
+        print(table.row(rows[-1]), flush=True)
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=1) + "\n")
     print("\n" + table.summary(rows, SAME_OBJECTIVE))
     sys.exit(any(row["ours"]["converged"] and not row["ours"]["confirmed"] for row in rows))
 

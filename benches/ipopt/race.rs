@@ -50,11 +50,21 @@ fn answer(request: &Value) -> Result<Value, Failure> {
             let sticks: Vec<_> = set.fit.iter().map(stick).collect();
             Ok(json!({ "candidates": start::candidates(&set.fit, &sticks, &options) }))
         }
-        theta => race(&set, &options, &serde_json::from_value::<Vec<f64>>(theta.clone())?, request),
+        theta => race(
+            &set,
+            &options,
+            &serde_json::from_value::<Vec<f64>>(theta.clone())?,
+            request,
+        ),
     }
 }
 
-fn race(set: &TrialSet, options: &Options, theta: &[f64], request: &Value) -> Result<Value, Failure> {
+fn race(
+    set: &TrialSet,
+    options: &Options,
+    theta: &[f64],
+    request: &Value,
+) -> Result<Value, Failure> {
     let clock = Clock::start();
     let states: Vec<_> = (set.fit.iter())
         .map(|trial| start::joint_states(trial, options, theta))
@@ -110,12 +120,16 @@ fn solve(
     limit: Duration,
 ) -> Solution {
     let clock = Instant::now();
-    sqp::solve(problem, &mut Condensed::default(), start, options, &mut |_| {
-        match clock.elapsed() < limit {
+    sqp::solve(
+        problem,
+        &mut Condensed::default(),
+        start,
+        options,
+        &mut |_| match clock.elapsed() < limit {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
-        }
-    })
+        },
+    )
 }
 
 /// The processor's time of this process beside that on the wall.
@@ -155,9 +169,13 @@ fn processor_seconds() -> f64 {
 }
 
 fn text<'a>(request: &'a Value, field: &str) -> Result<&'a str, Failure> {
-    Ok(request[field].as_str().ok_or_else(|| format!("{field}: expected a text"))?)
+    Ok(request[field]
+        .as_str()
+        .ok_or_else(|| format!("{field}: expected a text"))?)
 }
 
 fn number(request: &Value, field: &str) -> Result<f64, Failure> {
-    Ok(request[field].as_f64().ok_or_else(|| format!("{field}: expected a number"))?)
+    Ok(request[field]
+        .as_f64()
+        .ok_or_else(|| format!("{field}: expected a number"))?)
 }

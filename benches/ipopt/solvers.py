@@ -4,28 +4,45 @@ import json
 import os
 import subprocess
 import time
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from nlp import Problem
+from trials import read_manifest
 
 # IPOPT at its best on this problem: study.py compares these with other settings. Scaling is off since
 # the problem comes scaled, and so that both solvers' tolerances mean the same residual.
 FASTEST = {"mumps_pivot_order": 5, "nlp_scaling_method": "none"}
 HESSIANS = ["exact", "gauss-newton"]
+TOLERANCE = 1e-8  # of the scaled KKT residual, for both
 QUIET = {"print_level": 0, "sb": "yes"}
+
+
+def problem_of(case, scales):
+    """The NLP of a case in CasADi, with our solver's scales."""
+    trials = read_manifest(Path(case["manifest"]))
+    names = case["scheme"], case["initial_state"]
+    return Problem(*names, trials, scales["states"], scales["parameters"])
 
 
 class Ours:
     """race.rs, a process that answers one request at a time."""
 
-    def __init__(self, program):
+    def __init__(self, program, max_iterations, max_seconds, repeats):
+        self.options = {
+            "max_iterations": max_iterations,
+            "max_seconds": max_seconds,
+            "tolerance": TOLERANCE,
+            "repeats": repeats,
+        }
         one_thread = os.environ | {"RAYON_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
             [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=one_thread
         )
 
     def ask(self, request):
-        self.process.stdin.write(json.dumps(request) + "\n")
+        self.process.stdin.write(json.dumps(self.options | request) + "\n")
         self.process.stdin.flush()
         line = self.process.stdout.readline()
         answer = json.loads(line) if line else {"error": "it ended without an answer"}
@@ -37,8 +54,9 @@ class Ours:
 class Ipopt:
     """IPOPT on a Problem of nlp.py, with CasADi's functions expanded to scalar operations."""
 
-    def __init__(self, problem, hessian, options, limits):
+    def __init__(self, problem, hessian, options, max_iterations, max_seconds):
         self.problem = problem
+        limits = {"tol": TOLERANCE, "max_iter": max_iterations, "max_cpu_time": max_seconds}
         clock = time.process_time()
         settings = {"ipopt": QUIET | limits | options, "print_time": False, "expand": True}
         if hessian == "gauss-newton":

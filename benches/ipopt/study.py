@@ -1,7 +1,7 @@
 """Which setting of IPOPT is the fastest on the race's problems. From the repository's root, after a race
 has made its data sets:
 
-    python3 benches/ipopt/study.py --data-sets 2 --starts 4
+    python3 benches/ipopt/study.py --data-sets 2 3 --starts 4
 
 Each setting solves the same cases; printed are how many converged, the median over the cases of its
 time relative to the first setting's, and the time of an iteration. The first is the one that
@@ -14,7 +14,7 @@ import statistics
 import sys
 
 import race
-from race import ROOT, TOLERANCE, build, environment
+from race import ROOT, build, environment
 
 METIS = {"mumps_pivot_order": 5}
 SCALED = METIS | {"nlp_scaling_method": "none"}
@@ -53,7 +53,7 @@ def arguments():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("--data-sets", type=int, default=2, metavar="N", help="of target/race (2)")
+    add("--data-sets", type=int, nargs="+", default=[2, 3], metavar="N", help="of target/race (2 3)")
     add("--starts", type=int, default=4, metavar="N", help="of each (4)")
     add("--schemes", nargs="+", default=["euler", "trapezoid"])
     add("--initial-state", default="at-rest")
@@ -64,33 +64,16 @@ def arguments():
 
 
 def problems(options):
-    """Every case with its start."""
-    import cases
-    from nlp import Problem
-    from solvers import Ours
-    from trials import read_manifest
+    """Every case in CasADi, with its start."""
+    from cases import cases
+    from solvers import Ours, problem_of
 
-    ours = Ours(build()["race"])
-    for number in range(options.data_sets):
-        manifest = ROOT / "target" / "race" / f"set{number + 1}" / "trials.toml"
-        trials = read_manifest(manifest)
-        for scheme in options.schemes:
-            for _, theta in cases.starts(
-                ours, manifest, scheme, options.initial_state, options.starts
-            ):
-                request = {
-                    "manifest": str(manifest),
-                    "scheme": scheme,
-                    "initial_state": options.initial_state,
-                    "theta": theta,
-                    "tolerance": TOLERANCE,
-                    "max_iterations": 0,
-                    "max_seconds": 1,
-                    "repeats": 1,
-                }
-                answer = ours.ask(request)
-                scales = answer["scales"]["states"], answer["scales"]["parameters"]
-                yield Problem(scheme, options.initial_state, trials, *scales), answer["start"]
+    ours = Ours(build()["race"], max_iterations=0, max_seconds=1, repeats=1)
+    folder = ROOT / "target" / "race"
+    manifests = [folder / f"set{n}" / "trials.toml" for n in options.data_sets]
+    for case in cases(ours, manifests, options.schemes, options.initial_state, options.starts):
+        answer = ours.ask(case)
+        yield problem_of(case, answer["scales"]), answer["start"]
 
 
 def main():
@@ -101,12 +84,12 @@ def main():
     environment.enter()
     from solvers import Ipopt
 
-    limits = {"tol": TOLERANCE, "max_iter": options.max_iter, "max_cpu_time": options.max_seconds}
+    limits = options.max_iter, options.max_seconds
     found = {name: [] for name in options.settings}
     for problem, start in problems(options):
         for name in options.settings:
             hessian, setting = SETTINGS[name]
-            solve = Ipopt(problem, hessian, setting, limits).solve(start)
+            solve = Ipopt(problem, hessian, setting, *limits).solve(start)
             found[name].append(solve)
             print(
                 f"  {name:<35} {solve['status']:<28} {solve['iterations']:>5} "
@@ -118,7 +101,8 @@ def main():
     first = found[options.settings[0]]
     print(f"{'setting':<35} converged  time relative  ms an iteration")
     for name, solves in found.items():
-        relative = [s["seconds"] / f["seconds"] for s, f in zip(solves, first) if s["converged"] and f["converged"]]
+        pairs = [(s, f) for s, f in zip(solves, first) if s["converged"] and f["converged"]]
+        relative = [s["seconds"] / f["seconds"] for s, f in pairs]
         each = statistics.median(1e3 * s["seconds"] / max(s["iterations"], 1) for s in solves)
         median = f"{statistics.median(relative):.2f}" if relative else "-"
         done = sum(s["converged"] for s in solves)

@@ -5,7 +5,7 @@ import statistics
 
 HEAD = (
     "data set   start      scheme          | IPOPT: Hessian, status                    iter.  "
-    "seconds   objective [m²] | ours: status      iter.  seconds   objective [m²] |  ratio"
+    "seconds     objective [m²] | ours: status      iter.  seconds     objective [m²] |  ratio"
 )
 
 
@@ -19,15 +19,22 @@ def row(case):
     for i, (hessian, peer) in enumerate(case["ipopt"].items()):
         mark = "*" if hessian == case["counts"] else " "
         left = f"{case['data_set']:<10} {case['start']:<10} {case['scheme']:<15} "
-        right = f" {name(ours):<15} {ours['iterations']:>6} {ours['seconds']:>8.3f} {ours['objective']:>16.9f} | "
+        right = f" {name(ours):<15} {ours['iterations']:>6} {ours['seconds']:>8.3f} "
+        right += f"{objective(ours)} | "
         value = ratio(case)
         right += f"{value:>6.1f}" if value is not None else "     -"
         lines.append(
             f"{left if i == 0 else ' ' * len(left)}| {mark}{hessian:<13} {peer['status']:<28} "
-            f"{peer['iterations']:>5} {peer['seconds']:>8.2f} {peer['objective']:>16.9f} |"
+            f"{peer['iterations']:>5} {peer['seconds']:>8.2f} {objective(peer)} |"
             + (right if i == 0 else "")
         )
     return "\n".join(lines)
+
+
+def objective(solve):
+    """In brackets where it is that of no solution."""
+    text = f"{solve['objective']:.9f}"
+    return f"{text if solve['converged'] else '(' + text + ')':>18}"
 
 
 def name(ours):
@@ -47,7 +54,7 @@ def summary(rows, same):
     ratios = [value for value in map(ratio, rows) if value is not None]
     ours = [case["ours"] for case in rows]
     converged = [o["seconds"] for o in ours if o["converged"]]
-    lines = ["seconds are the processor's; * marks the Hessian that counts"]
+    lines = ["seconds are the processor's; * marks the Hessian that counts; brackets: no solution"]
     if ratios:
         below = sum(value < 50 for value in ratios)
         lines += [
@@ -75,6 +82,8 @@ def summary(rows, same):
             f"; a solve {1e3 * statistics.median(converged):.0f} ms (median), "
             f"{1e3 * max(converged):.0f} ms (largest)"
         )
+    alone = sum(case["counts"] is not None and not case["ours"]["converged"] for case in rows)
+    lines += [f"cases where IPOPT converged and ours did not (ratio 0): {alone}"]
     confirmed = sum(o["converged"] and o["confirmed"] for o in ours)
     lines += [f"confirmed by CasADi: {confirmed} of our {len(converged)} converged solves"]
     return "\n".join(lines + objectives(rows, same))

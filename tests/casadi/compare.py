@@ -35,8 +35,8 @@ def start(problem, trials, states, theta):
     for trial, x in zip(trials, states):
         h, nodes = np.diff(trial.time), x
         if len(problem.weights) == 2:
-            rates = problem.f.map(len(trial.time))(x, trial.target, np.tile(theta, (len(trial.time), 1)).T)
-            rates = np.array(rates)
+            n = len(trial.time)
+            rates = np.array(problem.f.map(n)(x, trial.target, np.tile(theta, (n, 1)).T))
             middle = (x[:, 1:] + x[:, :-1]) / 2 + h / 8 * (rates[:, :-1] - rates[:, 1:])
             nodes = np.empty((len(x), 2 * len(h) + 1))
             nodes[:, ::2], nodes[:, 1::2] = x, middle
