@@ -56,7 +56,12 @@ class Ipopt:
 
     def __init__(self, problem, hessian, options, max_iterations, max_seconds):
         self.problem = problem
-        limits = {"tol": TOLERANCE, "max_iter": max_iterations, "max_cpu_time": max_seconds}
+        limits = {
+            "tol": TOLERANCE,
+            "acceptable_iter": 0,  # no end at 1e-6: in a flat valley that is no solution
+            "max_iter": max_iterations,
+            "max_cpu_time": max_seconds,
+        }
         clock = time.process_time()
         settings = {"ipopt": QUIET | limits | options, "print_time": False, "expand": True}
         if hessian == "gauss-newton":
