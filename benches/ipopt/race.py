@@ -88,20 +88,26 @@ def run_case(ours, case, options):
 
 def judge(problem, answers):
     """Our solve: the median of its repetitions, its residual according to CasADi."""
+    import numpy as np
     from solvers import TOLERANCE
 
+    # JSON has no NaN: where a value is not finite, there is None.
     last = answers[-1]
+    for key in ("z", "lambda", "eta", "objective", "kkt"):
+        last[key] = np.array(last[key], float)
     lam_g, lam_x = problem.multipliers(last["lambda"], last["eta"])
     objective, parts = problem.kkt(last["z"], lam_g, lam_x)
     converged = last["status"] == "converged"
     same = abs(objective - last["objective"]) <= 1e-9 * abs(objective)
-    keep = ("status", "iterations", "objective", "kkt", "theta", "setup_seconds")
+    keep = ("status", "iterations", "theta", "setup_seconds")
     return {key: last[key] for key in keep} | {
+        "objective": float(last["objective"]),
+        "kkt": float(last["kkt"]),
         "seconds": statistics.median(s for a in answers for s in a["seconds"]),
         "wall_seconds": statistics.median(s for a in answers for s in a["wall_seconds"]),
         "converged": converged,
         "kkt_by_casadi": max(parts),
-        "confirmed": same and max(parts) <= ROUNDING * TOLERANCE,
+        "confirmed": bool(same and max(parts) <= ROUNDING * TOLERANCE),
     }
 
 
