@@ -66,14 +66,14 @@ def build():
 
 def run_case(ours, case, options):
     """One start: ours and IPOPT's by turns."""
-    from solvers import FASTEST, Ipopt, problem_of
+    from solvers import Ipopt, fastest, problem_of
 
     limits = options.max_iter, options.max_seconds
     answers = [ours.ask(case)]
     problem = problem_of(case, answers[0]["scales"])
     peer = {}
     for hessian in options.hessians:
-        solver = Ipopt(problem, hessian, FASTEST, *limits)
+        solver = Ipopt(problem, hessian, fastest(case["scheme"]), *limits)
         peer[hessian] = solver.solve(answers[0]["start"])
         answers.append(ours.ask(case))
     converged = [h for h in peer if peer[h]["converged"]]

@@ -4,8 +4,7 @@ has made its data sets:
     python3 benches/ipopt/study.py --data-sets 2 3 --starts 4
 
 Each setting solves the same cases; printed are how many converged, the median over the cases of its
-time relative to the first setting's, and the time of an iteration. The first is the one that
-solvers.py has.
+time relative to the first setting's, and the time of an iteration. solvers.py has the fastest.
 """
 
 import argparse
