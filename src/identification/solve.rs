@@ -346,7 +346,7 @@ const RACE_WINDOW: usize = 10;
 const SCOUT_ITERATIONS: usize = 60;
 
 /// [`sqp::Options::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable fail.
-const SHORT_STEP: f64 = 0.01;
+pub const SHORT_STEP: f64 = 0.01;
 
 /// What the starts are compared by: the objective, when the states are nearly consistent.
 fn rank(solution: &Solution) -> f64 {

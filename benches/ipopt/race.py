@@ -1,0 +1,145 @@
+"""pilotage against CasADi and IPOPT on the same problem: data, scheme, constraints, scaling, start and
+tolerance of the scaled KKT residual (1e-8), one thread each. From the repository's root:
+
+    python3 benches/ipopt/race.py                                  5 data sets, 4 starts, 2 schemes
+    python3 benches/ipopt/race.py --data-sets 2 --schemes euler    a short one
+    python3 benches/ipopt/race.py --trials runs/trials.toml --theta pilot.toml
+                                                                   both solvers from that pilot's theta
+
+It makes a virtual environment with CasADi in .venv/casadi, builds race.rs and lets synthetic humans fly
+into target/race. A solve of ours stands between two of IPOPT's, so that a busy machine hits both, and
+seconds are the processor's. IPOPT runs at its fastest setting (solvers.py; study.py is where that comes
+from), once with the exact Hessian and once with Gauss-Newton's; the faster that converges counts. The
+building of its functions is not counted. What our solver calls converged is confirmed in CasADi with
+the multipliers that it found; the exit code is 1 when one is not.
+
+Trials of one's own must have been flown with the default vehicle: nlp.py has its numbers.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "casadi"))
+
+import environment
+
+ROUNDING = 1.1  # what another order of summation may add to the residual, as a factor
+SAME_OBJECTIVE = 1e-6  # relative
+ONE_THREAD = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"]
+
+
+def arguments():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    add("--data-sets", type=int, default=5, metavar="N", help="synthetic data sets (5)")
+    add("--trials", type=Path, nargs="+", metavar="MANIFEST", help="these data sets instead")
+    add("--starts", type=int, default=4, metavar="N", help="the default ones, then random ones (4)")
+    add("--theta", type=Path, nargs="+", metavar="FILE", help="these starts instead: TOML or JSON")
+    add("--schemes", nargs="+", default=["euler", "trapezoid"], metavar="SCHEME",
+        choices=["euler", "trapezoid", "hermite-simpson"], help="euler and trapezoid")
+    add("--initial-state", default="at-rest", choices=["free", "vehicle-at-rest", "at-rest"])
+    add("--hessians", nargs="+", default=["exact", "gauss-newton"], metavar="HESSIAN",
+        choices=["exact", "gauss-newton"], help="of IPOPT: exact and gauss-newton")
+    add("--max-iter", type=int, default=600, metavar="N", help="of a solve, for both (600)")
+    add("--max-seconds", type=float, default=120, metavar="S", help="of a solve, for both (120)")
+    add("--repeats", type=int, default=3, metavar="N", help="of ours, around each of IPOPT's (3)")
+    add("--json", type=Path, metavar="FILE", help="write everything there")
+    return parser.parse_args()
+
+
+def build():
+    """Builds race.rs, and with it the command; the path of each program."""
+    command = ["cargo", "bench", "--bench", "race", "--no-run"]
+    command.append("--message-format=json-render-diagnostics")
+    done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+    messages = [json.loads(line) for line in done.stdout.splitlines()]
+    return {m["target"]["name"]: m["executable"] for m in messages if m.get("executable")}
+
+
+def run_case(ours, case, options):
+    """One start: ours and IPOPT's by turns."""
+    from solvers import Ipopt, fastest, problem_of
+
+    limits = options.max_iter, options.max_seconds
+    answers = [ours.ask(case)]
+    problem = problem_of(case, answers[0]["scales"])
+    peer = {}
+    for hessian in options.hessians:
+        solver = Ipopt(problem, hessian, fastest(case["scheme"]), *limits)
+        peer[hessian] = solver.solve(answers[0]["start"])
+        answers.append(ours.ask(case))
+    converged = [h for h in peer if peer[h]["converged"]]
+    best = min(converged, key=lambda h: peer[h]["seconds"]) if converged else None
+    return case | {
+        "unknowns": len(answers[0]["start"]),
+        "ours": judge(problem, answers),
+        "ipopt": peer,
+        "counts": best,
+    }
+
+
+def judge(problem, answers):
+    """Our solve: the median of its repetitions, its residual according to CasADi."""
+    import numpy as np
+    from solvers import TOLERANCE
+
+    # JSON has no NaN: where a value is not finite, there is None.
+    last = answers[-1]
+    for key in ("z", "lambda", "eta", "objective", "kkt"):
+        last[key] = np.array(last[key], float)
+    lam_g, lam_x = problem.multipliers(last["lambda"], last["eta"])
+    objective, parts = problem.kkt(last["z"], lam_g, lam_x)
+    converged = last["status"] == "converged"
+    same = abs(objective - last["objective"]) <= 1e-9 * abs(objective)
+    keep = ("status", "iterations", "theta", "setup_seconds")
+    return {key: last[key] for key in keep} | {
+        "objective": float(last["objective"]),
+        "kkt": float(last["kkt"]),
+        "seconds": statistics.median(s for a in answers for s in a["seconds"]),
+        "wall_seconds": statistics.median(s for a in answers for s in a["wall_seconds"]),
+        "converged": converged,
+        "kkt_by_casadi": max(parts),
+        "confirmed": bool(same and max(parts) <= ROUNDING * TOLERANCE),
+    }
+
+
+def main():
+    options = arguments()
+    for name in ONE_THREAD:
+        os.environ[name] = "1"
+    environment.enter()
+    import table
+    from cases import cases, fly, read_theta
+    from solvers import Ours
+
+    programs = build()
+    ours = Ours(programs["race"], options.max_iter, options.max_seconds, options.repeats)
+    manifests, thetas = options.trials, None
+    if not manifests:
+        folder = ROOT / "target" / "race"
+        manifests = [fly(programs["pilotage"], folder, n) for n in range(options.data_sets)]
+    if options.theta:
+        thetas = [(path.stem, read_theta(path)) for path in options.theta]
+    rows = []
+    print(table.header(), flush=True)
+    for case in cases(
+        ours, manifests, options.schemes, options.initial_state, options.starts, thetas
+    ):
+        rows.append(run_case(ours, case, options))
+        print(table.row(rows[-1]), flush=True)
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=1) + "\n")
+    print("\n" + table.summary(rows, SAME_OBJECTIVE))
+    sys.exit(any(row["ours"]["converged"] and not row["ours"]["confirmed"] for row in rows))
+
+
+if __name__ == "__main__":
+    main()

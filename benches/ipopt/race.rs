@@ -1,0 +1,181 @@
+//! Our side of the race against CasADi and IPOPT, driven by `benches/ipopt/race.py`: one request a
+//! line on standard input (JSON), one answer a line on standard output, until the input ends.
+//!
+//! A request names a problem by `manifest`, `scheme` and `initial_state`. With nothing else the answer
+//! has the default starts, `candidates`. With a start `theta` and `max_iterations`, `max_seconds`,
+//! `tolerance` and `repeats` the problem is solved from there, `repeats` times with everything that a
+//! solve needs made anew, and the answer has the scales, the start and the final point with its
+//! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`.
+
+use pilotage::identification::problem::{self, ResponseProblem};
+use pilotage::identification::solve::SHORT_STEP;
+use pilotage::identification::{InitialState, Options, SchemeName, TrialSet, start};
+use pilotage::sqp::{self, Solution};
+use pilotage::transcription::Condensed;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
+    for line in std::io::stdin().lines() {
+        let request: Value = serde_json::from_str(&line?)?;
+        let answer = answer(&request).unwrap_or_else(|e| json!({ "error": e.to_string() }));
+        println!("{answer}");
+        std::io::stdout().flush()?;
+    }
+    Ok(())
+}
+
+fn answer(request: &Value) -> Result<Value, Failure> {
+    let manifest = PathBuf::from(text(request, "manifest")?);
+    let set = TrialSet::read(&[manifest])?;
+    let scheme = text(request, "scheme")?;
+    let initial_state = text(request, "initial_state")?;
+    let options = Options {
+        scheme: (SchemeName::ALL.into_iter())
+            .find(|s| s.as_str() == scheme)
+            .ok_or_else(|| format!("no scheme is called {scheme}"))?,
+        initial_state: (InitialState::ALL.into_iter())
+            .find(|s| s.as_str() == initial_state)
+            .ok_or_else(|| format!("no initial state is called {initial_state}"))?,
+        ..Options::default()
+    };
+    match &request["theta"] {
+        Value::Null => {
+            let stick = |trial| start::implied_stick(trial, &options.vehicle);
+            let sticks: Vec<_> = set.fit.iter().map(stick).collect();
+            Ok(json!({ "candidates": start::candidates(&set.fit, &sticks, &options) }))
+        }
+        theta => race(
+            &set,
+            &options,
+            &serde_json::from_value::<Vec<f64>>(theta.clone())?,
+            request,
+        ),
+    }
+}
+
+fn race(
+    set: &TrialSet,
+    options: &Options,
+    theta: &[f64],
+    request: &Value,
+) -> Result<Value, Failure> {
+    let clock = Clock::start();
+    let states: Vec<_> = (set.fit.iter())
+        .map(|trial| start::joint_states(trial, options, theta))
+        .collect();
+    let problem = problem::response(&set.fit, options, start::scales(&states, theta));
+    let start = start::variables(&problem, &states, theta);
+    let (setup_seconds, _) = clock.seconds();
+
+    let sqp_options = sqp::Options {
+        tolerance: number(request, "tolerance")?,
+        max_iterations: number(request, "max_iterations")? as usize,
+        short_step: SHORT_STEP,
+        ..sqp::Options::default()
+    };
+    let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
+    let (mut seconds, mut wall_seconds) = (Vec::new(), Vec::new());
+    let mut solution = None;
+    for _ in 0..number(request, "repeats")? as usize {
+        let clock = Clock::start();
+        solution = Some(solve(&problem, start.clone(), &sqp_options, limit));
+        let (processor, wall) = clock.seconds();
+        seconds.push(processor);
+        wall_seconds.push(wall);
+    }
+    let Solution {
+        status,
+        iterate,
+        kkt,
+        work,
+    } = solution.ok_or("repeats = 0: expected one at least")?;
+    let scales = &problem.model.scales;
+    Ok(json!({
+        "scales": { "states": scales.states, "parameters": scales.parameters },
+        "start": start,
+        "setup_seconds": setup_seconds,
+        "seconds": seconds,
+        "wall_seconds": wall_seconds,
+        "status": status.as_str(),
+        "iterations": work.iterations,
+        "objective": iterate.f,
+        "kkt": kkt.residual(),
+        "theta": problem.physical_theta(&iterate.z),
+        "z": iterate.z,
+        "lambda": iterate.lambda,
+        "eta": iterate.eta,
+    }))
+}
+
+fn solve(
+    problem: &ResponseProblem,
+    start: Vec<f64>,
+    options: &sqp::Options,
+    limit: Duration,
+) -> Solution {
+    let clock = Instant::now();
+    sqp::solve(
+        problem,
+        &mut Condensed::default(),
+        start,
+        options,
+        &mut |_| match clock.elapsed() < limit {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        },
+    )
+}
+
+/// The processor's time of this process beside that on the wall.
+struct Clock {
+    processor: f64,
+    wall: Instant,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self {
+            processor: processor_seconds(),
+            wall: Instant::now(),
+        }
+    }
+
+    /// Processor time and wall time since the start [s].
+    fn seconds(&self) -> (f64, f64) {
+        let wall = self.wall.elapsed().as_secs_f64();
+        (processor_seconds() - self.processor, wall)
+    }
+}
+
+/// Processor time of all threads of this process [s].
+#[cfg(unix)]
+fn processor_seconds() -> f64 {
+    use rustix::time::{ClockId, clock_gettime};
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
+/// Where the system has no such clock, that on the wall.
+#[cfg(not(unix))]
+fn processor_seconds() -> f64 {
+    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    START.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+fn text<'a>(request: &'a Value, field: &str) -> Result<&'a str, Failure> {
+    Ok(request[field]
+        .as_str()
+        .ok_or_else(|| format!("{field}: expected a text"))?)
+}
+
+fn number(request: &Value, field: &str) -> Result<f64, Failure> {
+    Ok(request[field]
+        .as_f64()
+        .ok_or_else(|| format!("{field}: expected a number"))?)
+}

@@ -1,0 +1,148 @@
+"""pilotage's identification problem in CasADi, written a second time from docs/method.md and the
+published schemes. It shares with pilotage the order of the unknowns and constraints, so that starts and
+multipliers can be exchanged:
+
+    z = [X1 | X2 | ... | theta]    a run: its nodes in time order, all states of a node together; scaled
+    g = [defects | sticks | stability]    each run by run; defects interval by interval
+"""
+
+import casadi as ca
+import numpy as np
+
+# Lobatto IIIA (Hairer & Wanner II, table 5.7) and forward Euler: abscissae, weights of unknown nodes.
+SCHEMES = {
+    "euler": ([0, 1], [[1, 0]]),
+    "trapezoid": ([0, 1], [[1 / 2, 1 / 2]]),
+    "hermite-simpson": ([0, 1 / 2, 1], [[5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]]),
+}
+STATES, PARAMETERS = 9, 6
+# How many of the states are known at the first sample.
+INITIAL_STATES = {"free": 0, "vehicle-at-rest": 6, "at-rest": 9}
+MARGIN = 1e-6  # of the stability conditions
+STICK_LIMIT = 1.0
+MULTIPLIER_SCALE = 100.0  # s_max of Wächter & Biegler
+
+
+def joint():
+    """Closed loop of the quadcopter's pitch axis and a third-order pilot: x' = f(x, target, theta)."""
+    x, target = ca.SX.sym("x", STATES), ca.SX.sym("target")
+    theta = ca.SX.sym("theta", PARAMETERS)
+    z, phi, v, q, front, back = ca.vertsplit(x[:6])
+    pilot = x[6:]
+    mass, arm, inertia, gravity, hover = 1.2, 0.225, 0.0123, 9.80665, 0.9214
+    lag, gain, k_phi, k_q, full = 14.48, 0.0222, 22.96, 10.76, ca.pi / 4
+    stick = ca.dot(theta[3:], pilot)
+    thrust = lambda omega: mass * gravity / 4 * (1 + omega / hover) ** 2
+    throttle = k_phi * (full * stick - phi) - k_q * q
+    rate = ca.vertcat(
+        v,
+        q,
+        -2 / mass * (thrust(front) + thrust(back)) * ca.sin(phi),
+        ca.sqrt(2) * arm / inertia * (thrust(front) - thrust(back)),
+        -lag * front + gain * throttle,
+        -lag * back - gain * throttle,
+        pilot[1],
+        pilot[2],
+        target - z - ca.dot(theta[:3], pilot),
+    )
+    return ca.Function("f", [x, target, theta], [rate]), ca.Function("u", [x, theta], [stick])
+
+
+def stability(theta):
+    """Routh and Hurwitz: all positive."""
+    return ca.vertcat(theta[0], theta[1], theta[2], theta[2] * theta[1] - theta[0]) - MARGIN
+
+
+class Problem:
+    """The scaled NLP: `nlp` and `limits` for CasADi's nlpsol, and `gauss_newton`, the diagonal of the
+    objective's Hessian, which is the Gauss-Newton matrix since the residuals are linear."""
+
+    def __init__(self, scheme, initial_state, trials, scale, scale_theta):
+        self.abscissae, self.weights = SCHEMES[scheme]
+        self.known = INITIAL_STATES[initial_state]
+        self.f, self.stick = joint()
+        self.scale, self.scale_theta = np.array(scale), np.array(scale_theta)
+        theta_bar = ca.MX.sym("theta", PARAMETERS)
+        self.theta = theta_bar * self.scale_theta
+        runs = [self.run(j, trial) for j, trial in enumerate(trials)]
+        x, objective, defects, sticks, lower, upper, curvature = zip(*runs)
+        # As pilotage does, the stability conditions are divided by their size at theta's scales.
+        size = np.maximum(np.abs(np.array(ca.DM(stability(ca.DM(self.scale_theta)))).ravel()), 1e-3)
+        equal, bounded = ca.vertcat(*defects), ca.vertcat(*sticks)
+        self.defects = [defect.numel() for defect in defects]
+        self.nlp = {
+            "x": ca.vertcat(*map(ca.vec, x), theta_bar),
+            "f": sum(objective),
+            "g": ca.vertcat(equal, bounded, stability(self.theta) / size),
+        }
+        zero, limit = np.zeros(equal.numel()), np.full(bounded.numel(), STICK_LIMIT)
+        free = np.full(PARAMETERS, np.inf)
+        self.limits = {
+            "lbx": np.concatenate([*lower, -free]),
+            "ubx": np.concatenate([*upper, free]),
+            "lbg": np.concatenate([zero, -limit, np.zeros(4)]),
+            "ubg": np.concatenate([zero, limit, np.full(4, np.inf)]),
+        }
+        self.gauss_newton = np.concatenate([*curvature, np.zeros(PARAMETERS)])
+
+    def run(self, j, trial):
+        """Unknowns, squares, defects, sticks, limits of the unknowns and objective's curvature."""
+        s, n = len(self.weights), len(trial.time) - 1
+        x = ca.MX.sym(f"x{j}", STATES, 1 + s * n)
+        physical = ca.diag(self.scale) @ x
+        theta, h = self.theta, np.diff(trial.time)
+        at = [c * trial.target[1:] + (1 - c) * trial.target[:-1] for c in self.abscissae]
+        nodes = [physical[:, i : i + s * (n - 1) + 1 : s] for i in range(s + 1)]
+        rates = [
+            self.f.map(n)(node, ca.DM(target).T, ca.repmat(theta, 1, n))
+            for node, target in zip(nodes, at)
+        ]
+        defects = []
+        for i, row in enumerate(self.weights):
+            change = sum(a * rate for a, rate in zip(row, rates) if a != 0)
+            defect = nodes[i + 1] - nodes[0] - change * ca.repmat(ca.DM(h).T, STATES, 1)
+            defects.append(ca.diag(1 / self.scale) @ defect)
+        boundary = physical[:, ::s]
+        stick = self.stick.map(n + 1)(boundary, ca.repmat(theta, 1, n + 1))
+        seen = np.isfinite(trial.position)
+        recorded = ca.DM(np.where(seen, trial.position, 0)).T
+        mask = ca.DM(seen.astype(float)).T
+        squares = trial.weight * ca.sumsqr(mask * (recorded - boundary[0, :]))
+        # Hover at the first recorded position, the pilot at zero.
+        lower = np.full(x.numel(), -np.inf)
+        upper = np.full(x.numel(), np.inf)
+        rest = np.array([trial.position[seen][0], *[0] * (STATES - 1)]) / self.scale
+        lower[: self.known] = upper[: self.known] = rest[: self.known]
+        curvature = np.zeros(x.numel())
+        curvature[:: STATES * s] = 2 * trial.weight * seen * self.scale[0] ** 2
+        return x, squares, ca.vec(ca.vertcat(*defects)), stick.T, lower, upper, curvature
+
+    def multipliers(self, equality, inequality):
+        """CasADi's multipliers of g and of z from those of pilotage, whose equalities begin in each
+        run with its known initial states."""
+        lam_x, lam_g, rest = np.zeros(self.nlp["x"].numel()), [], np.array(equality)
+        fixed = np.flatnonzero(self.limits["lbx"] == self.limits["ubx"])
+        for j, defects in enumerate(self.defects):
+            lam_x[fixed[j * self.known : (j + 1) * self.known]] = rest[: self.known]
+            lam_g.append(rest[self.known : self.known + defects])
+            rest = rest[self.known + defects :]
+        return np.concatenate([*lam_g, inequality]), lam_x
+
+    def kkt(self, x, lam_g, lam_x):
+        """Objective, and the KKT residual: stationarity, violation, complementarity, scaled as in
+        Wächter & Biegler 2006, eq. 5."""
+        x, lam_g, lam_x = (np.array(v).ravel() for v in (x, lam_g, lam_x))
+        z, m = self.nlp["x"], ca.MX.sym("m", self.nlp["g"].numel())
+        slope = ca.gradient(self.nlp["f"] + ca.dot(m, self.nlp["g"]), z)
+        values = ca.Function("values", [z, m], [self.nlp["f"], slope, self.nlp["g"]])(x, lam_g)
+        objective, slope, g = (np.array(v).ravel() for v in values)
+        lower, upper = self.limits["lbg"], self.limits["ubg"]
+        fixed = self.limits["lbx"] == self.limits["ubx"]
+        violation = np.concatenate([lower - g, g - upper, np.abs(x - self.limits["lbx"])[fixed]])
+        inequality = lower < upper
+        distance = np.where(lam_g > 0, upper - g, g - lower)[inequality]
+        product = np.abs(lam_g[inequality]) * np.where(np.isfinite(distance), distance, 1)
+        scale = lambda lam: max(np.abs(lam).mean(), MULTIPLIER_SCALE) / MULTIPLIER_SCALE
+        dual = np.abs(slope + lam_x).max() / scale(np.concatenate([lam_g, lam_x[fixed]]))
+        parts = dual, violation.max(), product.max() / scale(lam_g[inequality])
+        return float(objective[0]), [float(part) for part in parts]
