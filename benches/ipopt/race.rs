@@ -9,8 +9,8 @@
 
 use pilotage::identification::problem::{self, ResponseProblem};
 use pilotage::identification::solve::SHORT_STEP;
-use pilotage::identification::{InitialState, Options, SchemeName, TrialSet, start};
-use pilotage::sqp::{self, Solution};
+use pilotage::identification::{InitialState, Options, TrialSet, start};
+use pilotage::sqp::{self, Solution, Status};
 use pilotage::transcription::Condensed;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -33,12 +33,9 @@ fn main() -> Result<(), Failure> {
 fn answer(request: &Value) -> Result<Value, Failure> {
     let manifest = PathBuf::from(text(request, "manifest")?);
     let set = TrialSet::read(&[manifest])?;
-    let scheme = text(request, "scheme")?;
     let initial_state = text(request, "initial_state")?;
     let options = Options {
-        scheme: (SchemeName::ALL.into_iter())
-            .find(|s| s.as_str() == scheme)
-            .ok_or_else(|| format!("no scheme is called {scheme}"))?,
+        scheme: text(request, "scheme")?.parse()?,
         initial_state: (InitialState::ALL.into_iter())
             .find(|s| s.as_str() == initial_state)
             .ok_or_else(|| format!("no initial state is called {initial_state}"))?,
@@ -94,6 +91,7 @@ fn race(
         iterate,
         kkt,
         work,
+        ..
     } = solution.ok_or("repeats = 0: expected one at least")?;
     let scales = &problem.model.scales;
     Ok(json!({
@@ -127,7 +125,7 @@ fn solve(
         options,
         &mut |_| match clock.elapsed() < limit {
             true => ControlFlow::Continue(()),
-            false => ControlFlow::Break(()),
+            false => ControlFlow::Break(Status::TimeLimit),
         },
     )
 }
