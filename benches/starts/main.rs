@@ -14,7 +14,7 @@
 mod pilots;
 
 use clap::Parser;
-use pilotage::identification::{Fit, InitialState, Options, SchemeName, Trial, fit};
+use pilotage::identification::{Doubt, Fit, InitialState, Options, SchemeName, Trial, doubts, fit};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -140,7 +140,11 @@ impl Args {
         for (pilot, human) in humans.iter().filter(|(name, _)| wanted(name)) {
             for seed in before + 1..=before + self.data_sets {
                 let trials = pilots::flights(human, seed)?;
-                sets.push(DataSet { pilot, seed, trials });
+                sets.push(DataSet {
+                    pilot,
+                    seed,
+                    trials,
+                });
             }
         }
         Ok(sets)
@@ -153,7 +157,11 @@ fn study<'a>(data: &'a DataSet, options: &Options, random_starts: usize) -> Outc
         .expect("six flights can be fitted");
     let mut outcome = Outcome {
         data,
-        best: if fit.converged { fit.objective } else { f64::INFINITY },
+        best: if fit.converged {
+            fit.objective
+        } else {
+            f64::INFINITY
+        },
         fit,
         random: None,
         converged: 0,
@@ -173,12 +181,7 @@ fn study<'a>(data: &'a DataSet, options: &Options, random_starts: usize) -> Outc
 
 /// The fit from one random start; none when its last iterate is infeasible. It ends early when it crawls
 /// behind the best so far.
-fn random_fit(
-    trials: &[Trial],
-    options: &Options,
-    start: Vec<f64>,
-    best: f64,
-) -> Option<Fit> {
+fn random_fit(trials: &[Trial], options: &Options, start: Vec<f64>, best: f64) -> Option<Fit> {
     let options = Options {
         start: Some(start),
         ..options.clone()
@@ -206,6 +209,12 @@ impl Outcome<'_> {
 
     fn is_best(&self) -> bool {
         self.gap() <= SAME
+    }
+
+    /// True when the fit itself says that its starts disagree, or that it has not converged.
+    fn says_so(&self) -> bool {
+        let doubts = doubts(&self.fit, Options::default().pilot);
+        !self.fit.converged || doubts.iter().any(|d| matches!(d, Doubt::OneStart { .. }))
     }
 
     fn to_json(&self, args: &Args) -> Value {
@@ -236,19 +245,28 @@ impl Outcome<'_> {
 
 fn heading() -> String {
     format!(
-        "{:<12} {:>4} {:>14} {:<16} {:>10} {:>8} {:>14} {:>9}",
-        "pilot", "seed", "default [m²]", "status", "iterations", "seconds", "best [m²]", "gap"
+        "{:<12} {:>4} {:>14} {:<16} {:>6} {:>10} {:>8} {:>14} {:>9}",
+        "pilot",
+        "seed",
+        "default [m²]",
+        "status",
+        "agree",
+        "iterations",
+        "seconds",
+        "best [m²]",
+        "gap"
     )
 }
 
 fn line(outcome: &Outcome) -> String {
     let fit = &outcome.fit;
     format!(
-        "{:<12} {:>4} {:>14.6} {:<16} {:>10} {:>8.2} {:>14.6} {:>9.1e}",
+        "{:<12} {:>4} {:>14.6} {:<16} {:>6} {:>10} {:>8.2} {:>14.6} {:>9.1e}",
         outcome.data.pilot,
         outcome.data.seed,
         fit.objective,
         fit.status,
+        format!("{}/{}", fit.agreeing(), fit.starts.len()),
         fit.iterations,
         fit.seconds,
         outcome.best,
@@ -263,13 +281,15 @@ fn verdict(outcomes: &[Outcome]) -> String {
     if !behind.is_empty() {
         text += "not at the best known:\n";
         text += &format!("{}\n", heading());
-        behind.iter().for_each(|o| text += &format!("{}\n", line(o)));
+        behind
+            .iter()
+            .for_each(|o| text += &format!("{}\n", line(o)));
     }
     let converged = outcomes.iter().filter(|o| o.fit.converged).count();
-    let silent = behind.iter().filter(|o| o.fit.converged).count();
+    let silent = behind.iter().filter(|o| !o.says_so()).count();
     text += &format!(
         "{} of {} within {} % of the best known; {converged} converged; \
-         {silent} converged at a worse optimum\n",
+         {silent} are behind and do not say so\n",
         outcomes.len() - behind.len(),
         outcomes.len(),
         SAME * 100.0
@@ -283,7 +303,10 @@ fn verdict(outcomes: &[Outcome]) -> String {
 fn spread(name: &str, mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     match values.last() {
-        Some(last) => format!("{name}: median {:.3}, at most {last:.3}\n", values[values.len() / 2]),
+        Some(last) => format!(
+            "{name}: median {:.3}, at most {last:.3}\n",
+            values[values.len() / 2]
+        ),
         None => String::new(),
     }
 }

@@ -31,7 +31,10 @@ pub const STUDY: [Named; 10] = [
     ("gentle", human([0.016, 3.2, 0.20, 8.0, 0.8, 0.04, 0.6])),
     ("eager", human([0.045, 2.2, 0.14, 12.0, 0.6, 0.05, 0.4])),
     ("late", human([0.022, 2.8, 0.32, 9.0, 0.7, 0.03, 0.5])),
-    ("foresighted", human([0.024, 4.2, 0.18, 11.0, 0.9, 0.04, 0.7])),
+    (
+        "foresighted",
+        human([0.024, 4.2, 0.18, 11.0, 0.9, 0.04, 0.7]),
+    ),
     ("swinging", human([0.032, 1.7, 0.16, 10.0, 0.7, 0.03, 0.5])),
     ("noisy", human([0.028, 2.6, 0.18, 9.0, 0.6, 0.10, 0.3])),
     ("precise", human([0.034, 2.4, 0.12, 15.0, 0.8, 0.01, 0.5])),
@@ -79,7 +82,11 @@ pub fn random_starts(seed: u64, count: usize) -> Vec<Vec<f64>> {
     let mut unit = || unit.sample(&mut random);
     let mut start = || {
         let mut between = |low: f64, high: f64| low * (high / low).powf(unit());
-        let (a, b, c) = (between(0.05, 20.0), between(0.05, 20.0), between(0.05, 20.0));
+        let (a, b, c) = (
+            between(0.05, 20.0),
+            between(0.05, 20.0),
+            between(0.05, 20.0),
+        );
         let (gain, lead, second) = (between(0.003, 0.2), between(0.3, 10.0), between(0.03, 3.0));
         let damping = between(0.1, 1.0);
         // (s + a) times (s² + sum s + product)

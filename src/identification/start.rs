@@ -11,6 +11,8 @@ const WINDOW: f64 = 0.35;
 
 /// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
 const FILTERS: [f64; 2] = [0.5, 1.0];
+/// Places of a pole and a zero on each other, over the corner frequency.
+const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
 /// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
@@ -100,65 +102,65 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
     stabilised(pilot, &theta)
 }
 
-/// Starts for θ, estimated from the data: shapes of a pilot with the gain and the lead that the stick
-/// shows, and regressions of the stick on the error with a slow and a fast filter.
-pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+/// Starts for a pilot of first or second order: one with the gain and the lead that the stick shows,
+/// and a regression of the stick on the error for each filter.
+///
+/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the poles of the
+/// first are twice as fast, and it has a tenth of the gain: people who flew there lean on the rate.
+pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    let (k_p, k_d) = proportional_derivative(trials, sticks);
+    let w = corner(k_p, options);
+    let shape = match options.pilot.order {
+        1 => vec![w, k_p * w],
+        _ => vec![w * w, 1.4 * w, 0.1 * k_p * w * w, k_d * w * w],
+    };
     let regressions = FILTERS
         .iter()
         .map(|filter| regression(trials, sticks, options.pilot, *filter));
-    shapes(trials, sticks, options)
+    let usable = |theta: &Vec<f64>| theta.iter().any(|v| *v != 0.0);
+    [shape]
         .into_iter()
         .chain(regressions)
+        .filter(usable)
         .collect()
 }
 
-/// Third-order pilots with the recorded gain and lead, one with poles at a Butterworth filter's places
-/// and one with a slow pole and an oscillatory pair of zeros; higher orders get a pole and a zero
-/// beside each other, far out. Other orders have none.
+/// Starts for a pilot of one order more than `theta`, which was fitted: the same transfer function with
+/// a pole and a zero on each other, slow, in the middle, or fast. All of them fly as `theta` does, and
+/// moving the pair apart can only gain.
 ///
-/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the shapes' corner
-/// frequency ω is twice that. Their remaining numbers were found on synthetic pilots: from these two
-/// the solver reached the best optimum known on every one of them.
-fn shapes(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
-    let n = options.pilot.order;
-    let (k_p, k_d) = proportional_derivative(trials, sticks);
-    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
-    let w = (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0);
-    if n < 3 || k_p == 0.0 {
-        return Vec::new();
-    }
-    let butterworth = (
-        [w.powi(3), 2.0 * w * w, 2.0 * w],
-        [k_p * w.powi(3), 4.0 / 3.0 * k_d * w.powi(3), 0.0],
-    );
-    let integrating = (
-        [0.01 * w.powi(3), 2.5 * w * w, 2.0 * w],
-        [
-            0.5 * k_p * w.powi(3),
-            0.8 * k_d * w.powi(3),
-            8.0 / 3.0 * k_d * w * w,
-        ],
-    );
-    [butterworth, integrating]
-        .map(|(den, num)| raised(den.to_vec(), num.to_vec(), n - 3, w))
-        .to_vec()
+/// A pair that is nowhere tells the solver nothing about where it belongs, and each of the three places
+/// leads to optima that the others miss: an integrating pilot, an interior one, and one whose fastest
+/// pole runs away.
+pub fn with_pair(
+    theta: &[f64],
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+) -> Vec<Vec<f64>> {
+    let w = corner(proportional_derivative(trials, sticks).0, options);
+    let (den, num) = theta.split_at(theta.len() / 2);
+    let monic: Vec<f64> = den.iter().copied().chain([1.0]).collect();
+    let pair = |place: &f64| -> Vec<f64> {
+        let mut raised = times(&monic, place * w);
+        raised.pop();
+        raised.into_iter().chain(times(num, place * w)).collect()
+    };
+    PAIRS.iter().map(pair).collect()
 }
 
-/// θ of `num/den` times `extra` factors `(s + 5ω)/(s + 4ω)`; `den` is monic without its leading one.
-fn raised(mut den: Vec<f64>, mut num: Vec<f64>, extra: usize, w: f64) -> Vec<f64> {
-    den.push(1.0);
-    let times = |c: &[f64], root: f64| -> Vec<f64> {
-        let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
-        (0..=c.len())
-            .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
-            .collect()
-    };
-    for _ in 0..extra {
-        den = times(&den, 4.0 * w);
-        num = times(&num, 5.0 * w);
-    }
-    den.pop();
-    den.into_iter().chain(num).collect()
+/// Coefficients, in ascending order, of a polynomial times `(s + root)`.
+fn times(c: &[f64], root: f64) -> Vec<f64> {
+    let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
+    (0..=c.len())
+        .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
+        .collect()
+}
+
+/// Twice the closed loop's bandwidth with the gain `k_p` [1/s].
+fn corner(k_p: f64, options: &Options) -> f64 {
+    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
+    (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0)
 }
 
 /// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ of [`REACTION`].

@@ -22,5 +22,6 @@ mod python;
 mod random_collocation;
 mod recovery;
 mod sqp_problems;
+mod starts;
 mod trials;
 mod vehicle;
