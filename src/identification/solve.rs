@@ -2,7 +2,7 @@
 
 use super::problem::{self, fill_gaps};
 use super::result::{AGREE, StartReport};
-use super::{Fit, Objective, Options, RunFit, Trial, start};
+use super::{Fit, InitialState, Objective, Options, RunFit, Trial, start};
 use crate::sqp::{self, Iteration, Solution, Status};
 use crate::transcription::{Collocation, Condensed, ParameterConstraints};
 use pilotage_models::{Dynamics, Pilot};
@@ -154,7 +154,11 @@ fn candidates(
         ..options.clone()
     };
     let lower = fit(trials, &lower, observer)?;
-    let raised = start::with_pair(&lower.theta, trials, sticks, options);
+    let mut raised = start::with_pair(&lower.theta, trials, sticks, options);
+    if options.initial_state != InitialState::AtRest {
+        // Free initial states make many optima, and the order below may have led to the wrong one.
+        raised.extend(start::regressions(trials, sticks, options));
+    }
     Ok((raised, lower.iterations))
 }
 
@@ -268,7 +272,11 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     while !stopped && best < attempts.len() && attempts[best].solution.status != Status::Converged {
         let attempt = &mut attempts[best];
         let left = options.max_iterations.saturating_sub(attempt.iterations);
-        if left > 0 && attempt.solution.status == Status::IterationLimit {
+        let may_go_on = matches!(
+            attempt.solution.status,
+            Status::IterationLimit | Status::Stopped
+        );
+        if left > 0 && may_go_on {
             let mut watch = |iteration: &Iteration| {
                 let flow = observer(&Progress {
                     start: 0,
@@ -312,7 +320,7 @@ impl Race {
             true => iteration.kkt.primal < 1e-2 && gained(RACE_WINDOW) < 0.5 * behind,
             false => {
                 iteration.kkt.primal < 1e-4
-                    && behind > -TIE * self.best
+                    && behind > -ROUNDING * self.best
                     && gained(TIE_WINDOW) < TIE * self.best
             }
         }
@@ -325,6 +333,8 @@ const RACE_WINDOW: usize = 10;
 /// Iterations over which a start beside the best must gain something, and the relative gain that counts.
 const TIE_WINDOW: usize = 2;
 const TIE: f64 = 1e-5;
+/// Relative difference below which two objectives are equal.
+const ROUNDING: f64 = 1e-8;
 
 /// Scaled KKT residual of a fit that only gives a start.
 const LOWER_ORDER_TOLERANCE: f64 = 1e-4;

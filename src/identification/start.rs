@@ -114,14 +114,17 @@ pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Ve
         1 => vec![w, k_p * w],
         _ => vec![w * w, 1.4 * w, 0.1 * k_p * w * w, k_d * w * w],
     };
-    let regressions = FILTERS
-        .iter()
-        .map(|filter| regression(trials, sticks, options.pilot, *filter));
-    let usable = |theta: &Vec<f64>| theta.iter().any(|v| *v != 0.0);
     [shape]
         .into_iter()
-        .chain(regressions)
-        .filter(usable)
+        .chain(regressions(trials, sticks, options))
+        .collect()
+}
+
+/// Regressions of the stick on the error, one for each filter.
+pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    FILTERS
+        .iter()
+        .map(|filter| regression(trials, sticks, options.pilot, *filter))
         .collect()
 }
 
