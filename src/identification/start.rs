@@ -3,7 +3,7 @@
 use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use crate::transcription::{Collocation, ParameterConstraints, Scales};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 
 /// Half width of the window of local polynomials that smooth a recorded position [s].
@@ -29,33 +29,43 @@ pub struct Smoothed {
 
 /// Local cubic polynomials through the samples within 0.35 s (Savitzky & Golay 1964).
 pub fn smooth(trial: &Trial) -> Smoothed {
-    let position = fill_gaps(&trial.time, &trial.position);
-    let n = trial.time.len();
+    let (time, position) = (&trial.time, fill_gaps(&trial.time, &trial.position));
+    let n = time.len();
     let mut out = Smoothed {
         z: position.clone(),
         v: vec![0.0; n],
         a: vec![0.0; n],
     };
     for k in 0..n {
-        let t0 = trial.time[k];
-        let mut near: Vec<usize> = (0..n)
-            .filter(|&i| (trial.time[i] - t0).abs() <= WINDOW)
-            .collect();
-        if near.len() < 5 {
-            near = (k.saturating_sub(2)..(k + 3).min(n)).collect();
-        }
-        let degree = 3.min(near.len() - 1);
-        let basis = DMatrix::from_fn(near.len(), degree + 1, |i, j| {
-            ((trial.time[near[i]] - t0) / WINDOW).powi(j as i32)
-        });
-        let values = DVector::from_iterator(near.len(), near.iter().map(|&i| position[i]));
-        if let Ok(c) = basis.svd(true, true).solve(&values, 1e-12) {
+        let t0 = time[k];
+        let first = time.partition_point(|t| *t < t0 - WINDOW);
+        let end = time.partition_point(|t| *t <= t0 + WINDOW);
+        let near = match end - first < 5 {
+            true => k.saturating_sub(2)..(k + 3).min(n),
+            false => first..end,
+        };
+        if let Some(c) = local_cubic(&time[near.clone()], &position[near], t0) {
             out.z[k] = c[0];
-            out.v[k] = c.get(1).copied().unwrap_or(0.0) / WINDOW;
-            out.a[k] = 2.0 * c.get(2).copied().unwrap_or(0.0) / (WINDOW * WINDOW);
+            out.v[k] = c[1] / WINDOW;
+            out.a[k] = 2.0 * c[2] / (WINDOW * WINDOW);
         }
     }
     out
+}
+
+/// Coefficients of the cubic in `(t - t0)/WINDOW` nearest to the values, of lower degree where there are
+/// too few; the others are zero.
+fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
+    let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    for (t, value) in time.iter().zip(values) {
+        let x = (t - t0) / WINDOW;
+        let mut row = Vector4::new(1.0, x, x * x, x * x * x);
+        (time.len()..4).for_each(|unused| row[unused] = 0.0);
+        normal += row * row.transpose();
+        right += row * *value;
+    }
+    (time.len()..4).for_each(|unused| normal[(unused, unused)] = 1.0);
+    normal.cholesky().map(|factor| factor.solve(&right))
 }
 
 /// The stick of a run: recorded where it was, else what the inverted vehicle implies,
@@ -348,4 +358,41 @@ pub fn variables<D: Dynamics, C: ParameterConstraints>(
     }
     z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
     z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trial(time: Vec<f64>, position: impl Fn(f64) -> f64) -> Trial {
+        Trial {
+            name: "run".into(),
+            origin: String::new(),
+            sha256: String::new(),
+            target: vec![0.0; time.len()],
+            position: time.iter().map(|t| position(*t)).collect(),
+            time,
+            stick: None,
+            weight: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_cubic_keeps_its_derivatives() {
+        let time = (0..40).map(|k| 0.05 * f64::from(k)).collect();
+        let smoothed = smooth(&trial(time, |t| 1.0 + 2.0 * t - t * t + 0.5 * t.powi(3)));
+        for (k, t) in (0..40).map(|k| (k, 0.05 * k as f64)) {
+            assert!((smoothed.z[k] - (1.0 + 2.0 * t - t * t + 0.5 * t.powi(3))).abs() < 1e-9);
+            assert!((smoothed.v[k] - (2.0 - 2.0 * t + 1.5 * t * t)).abs() < 1e-9);
+            assert!((smoothed.a[k] - (-2.0 + 3.0 * t)).abs() < 1e-9);
+        }
+    }
+
+    /// Samples so far apart that only two are near: a line, and no acceleration.
+    #[test]
+    fn two_samples_make_a_line() {
+        let smoothed = smooth(&trial(vec![0.0, 1.0], |t| 3.0 * t));
+        assert!((smoothed.z[1] - 3.0).abs() < 1e-9 && (smoothed.v[0] - 3.0).abs() < 1e-9);
+        assert_eq!(smoothed.a, [0.0, 0.0]);
+    }
 }
