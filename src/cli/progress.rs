@@ -28,9 +28,11 @@ impl Progress {
             if self.bar.is_hidden() {
                 self.bar = bar(progress.starts);
             }
+            self.bar.set_length(progress.starts as u64);
             self.bar.set_position(progress.start as u64 + 1);
             self.bar.set_message(format!(
-                "iteration {}: objective {:.6e}, KKT residual {:.1e}",
+                "order {}, iteration {}: objective {:.6e}, KKT residual {:.1e}",
+                progress.order,
                 progress.iteration.number,
                 progress.iteration.objective,
                 progress.iteration.kkt.residual()

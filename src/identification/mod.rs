@@ -1,6 +1,7 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
 pub mod constraints;
+pub mod doubts;
 mod names;
 pub mod options;
 pub mod pilot_file;
@@ -11,6 +12,7 @@ pub mod solve;
 pub mod start;
 pub mod trials;
 
+pub use doubts::{Doubt, doubts};
 pub use options::{InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};

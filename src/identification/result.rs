@@ -69,6 +69,18 @@ pub struct Fit {
     pub runs: Vec<RunFit>,
 }
 
+/// Relative distance to the best objective within which starts agree.
+pub const AGREE: f64 = 1e-3;
+
+impl Fit {
+    /// How many of [`Self::starts`] ended within 0.1 % of the best objective among them. One alone of
+    /// several is a warning: there are other optima, and one may be missed.
+    pub fn agreeing(&self) -> usize {
+        let near = |start: &&StartReport| start.objective <= self.objective * (1.0 + AGREE);
+        self.starts.iter().filter(near).count()
+    }
+}
+
 /// The result file `pilot.toml`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PilotFile {

@@ -1,11 +1,11 @@
 //! The fit: starts from the data, the SQP from each, the best.
 
 use super::problem::{self, fill_gaps};
-use super::result::StartReport;
-use super::{Fit, Objective, Options, RunFit, Trial, start};
+use super::result::{AGREE, StartReport};
+use super::{Fit, InitialState, Objective, Options, RunFit, Trial, start};
 use crate::sqp::{self, Iteration, Solution, Status};
 use crate::transcription::{Collocation, Condensed, ParameterConstraints};
-use pilotage_models::Dynamics;
+use pilotage_models::{Dynamics, Pilot};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -57,6 +57,8 @@ pub const MAX_ORDER: usize = 6;
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
+    /// Order of the pilot that is fitted: lower ones come first, for their optimum as a start.
+    pub order: usize,
     /// Which start, from 0.
     pub start: usize,
     /// Of how many.
@@ -71,8 +73,10 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 
 /// Fits one pilot to all trials (paper, eq. 5).
 ///
-/// Without a start of the user's, several are estimated from the data ([`start::candidates`]); the SQP
-/// runs a few iterations from each and finishes the best.
+/// Without a start of the user's, a pilot of second order is fitted first, from starts estimated from the
+/// data ([`start::low_order`]); each order above that starts from the one below, with a pole and a zero
+/// more ([`start::with_pair`]), so that its objective is never above. Of several starts the SQP runs
+/// some iterations from each and finishes the best.
 ///
 /// # Errors
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
@@ -88,10 +92,7 @@ pub fn fit(
         .iter()
         .map(|t| start::implied_stick(t, &options.vehicle))
         .collect();
-    let candidates = match &options.start {
-        Some(theta) => vec![theta.clone()],
-        None => start::candidates(trials, &sticks, options),
-    };
+    let (candidates, before) = candidates(trials, &sticks, options, observer)?;
     let mut fit = match options.objective {
         Objective::Response => {
             let from = |theta: &[f64]| {
@@ -131,8 +132,37 @@ pub fn fit(
             })
         }
     };
+    fit.iterations += before;
     fit.seconds = clock.elapsed().as_secs_f64();
     Ok(fit)
+}
+
+/// Starts for θ, and the SQP iterations that they took.
+fn candidates(
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<(Vec<Vec<f64>>, usize), FitError> {
+    let order = options.pilot.order;
+    if let Some(theta) = &options.start {
+        return Ok((vec![theta.clone()], 0));
+    }
+    if order <= 2 {
+        return Ok((start::low_order(trials, sticks, options), 0));
+    }
+    let lower = Options {
+        pilot: Pilot { order: order - 1 },
+        tolerance: options.tolerance.max(LOWER_ORDER_TOLERANCE),
+        ..options.clone()
+    };
+    let lower = fit(trials, &lower, observer)?;
+    let mut raised = start::with_pair(&lower.theta, trials, sticks, options);
+    if options.initial_state != InitialState::AtRest {
+        // Free initial states make many optima, and the order below may have led to the wrong one.
+        raised.extend(start::regressions(trials, sticks, options));
+    }
+    Ok((raised, lower.iterations))
 }
 
 fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
@@ -209,6 +239,7 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
     };
     let mut watched = Watched {
         observer,
+        order: options.pilot.order,
         starts: candidates.len(),
         stopped: None,
     };
@@ -264,6 +295,7 @@ fn multi_start<D: Dynamics, C: ParameterConstraints>(
 /// The caller's observer, and whether it has ended the fit.
 struct Watched<'a, 'b> {
     observer: &'a mut Observer<'b>,
+    order: usize,
     starts: usize,
     stopped: Option<Status>,
 }
@@ -272,6 +304,7 @@ impl Watched<'_, '_> {
     /// Shows an iteration of a solve that had `before` iterations earlier.
     fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
         let flow = (self.observer)(&Progress {
+            order: self.order,
             start,
             starts: self.starts,
             iteration: &Iteration {
@@ -289,10 +322,14 @@ impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
         self.solution.status == Status::Converged
     }
 
-    /// Goes on where the scouting stopped, if that was for its limit on iterations.
+    /// Goes on where the scouting stopped, if that was for its limit on iterations or a lost race.
     fn go_on(&mut self, options: &Options, watched: &mut Watched<'_, '_>) {
         let left = options.max_iterations.saturating_sub(self.iterations);
-        if left == 0 || self.solution.status != Status::IterationLimit {
+        let may = matches!(
+            self.solution.status,
+            Status::IterationLimit | Status::Stopped
+        );
+        if left == 0 || !may {
             return;
         }
         let clock = Instant::now();
@@ -324,23 +361,39 @@ struct Race {
 }
 
 impl Race {
-    /// True when the states are consistent, the objective is behind the best and has hardly moved for
-    /// [`RACE_WINDOW`] iterations.
+    /// True when the states are consistent and the objective is behind the best and hardly moves: it
+    /// gained less than half of what is left over [`RACE_WINDOW`] iterations, or nothing that counts
+    /// over [`TIE_WINDOW`] and ends where the best is.
     fn is_lost(&mut self, iteration: &Iteration) -> bool {
         let f = iteration.objective;
         self.window.push(f);
-        let earlier = self
-            .window
-            .len()
-            .checked_sub(RACE_WINDOW + 1)
-            .map(|k| self.window[k]);
-        let crawls = earlier.is_some_and(|earlier| (earlier - f).abs() < 0.5 * (f - self.best));
-        iteration.kkt.primal < 1e-2 && f > self.best * 1.001 && crawls
+        let gained = |window: usize| {
+            let earlier = self.window.len().checked_sub(window + 1);
+            earlier.map_or(f64::INFINITY, |k| (self.window[k] - f).abs())
+        };
+        let behind = f - self.best;
+        match behind > AGREE * self.best {
+            true => iteration.kkt.primal < 1e-2 && gained(RACE_WINDOW) < 0.5 * behind,
+            false => {
+                iteration.kkt.primal < 1e-4
+                    && behind > -ROUNDING * self.best
+                    && gained(TIE_WINDOW) < TIE * self.best
+            }
+        }
     }
 }
 
 /// Iterations over which a start must gain half of what it lies behind.
 const RACE_WINDOW: usize = 10;
+
+/// Iterations over which a start beside the best must gain something, and the relative gain that counts.
+const TIE_WINDOW: usize = 2;
+const TIE: f64 = 1e-5;
+/// Relative difference below which two objectives are equal.
+const ROUNDING: f64 = 1e-8;
+
+/// Scaled KKT residual of a fit that only gives a start.
+const LOWER_ORDER_TOLERANCE: f64 = 1e-4;
 
 /// SQP iterations from each start before the most promising is finished.
 const SCOUT_ITERATIONS: usize = 60;

@@ -3,7 +3,7 @@
 use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use crate::transcription::{Collocation, ParameterConstraints, Scales};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 
 /// Half width of the window of local polynomials that smooth a recorded position [s].
@@ -11,6 +11,8 @@ const WINDOW: f64 = 0.35;
 
 /// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
 const FILTERS: [f64; 2] = [0.5, 1.0];
+/// Places of a pole and a zero on each other, over the corner frequency.
+const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
 /// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
@@ -27,33 +29,43 @@ pub struct Smoothed {
 
 /// Local cubic polynomials through the samples within 0.35 s (Savitzky & Golay 1964).
 pub fn smooth(trial: &Trial) -> Smoothed {
-    let position = fill_gaps(&trial.time, &trial.position);
-    let n = trial.time.len();
+    let (time, position) = (&trial.time, fill_gaps(&trial.time, &trial.position));
+    let n = time.len();
     let mut out = Smoothed {
         z: position.clone(),
         v: vec![0.0; n],
         a: vec![0.0; n],
     };
     for k in 0..n {
-        let t0 = trial.time[k];
-        let mut near: Vec<usize> = (0..n)
-            .filter(|&i| (trial.time[i] - t0).abs() <= WINDOW)
-            .collect();
-        if near.len() < 5 {
-            near = (k.saturating_sub(2)..(k + 3).min(n)).collect();
-        }
-        let degree = 3.min(near.len() - 1);
-        let basis = DMatrix::from_fn(near.len(), degree + 1, |i, j| {
-            ((trial.time[near[i]] - t0) / WINDOW).powi(j as i32)
-        });
-        let values = DVector::from_iterator(near.len(), near.iter().map(|&i| position[i]));
-        if let Ok(c) = basis.svd(true, true).solve(&values, 1e-12) {
+        let t0 = time[k];
+        let first = time.partition_point(|t| *t < t0 - WINDOW);
+        let end = time.partition_point(|t| *t <= t0 + WINDOW);
+        let near = match end - first < 5 {
+            true => k.saturating_sub(2)..(k + 3).min(n),
+            false => first..end,
+        };
+        if let Some(c) = local_cubic(&time[near.clone()], &position[near], t0) {
             out.z[k] = c[0];
-            out.v[k] = c.get(1).copied().unwrap_or(0.0) / WINDOW;
-            out.a[k] = 2.0 * c.get(2).copied().unwrap_or(0.0) / (WINDOW * WINDOW);
+            out.v[k] = c[1] / WINDOW;
+            out.a[k] = 2.0 * c[2] / (WINDOW * WINDOW);
         }
     }
     out
+}
+
+/// Coefficients of the cubic in `(t - t0)/WINDOW` nearest to the values, of lower degree where there are
+/// too few; the others are zero.
+fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
+    let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    for (t, value) in time.iter().zip(values) {
+        let x = (t - t0) / WINDOW;
+        let mut row = Vector4::new(1.0, x, x * x, x * x * x);
+        (time.len()..4).for_each(|unused| row[unused] = 0.0);
+        normal += row * row.transpose();
+        right += row * *value;
+    }
+    (time.len()..4).for_each(|unused| normal[(unused, unused)] = 1.0);
+    normal.cholesky().map(|factor| factor.solve(&right))
 }
 
 /// The stick of a run: recorded where it was, else what the inverted vehicle implies,
@@ -100,65 +112,68 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
     stabilised(pilot, &theta)
 }
 
-/// Starts for θ, estimated from the data: shapes of a pilot with the gain and the lead that the stick
-/// shows, and regressions of the stick on the error with a slow and a fast filter.
-pub fn candidates(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
-    let regressions = FILTERS
-        .iter()
-        .map(|filter| regression(trials, sticks, options.pilot, *filter));
-    shapes(trials, sticks, options)
+/// Starts for a pilot of first or second order: one with the gain and the lead that the stick shows,
+/// and a regression of the stick on the error for each filter.
+///
+/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the poles of the
+/// first are twice as fast, and it has a tenth of the gain: people who flew there lean on the rate.
+pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    let (k_p, k_d) = proportional_derivative(trials, sticks);
+    let w = corner(k_p, options);
+    let shape = match options.pilot.order {
+        1 => vec![w, k_p * w],
+        _ => vec![w * w, 1.4 * w, 0.1 * k_p * w * w, k_d * w * w],
+    };
+    [shape]
         .into_iter()
-        .chain(regressions)
+        .chain(regressions(trials, sticks, options))
         .collect()
 }
 
-/// Third-order pilots with the recorded gain and lead, one with poles at a Butterworth filter's places
-/// and one with a slow pole and an oscillatory pair of zeros; higher orders get a pole and a zero
-/// beside each other, far out. Other orders have none.
-///
-/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the shapes' corner
-/// frequency ω is twice that. Their remaining numbers were found on synthetic pilots: from these two
-/// the solver reached the best optimum known on every one of them.
-fn shapes(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
-    let n = options.pilot.order;
-    let (k_p, k_d) = proportional_derivative(trials, sticks);
-    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
-    let w = (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0);
-    if n < 3 || k_p == 0.0 {
-        return Vec::new();
-    }
-    let butterworth = (
-        [w.powi(3), 2.0 * w * w, 2.0 * w],
-        [k_p * w.powi(3), 4.0 / 3.0 * k_d * w.powi(3), 0.0],
-    );
-    let integrating = (
-        [0.01 * w.powi(3), 2.5 * w * w, 2.0 * w],
-        [
-            0.5 * k_p * w.powi(3),
-            0.8 * k_d * w.powi(3),
-            8.0 / 3.0 * k_d * w * w,
-        ],
-    );
-    [butterworth, integrating]
-        .map(|(den, num)| raised(den.to_vec(), num.to_vec(), n - 3, w))
-        .to_vec()
+/// Regressions of the stick on the error, one for each filter.
+pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    FILTERS
+        .iter()
+        .map(|filter| regression(trials, sticks, options.pilot, *filter))
+        .collect()
 }
 
-/// θ of `num/den` times `extra` factors `(s + 5ω)/(s + 4ω)`; `den` is monic without its leading one.
-fn raised(mut den: Vec<f64>, mut num: Vec<f64>, extra: usize, w: f64) -> Vec<f64> {
-    den.push(1.0);
-    let times = |c: &[f64], root: f64| -> Vec<f64> {
-        let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
-        (0..=c.len())
-            .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
-            .collect()
+/// Starts for a pilot of one order more than `theta`, which was fitted: the same transfer function with
+/// a pole and a zero on each other, slow, in the middle, or fast. All of them fly as `theta` does, and
+/// moving the pair apart can only gain.
+///
+/// A pair that is nowhere tells the solver nothing about where it belongs, and each of the three places
+/// leads to optima that the others miss: an integrating pilot, an interior one, and one whose fastest
+/// pole runs away.
+pub fn with_pair(
+    theta: &[f64],
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+) -> Vec<Vec<f64>> {
+    let w = corner(proportional_derivative(trials, sticks).0, options);
+    let (den, num) = theta.split_at(theta.len() / 2);
+    let monic: Vec<f64> = den.iter().copied().chain([1.0]).collect();
+    let pair = |place: &f64| -> Vec<f64> {
+        let mut raised = times(&monic, place * w);
+        raised.pop();
+        raised.into_iter().chain(times(num, place * w)).collect()
     };
-    for _ in 0..extra {
-        den = times(&den, 4.0 * w);
-        num = times(&num, 5.0 * w);
-    }
-    den.pop();
-    den.into_iter().chain(num).collect()
+    PAIRS.iter().map(pair).collect()
+}
+
+/// Coefficients, in ascending order, of a polynomial times `(s + root)`.
+fn times(c: &[f64], root: f64) -> Vec<f64> {
+    let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
+    (0..=c.len())
+        .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
+        .collect()
+}
+
+/// Twice the closed loop's bandwidth with the gain `k_p` [1/s].
+fn corner(k_p: f64, options: &Options) -> f64 {
+    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
+    (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0)
 }
 
 /// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ of [`REACTION`].
@@ -343,4 +358,41 @@ pub fn variables<D: Dynamics, C: ParameterConstraints>(
     }
     z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
     z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trial(time: Vec<f64>, position: impl Fn(f64) -> f64) -> Trial {
+        Trial {
+            name: "run".into(),
+            origin: String::new(),
+            sha256: String::new(),
+            target: vec![0.0; time.len()],
+            position: time.iter().map(|t| position(*t)).collect(),
+            time,
+            stick: None,
+            weight: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_cubic_keeps_its_derivatives() {
+        let time = (0..40).map(|k| 0.05 * f64::from(k)).collect();
+        let smoothed = smooth(&trial(time, |t| 1.0 + 2.0 * t - t * t + 0.5 * t.powi(3)));
+        for (k, t) in (0..40).map(|k| (k, 0.05 * k as f64)) {
+            assert!((smoothed.z[k] - (1.0 + 2.0 * t - t * t + 0.5 * t.powi(3))).abs() < 1e-9);
+            assert!((smoothed.v[k] - (2.0 - 2.0 * t + 1.5 * t * t)).abs() < 1e-9);
+            assert!((smoothed.a[k] - (-2.0 + 3.0 * t)).abs() < 1e-9);
+        }
+    }
+
+    /// Samples so far apart that only two are near: a line, and no acceleration.
+    #[test]
+    fn two_samples_make_a_line() {
+        let smoothed = smooth(&trial(vec![0.0, 1.0], |t| 3.0 * t));
+        assert!((smoothed.z[1] - 3.0).abs() < 1e-9 && (smoothed.v[0] - 3.0).abs() < 1e-9);
+        assert_eq!(smoothed.a, [0.0, 0.0]);
+    }
 }

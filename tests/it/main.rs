@@ -25,5 +25,6 @@ mod random_collocation;
 mod recovery;
 mod schemes;
 mod sqp_problems;
+mod starts;
 mod trials;
 mod vehicle;

@@ -43,6 +43,7 @@ impl Log {
         let iteration = progress.iteration;
         self.line(&json!({
             "event": "iteration",
+            "order": progress.order,
             "start": progress.start + 1,
             "iteration": iteration.number,
             "objective": iteration.objective,

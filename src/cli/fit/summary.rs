@@ -2,7 +2,7 @@
 
 use crate::cli::{Failure, format};
 use crate::identification::{
-    Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file, simulate,
+    Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, doubts, pilot_file, simulate,
 };
 use crate::models::Joint;
 use crate::report::{rms, significant};
@@ -80,6 +80,8 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         "iterations": fit.iterations,
         "starts": starts,
         "skipped": fit.skipped,
+        "starts_agreeing": fit.agreeing(),
+        "doubts": (doubts(fit, options.pilot).iter()).map(ToString::to_string).collect::<Vec<_>>(),
         "kkt": fit.kkt,
         "curvature": fit.curvature,
         "seconds": fit.seconds,
@@ -126,7 +128,22 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &runs(flown, options) + &carried(flown, options)
+    text + &runs(flown, options) + &doubtful(fit, options) + &carried(flown, options)
+}
+
+/// How many starts agree, and what speaks against taking the pilot at its word.
+fn doubtful(fit: &Fit, options: &Options) -> String {
+    let mut text = match fit.starts.len() {
+        0 | 1 => String::new(),
+        all => format!(
+            "\n{} of {all} starts ended within 0.1 % of this sum of squares\n",
+            fit.agreeing()
+        ),
+    };
+    for doubt in doubts(fit, options.pilot) {
+        text += &format!("note: {doubt}\n");
+    }
+    text
 }
 
 /// The second-order condition, where the first-order one is fulfilled.

@@ -7,7 +7,7 @@ use std::io::Write;
 /// Lines between two headers.
 const PAGE: usize = 20;
 
-const HEADER: &str = "start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
+const HEADER: &str = "order start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
                       active  hessian";
 
 /// Prints one line for each iteration.
@@ -38,7 +38,8 @@ fn line(progress: &Progress) -> String {
         false => "-".into(),
     };
     format!(
-        "{:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
+        "{:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
+        progress.order,
         progress.start + 1,
         i.number,
         i.objective,
@@ -76,13 +77,14 @@ mod tests {
             model: StepModel::GaussNewton,
         };
         let text = line(&Progress {
+            order: 3,
             start: 1,
             starts: 4,
             iteration: &iteration,
         });
         insta::assert_snapshot!(format!("{HEADER}\n{text}"), @"
-        start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
-            2    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
+        order start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
+            3     2    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
         ");
     }
 }

@@ -1,0 +1,313 @@
+//! How often the fit ends at the best optimum known, without a start of the user's: ten humans times ten
+//! seeds, the default fit of each against the best of many random starts.
+//!
+//! ```text
+//! cargo bench --bench starts -- --json all.json            # hours on one core
+//! cargo bench --bench starts -- --pilot late --data-sets 3 --random-starts 10
+//! cargo bench --bench starts -- --random-starts 0 --best all.json    # after a change to the starts
+//! ```
+//!
+//! Best known objectives of other solvers are merged with `--best`: a JSON array of objects with
+//! `initial_state`, `pilot`, `seed` and `best`, as `--json` writes it. `RAYON_NUM_THREADS` sets the
+//! number of threads.
+
+mod pilots;
+
+use clap::Parser;
+use pilotage::identification::{Doubt, Fit, InitialState, Options, Trial, doubts, fit};
+use pilotage::sqp::Status;
+use pilotage::transcription::Scheme;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// Relative distance to the best known objective that counts as the same.
+const SAME: f64 = 1e-3;
+/// Violation of the constraints above which an objective says nothing.
+const FEASIBLE: f64 = 1e-6;
+/// Iterations over which a random start must gain half of what it lies behind.
+const WINDOW: usize = 10;
+
+/// How often the default start leads to the best optimum known.
+#[derive(Debug, Parser)]
+struct Args {
+    /// What is known of the states at the first sample.
+    #[arg(long, default_value = Options::default().initial_state.as_str())]
+    initial_state: String,
+    /// Collocation scheme.
+    #[arg(long, default_value_t = Options::default().scheme)]
+    scheme: Scheme,
+    /// Data sets of each human.
+    #[arg(long, default_value_t = 10)]
+    data_sets: u64,
+    /// Random starts for each data set.
+    #[arg(long, default_value_t = 40)]
+    random_starts: usize,
+    /// One human alone, by name.
+    #[arg(long)]
+    pilot: Option<String>,
+    /// The humans and seeds with whom the starts were worked out, in place of the study's.
+    #[arg(long)]
+    tuning: bool,
+    /// Results with best known objectives.
+    #[arg(long, value_name = "FILE")]
+    best: Vec<PathBuf>,
+    /// Write the results, too.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Cargo says so.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// The flights of one human with one seed.
+struct DataSet {
+    pilot: &'static str,
+    seed: u64,
+    trials: Vec<Trial>,
+}
+
+/// What came of one data set.
+struct Outcome<'a> {
+    data: &'a DataSet,
+    fit: Fit,
+    /// Objective and θ of the best random start.
+    random: Option<(f64, Vec<f64>)>,
+    /// Random starts that converged.
+    converged: usize,
+    /// Least objective known, from all sources.
+    best: f64,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args = Args::parse();
+    let options = args.options()?;
+    let known = args.known()?;
+    let sets = args.data_sets()?;
+    println!("{}", heading());
+    let mut outcomes: Vec<Outcome> = (sets.par_iter())
+        .map(|data| {
+            let outcome = study(data, &options, args.random_starts);
+            println!("{}", line(&outcome));
+            outcome
+        })
+        .collect();
+    for outcome in &mut outcomes {
+        let same = |entry: &&Value| {
+            entry["pilot"] == outcome.data.pilot
+                && entry["seed"] == outcome.data.seed
+                && entry["initial_state"] == args.initial_state.as_str()
+        };
+        let values = known.iter().filter(same).filter_map(|e| e["best"].as_f64());
+        outcome.best = values.fold(outcome.best, f64::min);
+    }
+    print!("{}", verdict(&outcomes));
+    if let Some(file) = &args.json {
+        let results: Vec<Value> = outcomes.iter().map(|o| o.to_json(&args)).collect();
+        std::fs::write(file, format!("{:#}\n", Value::from(results)))?;
+    }
+    Ok(())
+}
+
+impl Args {
+    fn options(&self) -> Result<Options, String> {
+        let state = (InitialState::ALL.into_iter()).find(|s| s.as_str() == self.initial_state);
+        Ok(Options {
+            initial_state: state.ok_or("no such initial state")?,
+            scheme: self.scheme,
+            ..Options::default()
+        })
+    }
+
+    /// Entries of the files with best known objectives.
+    fn known(&self) -> Result<Vec<Value>, Box<dyn Error>> {
+        let mut all = Vec::new();
+        for file in &self.best {
+            let entries: Vec<Value> = serde_json::from_str(&std::fs::read_to_string(file)?)?;
+            all.extend(entries);
+        }
+        Ok(all)
+    }
+
+    fn data_sets(&self) -> Result<Vec<DataSet>, Box<dyn Error>> {
+        let (humans, before) = match self.tuning {
+            true => (pilots::TUNING, 10),
+            false => (pilots::STUDY, 0),
+        };
+        let wanted = |name: &str| self.pilot.as_ref().is_none_or(|pilot| pilot == name);
+        let mut sets = Vec::new();
+        for (pilot, human) in humans.iter().filter(|(name, _)| wanted(name)) {
+            for seed in before + 1..=before + self.data_sets {
+                let trials = pilots::flights(human, seed)?;
+                sets.push(DataSet {
+                    pilot,
+                    seed,
+                    trials,
+                });
+            }
+        }
+        Ok(sets)
+    }
+}
+
+/// The default fit and the random starts.
+fn study<'a>(data: &'a DataSet, options: &Options, random_starts: usize) -> Outcome<'a> {
+    let fit = fit(&data.trials, options, &mut |_| ControlFlow::Continue(()))
+        .expect("six flights can be fitted");
+    let mut outcome = Outcome {
+        data,
+        best: if fit.converged {
+            fit.objective
+        } else {
+            f64::INFINITY
+        },
+        fit,
+        random: None,
+        converged: 0,
+    };
+    for start in pilots::random_starts(data.seed, random_starts) {
+        let Some(fit) = random_fit(&data.trials, options, start, outcome.best) else {
+            continue;
+        };
+        outcome.converged += usize::from(fit.converged);
+        outcome.best = outcome.best.min(fit.objective);
+        if (outcome.random.as_ref()).is_none_or(|(least, _)| fit.objective < *least) {
+            outcome.random = Some((fit.objective, fit.theta));
+        }
+    }
+    outcome
+}
+
+/// The fit from one random start; none when its last iterate is infeasible. It ends early when it crawls
+/// behind the best so far.
+fn random_fit(trials: &[Trial], options: &Options, start: Vec<f64>, best: f64) -> Option<Fit> {
+    let options = Options {
+        start: Some(start),
+        ..options.clone()
+    };
+    let (mut objectives, mut violation) = (Vec::new(), f64::INFINITY);
+    let fit = fit(trials, &options, &mut |progress| {
+        let f = progress.iteration.objective;
+        violation = progress.iteration.kkt.primal;
+        objectives.push(f);
+        let earlier = objectives.len().checked_sub(WINDOW + 1);
+        let crawls = earlier.is_some_and(|k| (objectives[k] - f).abs() < 0.5 * (f - best));
+        match violation < 1e-2 && f > best * (1.0 + SAME) && crawls {
+            true => ControlFlow::Break(Status::TimeLimit),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    (violation <= FEASIBLE).then_some(fit.expect("a random start is finite"))
+}
+
+impl Outcome<'_> {
+    /// How far the default fit is behind the best known, relative.
+    fn gap(&self) -> f64 {
+        self.fit.objective / self.best - 1.0
+    }
+
+    fn is_best(&self) -> bool {
+        self.gap() <= SAME
+    }
+
+    /// True when the fit itself says that its starts disagree, or that it has not converged.
+    fn says_so(&self) -> bool {
+        let doubts = doubts(&self.fit, Options::default().pilot);
+        !self.fit.converged || doubts.iter().any(|d| matches!(d, Doubt::OneStart { .. }))
+    }
+
+    fn to_json(&self, args: &Args) -> Value {
+        let starts: Vec<Value> = (self.fit.starts.iter())
+            .map(|s| json!([s.objective, s.status, s.iterations]))
+            .collect();
+        json!({
+            "initial_state": args.initial_state,
+            "pilot": self.data.pilot,
+            "seed": self.data.seed,
+            "best": self.best,
+            "default": {
+                "objective": self.fit.objective,
+                "status": self.fit.status,
+                "iterations": self.fit.iterations,
+                "seconds": self.fit.seconds,
+                "theta": self.fit.theta,
+                "starts": starts,
+            },
+            "random": {
+                "objective": self.random.as_ref().map(|(f, _)| f),
+                "theta": self.random.as_ref().map(|(_, theta)| theta),
+                "converged": self.converged,
+            },
+        })
+    }
+}
+
+fn heading() -> String {
+    format!(
+        "{:<12} {:>4} {:>14} {:<16} {:>6} {:>10} {:>8} {:>14} {:>9}",
+        "pilot",
+        "seed",
+        "default [m²]",
+        "status",
+        "agree",
+        "iterations",
+        "seconds",
+        "best [m²]",
+        "gap"
+    )
+}
+
+fn line(outcome: &Outcome) -> String {
+    let fit = &outcome.fit;
+    format!(
+        "{:<12} {:>4} {:>14.6} {:<16} {:>6} {:>10} {:>8.2} {:>14.6} {:>9.1e}",
+        outcome.data.pilot,
+        outcome.data.seed,
+        fit.objective,
+        fit.status,
+        format!("{}/{}", fit.agreeing(), fit.starts.len()),
+        fit.iterations,
+        fit.seconds,
+        outcome.best,
+        outcome.gap()
+    )
+}
+
+/// How many are at the best known, those that are not, and what the default fits cost.
+fn verdict(outcomes: &[Outcome]) -> String {
+    let mut text = String::from("\n");
+    let behind: Vec<&Outcome> = outcomes.iter().filter(|o| !o.is_best()).collect();
+    if !behind.is_empty() {
+        text += "not at the best known:\n";
+        text += &format!("{}\n", heading());
+        behind
+            .iter()
+            .for_each(|o| text += &format!("{}\n", line(o)));
+    }
+    let converged = outcomes.iter().filter(|o| o.fit.converged).count();
+    let silent = behind.iter().filter(|o| !o.says_so()).count();
+    text += &format!(
+        "{} of {} within {} % of the best known; {converged} converged; \
+         {silent} are behind and do not say so\n",
+        outcomes.len() - behind.len(),
+        outcomes.len(),
+        SAME * 100.0
+    );
+    let iterations = outcomes.iter().map(|o| o.fit.iterations as f64).collect();
+    let seconds = outcomes.iter().map(|o| o.fit.seconds).collect();
+    text + &spread("iterations", iterations) + &spread("seconds", seconds)
+}
+
+/// Median and greatest value.
+fn spread(name: &str, mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    match values.last() {
+        Some(last) => format!(
+            "{name}: median {:.3}, at most {last:.3}\n",
+            values[values.len() / 2]
+        ),
+        None => String::new(),
+    }
+}
