@@ -175,14 +175,14 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             let points = grid.points_of(element);
             let own = c[element.first * n..].chunks_exact_mut(n);
             for (defect, out) in element.tableau.defects.iter().zip(own) {
-                for (l, value) in out.iter_mut().enumerate() {
-                    let e = defect
-                        .e
-                        .iter()
-                        .map(|(j, e)| e * v[(element.first + j) * n + l]);
-                    let a = defect.a.iter();
-                    let a = a.map(|(i, a)| a * values.f[points[*i] as usize * n + l]);
-                    *value = e.sum::<f64>() - element.h * a.sum::<f64>();
+                out.fill(0.0);
+                for &(j, e) in &defect.e {
+                    let v = &v[(element.first + j) * n..];
+                    out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
+                }
+                for &(i, a) in &defect.a {
+                    let (f, a) = (&values.f[points[i] as usize * n..], element.h * a);
+                    out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
                 }
             }
         }

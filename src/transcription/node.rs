@@ -4,7 +4,7 @@
 //! numbers for the variables that enter nonlinearly. Which derivatives are ever other than zero, and
 //! which second derivatives are constant, is found once by evaluating the model at random points.
 
-use nalgebra::{Const, RowSVector, SMatrix, SVector, U1};
+use nalgebra::{RowSVector, SMatrix, SVector};
 use num_dual::{Derivative, DualSVec64, HyperDualSVec64};
 use pilotage_models::{Dynamics, Scalar};
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +13,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// Largest number of states or parameters; a point's numbers stay on the stack.
 pub const MAX_SIZE: usize = 16;
 /// Derivative parts of a dual number.
-const LANES: usize = 8;
+const LANES: usize = 4;
 /// Derivative parts of a hyper-dual number, each way.
 const BLOCK: usize = 3;
 /// Random points at which the patterns are found.
@@ -44,12 +44,31 @@ pub struct NodeModel<D> {
     pub entries: Vec<(usize, usize)>,
     /// Number of those entries that belong to states: the first ones.
     pub state_entries: usize,
+    /// First entry of each column of `entries`, and their number.
+    column_starts: Vec<usize>,
+    /// First derivatives that are affine in the variables.
+    affine: Affine,
     /// Second derivatives that never change: pair, row of `[f̄; measured; bounded]`, value.
     constant: Vec<(usize, usize, f64)>,
     /// Variables of the other pairs, in blocks.
     curved: Vec<usize>,
     /// For each pair of blocks of `curved`: `(row, column, pair)` of what it gives.
     curved_blocks: Vec<CurvedBlock>,
+}
+
+/// First derivatives as constants plus terms `factor · variable`: exact for variables whose second
+/// derivatives are all constant, as those of a linear pilot are.
+#[derive(Debug, Clone, Default)]
+struct Affine {
+    /// The constants of the Jacobian's entries.
+    jacobian: Vec<f64>,
+    /// Entry, variable, factor.
+    jacobian_terms: Vec<(usize, usize, f64)>,
+    /// Of the gradients of the measured output and of the bounded signal.
+    gradients: [Vec<f64>; 2],
+    gradient_terms: [Vec<(usize, usize, f64)>; 2],
+    /// Variables whose columns are not of this kind: they take dual numbers.
+    others: Vec<usize>,
 }
 
 #[derive(Debug, Clone)]
@@ -104,6 +123,13 @@ impl<D: Dynamics> NodeModel<D> {
             pairs: (0..v).flat_map(|i| (i..v).map(move |j| (i, j))).collect(),
             entries: (0..v).flat_map(|j| (0..n).map(move |i| (i, j))).collect(),
             state_entries: n * n,
+            column_starts: (0..=v).map(|j| j * n).collect(),
+            affine: Affine {
+                jacobian: vec![0.0; n * v],
+                gradients: [vec![0.0; v], vec![0.0; v]],
+                others: (0..v).collect(),
+                ..Affine::default()
+            },
             constant: Vec::new(),
             curved: (0..v).collect(),
             curved_blocks: Vec::new(),
@@ -142,38 +168,84 @@ impl<D: Dynamics> NodeModel<D> {
         theta: &[f64],
         mut out: FirstOrder<'_>,
     ) -> (f64, f64) {
-        let (n, v) = (x.len(), x.len() + theta.len());
-        let mut at = self.unscaled(x, theta, |value| Dual::new(value, Derivative::none()));
+        let n = x.len();
+        let variable = |j: usize| if j < n { x[j] } else { theta[j - n] };
+        let affine = &self.affine;
+        if !out.jacobian.is_empty() {
+            out.jacobian.copy_from_slice(&affine.jacobian);
+            for &(entry, j, factor) in &affine.jacobian_terms {
+                out.jacobian[entry] += factor * variable(j);
+            }
+        }
         let mut values = (0.0, 0.0);
-        let mut next = 0;
-        for first in (0..v).step_by(LANES) {
-            let lanes = first..(first + LANES).min(v);
-            for j in lanes.clone() {
+        if let Some((measured, bounded)) = &mut out.outputs {
+            values = self.outputs(&self.unscaled(x, theta, |v| v), input);
+            for (which, gradient) in [measured, bounded].into_iter().enumerate() {
+                gradient.copy_from_slice(&affine.gradients[which]);
+                for &(i, j, factor) in &affine.gradient_terms[which] {
+                    gradient[i] += factor * variable(j);
+                }
+            }
+        }
+        let wanted = (!out.jacobian.is_empty(), out.outputs.is_some());
+        self.dual_columns(
+            x,
+            input,
+            theta,
+            (&affine.others, wanted),
+            |j, lane, values| {
+                if wanted.0 {
+                    let own = self.column_starts[j]..self.column_starts[j + 1];
+                    for (value, &(i, _)) in
+                        out.jacobian[own.clone()].iter_mut().zip(&self.entries[own])
+                    {
+                        *value = first(&values.dx[i], lane) / self.scales.states[i];
+                    }
+                }
+                if let Some((measured, bounded)) = &mut out.outputs {
+                    measured[j] = first(&values.measured, lane);
+                    bounded[j] = first(&values.bounded, lane);
+                }
+            },
+        );
+        values
+    }
+
+    /// Calls `visit(variable, lane, values)` for each of these variables, with the dual values in which its
+    /// derivatives stand at `lane`; derivatives of `f` and of the outputs as `wanted`.
+    fn dual_columns(
+        &self,
+        x: &[f64],
+        input: &[f64],
+        theta: &[f64],
+        (columns, wanted): (&[usize], (bool, bool)),
+        mut visit: impl FnMut(usize, usize, &Duals),
+    ) {
+        let n = x.len();
+        let none = |re| Dual::new(re, Derivative::none());
+        for lanes in columns.chunks(LANES) {
+            let mut at = self.unscaled(x, theta, none);
+            for (lane, &j) in lanes.iter().enumerate() {
                 let mut part = SVector::<f64, LANES>::zeros();
-                part[j - first] = self.scale(j);
+                part[lane] = self.scale(j);
                 at.variable(j, n).eps = Derivative::some(part);
             }
-            if !out.jacobian.is_empty() {
+            if wanted.0 {
                 self.evaluate(&mut at, input);
-                while let Some(&(i, j)) = self.entries.get(next).filter(|e| lanes.contains(&e.1)) {
-                    let part = at.dx[i].eps.0.map_or(0.0, |eps| eps[j - first]);
-                    out.jacobian[next] = part / self.scales.states[i];
-                    next += 1;
-                }
             }
-            if let Some((measured_gradient, bounded_gradient)) = &mut out.outputs {
-                let (measured, bounded) = self.outputs(&at, input);
-                values = (measured.re, bounded.re);
-                for (gradient, output) in
-                    [(measured_gradient, measured), (bounded_gradient, bounded)]
-                {
-                    let parts = output.eps.unwrap_generic(Const::<LANES>, U1);
-                    gradient[lanes.clone()].copy_from_slice(&parts.as_slice()[..lanes.len()]);
-                }
+            let (measured, bounded) = match wanted.1 {
+                true => self.outputs(&at, input),
+                false => (none(0.0), none(0.0)),
+            };
+            let values = Duals {
+                dx: at.dx,
+                measured,
+                bounded,
+            };
+            for (lane, &j) in lanes.iter().enumerate() {
+                visit(j, lane, &values);
             }
-            lanes.for_each(|j| at.variable(j, n).eps = Derivative::none());
         }
-        values
     }
 
     /// Writes the second derivatives of the weighted sum at [`pairs`](Self::pairs) into `out`.
@@ -265,6 +337,7 @@ impl<D: Dynamics> NodeModel<D> {
         let rows = n + 2;
         let mut entry_used = vec![false; self.entries.len()];
         let mut seen: Vec<Vec<f64>> = Vec::new();
+        let mut probes: Vec<Probe> = Vec::new();
         for _ in 0..PROBES {
             let (x, input, theta) = (draw(n), draw(self.dynamics.n_inputs()), draw(p));
             let mut jacobian = vec![0.0; self.entries.len()];
@@ -287,11 +360,92 @@ impl<D: Dynamics> NodeModel<D> {
                 });
             }
             seen.push(tensor);
+            probes.push(self.probe(x, &input, theta));
         }
         let mut used = entry_used.into_iter();
         self.entries.retain(|_| used.next() == Some(true));
         self.state_entries = self.entries.iter().filter(|(_, j)| *j < n).count();
+        let start = |j: usize| self.entries.partition_point(|e| e.1 < j);
+        self.column_starts = (0..=n + p).map(start).collect();
         self.keep_pairs(&seen, rows);
+        let origin = self.probe(vec![0.0; n], &draw(self.dynamics.n_inputs()), vec![0.0; p]);
+        self.find_affine(&origin, &probes);
+    }
+
+    /// All first derivatives at a point: rows of `[f̄; measured; bounded]`.
+    fn probe(&self, x: Vec<f64>, input: &[f64], theta: Vec<f64>) -> Probe {
+        let (n, v) = (x.len(), x.len() + theta.len());
+        let mut rows = vec![vec![0.0; v]; n + 2];
+        let all: Vec<usize> = (0..v).collect();
+        self.dual_columns(
+            &x,
+            input,
+            &theta,
+            (&all, (true, true)),
+            |j, lane, values| {
+                for (i, row) in rows[..n].iter_mut().enumerate() {
+                    row[j] = first(&values.dx[i], lane) / self.scales.states[i];
+                }
+                rows[n][j] = first(&values.measured, lane);
+                rows[n + 1][j] = first(&values.bounded, lane);
+            },
+        );
+        Probe {
+            variables: [x, theta].concat(),
+            rows,
+        }
+    }
+
+    /// Sets the columns apart that are affine: their values at the origin and the constant second
+    /// derivatives give them at every probe, whatever its input.
+    fn find_affine(&mut self, origin: &Probe, probes: &[Probe]) {
+        let (n, v) = (self.n_states(), origin.variables.len());
+        // Row, column, variable, factor.
+        let mut terms: Vec<(usize, usize, usize, f64)> = Vec::new();
+        for &(pair, row, value) in &self.constant {
+            let (a, b) = self.pairs[pair];
+            terms.push((row, a, b, value));
+            if a != b {
+                terms.push((row, b, a, value));
+            }
+        }
+        let predicted = |probe: &Probe, row: usize, column: usize| {
+            let own = terms.iter().filter(|t| (t.0, t.1) == (row, column));
+            own.fold(origin.rows[row][column], |sum, t| {
+                sum + t.3 * probe.variables[t.2]
+            })
+        };
+        let is_affine = |column: &usize| {
+            let near = |probe: &Probe, row: usize| {
+                let (exact, found) = (probe.rows[row][*column], predicted(probe, row, *column));
+                (exact - found).abs() <= 1e-12 * (exact.abs() + origin.rows[row][*column].abs())
+            };
+            !self.curved.contains(column) && probes.iter().all(|p| (0..n + 2).all(|i| near(p, i)))
+        };
+        let (columns, others): (Vec<usize>, Vec<usize>) = (0..v).partition(is_affine);
+        let kept = |column: &usize| columns.contains(column);
+        let mut affine = Affine {
+            jacobian: self
+                .entries
+                .iter()
+                .map(|&(i, j)| origin.rows[i][j])
+                .collect(),
+            gradients: [origin.rows[n].clone(), origin.rows[n + 1].clone()],
+            others,
+            ..Affine::default()
+        };
+        for &(row, column, variable, factor) in terms.iter().filter(|t| kept(&t.1)) {
+            match row.checked_sub(n) {
+                None => {
+                    let entry = self.entries.iter().position(|e| *e == (row, column));
+                    affine
+                        .jacobian_terms
+                        .extend(entry.map(|entry| (entry, variable, factor)));
+                }
+                Some(which) => affine.gradient_terms[which].push((column, variable, factor)),
+            }
+        }
+        self.affine = affine;
     }
 
     /// Keeps the pairs whose tensors `seen` at the probes (pairs × rows each) are not all zero.
@@ -398,6 +552,25 @@ impl<T> Numbers<T> {
             Some(parameter) => &mut self.theta[parameter],
         }
     }
+}
+
+/// First derivatives at a point, for the patterns.
+struct Probe {
+    /// `[x̄; θ̄]`.
+    variables: Vec<f64>,
+    /// Rows of `[f̄; measured; bounded]`.
+    rows: Vec<Vec<f64>>,
+}
+
+/// Dual values of a model.
+struct Duals {
+    dx: [Dual; MAX_SIZE],
+    measured: Dual,
+    bounded: Dual,
+}
+
+fn first(value: &Dual, lane: usize) -> f64 {
+    value.eps.0.map_or(0.0, |part| part[lane])
 }
 
 /// Hyper-dual values of a model.

@@ -213,15 +213,7 @@ impl Condensed {
         parallel::each(&mut work, |j, (run, regular, gauss_newton, full)| {
             let at = Place { problem, j };
             *regular = run.factor(at, stencils) && run.sweep_sensitivities(at, stencils);
-            let reduced = |kind: Hessian| {
-                let mut local = vec![0.0; run.r() * run.r()];
-                run.reduce_matrix(at, kind, &mut local);
-                local
-            };
-            *gauss_newton = reduced(Hessian::GaussNewton);
-            if exact {
-                *full = reduced(Hessian::Exact);
-            }
+            (*gauss_newton, *full) = run.reduce_matrices(at, exact);
         });
         let regular = work.iter().all(|(_, regular, ..)| *regular);
         let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
@@ -436,8 +428,7 @@ impl Condensed {
             RowAt::Bounded { run: j, sample } => {
                 let index = problem.layout.runs[j].g + sample;
                 let run = &self.runs[j];
-                let mut local = vec![0.0; run.r()];
-                let offset = run.bounded_row(&problem.grids[j], sample, &mut local);
+                let (local, offset) = run.bounded_row(&problem.grids[j], sample);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
                 let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v));

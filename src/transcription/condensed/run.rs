@@ -3,11 +3,12 @@
 use super::Stencils;
 use super::dense::{axpy, dot};
 use super::stencil::{Factorable, Local, Stencil};
+use super::sweep::with_width;
 use crate::sqp::{Hessian, Iterate};
 use crate::transcription::Collocation;
 use crate::transcription::constraints::ParameterConstraints;
-use crate::transcription::grid::{Combination, Grid, PointState};
-use crate::transcription::node::{FirstOrder, Weights};
+use crate::transcription::grid::{Combination, Grid, Point, PointState};
+use crate::transcription::node::{FirstOrder, MAX_SIZE, Weights};
 use pilotage_models::Dynamics;
 use std::collections::BTreeMap;
 
@@ -19,6 +20,8 @@ use std::collections::BTreeMap;
 pub struct RunSweep {
     pub(super) n: usize,
     pub(super) p: usize,
+    /// Width of the rows `S`: `r`, padded.
+    pub(super) w: usize,
     /// Indices of the free initial states.
     pub free: Vec<usize>,
     /// Jacobian entries at all points.
@@ -50,7 +53,7 @@ pub struct RunSweep {
 /// Sensitivities, offsets and steps of a list of state vectors.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
-    /// `S`, `r` columns.
+    /// `S`, `w` columns of which the first `r` count.
     pub s: Vec<f64>,
     /// `e`.
     pub e: Vec<f64>,
@@ -66,9 +69,9 @@ pub struct Work {
 }
 
 impl Rows {
-    fn new(count: usize, n: usize, r: usize) -> Self {
+    fn new(count: usize, n: usize, w: usize) -> Self {
         Self {
-            s: vec![0.0; count * n * r],
+            s: vec![0.0; count * n * w],
             e: vec![0.0; count * n],
             dx: vec![0.0; count * n],
         }
@@ -102,24 +105,25 @@ impl RunSweep {
         let (run, grid) = (&problem.runs[j], &problem.grids[j]);
         let (samples, points) = (run.time.len(), grid.points.len());
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let r = p + free.len();
+        let w = (p + free.len()).max(1).next_multiple_of(4);
         let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
         let size = n * largest.unwrap_or(0).max(1);
         Self {
             n,
             p,
+            w,
             jacobian: vec![0.0; points * problem.model.entries.len()],
             measured: vec![0.0; samples * (n + p)],
             bounded: vec![0.0; samples * (n + p)],
             residual: vec![0.0; samples],
             weight: vec![0.0; samples],
             second: vec![0.0; points * problem.model.pairs.len()],
-            nodes: Rows::new(grid.nodes(), n, r),
-            combined: Rows::new(grid.combinations, n, r),
+            nodes: Rows::new(grid.nodes(), n, w),
+            combined: Rows::new(grid.combinations, n, w),
             lu: Vec::new(),
             special: BTreeMap::new(),
             work: Work {
-                right: vec![0.0; size * r.max(1)],
+                right: vec![0.0; size * w],
                 pivots: vec![0.0; size],
             },
             theta_gradient: vec![0.0; p],
@@ -314,7 +318,7 @@ impl RunSweep {
 
     /// Rows `S` of a point.
     fn s_of(&self, state: &PointState) -> &[f64] {
-        let size = self.n * self.r();
+        let size = self.n * self.w;
         match state {
             PointState::Node(k) => &self.nodes.s[k * size..(k + 1) * size],
             PointState::Combination(c) => &self.combined.s[c.index * size..(c.index + 1) * size],
@@ -339,59 +343,64 @@ impl RunSweep {
         }
     }
 
-    /// Adds `Σ Zᵀ W Z` to `matrix` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`.
-    pub fn reduce_matrix<D: Dynamics, C: ParameterConstraints>(
+    /// `Σ Zᵀ W Z` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`: of Gauss–Newton, and, if wanted, of the
+    /// exact Hessian.
+    pub fn reduce_matrices<D: Dynamics, C: ParameterConstraints>(
         &self,
         at: Place<'_, D, C>,
-        kind: Hessian,
-        matrix: &mut [f64],
-    ) {
+        exact: bool,
+    ) -> (Vec<f64>, Vec<f64>) {
+        with_width!(self.w, W => self.reduced::<D, C, W>(at, exact))
+    }
+
+    fn reduced<D: Dynamics, C: ParameterConstraints, const W: usize>(
+        &self,
+        at: Place<'_, D, C>,
+        exact: bool,
+    ) -> (Vec<f64>, Vec<f64>) {
         let (n, r, model) = (self.n, self.r(), &at.problem.model);
         let pairs = model.pairs.len();
-        let mut row = vec![0.0; r];
-        // Half of the symmetric sum; its transpose is added at the end.
-        let mut half = vec![0.0; r * r];
+        // Halves of the symmetric sums; their transposes are added at the end.
+        let (mut squares, mut curved) = (vec![[0.0; W]; r], vec![[0.0; W]; r]);
         for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            let s = self.s_of(&point.state);
-            if let Some(k) = point
-                .sample
-                .map(|k| k as usize)
-                .filter(|k| self.weight[*k] != 0.0)
-            {
-                self.project(
-                    &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)],
-                    s,
-                    &mut row,
-                );
-                for (value, out) in row.iter().zip(half.chunks_exact_mut(r)) {
+            let (s, _) = self.s_of(&point.state).as_chunks::<W>();
+            if let Some(k) = self.recorded(point) {
+                let row = project(self.of_sample(&self.measured, k), s, self.p);
+                for (value, out) in row.iter().zip(&mut squares) {
                     axpy(0.5 * self.weight[k] * value, &row, out);
                 }
             }
-            if kind == Hessian::Exact {
+            if exact {
                 let values = &self.second[i * pairs..(i + 1) * pairs];
                 for (&w, &(a, b)) in values.iter().zip(&model.pairs).filter(|(w, _)| **w != 0.0) {
                     let w = if a == b { 0.5 * w } else { w };
-                    add_pair(w, a, b, s, (n, r), &mut half);
+                    add_pair(w, a, b, s, n, &mut curved);
                 }
             }
         }
-        for i in 0..r {
-            for l in 0..r {
-                matrix[i * r + l] += half[i * r + l] + half[l * r + i];
-            }
+        let symmetric = |halves: &[[f64; W]]| -> Vec<f64> {
+            let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
+            (0..r * r).map(|k| entry(k / r, k % r)).collect()
+        };
+        let gauss_newton = symmetric(&squares);
+        let mut full = Vec::new();
+        if exact {
+            full.clone_from(&gauss_newton);
+            axpy(1.0, &symmetric(&curved), &mut full);
         }
+        (gauss_newton, full)
     }
 
-    /// `out = gradientᵀ Z`, over the reduced variables.
-    fn project(&self, gradient: &[f64], s: &[f64], out: &mut [f64]) {
-        let r = self.r();
-        out[..self.p].copy_from_slice(&gradient[self.n..]);
-        out[self.p..].fill(0.0);
-        for (g, s) in gradient[..self.n].iter().zip(s.chunks_exact(r)) {
-            if *g != 0.0 {
-                axpy(*g, s, out);
-            }
-        }
+    /// The sample at a point, where its output is recorded.
+    fn recorded(&self, point: &Point) -> Option<usize> {
+        let sample = point.sample.map(|k| k as usize);
+        sample.filter(|k| self.weight[*k] != 0.0)
+    }
+
+    /// A sample's part of gradients over `[x̄; θ̄]`.
+    fn of_sample<'a>(&self, gradients: &'a [f64], sample: usize) -> &'a [f64] {
+        let v = self.n + self.p;
+        &gradients[sample * v..(sample + 1) * v]
     }
 
     /// Adds `Σ Zᵀ (g + W [e; 0])` to `vector`.
@@ -401,24 +410,29 @@ impl RunSweep {
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        let (n, r) = (self.n, self.r());
-        let zero = vec![0.0; self.p];
+        with_width!(self.w, W => self.reduced_vector::<D, C, W>(at, kind, vector));
+    }
+
+    fn reduced_vector<D: Dynamics, C: ParameterConstraints, const W: usize>(
+        &self,
+        at: Place<'_, D, C>,
+        kind: Hessian,
+        vector: &mut [f64],
+    ) {
+        let n = self.n;
+        let zero = [0.0; MAX_SIZE];
         let mut full = vec![0.0; n + self.p];
+        let mut sum = [0.0; W];
         for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            let step = (self.e_of(&point.state), zero.as_slice());
+            let step = (self.e_of(&point.state), &zero[..self.p]);
             if !self.model_gradient(at, i, kind, step, &mut full) {
                 continue;
             }
-            axpy(1.0, &full[n..], &mut vector[..self.p]);
-            for (g, s) in full[..n]
-                .iter()
-                .zip(self.s_of(&point.state).chunks_exact(r))
-            {
-                if *g != 0.0 {
-                    axpy(*g, s, vector);
-                }
-            }
+            let (s, _) = self.s_of(&point.state).as_chunks::<W>();
+            let own = project(&full, s, self.p);
+            axpy(1.0, &own, &mut sum);
         }
+        axpy(1.0, &sum, vector);
     }
 
     /// Writes point `i`'s `g + W [δx; δθ]` into `out` (n + p); false when that is zero.
@@ -431,10 +445,7 @@ impl RunSweep {
         out: &mut [f64],
     ) -> bool {
         let (model, n) = (&at.problem.model, self.n);
-        let sample = at.problem.grids[at.j].points[i].sample;
-        let sample = sample
-            .map(|k| k as usize)
-            .filter(|k| self.weight[*k] != 0.0);
+        let sample = self.recorded(&at.problem.grids[at.j].points[i]);
         let curved = kind == Hessian::Exact && !model.pairs.is_empty();
         if sample.is_none() && !curved {
             return false;
@@ -461,11 +472,14 @@ impl RunSweep {
 
     /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
     /// change by the offsets alone.
-    pub fn bounded_row(&self, grid: &Grid, sample: usize, out: &mut [f64]) -> f64 {
-        let gradient = &self.bounded[sample * (self.n + self.p)..(sample + 1) * (self.n + self.p)];
+    pub fn bounded_row(&self, grid: &Grid, sample: usize) -> (Vec<f64>, f64) {
+        let gradient = self.of_sample(&self.bounded, sample);
         let state = &grid.points[grid.observed[sample]].state;
-        self.project(gradient, self.s_of(state), out);
-        dot(&gradient[..self.n], self.e_of(state))
+        let row = with_width!(self.w, W => {
+            let (s, _) = self.s_of(state).as_chunks::<W>();
+            project(gradient, s, self.p)[..self.r()].to_vec()
+        });
+        (row, dot(&gradient[..self.n], self.e_of(state)))
     }
 
     /// Linear change of the bounded signal at a sample by the last expanded step.
@@ -544,24 +558,37 @@ fn distribute(combination: &Combination, gradient: &[f64], nodes: &mut [f64], om
     }
 }
 
+/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`.
+#[inline(always)]
+fn project<const W: usize>(gradient: &[f64], s: &[[f64; W]], p: usize) -> [f64; W] {
+    let (x, theta) = gradient.split_at(s.len());
+    let mut out = [0.0; W];
+    out[..p].copy_from_slice(theta);
+    for (g, s) in x.iter().zip(s).filter(|(g, _)| **g != 0.0) {
+        axpy(*g, s, &mut out);
+    }
+    out
+}
+
 /// Adds `w z_a z_bᵀ`, with `z_a` row `a` of `Z = [S; I]`; of a pair of parameter and state only the
 /// order whose row is the parameter's.
-fn add_pair(w: f64, a: usize, b: usize, s: &[f64], (n, r): (usize, usize), matrix: &mut [f64]) {
+#[inline(always)]
+fn add_pair<const W: usize>(
+    w: f64,
+    a: usize,
+    b: usize,
+    s: &[[f64; W]],
+    n: usize,
+    matrix: &mut [[f64; W]],
+) {
     match (a < n, b < n) {
         (true, true) => {
-            for i in 0..r {
-                let row = &mut matrix[i * r..(i + 1) * r];
-                axpy(w * s[a * r + i], &s[b * r..(b + 1) * r], row);
+            for (row, v) in matrix.iter_mut().zip(&s[a]) {
+                axpy(w * v, &s[b], row);
             }
         }
-        (true, false) => {
-            let row = &mut matrix[(b - n) * r..(b - n + 1) * r];
-            axpy(w, &s[a * r..(a + 1) * r], row);
-        }
-        (false, true) => {
-            let row = &mut matrix[(a - n) * r..(a - n + 1) * r];
-            axpy(w, &s[b * r..(b + 1) * r], row);
-        }
-        (false, false) => matrix[(a - n) * r + b - n] += w,
+        (true, false) => axpy(w, &s[a], &mut matrix[b - n]),
+        (false, true) => axpy(w, &s[b], &mut matrix[a - n]),
+        (false, false) => matrix[a - n][b - n] += w,
     }
 }

@@ -4,7 +4,7 @@
 //! Matrices*, 2nd ed. 2017, sections 7.2 and 7.8), on the values of one of them. Each refactorisation
 //! checks its pivots; where one has become too small, the caller orders that matrix anew.
 
-use super::dense::axpy;
+use std::ops::Range;
 
 /// Smallest pivot beside the largest entry of its row when the order is chosen.
 const THRESHOLD: f64 = 0.1;
@@ -23,6 +23,8 @@ pub struct Symbolic {
     start: Vec<usize>,
     /// Columns of the factors' entries, in the pivots' order, ascending.
     column: Vec<u32>,
+    /// The original columns of the factors' entries.
+    source: Vec<u32>,
     /// Place of each diagonal entry.
     diagonal: Vec<usize>,
 }
@@ -83,6 +85,8 @@ impl Symbolic {
             let k = out.diagonal.len();
             let at = pattern.partition_point(|c| *c < k);
             out.diagonal.push(out.column.len() + at);
+            out.source
+                .extend(pattern.iter().map(|c| columns[*c] as u32));
             out.column.extend(pattern.into_iter().map(|c| c as u32));
             out.start.push(out.column.len());
         }
@@ -155,34 +159,37 @@ impl Symbolic {
         true
     }
 
-    /// Solves `A X = B` for `columns` right-hand sides, rows of `b` and `x`; `b` is overwritten.
-    pub fn solve(&self, lu: &[f64], b: &mut [f64], x: &mut [f64], columns: usize) {
-        for k in 0..self.size() {
-            let row = &mut b[self.rows[k] * columns..][..columns];
+    /// Solves `A X = B` for `W` right-hand sides.
+    pub fn solve<const W: usize>(&self, lu: &[f64], b: &[[f64; W]], x: &mut [[f64; W]]) {
+        // Rows of the solution of L y = b wait in x, in the pivots' order of columns.
+        for (k, (&from, &to)) in self.rows.iter().zip(&self.columns).enumerate() {
             let at = self.start[k]..self.diagonal[k];
-            // Rows of the solution of L y = b wait in x, in the pivots' order of columns.
-            let (i, target) = (at.clone(), &mut *row);
-            for (c, l) in self.column[i.clone()].iter().zip(&lu[i]) {
-                let source = self.columns[*c as usize] * columns;
-                axpy(-l, &x[source..source + columns], target);
-            }
-            let to = self.columns[k] * columns;
-            x[to..to + columns].copy_from_slice(row);
+            x[to] = self.reduced(lu, at, b[from], x);
         }
-        for k in (0..self.size()).rev() {
+        for (k, &to) in self.columns.iter().enumerate().rev() {
             let at = self.diagonal[k] + 1..self.start[k + 1];
-            let to = self.columns[k] * columns;
-            let row = &mut b[..columns];
-            row.copy_from_slice(&x[to..to + columns]);
-            for (c, u) in self.column[at.clone()].iter().zip(&lu[at]) {
-                let source = self.columns[*c as usize] * columns;
-                axpy(-u, &x[source..source + columns], row);
-            }
+            let row = self.reduced(lu, at, x[to], x);
             let inverse = lu[self.diagonal[k]];
-            for (x, v) in x[to..to + columns].iter_mut().zip(row) {
-                *x = *v * inverse;
+            x[to] = row.map(|v| v * inverse);
+        }
+    }
+
+    /// `row` less the rows of `x` times the factors' entries.
+    #[inline(always)]
+    fn reduced<const W: usize>(
+        &self,
+        lu: &[f64],
+        entries: Range<usize>,
+        mut row: [f64; W],
+        x: &[[f64; W]],
+    ) -> [f64; W] {
+        for (source, factor) in self.source[entries.clone()].iter().zip(&lu[entries]) {
+            let by = &x[*source as usize];
+            for (v, x) in row.iter_mut().zip(by) {
+                *v -= factor * x;
             }
         }
+        row
     }
 
     /// Solves `Aᵀ x = b` for one right-hand side; `work` has [`size`](Self::size) entries.
@@ -325,9 +332,11 @@ mod tests {
                     continue;
                 };
                 let scale = 1.0 + a.clone().try_inverse().map_or(0.0, |i| i.amax());
-                let mut x = vec![0.0; 3 * size];
-                symbolic.solve(&lu, &mut b[..3 * size].to_vec(), &mut x, 3);
-                let (x, right) = (DMatrix::from_row_slice(size, 3, &x), DMatrix::from_row_slice(size, 3, &b[..3 * size]));
+                let (columns, _) = b[..3 * size].as_chunks::<3>();
+                let mut x = vec![[0.0; 3]; size];
+                symbolic.solve(&lu, columns, &mut x);
+                let x = DMatrix::from_row_slice(size, 3, x.as_flattened());
+                let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
                 let mut x = b[..size].to_vec();
                 symbolic.solve_transposed(&lu, &mut x, &mut vec![0.0; size]);

@@ -170,11 +170,8 @@ impl Stencil {
     }
 
     fn stamp(&self, local: &Local<'_>, targets: &[u32], out: &mut [f64]) {
-        for (stamp, targets) in self
-            .unknown
-            .iter()
-            .zip(targets.chunks_exact(self.state_entries))
-        {
+        let targets = targets.chunks_exact(self.state_entries.max(1));
+        for (stamp, targets) in self.unknown.iter().zip(targets) {
             let factor = -local.h * stamp.factor;
             for (at, value) in targets.iter().zip(local.jacobian(stamp.point)) {
                 out[*at as usize] += factor * value;
@@ -202,44 +199,36 @@ impl Stencil {
         order.symbolic.factor(lu, work)
     }
 
-    /// `to = -K_0 from`, `columns` columns each.
-    pub fn start(&self, local: &Local<'_>, from: &[f64], to: &mut [f64], columns: usize) {
+    /// `to = -K_0 from`.
+    pub fn start<const W: usize>(&self, local: &Local<'_>, from: &[[f64; W]], to: &mut [[f64; W]]) {
         let n = self.n;
-        to.fill(0.0);
+        to.fill([0.0; W]);
         if self.nested {
             let k0 = local.dense(self).k0;
-            for (row, to) in k0.chunks_exact(n).zip(to.chunks_exact_mut(columns)) {
-                for (k, from) in row.iter().zip(from.chunks_exact(columns)) {
-                    axpy(-k, from, to);
-                }
+            for (row, to) in k0.chunks_exact(n).zip(to) {
+                row.iter()
+                    .zip(from)
+                    .for_each(|(k, from)| axpy(-k, from, to));
             }
             return;
         }
-        for (defect, to) in self
-            .tableau
-            .defects
-            .iter()
-            .zip(to.chunks_exact_mut(n * columns))
-        {
+        for (defect, to) in self.tableau.defects.iter().zip(to.chunks_exact_mut(n)) {
             if let Some(&(0, e)) = defect.e.first() {
-                axpy(-e, &from[..n * columns], to);
+                for (to, from) in to.iter_mut().zip(from) {
+                    axpy(-e, from, to);
+                }
             }
         }
         for stamp in &self.start {
-            let to = &mut to[stamp.defect * n * columns..];
-            let entries = self.jacobian[..self.state_entries].iter();
+            let to = &mut to[stamp.defect * n..(stamp.defect + 1) * n];
+            let (entries, factor) = (&self.jacobian[..self.state_entries], local.h * stamp.factor);
             for (value, &(l, c)) in local.jacobian(stamp.point).iter().zip(entries) {
-                let source = &from[c * columns..(c + 1) * columns];
-                axpy(
-                    local.h * stamp.factor * value,
-                    source,
-                    &mut to[l * columns..(l + 1) * columns],
-                );
+                axpy(factor * value, &from[c], &mut to[l]);
             }
         }
     }
 
-    /// `out -= K_0ᵀ λ` turned round: adds `K_0ᵀ λ` to `out`.
+    /// `out += K_0ᵀ λ`.
     pub fn start_transposed(&self, local: &Local<'_>, lambda: &[f64], out: &mut [f64]) {
         let n = self.n;
         if self.nested {
@@ -262,20 +251,20 @@ impl Stencil {
         }
     }
 
-    /// `to -= B` into the first `p` of `columns` columns.
-    pub fn parameters(&self, local: &Local<'_>, to: &mut [f64], columns: usize) {
+    /// `to -= B`, whose columns are the first `p`.
+    pub fn parameters<const W: usize>(&self, local: &Local<'_>, to: &mut [[f64; W]]) {
         let n = self.n;
         if self.nested {
             let b = local.dense(self).b;
-            for (row, to) in b.chunks_exact(self.p).zip(to.chunks_exact_mut(columns)) {
-                axpy(-1.0, row, &mut to[..self.p]);
-            }
+            let rows = b.chunks_exact(self.p).zip(to);
+            rows.for_each(|(row, to)| axpy(-1.0, row, &mut to[..self.p]));
             return;
         }
         for stamp in &self.parameters {
             let entries = self.jacobian[self.state_entries..].iter();
+            let factor = local.h * stamp.factor;
             for (value, &(l, c)) in local.parameters(stamp.point).iter().zip(entries) {
-                to[(stamp.defect * n + l) * columns + c - n] += local.h * stamp.factor * value;
+                to[stamp.defect * n + l][c - n] += factor * value;
             }
         }
     }

@@ -9,6 +9,49 @@ use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
 use pilotage_models::Dynamics;
 
+/// Runs code with the constant `W` equal to a width of rows: those are padded to a multiple of four, so
+/// that the inner loops have a length that the compiler knows.
+macro_rules! with_width {
+    ($width:expr, $w:ident => $code:expr) => {
+        match $width {
+            4 => {
+                const $w: usize = 4;
+                $code
+            }
+            8 => {
+                const $w: usize = 8;
+                $code
+            }
+            12 => {
+                const $w: usize = 12;
+                $code
+            }
+            16 => {
+                const $w: usize = 16;
+                $code
+            }
+            20 => {
+                const $w: usize = 20;
+                $code
+            }
+            24 => {
+                const $w: usize = 24;
+                $code
+            }
+            28 => {
+                const $w: usize = 28;
+                $code
+            }
+            32 => {
+                const $w: usize = 32;
+                $code
+            }
+            width => unreachable!("rows of {width}: at most 16 states and 16 parameters"),
+        }
+    };
+}
+pub(super) use with_width;
+
 impl RunSweep {
     /// Factors every element's matrix. False when one is singular.
     pub fn factor<D: Dynamics, C: ParameterConstraints>(
@@ -57,34 +100,39 @@ impl RunSweep {
         at: Place<'_, D, C>,
         stencils: &Stencils,
     ) -> bool {
-        let (n, r) = (self.n, self.r());
         let grid = &at.problem.grids[at.j];
-        let mut s = std::mem::take(&mut self.nodes.s);
-        s[..n * r].fill(0.0);
-        for (l, &i) in self.free.iter().enumerate() {
-            s[i * r + self.p + l] = 1.0;
-        }
-        let mut right = std::mem::take(&mut self.work.right);
-        let mut offset = 0;
-        for (e, element) in grid.elements.iter().enumerate() {
-            let (stencil, order) = stencils.of(at.j, e);
-            let local = self.local(grid, e, stencil);
-            let size = stencil.size() * r;
-            let (done, rest) = s.split_at_mut((element.first + 1) * n * r);
-            let right = &mut right[..size];
-            stencil.start(&local, &done[element.first * n * r..], right, r);
-            stencil.parameters(&local, right, r);
-            let (order, lu) = self.factors(e, order, &mut offset);
-            order.symbolic.solve(lu, right, &mut rest[..size], r);
-        }
-        self.work.right = right;
-        self.nodes.s = s;
+        with_width!(self.w, W => self.sensitivities::<W>(grid, stencils, at.j));
         if grid.combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
-            self.combine(at, nodes, &mut combined, r, Of::Sensitivities);
+            self.combine(at, nodes, &mut combined, self.w, Of::Sensitivities);
             self.combined.s = combined;
         }
         self.nodes.s.iter().all(|v| v.is_finite())
+    }
+
+    fn sensitivities<const W: usize>(&mut self, grid: &Grid, stencils: &Stencils, j: usize) {
+        let n = self.n;
+        let mut flat = std::mem::take(&mut self.nodes.s);
+        let (s, _) = flat.as_chunks_mut::<W>();
+        s[..n].fill([0.0; W]);
+        for (l, &i) in self.free.iter().enumerate() {
+            s[i][self.p + l] = 1.0;
+        }
+        let mut work = std::mem::take(&mut self.work.right);
+        let (right, _) = work.as_chunks_mut::<W>();
+        let mut offset = 0;
+        for (e, element) in grid.elements.iter().enumerate() {
+            let (stencil, order) = stencils.of(j, e);
+            let local = self.local(grid, e, stencil);
+            let (done, rest) = s.split_at_mut((element.first + 1) * n);
+            let right = &mut right[..stencil.size()];
+            stencil.start(&local, &done[element.first * n..], right);
+            stencil.parameters(&local, right);
+            let (order, lu) = self.factors(e, order, &mut offset);
+            order.symbolic.solve(lu, right, &mut rest[..stencil.size()]);
+        }
+        self.work.right = work;
+        self.nodes.s = flat;
     }
 
     /// Forward sweep for the offsets `e` that remove the constraint values `c` (of the run).
@@ -97,26 +145,27 @@ impl RunSweep {
         let n = self.n;
         let grid = &at.problem.grids[at.j];
         let (known, c) = c.split_at(n - self.free.len());
-        let mut e = std::mem::take(&mut self.nodes.e);
-        e[..n].fill(0.0);
+        let mut flat = std::mem::take(&mut self.nodes.e);
+        flat[..n].fill(0.0);
         let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, value)| e[i] = -value);
-        let mut right = std::mem::take(&mut self.work.right);
+        places.zip(known).for_each(|(i, value)| flat[i] = -value);
+        let (e, _) = flat.as_chunks_mut::<1>();
+        let mut work = std::mem::take(&mut self.work.right);
+        let (right, _) = work.as_chunks_mut::<1>();
         let mut offset = 0;
         for (k, element) in grid.elements.iter().enumerate() {
             let (stencil, order) = stencils.of(at.j, k);
             let local = self.local(grid, k, stencil);
             let (done, rest) = e.split_at_mut((element.first + 1) * n);
             let right = &mut right[..stencil.size()];
-            stencil.start(&local, &done[element.first * n..], right, 1);
-            axpy(-1.0, &c[element.first * n..][..stencil.size()], right);
+            stencil.start(&local, &done[element.first * n..], right);
+            let own = right.iter_mut().zip(&c[element.first * n..]);
+            own.for_each(|([right], c)| *right -= c);
             let (order, lu) = self.factors(k, order, &mut offset);
-            order
-                .symbolic
-                .solve(lu, right, &mut rest[..stencil.size()], 1);
+            order.symbolic.solve(lu, right, &mut rest[..stencil.size()]);
         }
-        self.work.right = right;
-        self.nodes.e = e;
+        self.work.right = work;
+        self.nodes.e = flat;
         if grid.combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.e, std::mem::take(&mut self.combined.e));
             self.combine(at, nodes, &mut combined, 1, Of::Offsets);
@@ -126,12 +175,17 @@ impl RunSweep {
 
     /// All steps from the reduced variables, into the rows' `dx`.
     pub fn expand(&mut self, rho: &[f64]) {
-        let r = self.r();
-        for rows in [&mut self.nodes, &mut self.combined] {
-            for ((dx, s), e) in rows.dx.iter_mut().zip(rows.s.chunks_exact(r)).zip(&rows.e) {
-                *dx = e + dot(s, rho);
+        let mut padded = rho.to_vec();
+        padded.resize(self.w, 0.0);
+        with_width!(self.w, W => {
+            let rho = padded.first_chunk::<W>().expect("as wide");
+            for rows in [&mut self.nodes, &mut self.combined] {
+                let (s, _) = rows.s.as_chunks::<W>();
+                for ((dx, s), e) in rows.dx.iter_mut().zip(s).zip(&rows.e) {
+                    *dx = e + dot(s, rho);
+                }
             }
-        }
+        });
     }
 
     /// Backward over the elements: the multipliers of the run's equalities from the derivatives `right`
