@@ -8,6 +8,8 @@ use super::solver::Sqp;
 
 /// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.5;
+/// Fall of the equalities by a full step beyond which its correction need not be measured.
+const CONTRACTION: f64 = 0.1;
 /// Limit on second-order corrections of one step.
 const MAX_CORRECTIONS: usize = 6;
 
@@ -58,7 +60,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         if !value.is_finite() {
             return None;
         }
-        let uncorrected = self.trial.z.clone();
+        if test.passes(value, 1.0) && self.contracts() {
+            return Some(test.ratio(value));
+        }
         let mut step = self.step.clone();
         let mut length = largest(&step.d);
         for round in 0..MAX_CORRECTIONS {
@@ -67,10 +71,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                 return None;
             }
             if round == 0 && test.passes(value, 1.0) {
-                self.trial.z = uncorrected;
-                self.trial.evaluate(self.problem);
                 return Some(test.ratio(value));
             }
+            self.take_corrected(&step)?;
             let corrected = self.merit.value(self.problem, &self.trial);
             if test.passes(corrected, 1.0) {
                 return Some(test.ratio(corrected));
@@ -80,21 +83,33 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         None
     }
 
-    /// Second-order correction of `step`, which led to `trial`. Returns how far it moves the trial: a
+    /// True when the trial's equalities are so small beside those at the iterate that its correction is
+    /// certainly short.
+    fn contracts(&self) -> bool {
+        largest(&self.trial.c) <= CONTRACTION * largest(&self.current.c)
+    }
+
+    /// Second-order correction of `step`, which led to `trial`. Returns how far it would move the trial: a
     /// simplified Newton step, short beside the one before where the linearisation holds (Deuflhard,
     /// *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
     fn correct(&mut self, step: &mut Step) -> Option<f64> {
         self.work.qps += 1;
         self.qp.correct(self.problem, &self.trial, step).ok()?;
-        let mut moved: f64 = 0.0;
-        let points = self.trial.z.iter_mut().zip(&self.current.z).zip(&step.d);
-        for ((trial, z), d) in points {
-            moved = moved.max((z + d - *trial).abs());
-            *trial = z + d;
-        }
+        let points = self.trial.z.iter().zip(&self.current.z).zip(&step.d);
+        Some(points.fold(0.0, |moved: f64, ((trial, z), d)| {
+            moved.max((z + d - trial).abs())
+        }))
+    }
+
+    /// Moves the trial to where `step` leads. None outside the problem's domain.
+    fn take_corrected(&mut self, step: &Step) -> Option<()> {
+        let points = self.trial.z.iter_mut().zip(&self.current.z);
+        points
+            .zip(&step.d)
+            .for_each(|((trial, z), d)| *trial = z + d);
         self.trial.evaluate(self.problem);
         self.work.evaluations += 1;
-        self.trial.is_finite().then_some(moved)
+        self.trial.is_finite().then_some(())
     }
 
     fn try_step(&mut self, alpha: f64) {

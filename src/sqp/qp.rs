@@ -63,8 +63,9 @@ pub trait QpSolver<P: Problem + ?Sized> {
     ) -> Result<(), QpFailure>;
 
     /// Second-order correction (Nocedal & Wright, section 18.3): solves the QP of the last `solve` or
-    /// `correct` again, with its constraints moved to their values at `trial`, the point that `step`
-    /// led to: `J d + c(trial) - J d₀ = 0` and likewise for `g`.
+    /// `correct` again with its constraints moved to their values at `trial`, the point that `step` led
+    /// to: `J d + c(trial) - J d₀ = 0` and likewise for `g`. Writes `d`, `eta` and what is said of the
+    /// inequalities; `lambda` and `curvature` may stay those of the last `solve`.
     fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
 
     /// The smallest curvature of the Lagrangian over the critical cone of the KKT point `at`, where the

@@ -11,6 +11,7 @@ use super::active::RowAt;
 use super::arrow::Arrow;
 use super::dense::{axpy, dot};
 use super::run::Place;
+use crate::sqp::convex::ConvexSolution;
 use crate::sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use crate::sqp::{Iterate, Problem, Step};
 use crate::transcription::{Collocation, ParameterConstraints};
@@ -80,7 +81,12 @@ impl Condensed {
         }
         self.expand(problem, rho, &[]);
         let mut step = Step::default();
-        self.write_primal(problem, rho, &mut step);
+        let solution = ConvexSolution {
+            x: rho.to_vec(),
+            y: Vec::new(),
+            violation: 0.0,
+        };
+        self.write_primal(problem, &[], &solution, &mut step);
         step.d
     }
 }

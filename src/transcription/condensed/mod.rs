@@ -107,7 +107,9 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     ) -> Result<(), QpFailure> {
         self.c.clone_from(&self.c_iterate);
         self.g.clone_from(&self.g_iterate);
-        self.solve_shifted(problem, hessian, damping, step)
+        self.solve_shifted(problem, hessian, damping, step)?;
+        self.write_dual(problem, hessian, damping, step);
+        Ok(())
     }
 
     fn correct(
@@ -234,7 +236,7 @@ impl Condensed {
         regular
     }
 
-    /// The QP with the constraint values in `c` and `g`.
+    /// Step and active inequalities of the QP with the constraint values in `c` and `g`.
     fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
@@ -280,8 +282,7 @@ impl Condensed {
         }
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
-        self.write_primal(problem, &solution.x, step);
-        self.write_dual(problem, hessian, damping, &rows, &solution, step);
+        self.write_primal(problem, &rows, &solution, step);
         Ok(())
     }
 
@@ -444,42 +445,44 @@ impl Condensed {
         }
     }
 
-    /// The full step from the reduced solution and the expanded unknowns.
+    /// The full step from the reduced solution and the expanded unknowns, with the inequalities'
+    /// multipliers.
     fn write_primal<D: Dynamics, C: ParameterConstraints>(
         &self,
         problem: &Collocation<D, C>,
-        rho: &[f64],
-        step: &mut Step,
-    ) {
-        let p = problem.n_parameters();
-        step.d.resize(problem.layout.theta + p, 0.0);
-        step.d[problem.layout.theta..].copy_from_slice(&rho[..p]);
-        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
-            step.d[at.variables()].copy_from_slice(&run.nodes.dx);
-        }
-    }
-
-    /// Multipliers and curvature that go with it.
-    fn write_dual<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        hessian: Hessian,
-        damping: f64,
         rows: &[Row],
         solution: &ConvexSolution,
         step: &mut Step,
     ) {
-        let (layout, rho) = (&problem.layout, &solution.x);
-        let dtheta = &rho[..problem.n_parameters()];
-        step.lambda.resize(layout.n_equalities, 0.0);
+        let p = problem.n_parameters();
+        step.d.resize(problem.layout.theta + p, 0.0);
+        step.d[problem.layout.theta..].copy_from_slice(&solution.x[..p]);
+        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
+            step.d[at.variables()].copy_from_slice(&run.nodes.dx);
+        }
         step.eta.clear();
-        step.eta.resize(self.g.len(), 0.0);
+        step.eta.resize(problem.limits().0.len(), 0.0);
         for (row, y) in rows.iter().zip(&solution.y) {
             step.eta[row.index] = *y;
         }
         step.active = self.working.len();
         step.violation = solution.violation;
         step.residual.clear();
+    }
+
+    /// Multipliers of the equalities, and curvature, that go with it.
+    fn write_dual<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) {
+        let layout = &problem.layout;
+        let dtheta = &step.d[layout.theta..];
+        step.lambda.resize(layout.n_equalities, 0.0);
+        let weighted = problem.damping_weights().iter().zip(&step.d);
+        step.curvature = damping * weighted.map(|(w, d)| w * d * d).sum::<f64>();
         let (stencils, eta) = (&self.stencils, &step.eta);
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut work: Vec<_> = (self.runs.iter_mut())
@@ -491,7 +494,6 @@ impl Condensed {
             let at = Place { problem, j };
             *curvature = run.adjoint(at, stencils, hessian, (dtheta, eta), lambda);
         });
-        step.curvature = damping * dense::dot(rho, rho);
         step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {
             let rows = self.parameter_hessian.chunks_exact(dtheta.len());
