@@ -12,6 +12,7 @@ pub mod solve;
 pub mod start;
 pub mod trials;
 
+pub use crate::transcription::Scheme;
 pub use doubts::{Doubt, doubts};
 pub use options::{InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;

@@ -92,6 +92,17 @@ pub fn fit(
         .iter()
         .map(|t| start::implied_stick(t, &options.vehicle))
         .collect();
+    // An observer that has ended the fit is not asked again.
+    let mut ended = None;
+    let mut latched = |progress: &Progress<'_>| match ended {
+        Some(status) => ControlFlow::Break(status),
+        None => {
+            let flow = observer(progress);
+            ended = flow.break_value();
+            flow
+        }
+    };
+    let observer: &mut Observer<'_> = &mut latched;
     let (candidates, before) = candidates(trials, &sticks, options, observer)?;
     let mut fit = match options.objective {
         Objective::Response => {

@@ -5,9 +5,8 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::{Fit, InitialState, Objective, Options, Trial};
+use crate::identification::{Fit, InitialState, Objective, Options, Scheme, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
-use crate::transcription::Scheme;
 use crate::vehicle::Mode;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.

@@ -9,12 +9,11 @@ mod watch;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, TrialSet, fit, pilot_file,
+    Fit, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet, fit, pilot_file,
 };
 use crate::models::Pilot;
 use crate::output::Output;
 use crate::report::{self, Report};
-use crate::transcription::Scheme;
 use crate::vehicle::PitchLoop;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
