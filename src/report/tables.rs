@@ -5,7 +5,7 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::{Fit, InitialState, Objective, Options, Trial};
+use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::transcription::Scheme;
 use crate::vehicle::Mode;
@@ -152,6 +152,7 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("starts, best first", starts(fit)),
         ("wall time", format!("{} s", significant(fit.seconds, 3))),
         ("collocation", scheme(options.scheme).into()),
+        ("mesh", mesh(options.mesh)),
         ("objective", objective(options.objective).into()),
         (
             "initial states",
@@ -207,6 +208,13 @@ pub fn files(trials: &[Trial]) -> String {
         })
         .collect();
     table(&["data file", "SHA-256"], &[], &rows)
+}
+
+fn mesh(mesh: Mesh) -> String {
+    match mesh {
+        Mesh::Samples => "the samples".into(),
+        Mesh::Step(step) => format!("intervals of about {step} s"),
+    }
 }
 
 fn scheme(scheme: Scheme) -> String {
