@@ -143,9 +143,12 @@ fn iterations(fit: &Fit) -> String {
     }
 }
 
-/// Two significant digits.
+/// Two significant digits, where they say something.
 fn percent(value: f64, sign: bool) -> String {
     let size = value.abs();
+    if size > 1e3 {
+        return "> 1000 %".into();
+    }
     let decimals = (1.0 - size.log10().floor()).max(0.0) as usize;
     match (size < 1e-4, sign) {
         (true, _) => "< 0.0001 %".into(),
