@@ -171,7 +171,8 @@ fn growth(what: &str, costs: &[Cost]) -> String {
 /// Slope of the line nearest to the points in logarithms; NaN for less than two.
 fn exponent(points: impl Iterator<Item = (f64, f64)>) -> f64 {
     let points: Vec<(f64, f64)> = points.map(|(x, y)| (x.ln(), y.ln())).collect();
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let mean =
+        |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
     let (x, y) = (mean(|p| p.0), mean(|p| p.1));
     let product = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>();
     product / points.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>()
