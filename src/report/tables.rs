@@ -7,7 +7,6 @@ use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
-use crate::transcription::Scheme;
 use crate::vehicle::Mode;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.
@@ -151,7 +150,7 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("unknowns", fit.unknowns.to_string()),
         ("starts, best first", starts(fit)),
         ("wall time", format!("{} s", significant(fit.seconds, 3))),
-        ("collocation", scheme(options.scheme).into()),
+        ("collocation", scheme(options)),
         ("mesh", mesh(options.mesh)),
         ("objective", objective(options.objective).into()),
         (
@@ -217,13 +216,10 @@ fn mesh(mesh: Mesh) -> String {
     }
 }
 
-fn scheme(scheme: Scheme) -> String {
-    let paper = if scheme == Scheme::Euler {
-        ", the paper's"
-    } else {
-        ""
-    };
-    format!("{scheme} (order {}{paper})", scheme.order())
+fn scheme(options: &Options) -> String {
+    let (name, order) = (options.scheme.name(), options.scheme.order());
+    let paper = if name == "euler" { ", the paper's" } else { "" };
+    format!("{name} (order {order}{paper})")
 }
 
 fn objective(objective: Objective) -> &'static str {
