@@ -8,8 +8,8 @@
 //! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`.
 
 use pilotage::identification::problem::{self, ResponseProblem};
-use pilotage::identification::solve::SHORT_STEP;
-use pilotage::identification::{InitialState, Options, TrialSet, start};
+use pilotage::identification::solve::{SHORT_STEP, candidates};
+use pilotage::identification::{InitialState, Options, Progress, TrialSet, start};
 use pilotage::sqp::{self, Solution, Status};
 use pilotage::transcription::Condensed;
 use serde_json::{Value, json};
@@ -45,7 +45,9 @@ fn answer(request: &Value) -> Result<Value, Failure> {
         Value::Null => {
             let stick = |trial| start::implied_stick(trial, &options.vehicle);
             let sticks: Vec<_> = set.fit.iter().map(stick).collect();
-            Ok(json!({ "candidates": start::candidates(&set.fit, &sticks, &options) }))
+            let quiet = &mut |_: &Progress<'_>| ControlFlow::Continue(());
+            let (candidates, _) = candidates(&set.fit, &sticks, &options, quiet)?;
+            Ok(json!({ "candidates": candidates }))
         }
         theta => race(
             &set,

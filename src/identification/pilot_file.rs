@@ -1,6 +1,6 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
-use super::{Fit, Options, PilotFile, Trial};
+use super::{Fit, Mesh, Options, PilotFile, Trial};
 use crate::document::{self, Document, DocumentError};
 use crate::models::{COEFFICIENTS, Pilot, Unit};
 use crate::vehicle::Mode;
@@ -169,8 +169,12 @@ fn solve(fit: &Fit, options: &Options) -> String {
         "1" => "1",
         _ => "m²",
     };
+    let mesh = match options.mesh {
+        Mesh::Samples => "mesh = \"samples\"".into(),
+        Mesh::Step(step) => format!("mesh_step = {step:?} # [s]"),
+    };
     format!(
-        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\ninitial_state = \"{}\"\n\
+        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\n{mesh}\ninitial_state = \"{}\"\n\
          sum_of_squares = {:?} # [{unit}]\nkkt = {:?}\ntolerance = {:?}\niterations = {}\nseconds = {:.3}\n",
         options.objective.as_str(),
         options.scheme,

@@ -17,11 +17,16 @@ impl Mesh {
         match self {
             Self::Samples => time.to_vec(),
             Self::Step(h) => {
-                let intervals = ((end - start) / h).round().max(1.0) as usize;
+                let intervals = Self::intervals(time, h) as usize;
                 let at = |k: usize| start + (end - start) * (k as f64 / intervals as f64);
                 (0..intervals).map(at).chain([end]).collect()
             }
         }
+    }
+
+    /// How many intervals of about `step` seconds lie between the first and the last sample.
+    pub fn intervals(time: &[f64], step: f64) -> f64 {
+        ((time[time.len() - 1] - time[0]) / step).round().max(1.0)
     }
 }
 

@@ -2,10 +2,11 @@
 
 use super::problem::{self, fill_gaps};
 use super::result::{AGREE, StartReport};
-use super::{Fit, InitialState, Objective, Options, RunFit, Trial, start};
+use super::{Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, start};
 use crate::sqp::{self, Iteration, Solution, Status};
 use crate::transcription::{Collocation, Condensed, ParameterConstraints};
 use pilotage_models::{Dynamics, Pilot};
+use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -43,6 +44,29 @@ pub enum FitError {
         /// Highest.
         high: usize,
     },
+    /// A mesh step that is no length of time.
+    #[error("mesh step {step} s; expected a finite number above 0")]
+    MeshStep {
+        /// The step asked for [s].
+        step: f64,
+    },
+    /// A mesh step so small that the states would not fit into memory.
+    #[error(
+        "trial {trial}: a mesh step of {step:?} s makes {intervals:.0} intervals, and a run may have {limit}; \
+         take at least {least:?} s, or a scheme of higher order on a coarser mesh"
+    )]
+    MeshIntervals {
+        /// Name of the trial.
+        trial: String,
+        /// The step asked for [s].
+        step: f64,
+        /// Intervals that it makes.
+        intervals: f64,
+        /// Most intervals of a run.
+        limit: usize,
+        /// A step that the trial allows [s].
+        least: f64,
+    },
     /// A trial without a stick, for the stick objective.
     #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
     NoStick {
@@ -53,6 +77,9 @@ pub enum FitError {
 
 /// Highest order of an identified pilot.
 pub const MAX_ORDER: usize = 6;
+
+/// Most mesh intervals of a run where the mesh is not its samples: some 1 GB of derivatives.
+pub const MAX_INTERVALS: usize = 200_000;
 
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +116,7 @@ pub fn fit(
     check(trials, options)?;
     let clock = Instant::now();
     let sticks: Vec<Vec<f64>> = trials
-        .iter()
+        .par_iter()
         .map(|t| start::implied_stick(t, &options.vehicle))
         .collect();
     // An observer that has ended the fit is not asked again.
@@ -108,7 +135,7 @@ pub fn fit(
         Objective::Response => {
             let from = |theta: &[f64]| {
                 let states: Vec<_> = trials
-                    .iter()
+                    .par_iter()
                     .map(|t| start::joint_states(t, options, theta))
                     .collect();
                 let problem = problem::response(trials, options, start::scales(&states, theta));
@@ -122,7 +149,7 @@ pub fn fit(
         Objective::Stick => {
             let from = |theta: &[f64]| {
                 let states: Vec<_> = trials
-                    .iter()
+                    .par_iter()
                     .map(|t| start::stick_states(t, options, theta))
                     .collect();
                 let problem = problem::stick(trials, options, start::scales(&states, theta));
@@ -148,8 +175,12 @@ pub fn fit(
     Ok(fit)
 }
 
-/// Starts for θ, and the SQP iterations that they took.
-fn candidates(
+/// Starts for θ from the data and the trials' sticks ([`start::implied_stick`]), and the SQP iterations
+/// that they took.
+///
+/// # Errors
+/// As [`fit`].
+pub fn candidates(
     trials: &[Trial],
     sticks: &[Vec<f64>],
     options: &Options,
@@ -158,6 +189,12 @@ fn candidates(
     let order = options.pilot.order;
     if let Some(theta) = &options.start {
         return Ok((vec![theta.clone()], 0));
+    }
+    if trials.len() > MANY_TRIALS {
+        let every = trials.len().div_ceil(MANY_TRIALS);
+        let some: Vec<Trial> = trials.iter().step_by(every).cloned().collect();
+        let fit = fit(&some, options, observer)?;
+        return Ok((vec![fit.theta], fit.iterations));
     }
     if order <= 2 {
         return Ok((start::low_order(trials, sticks, options), 0));
@@ -204,6 +241,9 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
             });
         }
     }
+    trials
+        .iter()
+        .try_for_each(|t| check_mesh(t, options.mesh))?;
     let has_stick = |t: &Trial| {
         t.stick
             .as_ref()
@@ -218,6 +258,35 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
         }),
         None => Ok(()),
     }
+}
+
+fn check_mesh(trial: &Trial, mesh: Mesh) -> Result<(), FitError> {
+    let Mesh::Step(step) = mesh else {
+        return Ok(());
+    };
+    if !(step.is_finite() && step > 0.0) {
+        return Err(FitError::MeshStep { step });
+    }
+    let intervals = Mesh::intervals(&trial.time, step);
+    if intervals <= MAX_INTERVALS as f64 {
+        return Ok(());
+    }
+    let (first, last) = (trial.time[0], trial.time[trial.time.len() - 1]);
+    Err(FitError::MeshIntervals {
+        trial: trial.name.clone(),
+        step,
+        intervals,
+        limit: MAX_INTERVALS,
+        least: rounded_up((last - first) / MAX_INTERVALS as f64),
+    })
+}
+
+/// The next number of two significant digits.
+fn rounded_up(x: f64) -> f64 {
+    let unit = 10_f64.powi(x.log10().floor() as i32 - 1);
+    let up = (x / unit).ceil() * unit;
+    // The decimal that is meant, without the digits that the product left.
+    format!("{up:.1e}").parse().unwrap_or(up)
 }
 
 /// Makes the runs of a solution.
@@ -402,6 +471,10 @@ const TIE_WINDOW: usize = 2;
 const TIE: f64 = 1e-5;
 /// Relative difference below which two objectives are equal.
 const ROUNDING: f64 = 1e-8;
+
+/// Trials on which starts race; of more, so many are taken at equal distances, and their optimum is the
+/// start for all.
+const MANY_TRIALS: usize = 24;
 
 /// Scaled KKT residual of a fit that only gives a start.
 const LOWER_ORDER_TOLERANCE: f64 = 1e-4;

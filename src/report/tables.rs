@@ -5,7 +5,7 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::{Fit, InitialState, Objective, Options, Scheme, Trial};
+use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
 
@@ -150,7 +150,8 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("unknowns", fit.unknowns.to_string()),
         ("starts, best first", starts(fit)),
         ("wall time", format!("{} s", significant(fit.seconds, 3))),
-        ("collocation", scheme(options.scheme).into()),
+        ("collocation", scheme(options)),
+        ("mesh", mesh(options.mesh)),
         ("objective", objective(options.objective).into()),
         (
             "initial states",
@@ -208,13 +209,17 @@ pub fn files(trials: &[Trial]) -> String {
     table(&["data file", "SHA-256"], &[], &rows)
 }
 
-fn scheme(scheme: Scheme) -> String {
-    let paper = if scheme == Scheme::Euler {
-        ", the paper's"
-    } else {
-        ""
-    };
-    format!("{scheme} (order {}{paper})", scheme.order())
+fn mesh(mesh: Mesh) -> String {
+    match mesh {
+        Mesh::Samples => "the samples".into(),
+        Mesh::Step(step) => format!("intervals of about {step} s"),
+    }
+}
+
+fn scheme(options: &Options) -> String {
+    let (name, order) = (options.scheme.name(), options.scheme.order());
+    let paper = if name == "euler" { ", the paper's" } else { "" };
+    format!("{name} (order {order}{paper})")
 }
 
 fn objective(objective: Objective) -> &'static str {

@@ -130,11 +130,10 @@ impl Grid {
         };
         // The point at the common boundary exists when the element before is collocated there too.
         let shared = self.elements.last().and_then(|last| {
-            let own = self.points_of(last).iter().copied();
-            own.filter(
+            let mut own = self.points_of(last).iter().copied();
+            own.rfind(
                 |i| matches!(self.points[*i as usize].state, PointState::Node(k) if k == first),
             )
-            .last()
         });
         for point in &element.tableau.points {
             let state = match &point.value {

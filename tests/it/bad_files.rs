@@ -352,6 +352,11 @@ fn uses() {
             &["trials", "synth", "--rate", "nan"],
             "error: rate = NaN is out of range; expected 1 to 10000\n",
         ),
+        (
+            &["fit", "good.csv", "--mesh-step", "1e-9"],
+            "error: trial good: a mesh step of 1e-9 s makes 5500000000 intervals, and a run may have 200000; \
+             take at least 2.8e-5 s, or a scheme of higher order on a coarser mesh\n",
+        ),
     ];
     for (arguments, message) in cases {
         let folder = Folder::new();

@@ -26,5 +26,6 @@ mod recovery;
 mod schemes;
 mod sqp_problems;
 mod starts;
+mod threads;
 mod trials;
 mod vehicle;

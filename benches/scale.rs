@@ -1,0 +1,179 @@
+//! How time and memory of a fit grow with the number of runs and of samples; each size in a process of
+//! its own, whose peak memory is told.
+//!
+//! ```text
+//! cargo bench --bench scale                         the default fit, all starts counted
+//! cargo bench --bench scale -- --start 9,8,7,...    one start, at that θ
+//! RAYON_NUM_THREADS=1 cargo bench --bench scale     on one core
+//! ```
+
+use clap::Parser;
+use pilotage::identification::{Options, Trial, fit};
+use pilotage::models::Quadcopter;
+use pilotage::synthetic::{Flights, Human};
+use serde_json::{Value, json};
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::process::{Command, Stdio};
+
+/// Runs, half of them to each target.
+const RUNS: [usize; 5] = [6, 18, 60, 200, 600];
+/// Samples per second [1/s], and the runs with which they vary.
+const RATES: [usize; 3] = [20, 40, 80];
+const RUNS_OF_RATES: usize = 60;
+
+/// How time and memory grow.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Where θ starts; estimated from the data where it is missing.
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    start: Option<Vec<f64>>,
+    /// One size alone, printed as JSON: runs.
+    #[arg(long, requires = "rate")]
+    runs: Option<usize>,
+    /// And samples per second.
+    #[arg(long, requires = "runs")]
+    rate: Option<usize>,
+    /// Cargo says so.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// What one size cost.
+struct Cost {
+    unknowns: f64,
+    seconds_per_iteration: f64,
+    /// Peak [MB]; none where the system does not tell it.
+    memory: Option<f64>,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args = Args::parse();
+    if let (Some(runs), Some(rate)) = (args.runs, args.rate) {
+        println!("{}", measured(runs, rate, args.start)?);
+        return Ok(());
+    }
+    println!("threads: {}", rayon::current_num_threads());
+    println!(
+        "{:>5} {:>8} {:>9} {:>10} {:>8} {:>12} {:>9}  status",
+        "runs", "samples", "unknowns", "iterations", "seconds", "ms/iteration", "peak [MB]"
+    );
+    let series = |sizes: &[(usize, usize)]| -> Result<Vec<Cost>, Box<dyn Error>> {
+        sizes
+            .iter()
+            .map(|&(runs, rate)| apart(runs, rate, &args.start))
+            .collect()
+    };
+    let runs = series(&RUNS.map(|runs| (runs, RATES[0])))?;
+    println!("{}", growth("runs", &runs));
+    let rates = series(&RATES.map(|rate| (RUNS_OF_RATES, rate)))?;
+    println!("{}", growth("samples", &rates));
+    Ok(())
+}
+
+/// Fits one size in this process.
+fn measured(runs: usize, rate: usize, start: Option<Vec<f64>>) -> Result<Value, Box<dyn Error>> {
+    let trials = flights(runs, rate)?;
+    let before = peak_memory();
+    let options = Options {
+        start,
+        ..Options::default()
+    };
+    let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
+    Ok(json!({
+        "samples": trials[0].time.len(),
+        "unknowns": fit.unknowns,
+        "iterations": fit.iterations,
+        "seconds": fit.seconds,
+        "status": fit.status,
+        "memory_before": before,
+        "memory": peak_memory(),
+    }))
+}
+
+/// Fits one size in a process of its own and prints a line.
+fn apart(runs: usize, rate: usize, start: &Option<Vec<f64>>) -> Result<Cost, Box<dyn Error>> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(["--runs", &runs.to_string(), "--rate", &rate.to_string()]);
+    if let Some(start) = start {
+        let start: Vec<String> = start.iter().map(f64::to_string).collect();
+        command.arg(format!("--start={}", start.join(",")));
+    }
+    let output = command.stderr(Stdio::inherit()).output()?;
+    if !output.status.success() {
+        return Err(format!("{runs} runs at {rate} 1/s: {}", output.status).into());
+    }
+    let result: Value = serde_json::from_slice(&output.stdout)?;
+    let number = |key: &str| {
+        let value = result[key].as_f64();
+        value.ok_or_else(|| format!("no {key} in {result}"))
+    };
+    let cost = Cost {
+        unknowns: number("unknowns")?,
+        seconds_per_iteration: number("seconds")? / number("iterations")?,
+        memory: result["memory"].as_f64(),
+    };
+    println!(
+        "{runs:>5} {:>8} {:>9} {:>10} {:>8.2} {:>12.2} {:>9}  {}",
+        number("samples")?,
+        cost.unknowns,
+        number("iterations")?,
+        number("seconds")?,
+        1e3 * cost.seconds_per_iteration,
+        cost.memory
+            .map_or("-".into(), |megabytes| format!("{megabytes:.0}")),
+        result["status"].as_str().unwrap_or("-")
+    );
+    Ok(cost)
+}
+
+/// Flights of the synthetic human.
+fn flights(runs: usize, rate: usize) -> Result<Vec<Trial>, Box<dyn Error>> {
+    let flights = Flights {
+        runs: runs / 2,
+        rate: rate as f64,
+        ..Flights::default()
+    };
+    let flights = flights.fly(&Human::default(), &Quadcopter::default())?;
+    let trial = |flight: pilotage::synthetic::Flight| {
+        let column = |name: &str| flight.series.column(name).map(|c| c.values.clone());
+        Some(Trial {
+            origin: String::new(),
+            sha256: String::new(),
+            target: column("target")?,
+            position: column("position")?,
+            stick: column("stick"),
+            time: flight.series.time,
+            name: flight.name,
+            weight: 1.0,
+        })
+    };
+    let trials: Option<Vec<Trial>> = flights.into_iter().map(trial).collect();
+    Ok(trials.ok_or("a flight without its columns")?)
+}
+
+/// Peak resident memory of this process [MB], on Linux.
+fn peak_memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kilobytes: f64 = line.trim().trim_end_matches(" kB").parse().ok()?;
+    Some(kilobytes / 1e3)
+}
+
+/// Exponents of time per iteration and of memory over the unknowns.
+fn growth(what: &str, costs: &[Cost]) -> String {
+    let time = exponent(costs.iter().map(|c| (c.unknowns, c.seconds_per_iteration)));
+    let known = costs.iter().filter_map(|c| Some((c.unknowns, c.memory?)));
+    let memory = exponent(known);
+    format!("over {what}: time per iteration grows as n^{time:.2}, memory as n^{memory:.2}\n")
+}
+
+/// Slope of the line nearest to the points in logarithms; NaN for less than two.
+fn exponent(points: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let points: Vec<(f64, f64)> = points.map(|(x, y)| (x.ln(), y.ln())).collect();
+    let mean =
+        |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
+    let product = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>();
+    product / points.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>()
+}

@@ -1,0 +1,207 @@
+//! What each collocation scheme costs, and by how much its discretisation alone falsifies θ: flights of
+//! the continuous-time model with a known θ, without noise, are fitted with every scheme.
+//!
+//! ```text
+//! cargo bench --bench schemes                             prints the table of docs/schemes.md
+//! cargo bench --bench schemes -- --write docs/schemes.md  puts it into that page
+//! ```
+
+use pilotage::identification::{Fit, FitError, Mesh, Options, Trial, fit};
+use pilotage::models::{Dynamics, Joint};
+use pilotage::transcription::Scheme;
+use rayon::ThreadPoolBuilder;
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// The pilot that flew: a lead of 2.75 s, and lags of some rad/s.
+const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.2, -0.55, -0.05];
+/// Targets [m].
+const TARGETS: [f64; 2] = [10.0, 20.0];
+/// Duration of a flight [s].
+const DURATION: f64 = 15.0;
+/// Samples per second [1/s].
+const RATE: f64 = 20.0;
+/// Integration step of the flights [s]: their error is far below every bias here.
+const STEP: f64 = 2.5e-4;
+/// How far from the truth the fits start, component by component.
+const OFF: [f64; 6] = [1.05, 0.95, 1.03, 0.97, 1.05, 0.95];
+/// Fits of which the table tells the median time.
+const REPETITIONS: usize = 5;
+
+/// Lines between which `--write` puts the table.
+const BEGIN: &str = "<!-- table: cargo bench --bench schemes -- --write docs/schemes.md -->\n";
+const END: &str = "<!-- end of table -->\n";
+
+/// What the table compares.
+fn cases() -> Vec<(Scheme, Mesh)> {
+    use Scheme::*;
+    let on_samples = [
+        Euler,
+        Trapezoid,
+        HermiteSimpson,
+        HermiteSimpsonCompressed,
+        Gauss(1),
+        Gauss(2),
+        Gauss(3),
+        Radau(1),
+        Radau(2),
+        Radau(3),
+        Lobatto(4),
+        Bernstein(2),
+        Bernstein(4),
+        FiniteDifference(2),
+        FiniteDifference(4),
+    ];
+    let apart = [
+        (Euler, 0.0125),
+        (Euler, 0.003_125),
+        (Trapezoid, 0.0125),
+        (HermiteSimpson, 0.1),
+        (HermiteSimpson, 0.2),
+        (HermiteSimpsonCompressed, 0.1),
+        (HermiteSimpsonCompressed, 0.2),
+        (Gauss(2), 0.2),
+        (Gauss(3), 0.5),
+        (Radau(3), 0.5),
+        (Lobatto(8), 1.0),
+        (FiniteDifference(4), 0.1),
+    ];
+    let on_samples = on_samples.map(|scheme| (scheme, Mesh::Samples));
+    let apart = apart.map(|(scheme, step)| (scheme, Mesh::Step(step)));
+    on_samples.into_iter().chain(apart).collect()
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let trials = TARGETS.map(flight);
+    let pool = ThreadPoolBuilder::new().num_threads(1).build()?;
+    let mut table = String::from(
+        "| scheme | mesh | order | unknowns | iterations | ms | worst bias | θ1 | θ2 | θ3 | θ4 | θ5 | θ6 |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    print!("{table}");
+    for (scheme, mesh) in cases() {
+        let line = pool.install(|| line(&trials, scheme, mesh))?;
+        print!("{line}");
+        table += &line;
+    }
+    if let Some(page) = page() {
+        let text = std::fs::read_to_string(&page)?;
+        let (before, rest) = text.split_once(BEGIN).ok_or("no place for the table")?;
+        let (_, after) = rest.split_once(END).ok_or("no end of the table")?;
+        std::fs::write(&page, format!("{before}{BEGIN}{table}{END}{after}"))?;
+    }
+    Ok(())
+}
+
+/// The argument after `--write`.
+fn page() -> Option<PathBuf> {
+    let mut arguments = std::env::args().skip_while(|a| a != "--write");
+    arguments.nth(1).map(PathBuf::from)
+}
+
+/// One line of the table.
+fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError> {
+    let options = Options {
+        scheme,
+        mesh,
+        start: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
+        ..Options::default()
+    };
+    let once = || fit(trials, &options, &mut |_| ControlFlow::Continue(()));
+    let fit = once()?;
+    let mut times = vec![fit.seconds];
+    for _ in 1..REPETITIONS {
+        times.push(once()?.seconds);
+    }
+    times.sort_by(f64::total_cmp);
+    let biases: Vec<f64> = (fit.theta.iter().zip(THETA))
+        .map(|(fitted, truth)| 100.0 * (fitted / truth - 1.0))
+        .collect();
+    let worst = biases.iter().fold(0.0_f64, |m, b| m.max(b.abs()));
+    let mesh = match mesh {
+        Mesh::Samples => "samples".into(),
+        Mesh::Step(step) => format!("{step} s"),
+    };
+    let each: Vec<String> = biases.iter().map(|b| percent(*b, true)).collect();
+    Ok(format!(
+        "| {scheme} | {mesh} | {} | {} | {} | {:.1} | {} | {} |\n",
+        scheme.order(),
+        fit.unknowns,
+        iterations(&fit),
+        1e3 * times[REPETITIONS / 2],
+        percent(worst, false),
+        each.join(" | ")
+    ))
+}
+
+/// Iterations, and how the fit ended if it did not converge.
+fn iterations(fit: &Fit) -> String {
+    match fit.converged {
+        true => fit.iterations.to_string(),
+        false => format!("{} ({})", fit.iterations, fit.status),
+    }
+}
+
+/// Two significant digits, where they say something.
+fn percent(value: f64, sign: bool) -> String {
+    let size = value.abs();
+    if size > 1e3 {
+        return "> 1000 %".into();
+    }
+    let decimals = (1.0 - size.log10().floor()).max(0.0) as usize;
+    match (size < 1e-4, sign) {
+        (true, _) => "< 0.0001 %".into(),
+        (_, true) => format!("{value:+.decimals$} %"),
+        (_, false) => format!("{value:.decimals$} %"),
+    }
+}
+
+/// A flight of the continuous-time model from rest, by the classical Runge–Kutta method.
+fn flight(target: f64) -> Trial {
+    let Options { vehicle, pilot, .. } = Options::default();
+    let joint = Joint { vehicle, pilot };
+    let substeps = (1.0 / (RATE * STEP)).round() as usize;
+    let samples = (DURATION * RATE).round() as usize + 1;
+    let mut x = vec![0.0; joint.n_states()];
+    let (mut position, mut stick) = (Vec::new(), Vec::new());
+    for _ in 0..samples {
+        position.push(x[0]);
+        stick.push(joint.bounded(&x, &[target], &THETA));
+        (0..substeps).for_each(|_| advance(&joint, target, &mut x));
+    }
+    let largest = stick.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
+    assert!(
+        largest < 0.99,
+        "{target} m: the stick stays off its limits, but reaches {largest}"
+    );
+    Trial {
+        name: format!("{target} m"),
+        origin: String::new(),
+        sha256: String::new(),
+        time: (0..samples).map(|k| k as f64 / RATE).collect(),
+        target: vec![target; samples],
+        position,
+        stick: Some(stick),
+        weight: 1.0,
+    }
+}
+
+/// One step of [`STEP`] seconds.
+fn advance(joint: &Joint, target: f64, x: &mut [f64]) {
+    let slope = |x: &[f64]| {
+        let mut dx = vec![0.0; x.len()];
+        joint.derivative(x, &[target], &THETA, &mut dx);
+        dx
+    };
+    let along = |x: &[f64], k: &[f64], h: f64| -> Vec<f64> {
+        x.iter().zip(k).map(|(x, k)| x + h * k).collect()
+    };
+    let k1 = slope(x);
+    let k2 = slope(&along(x, &k1, STEP / 2.0));
+    let k3 = slope(&along(x, &k2, STEP / 2.0));
+    let k4 = slope(&along(x, &k3, STEP));
+    for (i, x) in x.iter_mut().enumerate() {
+        *x += STEP / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+    }
+}
