@@ -224,7 +224,6 @@ fn ctrl_c_keeps_the_best_so_far() {
     assert_cut_short(&folder, &ended, summary, "interrupted");
     let log = lines(&ended.stdout);
     assert_eq!(log.last().unwrap()["status"], "interrupted");
-    assert!(log.last().unwrap()["skipped"].as_u64().unwrap() > 0);
 }
 
 fn trials() -> Vec<Trial> {
