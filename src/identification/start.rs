@@ -4,6 +4,7 @@ use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use crate::transcription::{Collocation, ParameterConstraints, Scales};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use pilotage_models::lti::Transition;
 use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 
 /// Half width of the window of local polynomials that smooth a recorded position [s].
@@ -13,6 +14,8 @@ const WINDOW: f64 = 0.35;
 const FILTERS: [f64; 2] = [0.5, 1.0];
 /// Places of a pole and a zero on each other, over the corner frequency.
 const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
+/// Relative difference below which two steps between samples are one.
+const SAME_STEP: f64 = 1e-9;
 /// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
@@ -262,18 +265,30 @@ pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The pilot's states and stick when it sees the recorded error from rest.
+/// The pilot's states when it sees the recorded error from rest, by exact steps, however fast its poles
+/// are; zero from where they cannot be computed.
 fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
-    let error = recorded_error(trial);
-    let mut x = vec![0.0; pilot.order];
-    let mut out = vec![x.clone()];
-    for k in 0..trial.time.len() - 1 {
-        rk4(&mut x, trial.time[k + 1] - trial.time[k], 8, |x, c| {
-            let mut dx = vec![0.0; x.len()];
-            pilot.derivative(x, error[k] + c * (error[k + 1] - error[k]), theta, &mut dx);
-            dx
+    let (time, error) = (&trial.time, recorded_error(trial));
+    let mut out = vec![vec![0.0; pilot.order]; time.len()];
+    let mut last: Option<(f64, Transition)> = None;
+    for k in 1..time.len() {
+        let h = time[k] - time[k - 1];
+        let known = last.take_if(|(step, _)| (*step - h).abs() < SAME_STEP * h);
+        let step = known.map(|(_, step)| step).or_else(|| {
+            let derivative = |x: &[f64], u: f64, dx: &mut [f64]| pilot.derivative(x, u, theta, dx);
+            Transition::new(pilot.order, h, derivative).ok()
         });
-        out.push(x.clone());
+        let Some(step) = step else {
+            break;
+        };
+        let (done, next) = out.split_at_mut(k);
+        step.apply(
+            &done[k - 1],
+            error[k - 1],
+            (error[k] - error[k - 1]) / h,
+            &mut next[0],
+        );
+        last = Some((h, step));
     }
     out
 }
