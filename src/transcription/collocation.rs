@@ -141,10 +141,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         for (i, point) in grid.points.iter().enumerate() {
             values.combine(grid, v, i, n);
             let input = &grid.inputs[i * inputs..(i + 1) * inputs];
-            let x = match &point.state {
-                PointState::Node(k) => &v[k * n..(k + 1) * n],
-                PointState::Combination(c) => &values.combined[c.index * n..(c.index + 1) * n],
-            };
+            let x = point.state.of(v, &values.combined, n);
             let f = &mut values.f[i * n..(i + 1) * n];
             let outputs = self.model.values(x, input, theta, f);
             if let Some(sample) = point.sample {
@@ -152,6 +149,14 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             }
         }
         values
+    }
+
+    /// States of run `j`'s points; the model is evaluated only where some point is a combination.
+    pub(super) fn point_states(&self, z: &[f64], j: usize) -> Values {
+        match self.grids[j].combinations {
+            0 => Values::default(),
+            _ => self.evaluate_points(z, j, |_, _| {}),
+        }
     }
 
     /// Objective, equalities and bounded signals of one run; `c` and `g` are the run's own.
@@ -224,7 +229,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 }
 
 /// Derivatives at all points of a run, and the states of those that are combinations.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Values {
     f: Vec<f64>,
     combined: Vec<f64>,
@@ -260,10 +265,7 @@ impl Values {
 
     /// The states of point `i`, given the run's coefficient vectors.
     pub fn states<'a>(&'a self, grid: &Grid, v: &'a [f64], i: usize, n: usize) -> &'a [f64] {
-        match &grid.points[i].state {
-            PointState::Node(k) => &v[k * n..(k + 1) * n],
-            PointState::Combination(c) => &self.combined[c.index * n..(c.index + 1) * n],
-        }
+        grid.points[i].state.of(v, &self.combined, n)
     }
 }
 

@@ -54,6 +54,17 @@ pub enum PointState {
     Combination(Box<Combination>),
 }
 
+impl PointState {
+    /// The point's part of a quantity that has `size` numbers for each of the run's unknowns, `nodes`, and
+    /// for each of its combinations.
+    pub fn of<'a>(&self, nodes: &'a [f64], combined: &'a [f64], size: usize) -> &'a [f64] {
+        match self {
+            Self::Node(k) => &nodes[k * size..(k + 1) * size],
+            Self::Combination(c) => &combined[c.index * size..(c.index + 1) * size],
+        }
+    }
+}
+
 /// `Σ_k p_k V_k + Σ_l q_l f(Y_l)`.
 #[derive(Debug, Clone)]
 pub struct Combination {

@@ -73,6 +73,11 @@ pub fn solve(
     }
 }
 
+/// The side that a number's sign stands for; zero for zero.
+pub fn sign(value: f64) -> f64 {
+    if value == 0.0 { 0.0 } else { value.signum() }
+}
+
 /// The solution without rows.
 pub fn free(factor: &ArrowFactor, q: &[f64]) -> ConvexSolution {
     let mut x: Vec<f64> = q.iter().map(|v| -v).collect();
@@ -119,7 +124,7 @@ pub fn exchanged(
                 side if side * y < 0.0 => 0.0,
                 side => side,
             };
-            let next = if next == 0.0 { 0.0 } else { next.signum() };
+            let next = sign(next);
             settled &= next == *side;
             *side = next;
         }

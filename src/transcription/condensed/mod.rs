@@ -140,11 +140,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     }
 }
 
-/// Sign of a multiplier; zero for zero.
-fn sign(y: f64) -> f64 {
-    if y == 0.0 { 0.0 } else { y.signum() }
-}
-
 impl Stencils {
     /// Finds the kinds of elements.
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
@@ -158,13 +153,7 @@ impl Stencils {
                     Arc::ptr_eq(&stencil.tableau, &element.tableau)
                         || stencil.tableau == element.tableau
                 };
-                let last = kinds
-                    .last()
-                    .filter(|k| same(&out.kinds[**k as usize]))
-                    .copied();
-                let known = last
-                    .map(|k| k as usize)
-                    .or_else(|| out.kinds.iter().position(same));
+                let known = out.kinds.iter().position(same);
                 let kind = known.unwrap_or_else(|| {
                     let tableau = element.tableau.clone();
                     let stencil = Stencil::new(tableau, sizes, &model.entries, model.state_entries);
@@ -276,7 +265,7 @@ impl Condensed {
                 .into_iter()
                 .map(|at| self.row(problem, at, lower, upper));
             rows.extend(new);
-            let mut guess: Vec<f64> = solution.y.iter().map(|y| sign(*y)).collect();
+            let mut guess: Vec<f64> = solution.y.iter().map(|y| active::sign(*y)).collect();
             guess.resize(rows.len(), 0.0);
             solution = active::solve(&matrix, &factor, &q, &rows, &guess)?;
         }

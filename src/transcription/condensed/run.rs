@@ -6,6 +6,7 @@ use super::stencil::{Factorable, Local, Stencil};
 use super::sweep::with_width;
 use crate::sqp::{Hessian, Iterate};
 use crate::transcription::Collocation;
+use crate::transcription::collocation::Values;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Combination, Grid, Point, PointState};
 use crate::transcription::node::{FirstOrder, MAX_SIZE, Weights};
@@ -159,16 +160,18 @@ impl RunSweep {
         gradient: &mut [f64],
         lagrangian: &mut [f64],
     ) {
-        self.first_order(at, &iterate.z);
+        let values = at.problem.point_states(&iterate.z, at.j);
+        self.first_order(at, &iterate.z, &values);
         let place = &at.problem.layout.runs[at.j];
         let lambda = &iterate.lambda[place.equalities()];
         let eta = &iterate.eta[place.inequalities()];
         self.defects_transposed(at, lambda, lagrangian);
-        self.pull_back(at, Some((iterate, eta, exact)), lagrangian);
+        let second = exact.then_some((iterate.z.as_slice(), &values));
+        self.pull_back(at, Some(eta), second, lagrangian);
         std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
         self.omega.fill(0.0);
         gradient.fill(0.0);
-        self.pull_back(at, None, gradient);
+        self.pull_back(at, None, None, gradient);
         std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
     }
 
@@ -177,21 +180,17 @@ impl RunSweep {
         &mut self,
         at: Place<'_, D, C>,
         z: &[f64],
+        values: &Values,
     ) {
         let (problem, j, n) = (at.problem, at.j, self.n);
         let (grid, v) = (&problem.grids[j], problem.coefficients(z, j));
-        let values = (grid.combinations > 0).then(|| problem.evaluate_points(z, j, |_, _| {}));
         let (theta, all) = (problem.theta(z), n + self.p);
         let (inputs, entries) = (
             problem.model.dynamics.n_inputs(),
             problem.model.entries.len(),
         );
         for (i, point) in grid.points.iter().enumerate() {
-            let x = match (&point.state, &values) {
-                (PointState::Node(k), _) => &v[k * n..(k + 1) * n],
-                (_, Some(values)) => values.states(grid, v, i, n),
-                (PointState::Combination(_), None) => continue,
-            };
+            let x = values.states(grid, v, i, n);
             let jacobian = match point.collocated {
                 true => &mut self.jacobian[i * entries..(i + 1) * entries],
                 false => &mut [],
@@ -246,64 +245,53 @@ impl RunSweep {
     }
 
     /// Reverse sweep over the points: adds the gradient with respect to the unknowns to `out`, and
-    /// writes that of θ into `theta_lagrangian`. With an iterate and its multipliers of the bounded
-    /// signal it is the Lagrangian's gradient, and second derivatives are taken if wanted; without, the
-    /// objective's.
+    /// writes that of θ into `theta_lagrangian`. With the bounded signal's multipliers `eta` it is the
+    /// Lagrangian's gradient, without the objective's; `second` are the variables and the points' states
+    /// at which second derivatives are taken too.
     fn pull_back<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
-        of: Option<(&Iterate, &[f64], bool)>,
+        eta: Option<&[f64]>,
+        second: Option<(&[f64], &Values)>,
         out: &mut [f64],
     ) {
         let (problem, j, n) = (at.problem, at.j, self.n);
         let (grid, entries) = (&problem.grids[j], problem.model.entries.len());
         let mut full = vec![0.0; n + self.p];
-        let exact = of
-            .filter(|(_, _, exact)| *exact)
-            .map(|(iterate, ..)| iterate);
-        let values = exact.filter(|_| grid.combinations > 0);
-        let values = values.map(|iterate| problem.evaluate_points(&iterate.z, j, |_, _| {}));
         self.theta_lagrangian.fill(0.0);
         for (i, point) in grid.points.iter().enumerate().rev() {
             full.fill(0.0);
             let omega = &self.omega[i * n..(i + 1) * n];
-            let (mut pull, mut eta) = (0.0, 0.0);
+            let (mut pull, mut push) = (0.0, 0.0);
             if let Some(sample) = point.sample {
                 let k = sample as usize;
                 pull = -self.weight[k] * self.residual[k];
-                eta = of.map_or(0.0, |(_, eta, _)| eta[k]);
+                push = eta.map_or(0.0, |eta| eta[k]);
                 let own = k * (n + self.p)..(k + 1) * (n + self.p);
                 axpy(pull, &self.measured[own.clone()], &mut full);
-                if eta != 0.0 {
-                    axpy(eta, &self.bounded[own], &mut full);
+                if push != 0.0 {
+                    axpy(push, &self.bounded[own], &mut full);
                 }
             }
-            if point.collocated && (of.is_some() || grid.combinations > 0) {
+            if point.collocated && (eta.is_some() || grid.combinations > 0) {
                 let jacobian = &self.jacobian[i * entries..(i + 1) * entries];
                 for (value, &(l, c)) in jacobian.iter().zip(&problem.model.entries) {
                     full[c] += omega[l] * value;
                 }
             }
-            if let Some(iterate) = exact {
+            if let Some((z, values)) = second {
                 let pairs = problem.model.pairs.len();
-                let (v, inputs) = (
-                    problem.coefficients(&iterate.z, j),
-                    problem.model.dynamics.n_inputs(),
-                );
-                let x = match (&point.state, &values) {
-                    (PointState::Node(k), _) => &v[k * n..(k + 1) * n],
-                    (_, Some(values)) => values.states(grid, v, i, n),
-                    (PointState::Combination(_), None) => continue,
-                };
+                let inputs = problem.model.dynamics.n_inputs();
+                let x = values.states(grid, problem.coefficients(z, j), i, n);
                 let weights = Weights {
                     f: omega,
                     measured: pull,
-                    bounded: eta,
+                    bounded: push,
                 };
                 problem.model.second_order(
                     x,
                     &grid.inputs[i * inputs..(i + 1) * inputs],
-                    problem.theta(&iterate.z),
+                    problem.theta(z),
                     weights,
                     &mut self.second[i * pairs..(i + 1) * pairs],
                 );
@@ -318,29 +306,15 @@ impl RunSweep {
 
     /// Rows `S` of a point.
     fn s_of(&self, state: &PointState) -> &[f64] {
-        let size = self.n * self.w;
-        match state {
-            PointState::Node(k) => &self.nodes.s[k * size..(k + 1) * size],
-            PointState::Combination(c) => &self.combined.s[c.index * size..(c.index + 1) * size],
-        }
+        state.of(&self.nodes.s, &self.combined.s, self.n * self.w)
     }
 
     fn e_of(&self, state: &PointState) -> &[f64] {
-        match state {
-            PointState::Node(k) => &self.nodes.e[k * self.n..(k + 1) * self.n],
-            PointState::Combination(c) => {
-                &self.combined.e[c.index * self.n..(c.index + 1) * self.n]
-            }
-        }
+        state.of(&self.nodes.e, &self.combined.e, self.n)
     }
 
     fn dx_of(&self, state: &PointState) -> &[f64] {
-        match state {
-            PointState::Node(k) => &self.nodes.dx[k * self.n..(k + 1) * self.n],
-            PointState::Combination(c) => {
-                &self.combined.dx[c.index * self.n..(c.index + 1) * self.n]
-            }
-        }
+        state.of(&self.nodes.dx, &self.combined.dx, self.n)
     }
 
     /// `Σ Zᵀ W Z` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`: of Gauss–Newton, and, if wanted, of the

@@ -256,7 +256,7 @@ impl RunSweep {
                 axpy(p, &nodes[k * size..(k + 1) * size], own);
             }
             for &(l, q) in &c.q {
-                let from = rows_of(grid, l, nodes, done, size);
+                let from = grid.points[l].state.of(nodes, done, size);
                 let jacobian = &self.jacobian[l * entries.len()..(l + 1) * entries.len()];
                 for (value, &(i, column)) in jacobian.iter().zip(entries) {
                     match column.checked_sub(n) {
@@ -280,20 +280,6 @@ impl RunSweep {
 enum Of {
     Sensitivities,
     Offsets,
-}
-
-/// Rows of a point, an unknown or an earlier combination.
-fn rows_of<'a>(
-    grid: &Grid,
-    point: usize,
-    nodes: &'a [f64],
-    combined: &'a [f64],
-    size: usize,
-) -> &'a [f64] {
-    match &grid.points[point].state {
-        PointState::Node(k) => &nodes[k * size..(k + 1) * size],
-        PointState::Combination(c) => &combined[c.index * size..(c.index + 1) * size],
-    }
 }
 
 /// The orders in which the elements of a problem are factored: one for each different tableau.
