@@ -134,16 +134,17 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         z: &[f64],
         j: usize,
         mut observe: impl FnMut(u32, (f64, f64)),
-    ) -> Values {
-        let mut values = Values::new(self, j);
+    ) -> PointValues {
+        let mut values = PointValues::new(self, j);
         let (grid, theta, n) = (&self.grids[j], self.theta(z), self.n_states());
         let (v, inputs) = (self.coefficients(z, j), self.model.dynamics.n_inputs());
+        let mut model = self.model.values(theta);
         for (i, point) in grid.points.iter().enumerate() {
             values.combine(grid, v, i, n);
             let input = &grid.inputs[i * inputs..(i + 1) * inputs];
             let x = point.state.of(v, &values.combined, n);
             let f = &mut values.f[i * n..(i + 1) * n];
-            let outputs = self.model.values(x, input, theta, f);
+            let outputs = model.evaluate(x, input, f);
             if let Some(sample) = point.sample {
                 observe(sample, outputs);
             }
@@ -152,9 +153,9 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     }
 
     /// States of run `j`'s points; the model is evaluated only where some point is a combination.
-    pub(super) fn point_states(&self, z: &[f64], j: usize) -> Values {
+    pub(super) fn point_states(&self, z: &[f64], j: usize) -> PointValues {
         match self.grids[j].combinations {
-            0 => Values::default(),
+            0 => PointValues::default(),
             _ => self.evaluate_points(z, j, |_, _| {}),
         }
     }
@@ -230,12 +231,12 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
 /// Derivatives at all points of a run, and the states of those that are combinations.
 #[derive(Debug, Default)]
-pub(super) struct Values {
+pub(super) struct PointValues {
     f: Vec<f64>,
     combined: Vec<f64>,
 }
 
-impl Values {
+impl PointValues {
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         Self {

@@ -128,6 +128,15 @@ impl Grid {
         &self.element_points[element.points..element.points + element.tableau.points.len()]
     }
 
+    /// True when some point takes derivatives of others.
+    pub fn has_nested(&self) -> bool {
+        let takes = |point: &Point| match &point.state {
+            PointState::Node(_) => false,
+            PointState::Combination(c) => !c.q.is_empty(),
+        };
+        self.combinations > 0 && self.points.iter().any(takes)
+    }
+
     fn add_element(&mut self, start: f64, h: f64, tableau: Arc<Tableau>, times: &mut Vec<f64>) {
         let first = self.nodes() - 1;
         let at = |c: f64| if c == 1.0 { start + h } else { start + c * h };

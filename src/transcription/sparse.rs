@@ -6,7 +6,7 @@
 use super::Collocation;
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
-use super::node::{FirstOrder, Weights};
+use super::node::{Output, Weights};
 use crate::sqp::problem::Pattern;
 use crate::sqp::{Hessian, SparseProblem};
 use nalgebra::{DMatrix, DVector};
@@ -134,19 +134,25 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     fn point_derivatives(&self, x: &[f64], j: usize, i: usize, theta: &[f64]) -> PointDerivatives {
         let v = self.n_states() + self.n_parameters();
         let mut jacobian = vec![0.0; self.model.entries.len()];
-        let (mut measured, mut bounded) = (vec![0.0; v], vec![0.0; v]);
-        let out = FirstOrder {
-            jacobian: &mut jacobian,
-            outputs: Some((&mut measured, &mut bounded)),
+        let mut derivatives = self.model.derivatives(theta, false);
+        let (output, _) = derivatives.evaluate(x, self.input(j, i));
+        derivatives.jacobian(&mut jacobian);
+        let gradient = |output: Output| {
+            let columns = self.model.columns(output);
+            let mut values = vec![0.0; columns.len()];
+            derivatives.gradient(output, &mut values);
+            let mut out = DVector::zeros(v);
+            let own = columns.iter().zip(values);
+            own.for_each(|(c, value)| out[*c] = value);
+            out
         };
-        let (output, _) = self.model.first_order(x, self.input(j, i), theta, out);
         let mut f = DMatrix::zeros(self.n_states(), v);
         let entries = self.model.entries.iter().zip(&jacobian);
         entries.for_each(|(at, value)| f[*at] = *value);
         PointDerivatives {
             f,
-            measured: DVector::from_vec(measured),
-            bounded: DVector::from_vec(bounded),
+            measured: gradient(Output::Measured),
+            bounded: gradient(Output::Bounded),
             output,
         }
     }
@@ -434,13 +440,9 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
                     };
                     let x = states.states(grid, self.coefficients(z, j), i, self.n_states());
                     let mut second = vec![0.0; self.model.pairs.len()];
-                    self.model.second_order(
-                        x,
-                        self.input(j, i),
-                        self.theta(z),
-                        weights,
-                        &mut second,
-                    );
+                    let mut derivatives = self.model.derivatives(self.theta(z), true);
+                    derivatives.evaluate(x, self.input(j, i));
+                    derivatives.second_order(weights, &mut second);
                     for (value, &(a, b)) in second.iter().zip(&self.model.pairs) {
                         w[(a, b)] += value;
                         if a != b {

@@ -5,7 +5,7 @@ use pilotage::identification::constraints::RouthHurwitz;
 use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
 use pilotage::models::{Dynamics, Joint, OpenLoopPilot, Pilot, Quadcopter};
 use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
-use pilotage::transcription::node::{FirstOrder, NodeModel, Weights};
+use pilotage::transcription::node::{NodeModel, Output, Weights};
 use pilotage::transcription::{Condensed, ParameterConstraints, Scales};
 use proptest::prelude::*;
 
@@ -70,25 +70,45 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
     let (point, input, weight) = (draw.vector(n + p), draw.vector(1), draw.vector(n + 2));
     let values = |v: &[f64]| {
         let mut f = vec![0.0; n];
-        let (measured, bounded) = model.values(&v[..n], &input, &v[n..], &mut f);
+        let (measured, bounded) = model.values(&v[n..]).evaluate(&v[..n], &input, &mut f);
         f.extend([measured, bounded]);
         f
     };
-    let first = |v: &[f64]| {
+    let first_of = |v: &[f64], exact: bool| {
         let mut first = First {
             jacobian: vec![0.0; model.entries.len()],
             measured_gradient: vec![0.0; n + p],
             bounded_gradient: vec![0.0; n + p],
             outputs: (0.0, 0.0),
         };
-        let out = FirstOrder {
-            jacobian: &mut first.jacobian,
-            outputs: Some((&mut first.measured_gradient, &mut first.bounded_gradient)),
-        };
-        first.outputs = model.first_order(&v[..n], &input, &v[n..], out);
+        let mut derivatives = model.derivatives(&v[n..], exact);
+        first.outputs = derivatives.evaluate(&v[..n], &input);
+        derivatives.jacobian(&mut first.jacobian);
+        for (output, gradient) in [
+            (Output::Measured, &mut first.measured_gradient),
+            (Output::Bounded, &mut first.bounded_gradient),
+        ] {
+            let columns = model.columns(output);
+            let mut values = vec![0.0; columns.len()];
+            derivatives.gradient(output, &mut values);
+            let own = columns.iter().zip(values);
+            own.for_each(|(c, value)| gradient[*c] = value);
+        }
         first
     };
+    let first = |v: &[f64]| first_of(v, false);
     let at = first(&point);
+    // Those that come with the second derivatives are the same.
+    let exact = first_of(&point, true);
+    assert_eq!(at.outputs, exact.outputs);
+    for (one, other) in [
+        (&at.jacobian, &exact.jacobian),
+        (&at.measured_gradient, &exact.measured_gradient),
+        (&at.bounded_gradient, &exact.bounded_gradient),
+    ] {
+        let pairs = one.iter().zip(other).enumerate();
+        pairs.for_each(|(k, (a, b))| assert_near(*a, *b, 1e-6 * largest(one), &format!("place {k}")));
+    }
     assert_eq!([at.outputs.0, at.outputs.1], values(&point)[n..]);
     let mut rows = vec![vec![0.0; n + p]; n];
     for (value, &(i, j)) in at.jacobian.iter().zip(&model.entries) {
@@ -121,7 +141,9 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
         bounded: weight[n + 1],
     };
     let mut second = vec![0.0; model.pairs.len()];
-    model.second_order(&point[..n], &input, &point[n..], weights, &mut second);
+    let mut derivatives = model.derivatives(&point[n..], true);
+    derivatives.evaluate(&point[..n], &input);
+    derivatives.second_order(weights, &mut second);
     let scale = largest(&gradient(&point)) + largest(&second);
     for j in 0..n + p {
         for (i, expected) in difference(&gradient, &point, j)

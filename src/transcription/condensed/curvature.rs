@@ -10,7 +10,6 @@ use super::Condensed;
 use super::active::RowAt;
 use super::arrow::Arrow;
 use super::dense::{axpy, dot};
-use super::run::Place;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use crate::sqp::{Iterate, Problem, Step};
@@ -74,12 +73,10 @@ impl Condensed {
         problem: &Collocation<D, C>,
         rho: &[f64],
     ) -> Vec<f64> {
-        let (kept, stencils) = (vec![0.0; problem.n_equalities()], &self.stencils);
-        for (j, run) in self.runs.iter_mut().enumerate() {
-            let own = &kept[problem.layout.runs[j].equalities()];
-            run.sweep_offsets(Place { problem, j }, stencils, own);
-        }
-        self.expand(problem, rho, &[]);
+        self.c.fill(0.0);
+        self.moved = true;
+        self.move_offsets(problem);
+        self.expand(problem, rho);
         let mut step = Step::default();
         let solution = ConvexSolution {
             x: rho.to_vec(),

@@ -11,6 +11,7 @@ mod active;
 pub mod arrow;
 mod curvature;
 mod dense;
+mod lanes;
 mod run;
 mod sparse_lu;
 mod stencil;
@@ -27,7 +28,7 @@ use arrow::Arrow;
 use pilotage_models::Dynamics;
 use run::{Place, RunSweep};
 use std::sync::Arc;
-use stencil::{Factorable, Stencil};
+use stencil::{Order, Shape, Stencil};
 
 /// Tolerance on a linearised inequality before it enters the QP.
 const ROW_TOLERANCE: f64 = 1e-12;
@@ -47,6 +48,10 @@ pub struct Condensed {
     /// Constraint values of the iterate.
     c_iterate: Vec<f64>,
     g_iterate: Vec<f64>,
+    /// True when `c` and `g` are those of a correction.
+    moved: bool,
+    /// The reduced linear term for these values and a Hessian.
+    linear: Option<(Hessian, Vec<f64>)>,
     last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
@@ -61,7 +66,7 @@ pub struct Condensed {
 /// The elements' operations and orders of elimination: one for each different tableau.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stencils {
-    kinds: Vec<(Stencil, Factorable)>,
+    kinds: Vec<(Stencil, Order)>,
     /// Kind of each element of each run.
     kind: Vec<Vec<u32>>,
 }
@@ -72,6 +77,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.linearise_parameters(problem, at);
         self.c_iterate.clone_from(&at.c);
         self.g_iterate.clone_from(&at.g);
+        self.c.clone_from(&at.c);
+        self.g.clone_from(&at.g);
+        self.moved = false;
+        self.linear = None;
         self.last = None;
         let theta = problem.layout.theta;
         let variables = || problem.layout.runs.iter().map(|run| run.variables());
@@ -105,8 +114,12 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         damping: f64,
         step: &mut Step,
     ) -> Result<(), QpFailure> {
-        self.c.clone_from(&self.c_iterate);
-        self.g.clone_from(&self.g_iterate);
+        if self.moved {
+            self.c.clone_from(&self.c_iterate);
+            self.g.clone_from(&self.g_iterate);
+            self.move_offsets(problem);
+            self.moved = false;
+        }
         self.solve_shifted(problem, hessian, damping, step)?;
         self.write_dual(problem, hessian, damping, step);
         Ok(())
@@ -124,7 +137,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         let dtheta = &step.d[problem.layout.theta..];
         for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
             for k in 0..at.samples {
-                let change = run.bounded_change(&problem.grids[j], k, dtheta);
+                let change = run.bounded_change(Place { problem, j }, k, dtheta);
                 self.g[at.g + k] = trial.g[at.g + k] - change;
             }
         }
@@ -132,6 +145,8 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             let at = problem.layout.parameter_constraints + i;
             self.g[at] = trial.g[at] - dense::dot(row, dtheta);
         }
+        self.moved = true;
+        self.move_offsets(problem);
         self.solve_shifted(problem, hessian, damping, step)
     }
 
@@ -143,21 +158,24 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 impl Stencils {
     /// Finds the kinds of elements.
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
-        let model = &problem.model;
-        let sizes = (problem.n_states(), problem.n_parameters());
+        let shape = Shape {
+            n: problem.n_states(),
+            p: problem.n_parameters(),
+            entries: &problem.model.entries,
+            shared: &problem.model.shared,
+        };
         let mut out = Self::default();
         for grid in &problem.grids {
             let mut kinds: Vec<u32> = Vec::with_capacity(grid.elements.len());
             for element in &grid.elements {
-                let same = |(stencil, _): &(Stencil, Factorable)| {
+                let same = |(stencil, _): &(Stencil, Order)| {
                     Arc::ptr_eq(&stencil.tableau, &element.tableau)
                         || stencil.tableau == element.tableau
                 };
                 let known = out.kinds.iter().position(same);
                 let kind = known.unwrap_or_else(|| {
                     let tableau = element.tableau.clone();
-                    let stencil = Stencil::new(tableau, sizes, &model.entries, model.state_entries);
-                    out.kinds.push((stencil, Factorable::default()));
+                    out.kinds.push((Stencil::new(tableau, shape), Order::default()));
                     out.kinds.len() - 1
                 });
                 kinds.push(kind as u32);
@@ -167,23 +185,33 @@ impl Stencils {
         out
     }
 
-    /// Chooses the order of elimination of each kind where there is none, on its first element. False
-    /// when that is singular.
+    /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
+    /// what its elements share. False when that element is singular.
     fn order<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         runs: &[RunSweep],
     ) -> bool {
+        let mut done = vec![false; self.kinds.len()];
+        let mut points = Vec::new();
         for (j, run) in runs.iter().enumerate() {
-            for (element, kind) in self.kind[j].iter().enumerate() {
-                let (stencil, order) = &mut self.kinds[*kind as usize];
-                if order.symbolic.size() == stencil.size() {
+            let grid = &problem.grids[j];
+            for element in 0..grid.elements.len() {
+                let kind = self.kind[j][element] as usize;
+                if std::mem::replace(&mut done[kind], true) {
                     continue;
                 }
-                match stencil.order(&run.local(&problem.grids[j], element, stencil)) {
-                    Some(found) => *order = found,
-                    None => return false,
+                if self.kinds[kind].1.symbolic.size() == 0 {
+                    let group = self.alone(grid, (j, element), &run.jacobian, &mut points);
+                    match self.kinds[kind].0.order(&group, 0, &problem.model.shared) {
+                        Some(found) => self.kinds[kind].1 = found,
+                        None => return false,
+                    }
                 }
+                let entries = problem.model.entries.len();
+                let first = grid.points_of(&grid.elements[element])[0] as usize * entries;
+                let (stencil, order) = &mut self.kinds[kind];
+                stencil.refresh(order, &run.jacobian[first..first + entries]);
             }
         }
         true
@@ -197,13 +225,13 @@ impl Condensed {
         problem: &Collocation<D, C>,
         exact: bool,
     ) -> bool {
-        let stencils = &self.stencils;
+        let (stencils, c) = (&self.stencils, &self.c_iterate);
         let mut work: Vec<_> = (self.runs.iter_mut())
             .map(|run| (run, true, Vec::new(), Vec::new()))
             .collect();
         parallel::each(&mut work, |j, (run, regular, gauss_newton, full)| {
             let at = Place { problem, j };
-            *regular = run.factor(at, stencils) && run.sweep_sensitivities(at, stencils);
+            *regular = run.eliminate(at, stencils, &c[problem.layout.runs[j].equalities()]);
             (*gauss_newton, *full) = run.reduce_matrices(at, exact);
         });
         let regular = work.iter().all(|(_, regular, ..)| *regular);
@@ -243,7 +271,10 @@ impl Condensed {
         };
         matrix.add_diagonal(damping);
         let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
-        let q = self.reduced_vector(problem, hessian, matrix.size());
+        let q = match self.linear.take() {
+            Some((kind, q)) if kind == hessian => q,
+            _ => self.reduced_vector(problem, hessian, matrix.size()),
+        };
 
         let (lower, upper) = problem.limits();
         let mut rows: Vec<Row> = self
@@ -257,7 +288,7 @@ impl Condensed {
             active::free(&factor, &q)
         });
         for _ in 0..MAX_ROUNDS {
-            let outside = self.expand(problem, &solution.x, &rows);
+            let outside = self.violated(problem, &solution.x, &rows);
             if solution.violation > 0.0 || outside.is_empty() {
                 break;
             }
@@ -269,6 +300,8 @@ impl Condensed {
             guess.resize(rows.len(), 0.0);
             solution = active::solve(&matrix, &factor, &q, &rows, &guess)?;
         }
+        self.expand(problem, &solution.x);
+        self.linear = Some((hessian, q));
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
         self.write_primal(problem, &rows, &solution, step);
@@ -316,40 +349,65 @@ impl Condensed {
         }
     }
 
-    /// Offsets of all runs for the constraint values in `c`, and the reduced linear term.
+    /// Offsets of all runs for the constraint values in `c`.
+    fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
+        let (stencils, c) = (&self.stencils, &self.c);
+        self.linear = None;
+        parallel::each(&mut self.runs, |j, run| {
+            let own = &c[problem.layout.runs[j].equalities()];
+            run.sweep_offsets(Place { problem, j }, stencils, own);
+        });
+    }
+
+    /// The reduced linear term.
     fn reduced_vector<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
         size: usize,
     ) -> Vec<f64> {
-        let (stencils, c) = (&self.stencils, &self.c);
-        let mut work: Vec<_> = (self.runs.iter_mut())
-            .map(|run| {
-                let local = vec![0.0; run.r()];
-                (run, local)
-            })
+        let mut work: Vec<_> = (self.runs.iter())
+            .map(|run| (run, vec![0.0; run.w]))
             .collect();
         parallel::each(&mut work, |j, (run, local)| {
-            let at = Place { problem, j };
-            run.sweep_offsets(at, stencils, &c[problem.layout.runs[j].equalities()]);
-            run.reduce_vector(at, hessian, local);
+            run.reduce_vector(Place { problem, j }, hessian, local);
         });
         let p = problem.n_parameters();
         let mut q = vec![0.0; size];
         let mut first = p;
-        for (_, local) in &work {
+        for (run, local) in &work {
             dense::axpy(1.0, &local[..p], &mut q[..p]);
-            let free = local.len() - p;
-            q[first..first + free].copy_from_slice(&local[p..]);
+            let free = run.free.len();
+            q[first..first + free].copy_from_slice(&local[p..p + free]);
             first += free;
         }
         q
     }
 
-    /// Steps of all unknowns from the reduced variables; returns the inequalities beside `rows` that they
-    /// violate: of each stretch of samples of a run that lie outside, the worst.
+    /// Each run with its part of the reduced variables.
+    fn with_local<'a>(&'a mut self, rho: &[f64], p: usize) -> Vec<(&'a mut RunSweep, Vec<f64>)> {
+        let mut first = p;
+        let local = self.runs.iter_mut().map(|run| {
+            let own = &rho[first..first + run.free.len()];
+            first += own.len();
+            (run, [&rho[..p], own].concat())
+        });
+        local.collect()
+    }
+
+    /// Steps of all unknowns from the reduced variables.
     fn expand<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+    ) {
+        let mut work = self.with_local(rho, problem.n_parameters());
+        parallel::each(&mut work, |_, (run, local)| run.expand(local));
+    }
+
+    /// The inequalities beside `rows` that a step in the reduced variables violates: of each stretch of
+    /// samples of a run that lie outside, the worst.
+    fn violated<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         rho: &[f64],
@@ -357,21 +415,15 @@ impl Condensed {
     ) -> Vec<RowAt> {
         let p = problem.n_parameters();
         let (lower, upper) = problem.limits();
-        let mut first = p;
-        let mut work = Vec::with_capacity(self.runs.len());
-        for run in &mut self.runs {
-            let mut local = rho[..p].to_vec();
-            local.extend_from_slice(&rho[first..first + run.free.len()]);
-            first += run.free.len();
-            work.push((run, local, Vec::new()));
-        }
-        let g = &self.g;
+        let g = std::mem::take(&mut self.g);
+        let mut work: Vec<_> = (self.with_local(rho, p).into_iter())
+            .map(|(run, local)| (run, local, Vec::new()))
+            .collect();
         parallel::each(&mut work, |j, (run, local, outside)| {
-            run.expand(local);
-            let (grid, at) = (&problem.grids[j], problem.layout.runs[j]);
+            let at = problem.layout.runs[j];
             let mut worst = (0.0, 0);
-            for k in 0..at.samples {
-                let value = g[at.g + k] + run.bounded_change(grid, k, &rho[..p]);
+            for (k, change) in run.bounded_changes(local).iter().enumerate() {
+                let value = g[at.g + k] + change;
                 let excess = violation(value, lower[at.g + k], upper[at.g + k]);
                 let row = RowAt::Bounded { run: j, sample: k };
                 let new = || rows.iter().all(|known| known.at != row);
@@ -389,6 +441,7 @@ impl Condensed {
             }
         });
         let mut outside: Vec<RowAt> = work.into_iter().flat_map(|(.., outside)| outside).collect();
+        self.g = g;
         for (i, row) in self.parameter_rows.iter().enumerate() {
             let at = problem.layout.parameter_constraints + i;
             let value = self.g[at] + dense::dot(row, &rho[..p]);
@@ -418,7 +471,7 @@ impl Condensed {
             RowAt::Bounded { run: j, sample } => {
                 let index = problem.layout.runs[j].g + sample;
                 let run = &self.runs[j];
-                let (local, offset) = run.bounded_row(&problem.grids[j], sample);
+                let (local, offset) = run.bounded_row(sample);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
                 let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v));

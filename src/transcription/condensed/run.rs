@@ -1,17 +1,22 @@
-//! One run: the derivatives at its points.
+//! One run: the derivatives at its points, and what they make of the reduced variables.
 
 use super::Stencils;
 use super::dense::{axpy, dot};
-use super::stencil::{Factorable, Local, Stencil};
-use super::sweep::with_width;
+use super::lanes::{Lanes, vectorised};
+use super::sparse_lu::Symbolic;
+use super::sweep::{Span, with_width};
 use crate::sqp::{Hessian, Iterate};
 use crate::transcription::Collocation;
-use crate::transcription::collocation::Values;
+use crate::transcription::collocation::PointValues;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Combination, Grid, Point, PointState};
-use crate::transcription::node::{FirstOrder, MAX_SIZE, Weights};
+use crate::transcription::node::{MAX_SIZE, Output, Weights};
 use pilotage_models::Dynamics;
 use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A gradient over `[x̄; θ̄]`.
+type Gradient = [f64; 2 * MAX_SIZE];
 
 /// Workspace of one run; everything is allocated once.
 ///
@@ -21,15 +26,14 @@ use std::collections::BTreeMap;
 pub struct RunSweep {
     pub(super) n: usize,
     pub(super) p: usize,
-    /// Width of the rows `S`: `r`, padded.
+    /// Width of the rows `S`: `r + 1`, padded. Column `r` holds the offsets at the iterate.
     pub(super) w: usize,
     /// Indices of the free initial states.
     pub free: Vec<usize>,
     /// Jacobian entries at all points.
     pub(super) jacobian: Vec<f64>,
-    /// Gradients of the measured output and of the bounded signal at all samples, over `[x̄; θ̄]`.
-    measured: Vec<f64>,
-    bounded: Vec<f64>,
+    /// Gradients of the measured output and of the bounded signal at all samples, at their columns.
+    gradients: [Vec<f64>; 2],
     /// Recorded minus modelled output at the samples, and `2 w`; both zero where none is recorded.
     residual: Vec<f64>,
     weight: Vec<f64>,
@@ -38,9 +42,13 @@ pub struct RunSweep {
     /// Rows `S`, offsets `e` and steps of the unknowns, and of the points that are combinations.
     pub(super) nodes: Rows,
     pub(super) combined: Rows,
-    /// Factors of each element's matrix, one after the other, and those with an order of their own.
-    pub(super) lu: Vec<f64>,
-    pub(super) special: BTreeMap<usize, (Factorable, Vec<f64>)>,
+    /// The bounded signal at the samples: rows over the reduced variables, and offsets.
+    bounded: Rows,
+    /// Groups of elements, their factors and `K_0`, and the elements factored in an order of their own.
+    pub(super) spans: Vec<Span>,
+    pub(super) lu: Vec<Lanes>,
+    pub(super) k0: Vec<Lanes>,
+    pub(super) special: BTreeMap<usize, (Arc<Symbolic>, Vec<Lanes>)>,
     pub(super) work: Work,
     /// Gradient of this run's objective with respect to θ.
     pub theta_gradient: Vec<f64>,
@@ -51,7 +59,7 @@ pub struct RunSweep {
     pub(super) right: Vec<f64>,
 }
 
-/// Sensitivities, offsets and steps of a list of state vectors.
+/// Sensitivities, offsets and steps of a list of quantities.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
     /// `S`, `w` columns of which the first `r` count.
@@ -67,14 +75,17 @@ pub struct Rows {
 pub struct Work {
     pub right: Vec<f64>,
     pub pivots: Vec<f64>,
+    pub lanes: Vec<Lanes>,
+    pub parameters: Vec<Lanes>,
+    pub points: Vec<[usize; super::lanes::LANES]>,
 }
 
 impl Rows {
-    fn new(count: usize, n: usize, w: usize) -> Self {
+    fn new(count: usize, w: usize) -> Self {
         Self {
-            s: vec![0.0; count * n * w],
-            e: vec![0.0; count * n],
-            dx: vec![0.0; count * n],
+            s: vec![0.0; count * w],
+            e: vec![0.0; count],
+            dx: vec![0.0; count],
         }
     }
 }
@@ -102,30 +113,34 @@ impl RunSweep {
         problem: &Collocation<D, C>,
         j: usize,
     ) -> Self {
-        let (n, p) = (problem.n_states(), problem.n_parameters());
+        let (n, p, model) = (problem.n_states(), problem.n_parameters(), &problem.model);
         let (run, grid) = (&problem.runs[j], &problem.grids[j]);
         let (samples, points) = (run.time.len(), grid.points.len());
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let w = (p + free.len()).max(1).next_multiple_of(4);
+        let w = (p + free.len() + 1).next_multiple_of(4);
         let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
         let size = n * largest.unwrap_or(0).max(1);
         Self {
             n,
             p,
             w,
-            jacobian: vec![0.0; points * problem.model.entries.len()],
-            measured: vec![0.0; samples * (n + p)],
-            bounded: vec![0.0; samples * (n + p)],
+            jacobian: vec![0.0; points * model.entries.len()],
+            gradients: (model.outputs.each_ref()).map(|own| vec![0.0; samples * own.len()]),
             residual: vec![0.0; samples],
             weight: vec![0.0; samples],
-            second: vec![0.0; points * problem.model.pairs.len()],
-            nodes: Rows::new(grid.nodes(), n, w),
-            combined: Rows::new(grid.combinations, n, w),
+            second: vec![0.0; points * model.pairs.len()],
+            nodes: Rows::new(grid.nodes() * n, w),
+            combined: Rows::new(grid.combinations * n, w),
+            bounded: Rows::new(samples, w),
+            spans: Vec::new(),
             lu: Vec::new(),
+            k0: Vec::new(),
             special: BTreeMap::new(),
             work: Work {
                 right: vec![0.0; size * w],
                 pivots: vec![0.0; size],
+                lanes: vec![[0.0; super::lanes::LANES]; size],
+                ..Work::default()
             },
             theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
@@ -140,16 +155,6 @@ impl RunSweep {
         self.p + self.free.len()
     }
 
-    /// The Jacobians at an element's points.
-    pub(super) fn local<'a>(
-        &'a self,
-        grid: &'a Grid,
-        element: usize,
-        stencil: &Stencil,
-    ) -> Local<'a> {
-        Local::new(grid, &grid.elements[element], stencil, &self.jacobian)
-    }
-
     /// Derivatives at every point; writes the run's parts of `∇f` and `∇L` into `gradient` and
     /// `lagrangian`, over the run's own variables.
     pub fn linearise<D: Dynamics, C: ParameterConstraints>(
@@ -160,53 +165,79 @@ impl RunSweep {
         gradient: &mut [f64],
         lagrangian: &mut [f64],
     ) {
-        let values = at.problem.point_states(&iterate.z, at.j);
-        self.first_order(at, &iterate.z, &values);
         let place = &at.problem.layout.runs[at.j];
         let lambda = &iterate.lambda[place.equalities()];
         let eta = &iterate.eta[place.inequalities()];
         self.defects_transposed(at, lambda, lagrangian);
-        let second = exact.then_some((iterate.z.as_slice(), &values));
-        self.pull_back(at, Some(eta), second, lagrangian);
-        std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
-        self.omega.fill(0.0);
-        gradient.fill(0.0);
-        self.pull_back(at, None, None, gradient);
-        std::mem::swap(&mut self.theta_gradient, &mut self.theta_lagrangian);
+        self.differentiate(at, &iterate.z, eta, exact, lagrangian);
+        self.objective_gradient(at, gradient);
     }
 
-    /// First derivatives and residuals.
-    fn first_order<D: Dynamics, C: ParameterConstraints>(
+    /// Derivatives and residuals at the points, in a reverse sweep that adds their part of `∇L` to
+    /// `lagrangian` and `theta_lagrangian`.
+    fn differentiate<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
         z: &[f64],
-        values: &Values,
+        eta: &[f64],
+        exact: bool,
+        lagrangian: &mut [f64],
     ) {
-        let (problem, j, n) = (at.problem, at.j, self.n);
-        let (grid, v) = (&problem.grids[j], problem.coefficients(z, j));
-        let (theta, all) = (problem.theta(z), n + self.p);
-        let (inputs, entries) = (
-            problem.model.dynamics.n_inputs(),
-            problem.model.entries.len(),
+        let (problem, j, n, p) = (at.problem, at.j, self.n, self.p);
+        let (grid, v, model) = (
+            &problem.grids[j],
+            problem.coefficients(z, j),
+            &problem.model,
         );
-        for (i, point) in grid.points.iter().enumerate() {
+        let values: PointValues = problem.point_states(z, j);
+        let (inputs, entries) = (model.dynamics.n_inputs(), model.entries.len());
+        let pairs = model.pairs.len();
+        let mut derivatives = model.derivatives(problem.theta(z), exact);
+        self.theta_lagrangian.fill(0.0);
+        for (i, point) in grid.points.iter().enumerate().rev() {
             let x = values.states(grid, v, i, n);
-            let jacobian = match point.collocated {
-                true => &mut self.jacobian[i * entries..(i + 1) * entries],
-                false => &mut [],
-            };
-            let outputs = point.sample.map(|sample| {
-                let at = sample as usize * all..(sample as usize + 1) * all;
-                (&mut self.measured[at.clone()], &mut self.bounded[at])
-            });
-            let out = FirstOrder { jacobian, outputs };
             let input = &grid.inputs[i * inputs..(i + 1) * inputs];
-            let (measured, _) = problem.model.first_order(x, input, theta, out);
+            let (measured, _) = derivatives.evaluate(x, input);
+            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
+            let (mut pull, mut push) = (0.0, 0.0);
             if let Some(sample) = point.sample {
-                let recorded = problem.recorded(j, sample);
                 let k = sample as usize;
+                let recorded = problem.recorded(j, sample);
                 self.residual[k] = recorded.map_or(0.0, |value| value - measured);
                 self.weight[k] = recorded.map_or(0.0, |_| 2.0 * problem.runs[j].weight);
+                (pull, push) = (-self.weight[k] * self.residual[k], eta[k]);
+                for (output, factor) in [(Output::Measured, pull), (Output::Bounded, push)] {
+                    let columns = model.columns(output);
+                    let own = &mut self.gradients[output as usize][k * columns.len()..];
+                    let own = &mut own[..columns.len()];
+                    derivatives.gradient(output, own);
+                    let own = own.iter().zip(columns);
+                    own.for_each(|(value, c)| full[*c] += factor * value);
+                }
+            }
+            let omega = &self.omega[i * n..(i + 1) * n];
+            if point.collocated {
+                let jacobian = &mut self.jacobian[i * entries..(i + 1) * entries];
+                derivatives.jacobian(jacobian);
+                for (value, &(l, c)) in jacobian.iter().zip(&model.entries) {
+                    full[c] += omega[l] * value;
+                }
+            }
+            if exact {
+                let weights = Weights {
+                    f: omega,
+                    measured: pull,
+                    bounded: push,
+                };
+                let own = &mut self.second[i * pairs..(i + 1) * pairs];
+                derivatives.second_order(weights, own);
+            }
+            axpy(1.0, &full[n..n + p], &mut self.theta_lagrangian);
+            match &point.state {
+                PointState::Node(k) => axpy(1.0, &full[..n], &mut lagrangian[k * n..(k + 1) * n]),
+                PointState::Combination(c) => {
+                    distribute(c, &full[..n], lagrangian, &mut self.omega)
+                }
             }
         }
     }
@@ -244,59 +275,41 @@ impl RunSweep {
         }
     }
 
-    /// Reverse sweep over the points: adds the gradient with respect to the unknowns to `out`, and
-    /// writes that of θ into `theta_lagrangian`. With the bounded signal's multipliers `eta` it is the
-    /// Lagrangian's gradient, without the objective's; `second` are the variables and the points' states
-    /// at which second derivatives are taken too.
-    fn pull_back<D: Dynamics, C: ParameterConstraints>(
+    /// Writes the objective's gradient with respect to the unknowns into `out`, and that of θ into
+    /// `theta_gradient`.
+    fn objective_gradient<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
-        eta: Option<&[f64]>,
-        second: Option<(&[f64], &Values)>,
         out: &mut [f64],
     ) {
-        let (problem, j, n) = (at.problem, at.j, self.n);
-        let (grid, entries) = (&problem.grids[j], problem.model.entries.len());
-        let mut full = vec![0.0; n + self.p];
-        self.theta_lagrangian.fill(0.0);
+        let (n, grid, model) = (self.n, &at.problem.grids[at.j], &at.problem.model);
+        let (columns, entries) = (model.columns(Output::Measured), model.entries.len());
+        out.fill(0.0);
+        self.theta_gradient.fill(0.0);
+        let nested = grid.has_nested();
+        if nested {
+            self.omega.fill(0.0);
+        }
         for (i, point) in grid.points.iter().enumerate().rev() {
-            full.fill(0.0);
-            let omega = &self.omega[i * n..(i + 1) * n];
-            let (mut pull, mut push) = (0.0, 0.0);
-            if let Some(sample) = point.sample {
-                let k = sample as usize;
-                pull = -self.weight[k] * self.residual[k];
-                push = eta.map_or(0.0, |eta| eta[k]);
-                let own = k * (n + self.p)..(k + 1) * (n + self.p);
-                axpy(pull, &self.measured[own.clone()], &mut full);
-                if push != 0.0 {
-                    axpy(push, &self.bounded[own], &mut full);
-                }
+            let sample = self.recorded(point);
+            if sample.is_none() && !nested {
+                continue;
             }
-            if point.collocated && (eta.is_some() || grid.combinations > 0) {
+            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
+            if let Some(k) = sample {
+                let pull = -self.weight[k] * self.residual[k];
+                let own = self.of_sample(Output::Measured, k, columns.len());
+                let own = own.iter().zip(columns);
+                own.for_each(|(value, c)| full[*c] += pull * value);
+            }
+            if nested && point.collocated {
+                let omega = &self.omega[i * n..(i + 1) * n];
                 let jacobian = &self.jacobian[i * entries..(i + 1) * entries];
-                for (value, &(l, c)) in jacobian.iter().zip(&problem.model.entries) {
+                for (value, &(l, c)) in jacobian.iter().zip(&model.entries) {
                     full[c] += omega[l] * value;
                 }
             }
-            if let Some((z, values)) = second {
-                let pairs = problem.model.pairs.len();
-                let inputs = problem.model.dynamics.n_inputs();
-                let x = values.states(grid, problem.coefficients(z, j), i, n);
-                let weights = Weights {
-                    f: omega,
-                    measured: pull,
-                    bounded: push,
-                };
-                problem.model.second_order(
-                    x,
-                    &grid.inputs[i * inputs..(i + 1) * inputs],
-                    problem.theta(z),
-                    weights,
-                    &mut self.second[i * pairs..(i + 1) * pairs],
-                );
-            }
-            axpy(1.0, &full[n..], &mut self.theta_lagrangian);
+            axpy(1.0, &full[n..n + self.p], &mut self.theta_gradient);
             match &point.state {
                 PointState::Node(k) => axpy(1.0, &full[..n], &mut out[k * n..(k + 1) * n]),
                 PointState::Combination(c) => distribute(c, &full[..n], out, &mut self.omega),
@@ -318,40 +331,49 @@ impl RunSweep {
     }
 
     /// `Σ Zᵀ W Z` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`: of Gauss–Newton, and, if wanted, of the
-    /// exact Hessian.
+    /// exact Hessian. Forms the rows of the bounded signal, too.
     pub fn reduce_matrices<D: Dynamics, C: ParameterConstraints>(
-        &self,
+        &mut self,
         at: Place<'_, D, C>,
         exact: bool,
     ) -> (Vec<f64>, Vec<f64>) {
-        with_width!(self.w, W => self.reduced::<D, C, W>(at, exact))
+        vectorised(|| with_width!(self.w, W => self.reduced::<D, C, W>(at, exact)))
     }
 
+    #[inline(always)]
     fn reduced<D: Dynamics, C: ParameterConstraints, const W: usize>(
-        &self,
+        &mut self,
         at: Place<'_, D, C>,
         exact: bool,
     ) -> (Vec<f64>, Vec<f64>) {
-        let (n, r, model) = (self.n, self.r(), &at.problem.model);
+        let (p, r, model) = (self.p, self.r(), &at.problem.model);
         let pairs = model.pairs.len();
+        let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
         // Halves of the symmetric sums; their transposes are added at the end.
         let (mut squares, mut curved) = (vec![[0.0; W]; r], vec![[0.0; W]; r]);
+        let mut rows = std::mem::take(&mut self.bounded);
         for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
             let (s, _) = self.s_of(&point.state).as_chunks::<W>();
+            if let Some(sample) = point.sample {
+                let k = sample as usize;
+                let own = self.of_sample(Output::Bounded, k, bounded.len());
+                let row = project(own, bounded, s, p);
+                rows.e[k] = row[r];
+                rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
+            }
             if let Some(k) = self.recorded(point) {
-                let row = project(self.of_sample(&self.measured, k), s, self.p);
+                let own = self.of_sample(Output::Measured, k, measured.len());
+                let row = project(own, measured, s, p);
                 for (value, out) in row.iter().zip(&mut squares) {
-                    axpy(0.5 * self.weight[k] * value, &row, out);
+                    add(0.5 * self.weight[k] * value, &row, out);
                 }
             }
             if exact {
                 let values = &self.second[i * pairs..(i + 1) * pairs];
-                for (&w, &(a, b)) in values.iter().zip(&model.pairs).filter(|(w, _)| **w != 0.0) {
-                    let w = if a == b { 0.5 * w } else { w };
-                    add_pair(w, a, b, s, n, &mut curved);
-                }
+                add_pairs(values, &model.pairs, s, &mut curved);
             }
         }
+        self.bounded = rows;
         let symmetric = |halves: &[[f64; W]]| -> Vec<f64> {
             let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
             (0..r * r).map(|k| entry(k / r, k % r)).collect()
@@ -366,15 +388,16 @@ impl RunSweep {
     }
 
     /// The sample at a point, where its output is recorded.
+    #[inline(always)]
     fn recorded(&self, point: &Point) -> Option<usize> {
         let sample = point.sample.map(|k| k as usize);
         sample.filter(|k| self.weight[*k] != 0.0)
     }
 
-    /// A sample's part of gradients over `[x̄; θ̄]`.
-    fn of_sample<'a>(&self, gradients: &'a [f64], sample: usize) -> &'a [f64] {
-        let v = self.n + self.p;
-        &gradients[sample * v..(sample + 1) * v]
+    /// A sample's gradient of an output with `count` columns.
+    #[inline(always)]
+    fn of_sample(&self, output: Output, sample: usize, count: usize) -> &[f64] {
+        &self.gradients[output as usize][sample * count..(sample + 1) * count]
     }
 
     /// Adds `Σ Zᵀ (g + W [e; 0])` to `vector`.
@@ -384,83 +407,133 @@ impl RunSweep {
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        with_width!(self.w, W => self.reduced_vector::<D, C, W>(at, kind, vector));
+        vectorised(|| with_width!(self.w, W => self.reduced_vector::<D, C, W>(at, kind, vector)));
     }
 
+    #[inline(always)]
     fn reduced_vector<D: Dynamics, C: ParameterConstraints, const W: usize>(
         &self,
         at: Place<'_, D, C>,
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        let n = self.n;
-        let zero = [0.0; MAX_SIZE];
-        let mut full = vec![0.0; n + self.p];
+        let (n, p) = (self.n, self.p);
+        let mut step: Gradient = [0.0; 2 * MAX_SIZE];
         let mut sum = [0.0; W];
         for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            let step = (self.e_of(&point.state), &zero[..self.p]);
-            if !self.model_gradient(at, i, kind, step, &mut full) {
+            step[..n].copy_from_slice(self.e_of(&point.state));
+            let Some(full) = self.model_gradient(at, i, kind, &step) else {
                 continue;
-            }
+            };
             let (s, _) = self.s_of(&point.state).as_chunks::<W>();
-            let own = project(&full, s, self.p);
-            axpy(1.0, &own, &mut sum);
+            for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| **g != 0.0) {
+                add(*g, s, &mut sum);
+            }
+            axpy(1.0, &full[n..n + p], &mut sum[..p]);
         }
         axpy(1.0, &sum, vector);
     }
 
-    /// Writes point `i`'s `g + W [δx; δθ]` into `out` (n + p); false when that is zero.
-    pub(super) fn model_gradient<D: Dynamics, C: ParameterConstraints>(
+    /// Point `i`'s `g + W [δx; δθ]` (the first n + p); None when that is zero.
+    #[inline(always)]
+    fn model_gradient<D: Dynamics, C: ParameterConstraints>(
         &self,
         at: Place<'_, D, C>,
         i: usize,
         kind: Hessian,
-        (dx, dtheta): (&[f64], &[f64]),
-        out: &mut [f64],
-    ) -> bool {
-        let (model, n) = (&at.problem.model, self.n);
+        step: &Gradient,
+    ) -> Option<Gradient> {
+        let model = &at.problem.model;
         let sample = self.recorded(&at.problem.grids[at.j].points[i]);
         let curved = kind == Hessian::Exact && !model.pairs.is_empty();
         if sample.is_none() && !curved {
-            return false;
+            return None;
         }
-        out.fill(0.0);
+        let mut out: Gradient = [0.0; 2 * MAX_SIZE];
         if let Some(k) = sample {
-            let h = &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)];
-            let change = dot(&h[..n], dx) + dot(&h[n..], dtheta);
-            axpy(self.weight[k] * (change - self.residual[k]), h, out);
+            let columns = model.columns(Output::Measured);
+            let own = self.of_sample(Output::Measured, k, columns.len());
+            let along = self.along(own, columns, step);
+            let factor = self.weight[k] * (along - self.residual[k]);
+            let own = own.iter().zip(columns);
+            own.for_each(|(value, c)| out[*c] += factor * value);
         }
         if curved {
             let pairs = model.pairs.len();
-            let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
             let values = &self.second[i * pairs..(i + 1) * pairs];
             for (w, &(a, b)) in values.iter().zip(&model.pairs) {
-                out[a] += w * step(b);
+                out[a] += w * step[b];
                 if a != b {
-                    out[b] += w * step(a);
+                    out[b] += w * step[a];
                 }
             }
         }
-        true
+        Some(out)
+    }
+
+    /// A gradient's product with a step.
+    #[inline(always)]
+    fn along(&self, gradient: &[f64], columns: &[usize], step: &Gradient) -> f64 {
+        let own = gradient.iter().zip(columns);
+        own.map(|(value, c)| value * step[*c]).sum()
     }
 
     /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
     /// change by the offsets alone.
-    pub fn bounded_row(&self, grid: &Grid, sample: usize) -> (Vec<f64>, f64) {
-        let gradient = self.of_sample(&self.bounded, sample);
-        let state = &grid.points[grid.observed[sample]].state;
-        let row = with_width!(self.w, W => {
-            let (s, _) = self.s_of(state).as_chunks::<W>();
-            project(gradient, s, self.p)[..self.r()].to_vec()
-        });
-        (row, dot(&gradient[..self.n], self.e_of(state)))
+    pub fn bounded_row(&self, sample: usize) -> (&[f64], f64) {
+        let row = &self.bounded.s[sample * self.w..][..self.r()];
+        (row, self.bounded.e[sample])
     }
 
     /// Linear change of the bounded signal at a sample by the last expanded step.
-    pub fn bounded_change(&self, grid: &Grid, sample: usize, dtheta: &[f64]) -> f64 {
-        let gradient = &self.bounded[sample * (self.n + self.p)..(sample + 1) * (self.n + self.p)];
-        let state = &grid.points[grid.observed[sample]].state;
-        dot(&gradient[..self.n], self.dx_of(state)) + dot(&gradient[self.n..], dtheta)
+    pub fn bounded_change<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        at: Place<'_, D, C>,
+        sample: usize,
+        dtheta: &[f64],
+    ) -> f64 {
+        let (n, grid) = (self.n, &at.problem.grids[at.j]);
+        let columns = at.problem.model.columns(Output::Bounded);
+        let dx = self.dx_of(&grid.points[grid.observed[sample]].state);
+        let own = self.of_sample(Output::Bounded, sample, columns.len());
+        let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
+        own.iter().zip(columns).map(|(value, c)| value * step(*c)).sum()
+    }
+
+    /// Writes the linear changes of the bounded signal at all samples for these reduced variables into
+    /// `bounded.dx`, and returns them.
+    pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
+        let mut padded = rho.to_vec();
+        padded.resize(self.w, 0.0);
+        vectorised(|| with_width!(self.w, W => expand_rows::<W>(&mut self.bounded, &padded)));
+        &self.bounded.dx
+    }
+
+    /// All steps from the reduced variables, into the rows' `dx`.
+    pub fn expand(&mut self, rho: &[f64]) {
+        let mut padded = rho.to_vec();
+        padded.resize(self.w, 0.0);
+        vectorised(|| {
+            with_width!(self.w, W => {
+                expand_rows::<W>(&mut self.nodes, &padded);
+                expand_rows::<W>(&mut self.combined, &padded);
+            })
+        });
+    }
+
+    /// The bounded signal's offsets from those of the unknowns and points.
+    pub(super) fn offset_bounded<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+    ) {
+        let (n, columns) = (self.n, at.problem.model.columns(Output::Bounded));
+        let grid: &Grid = &at.problem.grids[at.j];
+        for (k, point) in grid.observed.iter().enumerate() {
+            let own = self.of_sample(Output::Bounded, k, columns.len());
+            let e = self.e_of(&grid.points[*point].state);
+            let own = own.iter().zip(columns).filter(|(_, c)| **c < n);
+            self.bounded.e[k] = own.map(|(value, c)| value * e[*c]).sum();
+        }
     }
 
     /// Backward sweep for the multipliers of the run's equalities, given the last expanded step,
@@ -474,38 +547,60 @@ impl RunSweep {
         (dtheta, eta): (&[f64], &[f64]),
         lambda: &mut [f64],
     ) -> f64 {
-        let (n, grid) = (self.n, &at.problem.grids[at.j]);
-        let mut full = vec![0.0; n + self.p];
-        let mut curvature = 0.0;
+        vectorised(|| {
+            let curvature = self.step_gradient(at, kind, (dtheta, eta));
+            self.eliminate_backward(at, stencils, lambda);
+            curvature
+        })
+    }
+
+    /// Writes the derivatives of the Lagrangian's model at the last expanded step, but for the defects'
+    /// part, into `right`; returns the part of `dᵀHd`.
+    #[inline(always)]
+    fn step_gradient<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        kind: Hessian,
+        (dtheta, eta): (&[f64], &[f64]),
+    ) -> f64 {
+        let (n, model) = (self.n, &at.problem.model);
+        let (grid, entries) = (&at.problem.grids[at.j], model.entries.len());
+        let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
         let (mut right, mut omega) = (
             std::mem::take(&mut self.right),
             std::mem::take(&mut self.omega),
         );
         right.fill(0.0);
-        omega.fill(0.0);
-        let entries = at.problem.model.entries.len();
+        let nested = grid.has_nested();
+        if nested {
+            omega.fill(0.0);
+        }
+        let mut step: Gradient = [0.0; 2 * MAX_SIZE];
+        step[n..n + self.p].copy_from_slice(dtheta);
+        let mut curvature = 0.0;
         for (i, point) in grid.points.iter().enumerate().rev() {
-            let dx = self.dx_of(&point.state);
-            let sample = point.sample.map(|k| k as usize);
-            if self.model_gradient(at, i, kind, (dx, dtheta), &mut full) {
-                curvature += dot(&full[..n], dx) + dot(&full[n..], dtheta);
-                if let Some(k) = sample.filter(|k| self.weight[*k] != 0.0) {
+            step[..n].copy_from_slice(self.dx_of(&point.state));
+            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
+            if let Some(own) = self.model_gradient(at, i, kind, &step) {
+                full = own;
+                curvature += dot(&full[..n + self.p], &step[..n + self.p]);
+                if let Some(k) = self.recorded(point) {
                     // The objective's gradient is in `full`, and no part of the Hessian.
-                    let h = &self.measured[k * (n + self.p)..(k + 1) * (n + self.p)];
-                    let along = dot(&h[..n], dx) + dot(&h[n..], dtheta);
+                    let own = self.of_sample(Output::Measured, k, measured.len());
+                    let along = self.along(own, measured, &step);
                     curvature += self.weight[k] * self.residual[k] * along;
                 }
-            } else {
-                full.fill(0.0);
             }
+            let sample = point.sample.map(|k| k as usize);
             if let Some(k) = sample.filter(|k| eta[*k] != 0.0) {
-                let own = k * (n + self.p)..(k + 1) * (n + self.p);
-                axpy(eta[k], &self.bounded[own], &mut full);
+                let own = self.of_sample(Output::Bounded, k, bounded.len());
+                let own = own.iter().zip(bounded);
+                own.for_each(|(value, c)| full[*c] += eta[k] * value);
             }
-            if grid.combinations > 0 && point.collocated {
+            if nested && point.collocated {
                 let jacobian = &self.jacobian[i * entries..(i + 1) * entries];
-                let own = jacobian.iter().zip(&at.problem.model.entries);
-                for (value, &(l, c)) in own.take_while(|(_, (_, c))| *c < n) {
+                let own = jacobian.iter().zip(&model.entries[..model.state_entries]);
+                for (value, &(l, c)) in own {
                     full[c] += omega[i * n + l] * value;
                 }
             }
@@ -514,9 +609,7 @@ impl RunSweep {
                 PointState::Combination(c) => distribute(c, &full[..n], &mut right, &mut omega),
             }
         }
-        self.omega = omega;
-        self.eliminate_backward(at, stencils, &mut right, lambda);
-        self.right = right;
+        (self.right, self.omega) = (right, omega);
         curvature
     }
 }
@@ -532,37 +625,80 @@ fn distribute(combination: &Combination, gradient: &[f64], nodes: &mut [f64], om
     }
 }
 
-/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`.
+/// `dx = S ρ + e`.
 #[inline(always)]
-fn project<const W: usize>(gradient: &[f64], s: &[[f64; W]], p: usize) -> [f64; W] {
-    let (x, theta) = gradient.split_at(s.len());
+fn expand_rows<const W: usize>(rows: &mut Rows, rho: &[f64]) {
+    let rho = rho.first_chunk::<W>().expect("padded");
+    let (s, _) = rows.s.as_chunks::<W>();
+    for ((dx, s), e) in rows.dx.iter_mut().zip(s).zip(&rows.e) {
+        // Four sums at once: a product of rows is otherwise one chain of additions.
+        let mut sums = [0.0; 4];
+        for (s, rho) in s.chunks_exact(4).zip(rho.chunks_exact(4)) {
+            for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
+                *sum += s * rho;
+            }
+        }
+        *dx = e + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+    }
+}
+
+/// `y += a x`, of known length.
+#[inline(always)]
+fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient at these columns.
+#[inline(always)]
+fn project<const W: usize>(
+    gradient: &[f64],
+    columns: &[usize],
+    s: &[[f64; W]],
+    p: usize,
+) -> [f64; W] {
     let mut out = [0.0; W];
-    out[..p].copy_from_slice(theta);
-    for (g, s) in x.iter().zip(s).filter(|(g, _)| **g != 0.0) {
-        axpy(*g, s, &mut out);
+    for (g, &c) in gradient.iter().zip(columns) {
+        match c.checked_sub(s.len()) {
+            None => add(*g, &s[c], &mut out),
+            Some(parameter) => out[..p][parameter] += g,
+        }
     }
     out
 }
 
-/// Adds `w z_a z_bᵀ`, with `z_a` row `a` of `Z = [S; I]`; of a pair of parameter and state only the
-/// order whose row is the parameter's.
+/// Adds `Σ w z_a z_bᵀ` over the pairs `(a, b)`, with `z_a` row `a` of `Z = [S; I]`: half of it for a square,
+/// and of a pair of state and parameter only the order whose row is the parameter's.
 #[inline(always)]
-fn add_pair<const W: usize>(
-    w: f64,
-    a: usize,
-    b: usize,
+fn add_pairs<const W: usize>(
+    values: &[f64],
+    pairs: &[(usize, usize)],
     s: &[[f64; W]],
-    n: usize,
     matrix: &mut [[f64; W]],
 ) {
-    match (a < n, b < n) {
-        (true, true) => {
-            for (row, v) in matrix.iter_mut().zip(&s[a]) {
-                axpy(w * v, &s[b], row);
+    let n = s.len();
+    let mut rest = values.iter().zip(pairs).peekable();
+    // The pairs come in the order of their first variable.
+    while let Some(&(_, &(a, _))) = rest.peek() {
+        let mut along = [0.0; W];
+        let mut has_states = false;
+        while let Some((w, &(_, b))) = rest.next_if(|(_, pair)| pair.0 == a) {
+            let w = if a == b { 0.5 * w } else { *w };
+            match (a.checked_sub(n), b.checked_sub(n)) {
+                (None, None) => {
+                    add(w, &s[b], &mut along);
+                    has_states = true;
+                }
+                (None, Some(b)) => add(w, &s[a], &mut matrix[b]),
+                (Some(a), Some(b)) => matrix[a][b] += w,
+                (Some(_), None) => unreachable!("pairs are ordered"),
             }
         }
-        (true, false) => axpy(w, &s[a], &mut matrix[b - n]),
-        (false, true) => axpy(w, &s[b], &mut matrix[a - n]),
-        (false, false) => matrix[a - n][b - n] += w,
+        if has_states {
+            for (row, v) in matrix.iter_mut().zip(&s[a]) {
+                add(*v, &along, row);
+            }
+        }
     }
 }

@@ -1,9 +1,11 @@
-//! LU factors of many small sparse matrices with one pattern: the order of the pivots is chosen once.
+//! LU factors of many small sparse matrices with one pattern, four at once: the order of the pivots is
+//! chosen once.
 //!
 //! The order is Markowitz's with threshold pivoting (Duff, Erisman & Reid, *Direct Methods for Sparse
 //! Matrices*, 2nd ed. 2017, sections 7.2 and 7.8), on the values of one of them. Each refactorisation
 //! checks its pivots; where one has become too small, the caller orders that matrix anew.
 
+use super::lanes::{LANES, Lanes, less, times};
 use std::ops::Range;
 
 /// Smallest pivot beside the largest entry of its row when the order is chosen.
@@ -121,55 +123,74 @@ impl Symbolic {
         entries.map(place).collect()
     }
 
-    /// Factors in place; `lu` holds the matrix at its [`places`](Self::places) and zeros elsewhere, and
-    /// the inverse pivots on the diagonal afterwards. False when a pivot is too small. `work` has
-    /// [`size`](Self::size) entries.
-    pub fn factor(&self, lu: &mut [f64], work: &mut [f64]) -> bool {
+    /// Factors four matrices in place; `lu` holds them at their [`places`](Self::places) and zeros
+    /// elsewhere, and the inverse pivots on the diagonal afterwards. Returns which of them have no pivot
+    /// that is too small; the factors of the others mean nothing. `work` has [`size`](Self::size) entries.
+    #[inline(always)]
+    pub fn factor(&self, lu: &mut [Lanes], work: &mut [Lanes]) -> [bool; LANES] {
+        let mut regular = [true; LANES];
         for k in 0..self.size() {
             let (start, diagonal, end) = (self.start[k], self.diagonal[k], self.start[k + 1]);
-            for at in start..end {
-                work[self.column[at] as usize] = lu[at];
+            for (column, value) in self.column[start..end].iter().zip(&lu[start..end]) {
+                work[*column as usize] = *value;
             }
-            for at in start..diagonal {
-                let i = self.column[at] as usize;
-                let factor = work[i] * lu[self.diagonal[i]];
+            for i in &self.column[start..diagonal] {
+                let i = *i as usize;
+                let factor = times(work[i], lu[self.diagonal[i]]);
                 work[i] = factor;
-                if factor != 0.0 {
-                    let row = self.diagonal[i] + 1..self.start[i + 1];
-                    for (c, u) in self.column[row.clone()].iter().zip(&lu[row]) {
-                        work[*c as usize] -= factor * u;
-                    }
+                let row = self.diagonal[i] + 1..self.start[i + 1];
+                for (c, u) in self.column[row.clone()].iter().zip(&lu[row]) {
+                    let c = *c as usize;
+                    work[c] = less(work[c], factor, *u);
                 }
             }
-            let mut largest: f64 = 0.0;
+            let mut largest = [0.0_f64; LANES];
             for at in start..end {
                 let value = work[self.column[at] as usize];
                 lu[at] = value;
                 if at >= diagonal {
-                    largest = largest.max(value.abs());
+                    for (largest, v) in largest.iter_mut().zip(value) {
+                        *largest = largest.max(v.abs());
+                    }
                 }
             }
-            let pivot = lu[diagonal];
-            // A NaN fails too.
-            if !(pivot.abs() >= SMALLEST * largest && pivot != 0.0 && largest.is_finite()) {
-                return false;
+            let pivots = &mut lu[diagonal];
+            for ((pivot, largest), regular) in pivots.iter_mut().zip(largest).zip(&mut regular) {
+                // A NaN fails too.
+                *regular &=
+                    pivot.abs() >= SMALLEST * largest && *pivot != 0.0 && largest.is_finite();
+                *pivot = 1.0 / *pivot;
             }
-            lu[diagonal] = 1.0 / pivot;
         }
-        true
+        regular
     }
+}
 
+/// The factors of one of four matrices.
+#[derive(Debug, Clone, Copy)]
+pub struct Factors<'a> {
+    /// Their order and pattern.
+    pub symbolic: &'a Symbolic,
+    /// The four matrices' factors.
+    pub lu: &'a [Lanes],
+    /// Which of them.
+    pub lane: usize,
+}
+
+impl Factors<'_> {
     /// Solves `A X = B` for `W` right-hand sides.
-    pub fn solve<const W: usize>(&self, lu: &[f64], b: &[[f64; W]], x: &mut [[f64; W]]) {
+    #[inline(always)]
+    pub fn solve<const W: usize>(&self, b: &[[f64; W]], x: &mut [[f64; W]]) {
+        let order = self.symbolic;
         // Rows of the solution of L y = b wait in x, in the pivots' order of columns.
-        for (k, (&from, &to)) in self.rows.iter().zip(&self.columns).enumerate() {
-            let at = self.start[k]..self.diagonal[k];
-            x[to] = self.reduced(lu, at, b[from], x);
+        for (k, (&from, &to)) in order.rows.iter().zip(&order.columns).enumerate() {
+            let at = order.start[k]..order.diagonal[k];
+            x[to] = self.reduced(at, b[from], x);
         }
-        for (k, &to) in self.columns.iter().enumerate().rev() {
-            let at = self.diagonal[k] + 1..self.start[k + 1];
-            let row = self.reduced(lu, at, x[to], x);
-            let inverse = lu[self.diagonal[k]];
+        for (k, &to) in order.columns.iter().enumerate().rev() {
+            let at = order.diagonal[k] + 1..order.start[k + 1];
+            let row = self.reduced(at, x[to], x);
+            let inverse = self.lu[order.diagonal[k]][self.lane];
             x[to] = row.map(|v| v * inverse);
         }
     }
@@ -178,13 +199,13 @@ impl Symbolic {
     #[inline(always)]
     fn reduced<const W: usize>(
         &self,
-        lu: &[f64],
         entries: Range<usize>,
         mut row: [f64; W],
         x: &[[f64; W]],
     ) -> [f64; W] {
-        for (source, factor) in self.source[entries.clone()].iter().zip(&lu[entries]) {
-            let by = &x[*source as usize];
+        let own = &self.lu[entries.clone()];
+        for (source, factor) in self.symbolic.source[entries].iter().zip(own) {
+            let (by, factor) = (&x[*source as usize], factor[self.lane]);
             for (v, x) in row.iter_mut().zip(by) {
                 *v -= factor * x;
             }
@@ -192,29 +213,34 @@ impl Symbolic {
         row
     }
 
-    /// Solves `Aᵀ x = b` for one right-hand side; `work` has [`size`](Self::size) entries.
-    pub fn solve_transposed(&self, lu: &[f64], b: &mut [f64], work: &mut [f64]) {
-        let work = &mut work[..self.size()];
-        for (w, j) in work.iter_mut().zip(&self.columns) {
+    /// Solves `Aᵀ x = b` for one right-hand side; `work` has [`size`](Symbolic::size) entries.
+    #[inline(always)]
+    pub fn solve_transposed(&self, b: &mut [f64], work: &mut [f64]) {
+        let order = self.symbolic;
+        let work = &mut work[..order.size()];
+        for (w, j) in work.iter_mut().zip(&order.columns) {
             *w = b[*j];
         }
-        for k in 0..self.size() {
-            let value = work[k] * lu[self.diagonal[k]];
+        for k in 0..order.size() {
+            let value = work[k] * self.lu[order.diagonal[k]][self.lane];
             work[k] = value;
-            let at = self.diagonal[k] + 1..self.start[k + 1];
-            for (c, u) in self.column[at.clone()].iter().zip(&lu[at]) {
-                work[*c as usize] -= u * value;
-            }
+            self.take(order.diagonal[k] + 1..order.start[k + 1], value, work);
         }
-        for k in (0..self.size()).rev() {
+        for k in (0..order.size()).rev() {
             let value = work[k];
-            let at = self.start[k]..self.diagonal[k];
-            for (c, l) in self.column[at.clone()].iter().zip(&lu[at]) {
-                work[*c as usize] -= l * value;
-            }
+            self.take(order.start[k]..order.diagonal[k], value, work);
         }
-        for (w, i) in work.iter().zip(&self.rows) {
+        for (w, i) in work.iter().zip(&order.rows) {
             b[*i] = *w;
+        }
+    }
+
+    /// `work` less `value` times the factors' entries, at their columns.
+    #[inline(always)]
+    fn take(&self, entries: Range<usize>, value: f64, work: &mut [f64]) {
+        let own = &self.lu[entries.clone()];
+        for (c, factor) in self.symbolic.column[entries].iter().zip(own) {
+            work[*c as usize] -= factor[self.lane] * value;
         }
     }
 }
@@ -286,17 +312,19 @@ mod tests {
         out
     }
 
-    /// Factors of `entries` in the order of `symbolic`.
-    fn factored(symbolic: &Symbolic, entries: &[(usize, usize, f64)]) -> Option<Vec<f64>> {
-        let mut lu = vec![0.0; symbolic.entries()];
-        let places = symbolic.places(entries.iter().map(|&(i, j, _)| (i, j)));
-        places
-            .iter()
-            .zip(entries)
-            .for_each(|(at, e)| lu[*at as usize] = e.2);
-        symbolic
-            .factor(&mut lu, &mut vec![0.0; symbolic.size()])
-            .then_some(lu)
+    /// Factors of four matrices of one pattern in the order of `symbolic`, and which are regular.
+    fn factored(
+        symbolic: &Symbolic,
+        matrices: [&[(usize, usize, f64)]; LANES],
+    ) -> (Vec<Lanes>, [bool; LANES]) {
+        let mut lu = vec![[0.0; LANES]; symbolic.entries()];
+        let places = symbolic.places(matrices[0].iter().map(|&(i, j, _)| (i, j)));
+        for (lane, entries) in matrices.iter().enumerate() {
+            let values = places.iter().zip(*entries);
+            values.for_each(|(at, e)| lu[*at as usize][lane] = e.2);
+        }
+        let regular = symbolic.factor(&mut lu, &mut vec![[0.0; LANES]; symbolic.size()]);
+        (lu, regular)
     }
 
     proptest! {
@@ -326,20 +354,27 @@ mod tests {
             let regular = dense(size, &first).determinant().abs() > 1e-6;
             prop_assume!(regular);
             let symbolic = symbolic.expect("a regular matrix has pivots");
-            for entries in [first, sparse(&values, &others)] {
-                let a = dense(size, &entries);
-                let Some(lu) = factored(&symbolic, &entries) else {
-                    continue;
-                };
+            let half: Vec<f64> = others.iter().map(|v| 0.5 * v).collect();
+            let matrices = [
+                first.clone(),
+                sparse(&values, &others),
+                first,
+                sparse(&values, &half),
+            ];
+            let (lu, lanes) = factored(&symbolic, std::array::from_fn(|l| matrices[l].as_slice()));
+            prop_assert!(lanes[0] && lanes[2]);
+            for (lane, entries) in matrices.iter().enumerate().filter(|(lane, _)| lanes[*lane]) {
+                let a = dense(size, entries);
+                let factors = Factors { symbolic: &symbolic, lu: &lu, lane };
                 let scale = 1.0 + a.clone().try_inverse().map_or(0.0, |i| i.amax());
                 let (columns, _) = b[..3 * size].as_chunks::<3>();
                 let mut x = vec![[0.0; 3]; size];
-                symbolic.solve(&lu, columns, &mut x);
+                factors.solve(columns, &mut x);
                 let x = DMatrix::from_row_slice(size, 3, x.as_flattened());
                 let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
                 let mut x = b[..size].to_vec();
-                symbolic.solve_transposed(&lu, &mut x, &mut vec![0.0; size]);
+                factors.solve_transposed(&mut x, &mut vec![0.0; size]);
                 prop_assert!((a.transpose() * DVector::from_vec(x) - DVector::from_column_slice(&b[..size])).amax() < 1e-9 * scale);
             }
         }
@@ -350,11 +385,9 @@ mod tests {
         assert!(Symbolic::new(2, &[(0, 0, 1.0), (1, 0, 2.0)]).is_none());
         let entries = [(0, 0, 1.0), (0, 1, 1.0), (1, 0, 1.0), (1, 1, 3.0)];
         let symbolic = Symbolic::new(2, &entries).expect("regular");
-        let changed = entries.map(|(i, j, _)| (i, j, 1.0));
-        assert_eq!(factored(&symbolic, &changed), None);
-        assert_eq!(
-            factored(&symbolic, &entries.map(|(i, j, _)| (i, j, f64::NAN))),
-            None
-        );
+        let singular = entries.map(|(i, j, _)| (i, j, 1.0));
+        let unknown = entries.map(|(i, j, _)| (i, j, f64::NAN));
+        let (_, regular) = factored(&symbolic, [&entries, &singular, &unknown, &entries]);
+        assert_eq!(regular, [true, false, false, true]);
     }
 }

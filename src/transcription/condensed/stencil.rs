@@ -1,4 +1,5 @@
-//! The linearised defects of an element as sparse operations, once for all elements with one tableau.
+//! The linearised defects of an element as sparse matrices, whose patterns are found once for all elements
+//! with one tableau.
 //!
 //! With `δY_i = Σ_j P_ij δV_j` the defects of an element of length `h` are
 //!
@@ -7,139 +8,205 @@
 //! K_0 = E_0 ⊗ I - h Σ_i A_i P_i0 J_i,   M likewise,   B = -h Σ_i A_i ∂f/∂θ(Y_i)
 //! ```
 //!
-//! Where a point also takes derivatives of earlier ones (compressed schemes), `K_0`, `M` and `B` are
-//! formed as dense blocks.
+//! Every entry is a constant, less `h` times a sum of entries of the points' Jacobians. Where a point also
+//! takes derivatives of earlier ones (compressed schemes), the three are formed as dense blocks.
 
 use super::dense::axpy;
+use super::lanes::{LANES, Lanes};
 use super::sparse_lu::Symbolic;
 use crate::transcription::grid::{Element, Grid};
 use crate::transcription::tableau::{Tableau, Value};
 use std::sync::Arc;
 
-/// The operations of a tableau's elements.
+/// Sizes of a model and the pattern of its Jacobian.
+#[derive(Debug, Clone, Copy)]
+pub struct Shape<'a> {
+    /// Number of states.
+    pub n: usize,
+    /// Number of parameters.
+    pub p: usize,
+    /// Entries `(row, column)` of `J`, then of `∂f/∂θ` with columns from `n`.
+    pub entries: &'a [(usize, usize)],
+    /// For each entry, whether it has one value at all points.
+    pub shared: &'a [bool],
+}
+
+/// The matrices of a tableau's elements.
 #[derive(Debug, Clone)]
 pub struct Stencil {
     /// The tableau.
     pub tableau: Arc<Tableau>,
     n: usize,
     p: usize,
-    /// Entries `(row, column)` of a point's `J`, then of its `∂f/∂θ` with columns from `n`.
+    /// Entries `(row, column)` of a point's Jacobian.
     jacobian: Vec<(usize, usize)>,
-    state_entries: usize,
     /// True when some point takes derivatives of others.
-    pub nested: bool,
-    /// Part of `M` or `K_0` that a point adds: the factors of `-h J`.
-    unknown: Vec<Stamp>,
-    start: Vec<Stamp>,
-    parameters: Vec<Stamp>,
-    /// Entries of `M`, each place once.
-    pattern: Vec<(usize, usize)>,
-    /// For each of `unknown`, the places in `pattern` of its entries.
-    targets: Vec<u32>,
-    /// The pattern's part that is constant.
-    constant: Vec<f64>,
+    nested: bool,
+    m: Pattern,
+    k0: Pattern,
+    b: Pattern,
+    /// `K_0` and `B` of the elements.
+    pub start: Assembly,
+    pub parameters: Assembly,
+    /// First entry of each row of `K_0`, and their number.
+    start_rows: Vec<usize>,
 }
 
-/// `-h · factor · J(point)` at block row `defect` and block column `unknown`.
+/// Places of a matrix that may be other than zero, row by row, and what adds up there.
+#[derive(Debug, Clone, Default)]
+struct Pattern {
+    places: Vec<(usize, usize)>,
+    constant: Vec<f64>,
+    stamps: Vec<Stamp>,
+}
+
+/// `-h · factor · J(point)` of one entry of the Jacobian, at a place.
 #[derive(Debug, Clone, Copy)]
 struct Stamp {
-    point: usize,
-    defect: usize,
+    target: u32,
+    point: u32,
+    entry: u32,
     factor: f64,
 }
 
-/// The order in which a [`Stencil`]'s matrix is factored.
+/// How the entries of a matrix are formed for a group of elements: `constant + h · slope` with what all
+/// points share, and stamps of the rest.
 #[derive(Debug, Clone, Default)]
-pub struct Factorable {
+pub struct Assembly {
+    constant: Vec<f64>,
+    slope: Vec<f64>,
+    shared: Vec<Stamp>,
+    own: Vec<Stamp>,
+}
+
+/// The order in which a [`Stencil`]'s `M` is factored.
+#[derive(Debug, Clone, Default)]
+pub struct Order {
     /// Order and pattern of the factors.
     pub symbolic: Symbolic,
-    /// Places of the stencil's pattern in the factors.
+    /// Places of the pattern of `M` in the factors.
     places: Vec<u32>,
-    /// Constant part of the factors' input.
-    template: Vec<f64>,
-    /// Places of the stamps' entries.
-    targets: Vec<u32>,
+    assembly: Assembly,
+}
+
+impl Pattern {
+    /// From constants and Jacobian entries, each with its place: point, entry, factor.
+    fn new(constants: &[(Place, f64)], stamps: &[(Place, (usize, usize, f64))]) -> Self {
+        let all = constants.iter().map(|c| c.0);
+        let mut places: Vec<Place> = all.chain(stamps.iter().map(|s| s.0)).collect();
+        places.sort_unstable();
+        places.dedup();
+        let find = |place: &Place| places.partition_point(|p| p < place);
+        let mut constant = vec![0.0; places.len()];
+        constants.iter().for_each(|(at, v)| constant[find(at)] += v);
+        let stamp = |(at, (point, entry, factor)): &(Place, (usize, usize, f64))| Stamp {
+            target: find(at) as u32,
+            point: *point as u32,
+            entry: *entry as u32,
+            factor: *factor,
+        };
+        Self {
+            stamps: stamps.iter().map(stamp).collect(),
+            constant,
+            places,
+        }
+    }
+
+    /// All places of a matrix.
+    fn dense(rows: usize, columns: usize) -> Self {
+        let places = (0..rows * columns).map(|k| (k / columns, k % columns));
+        Self {
+            places: places.collect(),
+            constant: vec![0.0; rows * columns],
+            stamps: Vec::new(),
+        }
+    }
+
+    /// The assembly with the pattern's places in this order among `size`; None for their own.
+    fn assembly(&self, shared: &[bool], order: Option<(&[u32], usize)>) -> Assembly {
+        let at = |k: usize| order.map_or(k, |(places, _)| places[k] as usize);
+        let size = order.map_or(self.places.len(), |(_, size)| size);
+        let mut constant = vec![0.0; size];
+        let values = self.constant.iter().enumerate();
+        values.for_each(|(k, v)| constant[at(k)] = *v);
+        let moved = self.stamps.iter().map(|stamp| Stamp {
+            target: at(stamp.target as usize) as u32,
+            ..*stamp
+        });
+        let (shared, own) = moved.partition(|stamp| shared[stamp.entry as usize]);
+        Assembly {
+            slope: vec![0.0; size],
+            constant,
+            shared,
+            own,
+        }
+    }
+}
+
+type Place = (usize, usize);
+
+impl Assembly {
+    /// Takes the shared entries from the Jacobian at any point.
+    fn refresh(&mut self, jacobian: &[f64]) {
+        self.slope.fill(0.0);
+        for stamp in &self.shared {
+            self.slope[stamp.target as usize] -= stamp.factor * jacobian[stamp.entry as usize];
+        }
+    }
+
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.constant.len()
+    }
+
+    /// Forms the entries for a group of elements.
+    #[inline(always)]
+    fn fill(&self, at: &Group<'_>, out: &mut [Lanes]) {
+        let values = self.constant.iter().zip(&self.slope);
+        for (out, (constant, slope)) in out.iter_mut().zip(values) {
+            *out = std::array::from_fn(|l| constant + at.h[l] * slope);
+        }
+        for stamp in &self.own {
+            let points = &at.points[stamp.point as usize];
+            let out = &mut out[stamp.target as usize];
+            for l in 0..LANES {
+                let value = at.jacobians[points[l] + stamp.entry as usize];
+                out[l] -= at.h[l] * stamp.factor * value;
+            }
+        }
+    }
 }
 
 impl Stencil {
-    /// The operations for a model with `n` states, `p` parameters and these Jacobian entries.
-    pub fn new(
-        tableau: Arc<Tableau>,
-        (n, p): (usize, usize),
-        jacobian: &[(usize, usize)],
-        state_entries: usize,
-    ) -> Self {
+    /// The matrices for a model of this shape.
+    pub fn new(tableau: Arc<Tableau>, shape: Shape<'_>) -> Self {
         let nested = tableau
             .points
             .iter()
             .any(|point| matches!(&point.value, Value::Combination { q, .. } if !q.is_empty()));
-        let mut stencil = Self {
+        let (n, p, size) = (shape.n, shape.p, shape.n * tableau.unknowns());
+        let [m, k0, b] = match nested {
+            true => [
+                Pattern::dense(size, size),
+                Pattern::dense(size, n),
+                Pattern::dense(size, p),
+            ],
+            false => patterns(&tableau, shape),
+        };
+        let first_of = |row: usize| k0.places.partition_point(|at| at.0 < row);
+        Self {
+            start: k0.assembly(shape.shared, None),
+            parameters: b.assembly(shape.shared, None),
+            start_rows: (0..=size).map(first_of).collect(),
+            jacobian: shape.entries.to_vec(),
+            tableau,
             n,
             p,
-            jacobian: jacobian.to_vec(),
-            state_entries,
             nested,
-            unknown: Vec::new(),
-            start: Vec::new(),
-            parameters: Vec::new(),
-            pattern: Vec::new(),
-            targets: Vec::new(),
-            constant: Vec::new(),
-            tableau: tableau.clone(),
-        };
-        match nested {
-            true => {
-                let size = n * tableau.unknowns();
-                stencil.pattern = (0..size * size).map(|k| (k / size, k % size)).collect();
-                stencil.constant = vec![0.0; size * size];
-            }
-            false => stencil.collect(&tableau),
+            m,
+            k0,
+            b,
         }
-        stencil
-    }
-
-    /// Stamps and pattern of a tableau without nested points.
-    fn collect(&mut self, tableau: &Tableau) {
-        let n = self.n;
-        let mut entries: Vec<((usize, usize), f64)> = Vec::new();
-        for (defect, row) in tableau.defects.iter().enumerate() {
-            for &(j, e) in row.e.iter().filter(|(j, _)| *j > 0) {
-                entries.extend((0..n).map(|l| ((defect * n + l, (j - 1) * n + l), e)));
-            }
-            for &(point, a) in &row.a {
-                let stamp = |factor| Stamp {
-                    point,
-                    defect,
-                    factor,
-                };
-                self.parameters.push(stamp(a));
-                for (j, weight) in weights(&tableau.points[point].value) {
-                    match j {
-                        0 => self.start.push(stamp(a * weight)),
-                        j => {
-                            self.unknown.push(stamp(a * weight));
-                            let own = self.jacobian[..self.state_entries].iter();
-                            let place =
-                                |&(l, c): &(usize, usize)| (defect * n + l, (j - 1) * n + c);
-                            entries.extend(own.map(|at| (place(at), 0.0)));
-                            let own = self.jacobian[..self.state_entries].iter();
-                            self.pattern.extend(own.map(place));
-                        }
-                    }
-                }
-            }
-        }
-        let stamped = std::mem::take(&mut self.pattern);
-        entries.sort_by_key(|e| e.0);
-        for (at, value) in entries {
-            if self.pattern.last() != Some(&at) {
-                self.pattern.push(at);
-                self.constant.push(0.0);
-            }
-            *self.constant.last_mut().expect("pushed above") += value;
-        }
-        let place = |at: &(usize, usize)| self.pattern.partition_point(|p| p < at) as u32;
-        self.targets = stamped.iter().map(place).collect();
     }
 
     /// Number of rows of `M`.
@@ -147,126 +214,165 @@ impl Stencil {
         self.n * self.tableau.unknowns()
     }
 
-    /// The order of elimination for an element with these Jacobians; None when `M` is singular.
-    pub fn order(&self, local: &Local<'_>) -> Option<Factorable> {
-        let mut values = self.constant.clone();
-        match self.nested {
-            true => values.copy_from_slice(&local.dense(self).m),
-            false => self.stamp(local, &self.targets, &mut values),
+    /// Takes the Jacobian's entries that all points share, for the matrices and for `order`.
+    pub fn refresh(&mut self, order: &mut Order, jacobian: &[f64]) {
+        self.start.refresh(jacobian);
+        self.parameters.refresh(jacobian);
+        order.assembly.refresh(jacobian);
+    }
+
+    /// The values of `M` at its pattern, for one element of a group.
+    fn matrix(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Vec<f64> {
+        if self.nested {
+            return self.blocks(at, lane).m;
         }
-        let entries = self.pattern.iter().zip(&values);
+        let mut assembly = self.m.assembly(shared, None);
+        let jacobian = &at.jacobians[at.points[0][lane]..];
+        assembly.refresh(jacobian);
+        let mut out = vec![[0.0; LANES]; assembly.len()];
+        assembly.fill(at, &mut out);
+        out.iter().map(|v| v[lane]).collect()
+    }
+
+    /// The order of elimination for an element of a group; None when its `M` is singular.
+    pub fn order(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Option<Order> {
+        let values = self.matrix(at, lane, shared);
+        let entries = self.m.places.iter().zip(&values);
         let entries: Vec<_> = entries.map(|(&(i, j), v)| (i, j, *v)).collect();
         let symbolic = Symbolic::new(self.size(), &entries)?;
-        let places = symbolic.places(self.pattern.iter().copied());
-        let mut template = vec![0.0; symbolic.entries()];
-        let constant = places.iter().zip(&self.constant);
-        constant.for_each(|(at, v)| template[*at as usize] = *v);
-        Some(Factorable {
-            targets: self.targets.iter().map(|k| places[*k as usize]).collect(),
-            symbolic,
+        let places = symbolic.places(self.m.places.iter().copied());
+        Some(Order {
+            assembly: self.m.assembly(shared, Some((&places, symbolic.entries()))),
             places,
-            template,
+            symbolic,
         })
     }
 
-    fn stamp(&self, local: &Local<'_>, targets: &[u32], out: &mut [f64]) {
-        let targets = targets.chunks_exact(self.state_entries.max(1));
-        for (stamp, targets) in self.unknown.iter().zip(targets) {
-            let factor = -local.h * stamp.factor;
-            for (at, value) in targets.iter().zip(local.jacobian(stamp.point)) {
-                out[*at as usize] += factor * value;
-            }
-        }
-    }
-
-    /// Factors an element's `M` into `lu`. False when a pivot is too small.
-    pub fn factor(
+    /// Factors one element's `M` in an order of its own; the factors stand in the first lane. None when
+    /// it is singular.
+    pub fn factor_alone(
         &self,
-        local: &Local<'_>,
-        order: &Factorable,
-        lu: &mut [f64],
-        work: &mut [f64],
-    ) -> bool {
-        lu.copy_from_slice(&order.template);
-        match self.nested {
-            true => {
-                let m = local.dense(self).m;
-                let values = order.places.iter().zip(m);
-                values.for_each(|(at, v)| lu[*at as usize] = v);
-            }
-            false => self.stamp(local, &order.targets, lu),
-        }
-        order.symbolic.factor(lu, work)
+        at: &Group<'_>,
+        lane: usize,
+        shared: &[bool],
+    ) -> Option<(Symbolic, Vec<Lanes>)> {
+        let order = self.order(at, lane, shared)?;
+        let mut lu = vec![[0.0; LANES]; order.symbolic.entries()];
+        let values = self.matrix(at, lane, shared);
+        let places = order.places.iter().zip(values);
+        places.for_each(|(at, v)| lu[*at as usize][0] = v);
+        let mut work = vec![[0.0; LANES]; self.size()];
+        let regular = order.symbolic.factor(&mut lu, &mut work);
+        regular[0].then_some((order.symbolic, lu))
     }
 
-    /// `to = -K_0 from`.
-    pub fn start<const W: usize>(&self, local: &Local<'_>, from: &[[f64; W]], to: &mut [[f64; W]]) {
-        let n = self.n;
-        to.fill([0.0; W]);
+    /// Forms `M` in the order's places, `K_0` and `B` for a group of elements.
+    #[inline(always)]
+    pub fn fill(
+        &self,
+        order: &Order,
+        at: &Group<'_>,
+        (m, k0, b): (&mut [Lanes], &mut [Lanes], &mut [Lanes]),
+    ) {
         if self.nested {
-            let k0 = local.dense(self).k0;
-            for (row, to) in k0.chunks_exact(n).zip(to) {
-                row.iter()
-                    .zip(from)
-                    .for_each(|(k, from)| axpy(-k, from, to));
+            m.fill([0.0; LANES]);
+            for lane in 0..LANES {
+                let blocks = self.blocks(at, lane);
+                let places = order.places.iter().zip(blocks.m);
+                places.for_each(|(at, v)| m[*at as usize][lane] = v);
+                let set = |out: &mut [Lanes], from: Vec<f64>| {
+                    let pairs = out.iter_mut().zip(from);
+                    pairs.for_each(|(out, v)| out[lane] = v);
+                };
+                set(k0, blocks.k0);
+                set(b, blocks.b);
             }
             return;
         }
-        for (defect, to) in self.tableau.defects.iter().zip(to.chunks_exact_mut(n)) {
-            if let Some(&(0, e)) = defect.e.first() {
-                for (to, from) in to.iter_mut().zip(from) {
-                    axpy(-e, from, to);
+        order.assembly.fill(at, m);
+        self.start.fill(at, k0);
+        self.parameters.fill(at, b);
+    }
+
+    /// `to = -K_0 from`, with one lane of `K_0`.
+    #[inline(always)]
+    pub fn start<const W: usize>(
+        &self,
+        (k0, lane): (&[Lanes], usize),
+        from: &[[f64; W]],
+        to: &mut [[f64; W]],
+    ) {
+        for (rows, to) in self.start_rows.windows(2).zip(to) {
+            let mut row = [0.0; W];
+            let places = &self.k0.places[rows[0]..rows[1]];
+            for (value, (_, column)) in k0[rows[0]..rows[1]].iter().zip(places) {
+                let (from, value) = (&from[*column], value[lane]);
+                for (v, from) in row.iter_mut().zip(from) {
+                    *v -= value * from;
                 }
             }
-        }
-        for stamp in &self.start {
-            let to = &mut to[stamp.defect * n..(stamp.defect + 1) * n];
-            let (entries, factor) = (&self.jacobian[..self.state_entries], local.h * stamp.factor);
-            for (value, &(l, c)) in local.jacobian(stamp.point).iter().zip(entries) {
-                axpy(factor * value, &from[c], &mut to[l]);
-            }
+            *to = row;
         }
     }
 
     /// `out += K_0ᵀ λ`.
-    pub fn start_transposed(&self, local: &Local<'_>, lambda: &[f64], out: &mut [f64]) {
-        let n = self.n;
-        if self.nested {
-            let k0 = local.dense(self).k0;
-            let rows = k0.chunks_exact(n).zip(lambda);
-            rows.for_each(|(row, lambda)| axpy(*lambda, row, out));
-            return;
-        }
-        for (defect, lambda) in self.tableau.defects.iter().zip(lambda.chunks_exact(n)) {
-            if let Some(&(0, e)) = defect.e.first() {
-                axpy(e, lambda, out);
-            }
-        }
-        for stamp in &self.start {
-            let lambda = &lambda[stamp.defect * n..(stamp.defect + 1) * n];
-            let entries = self.jacobian[..self.state_entries].iter();
-            for (value, &(l, c)) in local.jacobian(stamp.point).iter().zip(entries) {
-                out[c] -= local.h * stamp.factor * value * lambda[l];
-            }
+    #[inline(always)]
+    pub fn start_transposed(
+        &self,
+        (k0, lane): (&[Lanes], usize),
+        lambda: &[f64],
+        out: &mut [f64],
+    ) {
+        for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
+            out[*column] += value[lane] * lambda[*row];
         }
     }
 
     /// `to -= B`, whose columns are the first `p`.
-    pub fn parameters<const W: usize>(&self, local: &Local<'_>, to: &mut [[f64; W]]) {
-        let n = self.n;
-        if self.nested {
-            let b = local.dense(self).b;
-            let rows = b.chunks_exact(self.p).zip(to);
-            rows.for_each(|(row, to)| axpy(-1.0, row, &mut to[..self.p]));
-            return;
+    #[inline(always)]
+    pub fn parameters<const W: usize>(&self, (b, lane): (&[Lanes], usize), to: &mut [[f64; W]]) {
+        for (value, (row, column)) in b.iter().zip(&self.b.places) {
+            to[*row][*column] -= value[lane];
         }
-        for stamp in &self.parameters {
-            let entries = self.jacobian[self.state_entries..].iter();
-            let factor = local.h * stamp.factor;
-            for (value, &(l, c)) in local.parameters(stamp.point).iter().zip(entries) {
-                to[stamp.defect * n + l][c - n] += factor * value;
+    }
+}
+
+/// Patterns of `M`, `K_0` and `B` of a tableau without nested points.
+fn patterns(tableau: &Tableau, shape: Shape<'_>) -> [Pattern; 3] {
+    let n = shape.n;
+    let mut constants: [Vec<(Place, f64)>; 2] = Default::default();
+    let mut stamps: [Vec<(Place, (usize, usize, f64))>; 3] = Default::default();
+    for (defect, row) in tableau.defects.iter().enumerate() {
+        for &(j, e) in &row.e {
+            let (which, first) = block(j, n);
+            let places = (0..n).map(|l| ((defect * n + l, first + l), e));
+            constants[which].extend(places);
+        }
+        for &(point, a) in &row.a {
+            for (entry, &(l, c)) in shape.entries.iter().enumerate() {
+                if c >= n {
+                    stamps[2].push(((defect * n + l, c - n), (point, entry, a)));
+                    continue;
+                }
+                for (j, weight) in weights(&tableau.points[point].value) {
+                    let (which, first) = block(j, n);
+                    stamps[which].push(((defect * n + l, first + c), (point, entry, a * weight)));
+                }
             }
         }
+    }
+    [
+        Pattern::new(&constants[0], &stamps[0]),
+        Pattern::new(&constants[1], &stamps[1]),
+        Pattern::new(&[], &stamps[2]),
+    ]
+}
+
+/// Which matrix an element's unknown belongs to (0: `M`, 1: `K_0`), and its first column there.
+fn block(unknown: usize, n: usize) -> (usize, usize) {
+    match unknown.checked_sub(1) {
+        Some(k) => (0, k * n),
+        None => (1, 0),
     }
 }
 
@@ -278,84 +384,80 @@ fn weights(value: &Value) -> Vec<(usize, f64)> {
     }
 }
 
-/// The Jacobians at one element's points.
-#[derive(Debug, Clone, Copy)]
-pub struct Local<'a> {
-    /// Length of the element [s].
-    pub h: f64,
-    points: &'a [u32],
+/// A group of elements of one run: lengths, and where the Jacobians at their points begin.
+#[derive(Debug)]
+pub struct Group<'a> {
+    h: Lanes,
+    /// For each point of the tableau.
+    points: &'a [[usize; LANES]],
     jacobians: &'a [f64],
-    entries: usize,
-    state_entries: usize,
+}
+
+impl<'a> Group<'a> {
+    /// Of these elements, from the Jacobians at all points of the run; `points` is scratch.
+    pub fn new(
+        grid: &Grid,
+        elements: [&Element; LANES],
+        stencil: &Stencil,
+        jacobians: &'a [f64],
+        points: &'a mut Vec<[usize; LANES]>,
+    ) -> Self {
+        let entries = stencil.jacobian.len();
+        let lists = elements.map(|element| grid.points_of(element));
+        let starts = |k: usize| lists.map(|list| list[k] as usize * entries);
+        points.clear();
+        points.extend((0..lists[0].len()).map(starts));
+        Self {
+            h: elements.map(|element| element.h),
+            points,
+            jacobians,
+        }
+    }
 }
 
 /// Dense blocks of an element with nested points, row-major: `s n × n`, `s n × s n`, `s n × p`.
-struct Dense {
+struct Blocks {
     k0: Vec<f64>,
     m: Vec<f64>,
     b: Vec<f64>,
 }
 
-impl<'a> Local<'a> {
-    /// Of an element, from the Jacobians at all points of its run.
-    pub fn new(grid: &'a Grid, element: &Element, stencil: &Stencil, jacobians: &'a [f64]) -> Self {
-        Self {
-            h: element.h,
-            points: grid.points_of(element),
-            jacobians,
-            entries: stencil.jacobian.len(),
-            state_entries: stencil.state_entries,
-        }
-    }
-
-    /// Entries of `J` at a point of the element.
-    fn jacobian(&self, point: usize) -> &'a [f64] {
-        let at = self.points[point] as usize * self.entries;
-        &self.jacobians[at..at + self.state_entries]
-    }
-
-    /// Entries of `∂f/∂θ` at a point of the element.
-    fn parameters(&self, point: usize) -> &'a [f64] {
-        let at = self.points[point] as usize * self.entries;
-        &self.jacobians[at + self.state_entries..at + self.entries]
-    }
-
-    fn dense(&self, stencil: &Stencil) -> Dense {
-        let (n, p, s) = (stencil.n, stencil.p, stencil.tableau.unknowns());
+impl Stencil {
+    /// The blocks of one element of a group.
+    fn blocks(&self, at: &Group<'_>, lane: usize) -> Blocks {
+        let (n, p, s, h) = (self.n, self.p, self.tableau.unknowns(), at.h[lane]);
         let columns = (s + 1) * n + p;
         // Tangents of the points and of their derivatives over [V_0; ..; V_s; θ].
         let mut tangents: Vec<Vec<f64>> = Vec::new();
         let mut derivatives: Vec<Vec<f64>> = Vec::new();
-        for (i, point) in stencil.tableau.points.iter().enumerate() {
+        for (i, point) in self.tableau.points.iter().enumerate() {
             let mut tangent = vec![0.0; n * columns];
             for (j, weight) in weights(&point.value) {
                 (0..n).for_each(|l| tangent[l * columns + j * n + l] += weight);
             }
             if let Value::Combination { q, .. } = &point.value {
                 q.iter()
-                    .for_each(|&(k, q)| axpy(self.h * q, &derivatives[k], &mut tangent));
+                    .for_each(|&(k, q)| axpy(h * q, &derivatives[k], &mut tangent));
             }
             let mut derivative = vec![0.0; n * columns];
-            let states = stencil.jacobian.iter().zip(self.jacobian(i));
-            for (&(l, c), v) in states {
-                let source = &tangent[c * columns..(c + 1) * columns];
-                axpy(*v, source, &mut derivative[l * columns..(l + 1) * columns]);
-            }
-            let own = stencil.jacobian[self.state_entries..]
-                .iter()
-                .zip(self.parameters(i));
-            for (&(l, c), v) in own {
-                derivative[l * columns + (s + 1) * n + c - n] += v;
+            let first = at.points[i][lane];
+            let values = &at.jacobians[first..first + self.jacobian.len()];
+            for (&(l, c), v) in self.jacobian.iter().zip(values) {
+                let own = &mut derivative[l * columns..(l + 1) * columns];
+                match c.checked_sub(n) {
+                    None => axpy(*v, &tangent[c * columns..(c + 1) * columns], own),
+                    Some(parameter) => own[(s + 1) * n + parameter] += v,
+                }
             }
             tangents.push(tangent);
             derivatives.push(derivative);
         }
-        let mut out = Dense {
+        let mut out = Blocks {
             k0: Vec::new(),
             m: Vec::new(),
             b: Vec::new(),
         };
-        for defect in &stencil.tableau.defects {
+        for defect in &self.tableau.defects {
             let mut rows = vec![0.0; n * columns];
             for &(j, e) in &defect.e {
                 (0..n).for_each(|l| rows[l * columns + j * n + l] += e);
@@ -363,7 +465,7 @@ impl<'a> Local<'a> {
             defect
                 .a
                 .iter()
-                .for_each(|&(i, a)| axpy(-self.h * a, &derivatives[i], &mut rows));
+                .for_each(|&(i, a)| axpy(-h * a, &derivatives[i], &mut rows));
             for row in rows.chunks_exact(columns) {
                 out.k0.extend(&row[..n]);
                 out.m.extend(&row[n..(s + 1) * n]);

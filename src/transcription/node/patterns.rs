@@ -1,0 +1,218 @@
+//! Which derivatives are ever other than zero, which are constant, and which are affine: found at random
+//! points.
+
+use super::derivatives::second;
+use super::{Affine, AffineValues, BLOCK, CurvedBlock, CurvedPair, NodeModel, PARTS};
+use pilotage_models::Dynamics;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Random points.
+const PROBES: usize = 8;
+
+/// Derivatives at a random point.
+struct Probe {
+    /// `[x̄; θ̄]`.
+    variables: Vec<f64>,
+    /// First derivatives, rows of `[f̄; measured; bounded]`.
+    first: Vec<Vec<f64>>,
+    /// Second derivatives of those rows, for each pair.
+    second: Vec<Vec<f64>>,
+}
+
+impl<D: Dynamics> NodeModel<D> {
+    /// Sets all patterns.
+    pub(super) fn find_patterns(&mut self) {
+        let (n, p) = (self.n_states(), self.n_parameters());
+        let v = n + p;
+        // Everything, at first.
+        self.pairs = (0..v).flat_map(|i| (i..v).map(move |j| (i, j))).collect();
+        self.curved = (0..v).collect();
+        self.curved_blocks = self.blocks(&vec![true; self.pairs.len()]);
+        let mut random = ChaCha8Rng::seed_from_u64(0x70696c6f74);
+        let mut draw = |count: usize| -> Vec<f64> {
+            let uniform = |v: u32| f64::from(v) / f64::from(u32::MAX) * 2.0 - 1.0;
+            (0..count).map(|_| uniform(random.next_u32())).collect()
+        };
+        let inputs = self.dynamics.n_inputs();
+        let mut probes: Vec<Probe> = Vec::new();
+        for _ in 0..PROBES {
+            let (x, input, theta) = (draw(n), draw(inputs), draw(p));
+            probes.push(self.probe(&x, &input, &theta));
+        }
+        let origin = self.probe(&vec![0.0; n], &draw(inputs), &vec![0.0; p]);
+        let used = |row: usize, column: usize| probes.iter().any(|o| o.first[row][column] != 0.0);
+        let all = (0..v).flat_map(|j| (0..n).map(move |i| (i, j)));
+        self.entries = all.filter(|&(i, j)| used(i, j)).collect();
+        self.state_entries = self.entries.iter().filter(|(_, j)| *j < n).count();
+        let start = |j: usize| self.entries.partition_point(|e| e.1 < j);
+        self.column_starts = (0..=v).map(start).collect();
+        self.outputs = [n, n + 1].map(|row| (0..v).filter(|&j| used(row, j)).collect());
+        self.keep_pairs(&probes);
+        self.find_affine(&origin, &probes);
+    }
+
+    fn probe(&self, x: &[f64], input: &[f64], theta: &[f64]) -> Probe {
+        let (n, v) = (x.len(), x.len() + theta.len());
+        let mut first = vec![vec![0.0; v]; n + 2];
+        let all: Vec<usize> = (0..v).collect();
+        for columns in all.chunks(PARTS) {
+            let mut at = self.duals(theta, columns);
+            for ((own, x), scale) in at.x.iter_mut().zip(x).zip(&self.scales.states) {
+                own.re = x * scale;
+            }
+            self.evaluate(&mut at, input);
+            let (measured, bounded) = self.outputs_of(&at, input);
+            let scaled = at.dx[..n].iter().zip(&self.inverse);
+            let rows = scaled.map(|(dx, inverse)| (dx, *inverse));
+            let rows = rows.chain([(&measured, 1.0), (&bounded, 1.0)]);
+            for (row, (value, factor)) in first.iter_mut().zip(rows) {
+                for (part, &j) in columns.iter().enumerate() {
+                    row[j] = factor * value.eps.0.map_or(0.0, |parts| parts[part]);
+                }
+            }
+        }
+        let mut tensors = vec![vec![0.0; n + 2]; self.pairs.len()];
+        for block in &self.curved_blocks {
+            let mut at = self.hyper_duals(theta, (block.rows, block.columns));
+            for ((own, x), scale) in at.x.iter_mut().zip(x).zip(&self.scales.states) {
+                own.re = x * scale;
+            }
+            self.evaluate(&mut at, input);
+            let (measured, bounded) = self.outputs_of(&at, input);
+            for own in &block.pairs {
+                let out = &mut tensors[own.pair];
+                for (l, f) in at.dx[..n].iter().enumerate() {
+                    out[l] = second(f, own.i, own.j) * self.inverse[l];
+                }
+                out[n] = second(&measured, own.i, own.j);
+                out[n + 1] = second(&bounded, own.i, own.j);
+            }
+        }
+        Probe {
+            variables: [x, theta].concat(),
+            first,
+            second: tensors,
+        }
+    }
+
+    /// Keeps the pairs whose second derivatives are not zero at every probe, and sets those apart that
+    /// are the same at all of them.
+    fn keep_pairs(&mut self, probes: &[Probe]) {
+        let (mut pairs, mut varying, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, pair) in self.pairs.iter().enumerate() {
+            let first = &probes[0].second[k];
+            let used = |row: &usize| probes.iter().any(|probe| probe.second[k][*row] != 0.0);
+            let own: Vec<usize> = (0..first.len()).filter(used).collect();
+            if own.is_empty() {
+                continue;
+            }
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-13 * a.abs().max(b.abs());
+            let same = |probe: &Probe| probe.second[k].iter().zip(first).all(near);
+            let constant = probes.iter().all(same);
+            if constant {
+                let at = pairs.len();
+                (self.constant).extend(own.iter().map(|&row| (at, row, first[row])));
+            }
+            varying.push(!constant);
+            pairs.push(*pair);
+            rows.push(own);
+        }
+        self.pairs = pairs;
+        let of_varying = self.pairs.iter().zip(&varying).filter(|(_, v)| **v);
+        self.curved = of_varying.flat_map(|(&(i, j), _)| [i, j]).collect();
+        self.curved.sort_unstable();
+        self.curved.dedup();
+        self.curved_blocks = self.blocks(&varying);
+        for own in self.curved_blocks.iter_mut().flat_map(|b| &mut b.pairs) {
+            own.rows.clone_from(&rows[own.pair]);
+        }
+    }
+
+    /// The blocks of `curved` that contain wanted pairs.
+    fn blocks(&self, wanted: &[bool]) -> Vec<CurvedBlock> {
+        let place = |j: usize| self.curved.iter().position(|c| *c == j);
+        let mut blocks: Vec<CurvedBlock> = Vec::new();
+        for (pair, &(a, b)) in self.pairs.iter().enumerate().filter(|(k, _)| wanted[*k]) {
+            let (Some(a), Some(b)) = (place(a), place(b)) else {
+                continue;
+            };
+            let (rows, columns) = (a / BLOCK, b / BLOCK);
+            let own = CurvedPair {
+                i: a % BLOCK,
+                j: b % BLOCK,
+                pair,
+                rows: Vec::new(),
+            };
+            let at = |block: &CurvedBlock| (block.rows, block.columns) == (rows, columns);
+            match blocks.iter_mut().find(|block| at(block)) {
+                Some(block) => block.pairs.push(own),
+                None => blocks.push(CurvedBlock {
+                    rows,
+                    columns,
+                    pairs: vec![own],
+                }),
+            }
+        }
+        blocks
+    }
+
+    /// Sets the columns apart that are affine: their values at the origin and the constant second
+    /// derivatives give them at every probe, whatever its input.
+    fn find_affine(&mut self, origin: &Probe, probes: &[Probe]) {
+        let (n, v) = (self.n_states(), origin.variables.len());
+        // Row, column, variable, factor.
+        let mut terms: Vec<(usize, usize, usize, f64)> = Vec::new();
+        for &(pair, row, value) in &self.constant {
+            let (a, b) = self.pairs[pair];
+            terms.push((row, a, b, value));
+            if a != b {
+                terms.push((row, b, a, value));
+            }
+        }
+        let predicted = |probe: &Probe, row: usize, column: usize| {
+            let own = terms.iter().filter(|t| (t.0, t.1) == (row, column));
+            own.fold(origin.first[row][column], |sum, t| {
+                sum + t.3 * probe.variables[t.2]
+            })
+        };
+        let is_affine = |column: &usize| {
+            let near = |probe: &Probe, row: usize| {
+                let (exact, found) = (probe.first[row][*column], predicted(probe, row, *column));
+                (exact - found).abs() <= 1e-12 * (exact.abs() + origin.first[row][*column].abs())
+            };
+            !self.curved.contains(column) && probes.iter().all(|p| (0..n + 2).all(|i| near(p, i)))
+        };
+        let (affine, others): (Vec<usize>, Vec<usize>) = (0..v).partition(is_affine);
+        // Places of the Jacobian, then of each gradient.
+        let places: [Vec<(usize, usize)>; 3] = [
+            self.entries.clone(),
+            self.outputs[0].iter().map(|j| (n, *j)).collect(),
+            self.outputs[1].iter().map(|j| (n + 1, *j)).collect(),
+        ];
+        let values = places.map(|places| {
+            let constants = places.iter().map(|&(i, j)| origin.first[i][j]).collect();
+            let mut out = AffineValues {
+                constants,
+                ..AffineValues::default()
+            };
+            for &(row, column, variable, factor) in &terms {
+                let place = places.iter().position(|at| *at == (row, column));
+                let Some(place) = place.filter(|_| affine.contains(&column)) else {
+                    continue;
+                };
+                match variable.checked_sub(n) {
+                    None => out.states.push((place, variable, factor)),
+                    Some(j) => out.parameters.push((place, j, factor)),
+                }
+            }
+            out
+        });
+        let moves = |entry: usize| values[0].states.iter().any(|term| term.0 == entry);
+        let columns = self.entries.iter().map(|(_, j)| affine.contains(j));
+        self.shared = (columns.enumerate())
+            .map(|(entry, affine)| affine && !moves(entry))
+            .collect();
+        self.affine = Affine { values, others };
+    }
+}
