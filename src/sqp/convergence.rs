@@ -2,7 +2,7 @@
 //! with two-sided inequalities.
 
 use super::iterate::violation;
-use super::{Iterate, Problem};
+use super::{Iterate, Problem, vector};
 
 /// Multipliers beyond this mean scale the dual residual down (Wächter & Biegler: s_max).
 const MULTIPLIER_SCALE: f64 = 100.0;
@@ -30,8 +30,9 @@ impl Kkt {
     pub fn at<P: Problem + ?Sized>(problem: &P, at: &Iterate, lagrangian_gradient: &[f64]) -> Self {
         let (lower, upper) = problem.limits();
         let mean = |sum: f64, n: usize| sum / n.max(1) as f64;
-        let sum_eta: f64 = at.eta.iter().map(|v| v.abs()).sum();
-        let sum_lambda: f64 = at.lambda.iter().map(|v| v.abs()).sum();
+        let magnitude = |[v]: [f64; 1]| v.abs();
+        let sum_eta = vector::sum([&at.eta], magnitude);
+        let sum_lambda = vector::sum([&at.lambda], magnitude);
         let scale = |mean: f64| mean.max(MULTIPLIER_SCALE) / MULTIPLIER_SCALE;
         let s_d = scale(mean(sum_eta + sum_lambda, at.eta.len() + at.lambda.len()));
         let s_c = scale(mean(sum_eta, at.eta.len()));
@@ -43,8 +44,8 @@ impl Kkt {
             _ => 0.0,
         });
         Self {
-            dual: max_abs(lagrangian_gradient) / s_d,
-            primal: outside.fold(max_abs(&at.c), f64::max),
+            dual: vector::largest(lagrangian_gradient) / s_d,
+            primal: outside.fold(vector::largest(&at.c), f64::max),
             complementarity: products.fold(0.0, f64::max) / s_c,
         }
     }
@@ -58,11 +59,4 @@ impl Kkt {
             self.dual.max(self.primal).max(self.complementarity)
         }
     }
-}
-
-fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(
-        0.0,
-        |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) },
-    )
 }

@@ -10,7 +10,7 @@
 //! equalities would add up the curvature of thousands of defects, of either sign, and forbid them.
 
 use super::iterate::violation;
-use super::{Iterate, Problem, Step};
+use super::{Iterate, Problem, Step, vector};
 
 /// Fraction to which ρ may fall from one iteration to the next: multipliers improve as it runs.
 const PENALTY_FALL: f64 = 0.1;
@@ -37,11 +37,8 @@ impl Merit {
         if !at.is_finite() {
             return f64::INFINITY;
         }
-        let equalities =
-            at.c.iter()
-                .zip(&at.lambda)
-                .map(|(c, l)| c * (l + 0.5 * self.penalty * c));
-        at.f + equalities.sum::<f64>() + self.outside(problem, at)
+        let term = |[c, l]: [f64; 2]| c * (l + 0.5 * self.penalty * c);
+        at.f + vector::sum([&at.c, &at.lambda], term) + self.outside(problem, at)
     }
 
     /// Weighted violation of the inequalities.
@@ -68,14 +65,10 @@ impl Merit {
         for (w, y) in self.inequality.iter_mut().zip(&step.eta) {
             *w = y.abs().max(0.5 * (*w + y.abs()));
         }
-        let squares: f64 = at.c.iter().map(|c| c * c).sum();
-        let held: f64 = at.c.iter().zip(&at.lambda).map(|(c, l)| c * l).sum();
-        let change: f64 =
-            at.c.iter()
-                .zip(&at.lambda)
-                .zip(&step.lambda)
-                .map(|((c, l), new)| c * (new - l))
-                .sum();
+        let (squares, held) = (vector::dot(&at.c, &at.c), vector::dot(&at.c, &at.lambda));
+        let change = vector::sum([&at.c, &at.lambda, &step.lambda], |[c, l, new]| {
+            c * (new - l)
+        });
         // At most: relaxed rows carry the largest weight.
         let heaviest = self.inequality.iter().copied().fold(0.0, f64::max);
         let outside = self.outside(problem, at) - heaviest * step.violation;

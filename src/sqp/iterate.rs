@@ -1,6 +1,6 @@
 //! A point with its multipliers and values.
 
-use super::Problem;
+use super::{Problem, vector};
 
 /// A primal-dual point and the problem's values there.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,7 +42,7 @@ impl Iterate {
 
     /// True when every value is finite.
     pub fn is_finite(&self) -> bool {
-        self.f.is_finite() && self.c.iter().chain(&self.g).all(|v| v.is_finite())
+        self.f.is_finite() && vector::is_finite(&self.c) && vector::is_finite(&self.g)
     }
 }
 

@@ -5,9 +5,12 @@ use super::Problem;
 use super::globalisation::Model;
 use super::qp::{QpSolver, Step};
 use super::solver::Sqp;
+use super::vector::{dot, largest};
 
 /// Longest second-order correction, relative to the step or the correction before it.
-const CORRECTION_RATE: f64 = 0.5;
+const CORRECTION_RATE: f64 = 0.35;
+/// Part of the predicted length of a shorter step that is tried.
+const SAFETY: f64 = 0.6;
 /// Fall of the equalities by a full step beyond which its correction need not be measured.
 const CONTRACTION: f64 = 0.1;
 /// Limit on second-order corrections of one step.
@@ -17,13 +20,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// The step length at which the merit falls enough, and how the fall compares with the model's.
     /// Leaves the accepted point in `trial`.
     pub(super) fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
-        let slope: f64 = self
-            .qp
-            .gradient()
-            .iter()
-            .zip(&self.step.d)
-            .map(|(g, d)| g * d)
-            .sum();
+        let slope = dot(self.qp.gradient(), &self.step.d);
         let model = self
             .merit
             .prepare(self.problem, &self.current, &self.step, slope);
@@ -33,10 +30,10 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             model,
             armijo: self.options.armijo,
         };
-        if let Some(ratio) = self.full_step(&test) {
-            return Some((1.0, ratio));
-        }
-        let mut alpha = 0.5;
+        let mut alpha = match self.full_step(&test) {
+            Ok(ratio) => return Some((1.0, ratio)),
+            Err(value) => test.shortened(value),
+        };
         while alpha >= shortest {
             self.try_step(alpha);
             let value = self.merit.value(self.problem, &self.trial);
@@ -49,21 +46,29 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 
     /// The full step, as it is or with a second-order correction, if either passes and the correction
-    /// is short.
-    fn full_step(&mut self, test: &Descent) -> Option<f64> {
+    /// is short; otherwise the merit at the step as it is.
+    fn full_step(&mut self, test: &Descent) -> Result<f64, f64> {
         self.try_step(1.0);
         let value = self.merit.value(self.problem, &self.trial);
         if test.is_rounding() && test.passes(value, 1.0) {
             // The merit says nothing any more; a Newton step still improves the residual.
-            return Some(1.0);
+            return Ok(1.0);
         }
         if !value.is_finite() {
-            return None;
+            return Err(value);
         }
         if test.passes(value, 1.0) && self.contracts() {
-            return Some(test.ratio(value));
+            return Ok(test.ratio(value));
         }
-        let mut step = self.step.clone();
+        self.corrected(test, value).ok_or(value)
+    }
+
+    /// Second-order corrections of the full step, which led to `trial` with this merit.
+    fn corrected(&mut self, test: &Descent, value: f64) -> Option<f64> {
+        let mut step = Step {
+            d: self.step.d.clone(),
+            ..Step::default()
+        };
         let mut length = largest(&step.d);
         for round in 0..MAX_CORRECTIONS {
             let moved = self.correct(&mut step)?;
@@ -95,10 +100,13 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     fn correct(&mut self, step: &mut Step) -> Option<f64> {
         self.work.qps += 1;
         self.qp.correct(self.problem, &self.trial, step).ok()?;
-        let points = self.trial.z.iter().zip(&self.current.z).zip(&step.d);
-        Some(points.fold(0.0, |moved: f64, ((trial, z), d)| {
-            moved.max((z + d - trial).abs())
-        }))
+        let moves = (self.trial.z.iter().zip(&self.current.z)).zip(&step.d);
+        let mut moved = 0.0;
+        for ((trial, z), d) in moves {
+            let by = (z + d - trial).abs();
+            moved = if by > moved { by } else { moved };
+        }
+        Some(moved)
     }
 
     /// Moves the trial to where `step` leads. None outside the problem's domain.
@@ -139,11 +147,6 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 }
 
-/// Largest magnitude.
-fn largest(v: &[f64]) -> f64 {
-    v.iter().fold(0.0, |m, x| x.abs().max(m))
-}
-
 /// Test of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), blind to rounding.
 struct Descent {
     start: f64,
@@ -163,6 +166,17 @@ impl Descent {
 
     fn passes(&self, value: f64, alpha: f64) -> bool {
         value <= self.start + self.armijo * alpha * self.model.derivative.min(0.0) + self.rounding()
+    }
+
+    /// Where the search begins when the full step, with this merit, was refused. Far from where the
+    /// linearisation holds, the equalities grow with the square of the step, and their part of the merit
+    /// with its fourth power.
+    fn shortened(&self, value: f64) -> f64 {
+        let (rise, slope) = (value - self.start, -self.model.derivative.min(0.0));
+        match rise.is_finite() && rise > 0.0 {
+            true => (SAFETY * slope / (rise + slope)).cbrt().min(0.5),
+            false => 0.5,
+        }
     }
 
     /// Decrease over the decrease that the model predicts for the full step.

@@ -21,6 +21,7 @@ pub mod solution;
 pub mod solver;
 pub mod sparse_qp;
 pub mod status;
+mod vector;
 
 pub use convergence::Kkt;
 pub use curvature::Curvature;

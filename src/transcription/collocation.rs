@@ -143,8 +143,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             values.combine(grid, v, i, n);
             let input = &grid.inputs[i * inputs..(i + 1) * inputs];
             let x = point.state.of(v, &values.combined, n);
-            let f = &mut values.f[i * n..(i + 1) * n];
-            let outputs = model.evaluate(x, input, f);
+            let outputs = model.evaluate(x, input, &mut values.f);
             if let Some(sample) = point.sample {
                 observe(sample, outputs);
             }
@@ -181,14 +180,29 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             let points = grid.points_of(element);
             let own = c[element.first * n..].chunks_exact_mut(n);
             for (defect, out) in element.tableau.defects.iter().zip(own) {
-                out.fill(0.0);
-                for &(j, e) in &defect.e {
-                    let v = &v[(element.first + j) * n..];
-                    out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
-                }
-                for &(i, a) in &defect.a {
-                    let (f, a) = (&values.f[points[i] as usize * n..], element.h * a);
-                    out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
+                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
+                let of_point = |i: usize| &values.f[points[i] as usize * n..][..n];
+                match (defect.e.as_slice(), defect.a.as_slice()) {
+                    // Two nodes and two points, as the trapezoid has, in one pass.
+                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
+                        let (a, b) = (element.h * a, element.h * b);
+                        let (v, w) = (of_node(j), of_node(k));
+                        let (f, g) = (of_point(i), of_point(l));
+                        for (m, out) in out.iter_mut().enumerate() {
+                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
+                        }
+                    }
+                    _ => {
+                        out.fill(0.0);
+                        for &(j, e) in &defect.e {
+                            let v = of_node(j);
+                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
+                        }
+                        for &(i, a) in &defect.a {
+                            let (f, a) = (of_point(i), element.h * a);
+                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
+                        }
+                    }
                 }
             }
         }
@@ -240,7 +254,7 @@ impl PointValues {
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         Self {
-            f: vec![0.0; grid.points.len() * n],
+            f: Vec::with_capacity(grid.points.len() * n),
             combined: vec![0.0; grid.combinations * n],
         }
     }

@@ -69,7 +69,7 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
     let model = NodeModel::new(dynamics, scales);
     let (point, input, weight) = (draw.vector(n + p), draw.vector(1), draw.vector(n + 2));
     let values = |v: &[f64]| {
-        let mut f = vec![0.0; n];
+        let mut f = Vec::new();
         let (measured, bounded) = model.values(&v[n..]).evaluate(&v[..n], &input, &mut f);
         f.extend([measured, bounded]);
         f
@@ -107,7 +107,9 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
         (&at.bounded_gradient, &exact.bounded_gradient),
     ] {
         let pairs = one.iter().zip(other).enumerate();
-        pairs.for_each(|(k, (a, b))| assert_near(*a, *b, 1e-6 * largest(one), &format!("place {k}")));
+        pairs.for_each(|(k, (a, b))| {
+            assert_near(*a, *b, 1e-6 * largest(one), &format!("place {k}"))
+        });
     }
     assert_eq!([at.outputs.0, at.outputs.1], values(&point)[n..]);
     let mut rows = vec![vec![0.0; n + p]; n];

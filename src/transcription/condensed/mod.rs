@@ -175,7 +175,8 @@ impl Stencils {
                 let known = out.kinds.iter().position(same);
                 let kind = known.unwrap_or_else(|| {
                     let tableau = element.tableau.clone();
-                    out.kinds.push((Stencil::new(tableau, shape), Order::default()));
+                    out.kinds
+                        .push((Stencil::new(tableau, shape), Order::default()));
                     out.kinds.len() - 1
                 });
                 kinds.push(kind as u32);

@@ -2,9 +2,9 @@
 
 use super::Stencils;
 use super::dense::{axpy, dot};
-use super::lanes::{Lanes, vectorised};
+use super::lanes::{self, Kernel, LANES, Lanes, width};
 use super::sparse_lu::Symbolic;
-use super::sweep::{Span, with_width};
+use super::sweep::Span;
 use crate::sqp::{Hessian, Iterate};
 use crate::transcription::Collocation;
 use crate::transcription::collocation::PointValues;
@@ -73,11 +73,10 @@ pub struct Rows {
 /// Scratch of the sweeps, as large as the largest element needs.
 #[derive(Debug, Clone, Default)]
 pub struct Work {
-    pub right: Vec<f64>,
     pub pivots: Vec<f64>,
     pub lanes: Vec<Lanes>,
     pub parameters: Vec<Lanes>,
-    pub points: Vec<[usize; super::lanes::LANES]>,
+    pub points: Vec<[usize; LANES]>,
 }
 
 impl Rows {
@@ -117,7 +116,7 @@ impl RunSweep {
         let (run, grid) = (&problem.runs[j], &problem.grids[j]);
         let (samples, points) = (run.time.len(), grid.points.len());
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let w = (p + free.len() + 1).next_multiple_of(4);
+        let w = width(p + free.len() + 1);
         let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
         let size = n * largest.unwrap_or(0).max(1);
         Self {
@@ -137,9 +136,8 @@ impl RunSweep {
             k0: Vec::new(),
             special: BTreeMap::new(),
             work: Work {
-                right: vec![0.0; size * w],
                 pivots: vec![0.0; size],
-                lanes: vec![[0.0; super::lanes::LANES]; size],
+                lanes: vec![[0.0; LANES]; size],
                 ..Work::default()
             },
             theta_gradient: vec![0.0; p],
@@ -194,11 +192,12 @@ impl RunSweep {
         let pairs = model.pairs.len();
         let mut derivatives = model.derivatives(problem.theta(z), exact);
         self.theta_lagrangian.fill(0.0);
+        let mut full: Gradient;
         for (i, point) in grid.points.iter().enumerate().rev() {
             let x = values.states(grid, v, i, n);
             let input = &grid.inputs[i * inputs..(i + 1) * inputs];
             let (measured, _) = derivatives.evaluate(x, input);
-            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
+            full = [0.0; 2 * MAX_SIZE];
             let (mut pull, mut push) = (0.0, 0.0);
             if let Some(sample) = point.sample {
                 let k = sample as usize;
@@ -290,12 +289,13 @@ impl RunSweep {
         if nested {
             self.omega.fill(0.0);
         }
+        let mut full: Gradient;
         for (i, point) in grid.points.iter().enumerate().rev() {
             let sample = self.recorded(point);
             if sample.is_none() && !nested {
                 continue;
             }
-            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
+            full = [0.0; 2 * MAX_SIZE];
             if let Some(k) = sample {
                 let pull = -self.weight[k] * self.residual[k];
                 let own = self.of_sample(Output::Measured, k, columns.len());
@@ -337,7 +337,15 @@ impl RunSweep {
         at: Place<'_, D, C>,
         exact: bool,
     ) -> (Vec<f64>, Vec<f64>) {
-        vectorised(|| with_width!(self.w, W => self.reduced::<D, C, W>(at, exact)))
+        let w = self.w;
+        lanes::run(
+            w,
+            Reduce {
+                own: self,
+                at,
+                exact,
+            },
+        )
     }
 
     #[inline(always)]
@@ -407,7 +415,13 @@ impl RunSweep {
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        vectorised(|| with_width!(self.w, W => self.reduced_vector::<D, C, W>(at, kind, vector)));
+        let kernel = ReduceVector {
+            own: self,
+            at,
+            kind,
+            vector,
+        };
+        lanes::run(self.w, kernel);
     }
 
     #[inline(always)]
@@ -418,13 +432,13 @@ impl RunSweep {
         vector: &mut [f64],
     ) {
         let (n, p) = (self.n, self.p);
-        let mut step: Gradient = [0.0; 2 * MAX_SIZE];
+        let (mut step, mut full): (Gradient, Gradient) = ([0.0; 2 * MAX_SIZE], [0.0; 2 * MAX_SIZE]);
         let mut sum = [0.0; W];
         for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
             step[..n].copy_from_slice(self.e_of(&point.state));
-            let Some(full) = self.model_gradient(at, i, kind, &step) else {
+            if !self.model_gradient(at, i, kind, &step, &mut full) {
                 continue;
-            };
+            }
             let (s, _) = self.s_of(&point.state).as_chunks::<W>();
             for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| **g != 0.0) {
                 add(*g, s, &mut sum);
@@ -434,7 +448,7 @@ impl RunSweep {
         axpy(1.0, &sum, vector);
     }
 
-    /// Point `i`'s `g + W [δx; δθ]` (the first n + p); None when that is zero.
+    /// Writes point `i`'s `g + W [δx; δθ]` into `out` (the first n + p); false when that is zero.
     #[inline(always)]
     fn model_gradient<D: Dynamics, C: ParameterConstraints>(
         &self,
@@ -442,14 +456,15 @@ impl RunSweep {
         i: usize,
         kind: Hessian,
         step: &Gradient,
-    ) -> Option<Gradient> {
+        out: &mut Gradient,
+    ) -> bool {
         let model = &at.problem.model;
         let sample = self.recorded(&at.problem.grids[at.j].points[i]);
         let curved = kind == Hessian::Exact && !model.pairs.is_empty();
         if sample.is_none() && !curved {
-            return None;
+            return false;
         }
-        let mut out: Gradient = [0.0; 2 * MAX_SIZE];
+        *out = [0.0; 2 * MAX_SIZE];
         if let Some(k) = sample {
             let columns = model.columns(Output::Measured);
             let own = self.of_sample(Output::Measured, k, columns.len());
@@ -468,7 +483,7 @@ impl RunSweep {
                 }
             }
         }
-        Some(out)
+        true
     }
 
     /// A gradient's product with a step.
@@ -497,7 +512,10 @@ impl RunSweep {
         let dx = self.dx_of(&grid.points[grid.observed[sample]].state);
         let own = self.of_sample(Output::Bounded, sample, columns.len());
         let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
-        own.iter().zip(columns).map(|(value, c)| value * step(*c)).sum()
+        own.iter()
+            .zip(columns)
+            .map(|(value, c)| value * step(*c))
+            .sum()
     }
 
     /// Writes the linear changes of the bounded signal at all samples for these reduced variables into
@@ -505,7 +523,7 @@ impl RunSweep {
     pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
         let mut padded = rho.to_vec();
         padded.resize(self.w, 0.0);
-        vectorised(|| with_width!(self.w, W => expand_rows::<W>(&mut self.bounded, &padded)));
+        lanes::run(self.w, Expand(&mut self.bounded, &padded));
         &self.bounded.dx
     }
 
@@ -513,12 +531,8 @@ impl RunSweep {
     pub fn expand(&mut self, rho: &[f64]) {
         let mut padded = rho.to_vec();
         padded.resize(self.w, 0.0);
-        vectorised(|| {
-            with_width!(self.w, W => {
-                expand_rows::<W>(&mut self.nodes, &padded);
-                expand_rows::<W>(&mut self.combined, &padded);
-            })
-        });
+        lanes::run(self.w, Expand(&mut self.nodes, &padded));
+        lanes::run(self.w, Expand(&mut self.combined, &padded));
     }
 
     /// The bounded signal's offsets from those of the unknowns and points.
@@ -547,11 +561,9 @@ impl RunSweep {
         (dtheta, eta): (&[f64], &[f64]),
         lambda: &mut [f64],
     ) -> f64 {
-        vectorised(|| {
-            let curvature = self.step_gradient(at, kind, (dtheta, eta));
-            self.eliminate_backward(at, stencils, lambda);
-            curvature
-        })
+        let curvature = self.step_gradient(at, kind, (dtheta, eta));
+        self.eliminate_backward(at, stencils, lambda);
+        curvature
     }
 
     /// Writes the derivatives of the Lagrangian's model at the last expanded step, but for the defects'
@@ -577,12 +589,11 @@ impl RunSweep {
         }
         let mut step: Gradient = [0.0; 2 * MAX_SIZE];
         step[n..n + self.p].copy_from_slice(dtheta);
+        let mut full: Gradient = [0.0; 2 * MAX_SIZE];
         let mut curvature = 0.0;
         for (i, point) in grid.points.iter().enumerate().rev() {
             step[..n].copy_from_slice(self.dx_of(&point.state));
-            let mut full: Gradient = [0.0; 2 * MAX_SIZE];
-            if let Some(own) = self.model_gradient(at, i, kind, &step) {
-                full = own;
+            if self.model_gradient(at, i, kind, &step, &mut full) {
                 curvature += dot(&full[..n + self.p], &step[..n + self.p]);
                 if let Some(k) = self.recorded(point) {
                     // The objective's gradient is in `full`, and no part of the Hessian.
@@ -590,6 +601,8 @@ impl RunSweep {
                     let along = self.along(own, measured, &step);
                     curvature += self.weight[k] * self.residual[k] * along;
                 }
+            } else {
+                full[..n].fill(0.0);
             }
             let sample = point.sample.map(|k| k as usize);
             if let Some(k) = sample.filter(|k| eta[*k] != 0.0) {
@@ -625,20 +638,58 @@ fn distribute(combination: &Combination, gradient: &[f64], nodes: &mut [f64], om
     }
 }
 
-/// `dx = S ρ + e`.
-#[inline(always)]
-fn expand_rows<const W: usize>(rows: &mut Rows, rho: &[f64]) {
-    let rho = rho.first_chunk::<W>().expect("padded");
-    let (s, _) = rows.s.as_chunks::<W>();
-    for ((dx, s), e) in rows.dx.iter_mut().zip(s).zip(&rows.e) {
-        // Four sums at once: a product of rows is otherwise one chain of additions.
-        let mut sums = [0.0; 4];
-        for (s, rho) in s.chunks_exact(4).zip(rho.chunks_exact(4)) {
-            for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
-                *sum += s * rho;
+struct Reduce<'a, D, C> {
+    own: &'a mut RunSweep,
+    at: Place<'a, D, C>,
+    exact: bool,
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Kernel for Reduce<'_, D, C> {
+    type Output = (Vec<f64>, Vec<f64>);
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> Self::Output {
+        self.own.reduced::<D, C, W>(self.at, self.exact)
+    }
+}
+
+struct ReduceVector<'a, D, C> {
+    own: &'a RunSweep,
+    at: Place<'a, D, C>,
+    kind: Hessian,
+    vector: &'a mut [f64],
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Kernel for ReduceVector<'_, D, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        (self.own).reduced_vector::<D, C, W>(self.at, self.kind, self.vector);
+    }
+}
+
+/// `dx = S ρ + e` of these rows, for padded reduced variables.
+struct Expand<'a>(&'a mut Rows, &'a [f64]);
+
+impl Kernel for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        let Self(rows, rho) = self;
+        let rho = rho.first_chunk::<W>().expect("padded");
+        let (s, _) = rows.s.as_chunks::<W>();
+        for ((dx, s), e) in rows.dx.iter_mut().zip(s).zip(&rows.e) {
+            // Four sums at once: a product of rows is otherwise one chain of additions.
+            let mut sums = [0.0; LANES];
+            for (s, rho) in s.chunks_exact(LANES).zip(rho.chunks_exact(LANES)) {
+                for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
+                    *sum += s * rho;
+                }
             }
+            *dx = e + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
         }
-        *dx = e + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
     }
 }
 

@@ -6,6 +6,7 @@
 //! checks its pivots; where one has become too small, the caller orders that matrix anew.
 
 use super::lanes::{LANES, Lanes, less, times};
+use std::cmp::Ordering;
 use std::ops::Range;
 
 /// Smallest pivot beside the largest entry of its row when the order is chosen.
@@ -15,20 +16,31 @@ const SMALLEST: f64 = 1e-6;
 /// Rows of lowest count among which the next pivot is sought.
 const CANDIDATES: usize = 4;
 
-/// Order of elimination and pattern of the factors of a square matrix.
+/// Order of elimination and pattern of the factors `L D U` of a square matrix, `L` and `U` with unit
+/// diagonals.
+///
+/// The factors' entries stand in one list: those of `L` by ascending rows, those of `U` by descending
+/// rows, the inverse pivots `D⁻¹`; so a solution takes them in the order in which they stand.
 #[derive(Debug, Clone, Default)]
 pub struct Symbolic {
     /// Original row and column of each pivot.
     rows: Vec<usize>,
     columns: Vec<usize>,
-    /// Start of each row of the factors, in the pivots' order.
-    start: Vec<usize>,
-    /// Columns of the factors' entries, in the pivots' order, ascending.
+    /// Original column of the pivot of each original row: where a right-hand side's row begins.
+    slots: Vec<u32>,
+    lower: Triangle,
+    upper: Triangle,
+}
+
+/// The entries of `L` or `U` row by row.
+#[derive(Debug, Clone, Default)]
+struct Triangle {
+    /// Entries of each row, in the pivots' order.
+    rows: Vec<Range<usize>>,
+    /// Columns of the entries, in the pivots' order.
     column: Vec<u32>,
-    /// The original columns of the factors' entries.
-    source: Vec<u32>,
-    /// Place of each diagonal entry.
-    diagonal: Vec<usize>,
+    /// The entries as operations on a solution in the original columns: row, column.
+    operations: Vec<(u32, u32)>,
 }
 
 impl Symbolic {
@@ -74,27 +86,25 @@ impl Symbolic {
         lower: &[Vec<usize>],
         upper: &[Vec<usize>],
     ) -> Self {
-        let mut place = vec![0; columns.len()];
-        columns.iter().enumerate().for_each(|(k, j)| place[*j] = k);
-        let mut out = Self {
-            start: vec![0],
-            ..Self::default()
+        let (size, place) = (rows.len(), inverse(&columns));
+        let mut slots = vec![0; size];
+        let pivots = rows.iter().zip(&columns);
+        pivots.for_each(|(i, j)| slots[*i] = *j as u32);
+        let of_row = |k: usize| {
+            let mut own: Vec<usize> = upper[k].iter().map(|j| place[*j]).collect();
+            own.retain(|c| *c != k);
+            own.sort_unstable();
+            own
         };
-        for (&i, upper) in rows.iter().zip(upper) {
-            let mut pattern = lower[i].clone();
-            pattern.extend(upper.iter().map(|j| place[*j]));
-            pattern.sort_unstable();
-            let k = out.diagonal.len();
-            let at = pattern.partition_point(|c| *c < k);
-            out.diagonal.push(out.column.len() + at);
-            out.source
-                .extend(pattern.iter().map(|c| columns[*c] as u32));
-            out.column.extend(pattern.into_iter().map(|c| c as u32));
-            out.start.push(out.column.len());
+        let below = (0..size).map(|k| (k, lower[rows[k]].clone()));
+        let above = (0..size).rev().map(|k| (k, of_row(k)));
+        Self {
+            lower: Triangle::new(&columns, below),
+            upper: Triangle::new(&columns, above),
+            rows,
+            columns,
+            slots,
         }
-        out.rows = rows;
-        out.columns = columns;
-        out
     }
 
     /// Number of rows.
@@ -104,144 +114,179 @@ impl Symbolic {
 
     /// Number of entries of the factors.
     pub fn entries(&self) -> usize {
-        self.column.len()
+        self.lower.column.len() + self.upper.column.len() + self.size()
     }
 
     /// Places in the factors of entries given as `(row, column)`.
     pub fn places(&self, entries: impl Iterator<Item = (usize, usize)>) -> Vec<u32> {
-        let inverse = |order: &[usize]| {
-            let mut out = vec![0; order.len()];
-            order.iter().enumerate().for_each(|(k, i)| out[*i] = k);
-            out
-        };
         let (row, column) = (inverse(&self.rows), inverse(&self.columns));
+        let first = self.lower.column.len();
         let place = |(i, j): (usize, usize)| {
-            let range = self.start[row[i]]..self.start[row[i] + 1];
-            let own = &self.column[range.clone()];
-            (range.start + own.partition_point(|c| (*c as usize) < column[j])) as u32
+            let (k, c) = (row[i], column[j]);
+            match c.cmp(&k) {
+                Ordering::Less => self.lower.place(k, c),
+                Ordering::Equal => first + self.upper.column.len() + k,
+                Ordering::Greater => first + self.upper.place(k, c),
+            }
         };
-        entries.map(place).collect()
+        entries.map(|at| place(at) as u32).collect()
     }
 
     /// Factors four matrices in place; `lu` holds them at their [`places`](Self::places) and zeros
-    /// elsewhere, and the inverse pivots on the diagonal afterwards. Returns which of them have no pivot
-    /// that is too small; the factors of the others mean nothing. `work` has [`size`](Self::size) entries.
+    /// elsewhere. Returns which of them have no pivot that is too small; the factors of the others mean
+    /// nothing. `work` has [`size`](Self::size) entries.
     #[inline(always)]
     pub fn factor(&self, lu: &mut [Lanes], work: &mut [Lanes]) -> [bool; LANES] {
+        let (lower, rest) = lu.split_at_mut(self.lower.column.len());
+        let (upper, inverses) = rest.split_at_mut(self.upper.column.len());
         let mut regular = [true; LANES];
         for k in 0..self.size() {
-            let (start, diagonal, end) = (self.start[k], self.diagonal[k], self.start[k + 1]);
-            for (column, value) in self.column[start..end].iter().zip(&lu[start..end]) {
-                work[*column as usize] = *value;
+            let (below, above) = (self.lower.rows[k].clone(), self.upper.rows[k].clone());
+            let columns = &self.lower.column[below.clone()];
+            let to_the_right = &self.upper.column[above.clone()];
+            for (c, value) in columns.iter().zip(&lower[below.clone()]) {
+                work[*c as usize] = *value;
             }
-            for i in &self.column[start..diagonal] {
+            for (c, value) in to_the_right.iter().zip(&upper[above.clone()]) {
+                work[*c as usize] = *value;
+            }
+            work[k] = inverses[k];
+            for (i, l) in columns.iter().zip(&mut lower[below]) {
                 let i = *i as usize;
-                let factor = times(work[i], lu[self.diagonal[i]]);
-                work[i] = factor;
-                let row = self.diagonal[i] + 1..self.start[i + 1];
-                for (c, u) in self.column[row.clone()].iter().zip(&lu[row]) {
+                let value = work[i];
+                *l = times(value, inverses[i]);
+                let row = self.upper.rows[i].clone();
+                for (c, u) in self.upper.column[row.clone()].iter().zip(&upper[row]) {
                     let c = *c as usize;
-                    work[c] = less(work[c], factor, *u);
+                    work[c] = less(work[c], value, *u);
                 }
             }
-            let mut largest = [0.0_f64; LANES];
-            for at in start..end {
-                let value = work[self.column[at] as usize];
-                lu[at] = value;
-                if at >= diagonal {
-                    for (largest, v) in largest.iter_mut().zip(value) {
-                        *largest = largest.max(v.abs());
-                    }
-                }
+            let pivot = work[k];
+            let mut largest = pivot.map(f64::abs);
+            let inverse = pivot.map(|v| 1.0 / v);
+            inverses[k] = inverse;
+            for (c, u) in to_the_right.iter().zip(&mut upper[above]) {
+                let value = work[*c as usize];
+                largest = std::array::from_fn(|l| largest[l].max(value[l].abs()));
+                *u = times(value, inverse);
             }
-            let pivots = &mut lu[diagonal];
-            for ((pivot, largest), regular) in pivots.iter_mut().zip(largest).zip(&mut regular) {
+            for ((pivot, largest), regular) in pivot.iter().zip(largest).zip(&mut regular) {
                 // A NaN fails too.
                 *regular &=
                     pivot.abs() >= SMALLEST * largest && *pivot != 0.0 && largest.is_finite();
-                *pivot = 1.0 / *pivot;
             }
         }
         regular
     }
 }
 
+impl Triangle {
+    /// From the rows' columns, all in the pivots' order, in the order of solution.
+    fn new(columns: &[usize], rows: impl Iterator<Item = (usize, Vec<usize>)>) -> Self {
+        let mut out = Self {
+            rows: vec![0..0; columns.len()],
+            ..Self::default()
+        };
+        for (k, own) in rows {
+            let first = out.column.len();
+            for c in own {
+                out.column.push(c as u32);
+                out.operations.push((columns[k] as u32, columns[c] as u32));
+            }
+            out.rows[k] = first..out.column.len();
+        }
+        out
+    }
+
+    /// Place of an entry.
+    fn place(&self, row: usize, column: usize) -> usize {
+        let range = self.rows[row].clone();
+        let own = &self.column[range.clone()];
+        range.start + own.partition_point(|c| (*c as usize) < column)
+    }
+}
+
+fn inverse(order: &[usize]) -> Vec<usize> {
+    let mut out = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(k, i)| out[*i] = k);
+    out
+}
+
 /// The factors of one of four matrices.
 #[derive(Debug, Clone, Copy)]
 pub struct Factors<'a> {
-    /// Their order and pattern.
-    pub symbolic: &'a Symbolic,
-    /// The four matrices' factors.
-    pub lu: &'a [Lanes],
-    /// Which of them.
-    pub lane: usize,
+    symbolic: &'a Symbolic,
+    lower: &'a [Lanes],
+    upper: &'a [Lanes],
+    inverses: &'a [Lanes],
+    lane: usize,
 }
 
-impl Factors<'_> {
-    /// Solves `A X = B` for `W` right-hand sides.
+impl<'a> Factors<'a> {
+    /// Of one of the matrices that were factored together.
     #[inline(always)]
-    pub fn solve<const W: usize>(&self, b: &[[f64; W]], x: &mut [[f64; W]]) {
-        let order = self.symbolic;
-        // Rows of the solution of L y = b wait in x, in the pivots' order of columns.
-        for (k, (&from, &to)) in order.rows.iter().zip(&order.columns).enumerate() {
-            let at = order.start[k]..order.diagonal[k];
-            x[to] = self.reduced(at, b[from], x);
-        }
-        for (k, &to) in order.columns.iter().enumerate().rev() {
-            let at = order.diagonal[k] + 1..order.start[k + 1];
-            let row = self.reduced(at, x[to], x);
-            let inverse = self.lu[order.diagonal[k]][self.lane];
-            x[to] = row.map(|v| v * inverse);
+    pub fn new(symbolic: &'a Symbolic, lu: &'a [Lanes], lane: usize) -> Self {
+        let (lower, rest) = lu.split_at(symbolic.lower.column.len());
+        let (upper, inverses) = rest.split_at(symbolic.upper.column.len());
+        Self {
+            symbolic,
+            lower,
+            upper,
+            inverses,
+            lane,
         }
     }
 
-    /// `row` less the rows of `x` times the factors' entries.
+    /// Where each row of a right-hand side has its place.
     #[inline(always)]
-    fn reduced<const W: usize>(
-        &self,
-        entries: Range<usize>,
-        mut row: [f64; W],
-        x: &[[f64; W]],
-    ) -> [f64; W] {
-        let own = &self.lu[entries.clone()];
-        for (source, factor) in self.symbolic.source[entries].iter().zip(own) {
-            let (by, factor) = (&x[*source as usize], factor[self.lane]);
-            for (v, x) in row.iter_mut().zip(by) {
-                *v -= factor * x;
-            }
-        }
-        row
+    pub fn slots(&self) -> &'a [u32] {
+        &self.symbolic.slots
     }
 
-    /// Solves `Aᵀ x = b` for one right-hand side; `work` has [`size`](Symbolic::size) entries.
+    /// Solves `A X = B` for `W` right-hand sides in place; the rows of `B` are at their
+    /// [`slots`](Self::slots).
     #[inline(always)]
-    pub fn solve_transposed(&self, b: &mut [f64], work: &mut [f64]) {
-        let order = self.symbolic;
-        let work = &mut work[..order.size()];
-        for (w, j) in work.iter_mut().zip(&order.columns) {
-            *w = b[*j];
+    pub fn solve<const W: usize>(&self, x: &mut [[f64; W]]) {
+        let lane = self.lane;
+        for (&(to, from), l) in self.symbolic.lower.operations.iter().zip(self.lower) {
+            let (by, factor) = (x[from as usize], l[lane]);
+            take(factor, &by, &mut x[to as usize]);
         }
-        for k in 0..order.size() {
-            let value = work[k] * self.lu[order.diagonal[k]][self.lane];
-            work[k] = value;
-            self.take(order.diagonal[k] + 1..order.start[k + 1], value, work);
+        for (to, inverse) in self.symbolic.columns.iter().zip(self.inverses) {
+            x[*to].iter_mut().for_each(|v| *v *= inverse[lane]);
         }
-        for k in (0..order.size()).rev() {
-            let value = work[k];
-            self.take(order.start[k]..order.diagonal[k], value, work);
-        }
-        for (w, i) in work.iter().zip(&order.rows) {
-            b[*i] = *w;
+        for (&(to, from), u) in self.symbolic.upper.operations.iter().zip(self.upper) {
+            let (by, factor) = (x[from as usize], u[lane]);
+            take(factor, &by, &mut x[to as usize]);
         }
     }
 
-    /// `work` less `value` times the factors' entries, at their columns.
+    /// Solves `Aᵀ x = b` for one right-hand side, which stands in `b` and is lost.
     #[inline(always)]
-    fn take(&self, entries: Range<usize>, value: f64, work: &mut [f64]) {
-        let own = &self.lu[entries.clone()];
-        for (c, factor) in self.symbolic.column[entries].iter().zip(own) {
-            work[*c as usize] -= factor[self.lane] * value;
+    pub fn solve_transposed(&self, b: &mut [f64], x: &mut [f64]) {
+        let (order, lane) = (self.symbolic, self.lane);
+        let upper = order.upper.operations.iter().zip(self.upper);
+        for (&(from, to), u) in upper.rev() {
+            b[to as usize] -= u[lane] * b[from as usize];
         }
+        for (to, inverse) in order.columns.iter().zip(self.inverses) {
+            b[*to] *= inverse[lane];
+        }
+        let lower = order.lower.operations.iter().zip(self.lower);
+        for (&(from, to), l) in lower.rev() {
+            b[to as usize] -= l[lane] * b[from as usize];
+        }
+        for (x, slot) in x.iter_mut().zip(&order.slots) {
+            *x = b[*slot as usize];
+        }
+    }
+}
+
+/// `y -= a x`.
+#[inline(always)]
+pub fn take<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y -= a * x;
     }
 }
 
@@ -365,16 +410,18 @@ mod tests {
             prop_assert!(lanes[0] && lanes[2]);
             for (lane, entries) in matrices.iter().enumerate().filter(|(lane, _)| lanes[*lane]) {
                 let a = dense(size, entries);
-                let factors = Factors { symbolic: &symbolic, lu: &lu, lane };
+                let factors = Factors::new(&symbolic, &lu, lane);
                 let scale = 1.0 + a.clone().try_inverse().map_or(0.0, |i| i.amax());
                 let (columns, _) = b[..3 * size].as_chunks::<3>();
                 let mut x = vec![[0.0; 3]; size];
-                factors.solve(columns, &mut x);
+                let slots = factors.slots().iter().zip(columns);
+                slots.for_each(|(slot, row)| x[*slot as usize] = *row);
+                factors.solve(&mut x);
                 let x = DMatrix::from_row_slice(size, 3, x.as_flattened());
                 let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
-                let mut x = b[..size].to_vec();
-                factors.solve_transposed(&mut x, &mut vec![0.0; size]);
+                let mut x = vec![0.0; size];
+                factors.solve_transposed(&mut b[..size].to_vec(), &mut x);
                 prop_assert!((a.transpose() * DVector::from_vec(x) - DVector::from_column_slice(&b[..size])).amax() < 1e-9 * scale);
             }
         }

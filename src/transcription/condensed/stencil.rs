@@ -12,8 +12,8 @@
 //! takes derivatives of earlier ones (compressed schemes), the three are formed as dense blocks.
 
 use super::dense::axpy;
-use super::lanes::{LANES, Lanes};
-use super::sparse_lu::Symbolic;
+use super::lanes::{LANES, Lanes, less};
+use super::sparse_lu::{Symbolic, take};
 use crate::transcription::grid::{Element, Grid};
 use crate::transcription::tableau::{Tableau, Value};
 use std::sync::Arc;
@@ -48,17 +48,21 @@ pub struct Stencil {
     /// `K_0` and `B` of the elements.
     pub start: Assembly,
     pub parameters: Assembly,
-    /// First entry of each row of `K_0`, and their number.
-    start_rows: Vec<usize>,
 }
 
 /// Places of a matrix that may be other than zero, row by row, and what adds up there.
 #[derive(Debug, Clone, Default)]
 struct Pattern {
-    places: Vec<(usize, usize)>,
+    places: Vec<Place>,
     constant: Vec<f64>,
     stamps: Vec<Stamp>,
 }
+
+/// Row and column.
+type Place = (u32, u32);
+
+/// Point, entry of its Jacobian and factor, at a place.
+type Stamped = (Place, (usize, usize, f64));
 
 /// `-h · factor · J(point)` of one entry of the Jacobian, at a place.
 #[derive(Debug, Clone, Copy)]
@@ -91,15 +95,15 @@ pub struct Order {
 
 impl Pattern {
     /// From constants and Jacobian entries, each with its place: point, entry, factor.
-    fn new(constants: &[(Place, f64)], stamps: &[(Place, (usize, usize, f64))]) -> Self {
+    fn new(constants: &[(Place, f64)], stamps: &[Stamped]) -> Self {
         let all = constants.iter().map(|c| c.0);
         let mut places: Vec<Place> = all.chain(stamps.iter().map(|s| s.0)).collect();
         places.sort_unstable();
         places.dedup();
-        let find = |place: &Place| places.partition_point(|p| p < place);
+        let find = |at: &Place| places.partition_point(|p| p < at);
         let mut constant = vec![0.0; places.len()];
         constants.iter().for_each(|(at, v)| constant[find(at)] += v);
-        let stamp = |(at, (point, entry, factor)): &(Place, (usize, usize, f64))| Stamp {
+        let stamp = |(at, (point, entry, factor)): &Stamped| Stamp {
             target: find(at) as u32,
             point: *point as u32,
             entry: *entry as u32,
@@ -114,7 +118,7 @@ impl Pattern {
 
     /// All places of a matrix.
     fn dense(rows: usize, columns: usize) -> Self {
-        let places = (0..rows * columns).map(|k| (k / columns, k % columns));
+        let places = (0..rows * columns).map(|k| place(k / columns, k % columns));
         Self {
             places: places.collect(),
             constant: vec![0.0; rows * columns],
@@ -143,8 +147,6 @@ impl Pattern {
     }
 }
 
-type Place = (usize, usize);
-
 impl Assembly {
     /// Takes the shared entries from the Jacobian at any point.
     fn refresh(&mut self, jacobian: &[f64]) {
@@ -168,11 +170,10 @@ impl Assembly {
         }
         for stamp in &self.own {
             let points = &at.points[stamp.point as usize];
+            let values = points.map(|first| at.jacobians[first + stamp.entry as usize]);
+            let factors = at.h.map(|h| h * stamp.factor);
             let out = &mut out[stamp.target as usize];
-            for l in 0..LANES {
-                let value = at.jacobians[points[l] + stamp.entry as usize];
-                out[l] -= at.h[l] * stamp.factor * value;
-            }
+            *out = less(*out, factors, values);
         }
     }
 }
@@ -193,11 +194,9 @@ impl Stencil {
             ],
             false => patterns(&tableau, shape),
         };
-        let first_of = |row: usize| k0.places.partition_point(|at| at.0 < row);
         Self {
             start: k0.assembly(shape.shared, None),
             parameters: b.assembly(shape.shared, None),
-            start_rows: (0..=size).map(first_of).collect(),
             jacobian: shape.entries.to_vec(),
             tableau,
             n,
@@ -238,9 +237,12 @@ impl Stencil {
     pub fn order(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Option<Order> {
         let values = self.matrix(at, lane, shared);
         let entries = self.m.places.iter().zip(&values);
-        let entries: Vec<_> = entries.map(|(&(i, j), v)| (i, j, *v)).collect();
+        let entries: Vec<_> = entries
+            .map(|(&(i, j), v)| (i as usize, j as usize, *v))
+            .collect();
         let symbolic = Symbolic::new(self.size(), &entries)?;
-        let places = symbolic.places(self.m.places.iter().copied());
+        let places = self.m.places.iter();
+        let places = symbolic.places(places.map(|&(i, j)| (i as usize, j as usize)));
         Some(Order {
             assembly: self.m.assembly(shared, Some((&places, symbolic.entries()))),
             places,
@@ -294,69 +296,66 @@ impl Stencil {
         self.parameters.fill(at, b);
     }
 
-    /// `to = -K_0 from`, with one lane of `K_0`.
+    /// Adds `-K_0 from` to a right-hand side whose rows are at these slots, with one lane of `K_0`.
     #[inline(always)]
     pub fn start<const W: usize>(
         &self,
         (k0, lane): (&[Lanes], usize),
         from: &[[f64; W]],
-        to: &mut [[f64; W]],
+        (slots, to): (&[u32], &mut [[f64; W]]),
     ) {
-        for (rows, to) in self.start_rows.windows(2).zip(to) {
-            let mut row = [0.0; W];
-            let places = &self.k0.places[rows[0]..rows[1]];
-            for (value, (_, column)) in k0[rows[0]..rows[1]].iter().zip(places) {
-                let (from, value) = (&from[*column], value[lane]);
-                for (v, from) in row.iter_mut().zip(from) {
-                    *v -= value * from;
-                }
-            }
-            *to = row;
+        for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
+            let slot = slots[*row as usize] as usize;
+            take(value[lane], &from[*column as usize], &mut to[slot]);
         }
     }
 
     /// `out += K_0ᵀ λ`.
     #[inline(always)]
-    pub fn start_transposed(
-        &self,
-        (k0, lane): (&[Lanes], usize),
-        lambda: &[f64],
-        out: &mut [f64],
-    ) {
+    pub fn start_transposed(&self, (k0, lane): (&[Lanes], usize), lambda: &[f64], out: &mut [f64]) {
         for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
-            out[*column] += value[lane] * lambda[*row];
+            out[*column as usize] += value[lane] * lambda[*row as usize];
         }
     }
 
-    /// `to -= B`, whose columns are the first `p`.
+    /// Adds `-B`, whose columns are the first `p`, to a right-hand side whose rows are at these slots.
     #[inline(always)]
-    pub fn parameters<const W: usize>(&self, (b, lane): (&[Lanes], usize), to: &mut [[f64; W]]) {
+    pub fn parameters<const W: usize>(
+        &self,
+        (b, lane): (&[Lanes], usize),
+        (slots, to): (&[u32], &mut [[f64; W]]),
+    ) {
         for (value, (row, column)) in b.iter().zip(&self.b.places) {
-            to[*row][*column] -= value[lane];
+            to[slots[*row as usize] as usize][*column as usize] -= value[lane];
         }
     }
+}
+
+fn place(row: usize, column: usize) -> Place {
+    (row as u32, column as u32)
 }
 
 /// Patterns of `M`, `K_0` and `B` of a tableau without nested points.
 fn patterns(tableau: &Tableau, shape: Shape<'_>) -> [Pattern; 3] {
     let n = shape.n;
     let mut constants: [Vec<(Place, f64)>; 2] = Default::default();
-    let mut stamps: [Vec<(Place, (usize, usize, f64))>; 3] = Default::default();
+    let mut stamps: [Vec<Stamped>; 3] = Default::default();
     for (defect, row) in tableau.defects.iter().enumerate() {
         for &(j, e) in &row.e {
             let (which, first) = block(j, n);
-            let places = (0..n).map(|l| ((defect * n + l, first + l), e));
+            let places = (0..n).map(|l| (place(defect * n + l, first + l), e));
             constants[which].extend(places);
         }
         for &(point, a) in &row.a {
             for (entry, &(l, c)) in shape.entries.iter().enumerate() {
                 if c >= n {
-                    stamps[2].push(((defect * n + l, c - n), (point, entry, a)));
+                    stamps[2].push((place(defect * n + l, c - n), (point, entry, a)));
                     continue;
                 }
                 for (j, weight) in weights(&tableau.points[point].value) {
                     let (which, first) = block(j, n);
-                    stamps[which].push(((defect * n + l, first + c), (point, entry, a * weight)));
+                    let at = place(defect * n + l, first + c);
+                    stamps[which].push((at, (point, entry, a * weight)));
                 }
             }
         }

@@ -3,7 +3,7 @@
 
 use super::Stencils;
 use super::dense::axpy;
-use super::lanes::{LANES, vectorised};
+use super::lanes::{Kernel, LANES, run};
 use super::run::{Place, RunSweep};
 use super::sparse_lu::Factors;
 use super::stencil::{Group, Order, Stencil};
@@ -11,53 +11,6 @@ use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
 use pilotage_models::Dynamics;
 use std::sync::Arc;
-
-/// Runs code with the constant `W` equal to a width of rows: those are padded to a multiple of four, so
-/// that the inner loops have a length that the compiler knows.
-macro_rules! with_width {
-    ($width:expr, $w:ident => $code:expr) => {
-        match $width {
-            4 => {
-                const $w: usize = 4;
-                $code
-            }
-            8 => {
-                const $w: usize = 8;
-                $code
-            }
-            12 => {
-                const $w: usize = 12;
-                $code
-            }
-            16 => {
-                const $w: usize = 16;
-                $code
-            }
-            20 => {
-                const $w: usize = 20;
-                $code
-            }
-            24 => {
-                const $w: usize = 24;
-                $code
-            }
-            28 => {
-                const $w: usize = 28;
-                $code
-            }
-            32 => {
-                const $w: usize = 32;
-                $code
-            }
-            36 => {
-                const $w: usize = 36;
-                $code
-            }
-            width => unreachable!("rows of {width}: at most 16 states and 16 parameters"),
-        }
-    };
-}
-pub(super) use with_width;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
 #[derive(Debug, Clone, Copy)]
@@ -86,14 +39,17 @@ impl RunSweep {
         self.divide(grid, stencils, at.j);
         self.special.clear();
         let shared = &at.problem.model.shared;
-        let mut swept = true;
         let mut flat = std::mem::take(&mut self.nodes.s);
-        vectorised(|| {
-            with_width!(self.w, W => {
-                swept = self.forward::<W>(grid, stencils, (shared, c), &mut flat);
-            });
-        });
         let (r, w) = (self.r(), self.w);
+        let kernel = Forward {
+            own: self,
+            grid,
+            stencils,
+            shared,
+            c,
+            flat: &mut flat,
+        };
+        let swept = run(w, kernel);
         let offsets = self.nodes.e.iter_mut().zip(flat.chunks_exact(w));
         offsets.for_each(|(e, row)| *e = row[r]);
         self.nodes.s = flat;
@@ -107,7 +63,9 @@ impl RunSweep {
         // Zero times infinity or NaN is NaN.
         let mut sums = [0.0; LANES];
         for own in self.nodes.s.chunks_exact(LANES) {
-            sums.iter_mut().zip(own).for_each(|(sum, v)| *sum += 0.0 * v);
+            sums.iter_mut()
+                .zip(own)
+                .for_each(|(sum, v)| *sum += 0.0 * v);
         }
         swept && sums.iter().all(|sum| *sum == 0.0)
     }
@@ -139,74 +97,6 @@ impl RunSweep {
         self.k0.resize(k0, [0.0; LANES]);
     }
 
-    #[inline(always)]
-    fn forward<const W: usize>(
-        &mut self,
-        grid: &Grid,
-        stencils: &Stencils,
-        (shared, c): (&[bool], &[f64]),
-        flat: &mut [f64],
-    ) -> bool {
-        let (n, p, r) = (self.n, self.p, self.r());
-        let (known, c) = c.split_at(n - self.free.len());
-        let (s, _) = flat.as_chunks_mut::<W>();
-        s[..n].fill([0.0; W]);
-        for (l, &i) in self.free.iter().enumerate() {
-            s[i][p + l] = 1.0;
-        }
-        let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, value)| s[i][r] = -value);
-        let mut work = std::mem::take(&mut self.work);
-        let (mut lu, mut k0) = (std::mem::take(&mut self.lu), std::mem::take(&mut self.k0));
-        let (right, _) = work.right.as_chunks_mut::<W>();
-        let mut regular = true;
-        'spans: for span in &self.spans {
-            let (stencil, order) = &stencils.kinds[span.kind];
-            let size = stencil.size();
-            let (lu, k0) = (span.lu(&mut lu, order), span.k0(&mut k0, stencil));
-            let group = span.group(grid, stencil, &self.jacobian, &mut work.points);
-            work.parameters.resize(stencil.parameters.len(), [0.0; LANES]);
-            let b = &mut work.parameters;
-            stencil.fill(order, &group, (lu, k0, b));
-            let lanes = order.symbolic.factor(lu, &mut work.lanes[..size]);
-            for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
-                if *is_regular {
-                    continue;
-                }
-                let Some((symbolic, own)) = stencil.factor_alone(&group, lane, shared) else {
-                    regular = false;
-                    break 'spans;
-                };
-                let own = (Arc::new(symbolic), own);
-                self.special.insert(span.first + lane, own);
-            }
-            for lane in 0..span.count {
-                let first = grid.elements[span.first + lane].first * n;
-                let (done, rest) = s.split_at_mut(first + n);
-                let right = &mut right[..size];
-                stencil.start((k0, lane), &done[first..], right);
-                stencil.parameters((b, lane), right);
-                let own = right.iter_mut().zip(&c[first..]);
-                own.for_each(|(row, c)| row[r] -= c);
-                let factors = match self.special.get(&(span.first + lane)) {
-                    None => Factors {
-                        symbolic: &order.symbolic,
-                        lu,
-                        lane,
-                    },
-                    Some((symbolic, lu)) => Factors {
-                        symbolic,
-                        lu,
-                        lane: 0,
-                    },
-                };
-                factors.solve(right, &mut rest[..size]);
-            }
-        }
-        (self.work, self.lu, self.k0) = (work, lu, k0);
-        regular
-    }
-
     /// Forward sweep for the offsets `e` that remove the constraint values `c` (of the run).
     pub fn sweep_offsets<D: Dynamics, C: ParameterConstraints>(
         &mut self,
@@ -214,7 +104,7 @@ impl RunSweep {
         stencils: &Stencils,
         c: &[f64],
     ) {
-        vectorised(|| self.offsets(at, stencils, c));
+        self.offsets(at, stencils, c);
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.e, std::mem::take(&mut self.combined.e));
             self.combine(at, nodes, &mut combined, 1, Of::Offsets);
@@ -238,21 +128,20 @@ impl RunSweep {
         let places = (0..n).filter(|i| !self.free.contains(i));
         places.zip(known).for_each(|(i, value)| flat[i] = -value);
         let (e, _) = flat.as_chunks_mut::<1>();
-        let mut work = std::mem::take(&mut self.work.right);
-        let (right, _) = work.as_chunks_mut::<1>();
         for (span, lane) in self.lanes() {
             let (stencil, order) = &stencils.kinds[span.kind];
             let first = grid.elements[span.first + lane].first * n;
             let (done, rest) = e.split_at_mut(first + n);
-            let right = &mut right[..stencil.size()];
+            let x = &mut rest[..stencil.size()];
             let k0 = &self.k0[span.k0..span.k0 + stencil.start.len()];
-            stencil.start((k0, lane), &done[first..], right);
-            let own = right.iter_mut().zip(&c[first..]);
-            own.for_each(|([right], c)| *right -= c);
             let factors = self.factors(span, lane, order);
-            factors.solve(right, &mut rest[..stencil.size()]);
+            let slots = factors.slots();
+            for (slot, c) in slots.iter().zip(&c[first..]) {
+                x[*slot as usize] = [-c];
+            }
+            stencil.start((k0, lane), &done[first..], (slots, x));
+            factors.solve(x);
         }
-        self.work.right = work;
         self.nodes.e = flat;
     }
 
@@ -275,9 +164,9 @@ impl RunSweep {
             let first = grid.elements[span.first + lane].first * n;
             let rows = &mut lambda[first..first + stencil.size()];
             let (head, tail) = right.split_at_mut(first + n);
-            rows.iter_mut().zip(tail).for_each(|(row, v)| *row = -*v);
-            let factors = self.factors(span, lane, order);
-            factors.solve_transposed(rows, &mut pivots);
+            let b = &mut pivots[..stencil.size()];
+            b.iter_mut().zip(tail).for_each(|(b, v)| *b = -*v);
+            self.factors(span, lane, order).solve_transposed(b, rows);
             let k0 = &self.k0[span.k0..span.k0 + stencil.start.len()];
             stencil.start_transposed((k0, lane), rows, &mut head[first..]);
         }
@@ -300,17 +189,10 @@ impl RunSweep {
         if !self.special.is_empty()
             && let Some((symbolic, lu)) = self.special.get(&(span.first + lane))
         {
-            return Factors {
-                symbolic,
-                lu,
-                lane: 0,
-            };
+            return Factors::new(symbolic, lu, 0);
         }
-        Factors {
-            symbolic: &order.symbolic,
-            lu: &self.lu[span.lu..span.lu + order.symbolic.entries()],
-            lane,
-        }
+        let lu = &self.lu[span.lu..span.lu + order.symbolic.entries()];
+        Factors::new(&order.symbolic, lu, lane)
     }
 
     /// Rows of the points that are combinations, from those of the unknowns:
@@ -362,6 +244,87 @@ enum Of {
     Offsets,
 }
 
+/// The forward sweep of a run.
+struct Forward<'a> {
+    own: &'a mut RunSweep,
+    grid: &'a Grid,
+    stencils: &'a Stencils,
+    shared: &'a [bool],
+    c: &'a [f64],
+    /// Rows `S`.
+    flat: &'a mut [f64],
+}
+
+impl Kernel for Forward<'_> {
+    /// False when an element is singular.
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> bool {
+        let Self {
+            own,
+            grid,
+            stencils,
+            shared,
+            c,
+            flat,
+        } = self;
+        let (n, p, r) = (own.n, own.p, own.r());
+        let (known, c) = c.split_at(n - own.free.len());
+        let (s, _) = flat.as_chunks_mut::<W>();
+        s[..n].fill([0.0; W]);
+        for (l, &i) in own.free.iter().enumerate() {
+            s[i][p + l] = 1.0;
+        }
+        let places = (0..n).filter(|i| !own.free.contains(i));
+        places.zip(known).for_each(|(i, value)| s[i][r] = -value);
+        let mut work = std::mem::take(&mut own.work);
+        let (mut lu, mut k0) = (std::mem::take(&mut own.lu), std::mem::take(&mut own.k0));
+        let mut regular = true;
+        'spans: for span in &own.spans {
+            let (stencil, order) = &stencils.kinds[span.kind];
+            let size = stencil.size();
+            let (lu, k0) = (span.lu(&mut lu, order), span.k0(&mut k0, stencil));
+            let group = span.group(grid, stencil, &own.jacobian, &mut work.points);
+            work.parameters
+                .resize(stencil.parameters.len(), [0.0; LANES]);
+            let b = &mut work.parameters;
+            stencil.fill(order, &group, (lu, k0, b));
+            let lanes = order.symbolic.factor(lu, &mut work.lanes[..size]);
+            for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
+                if *is_regular {
+                    continue;
+                }
+                let Some((symbolic, alone)) = stencil.factor_alone(&group, lane, shared) else {
+                    regular = false;
+                    break 'spans;
+                };
+                let alone = (Arc::new(symbolic), alone);
+                own.special.insert(span.first + lane, alone);
+            }
+            for lane in 0..span.count {
+                let first = grid.elements[span.first + lane].first * n;
+                let (done, rest) = s.split_at_mut(first + n);
+                let x = &mut rest[..size];
+                let factors = match own.special.get(&(span.first + lane)) {
+                    None => Factors::new(&order.symbolic, lu, lane),
+                    Some((symbolic, lu)) => Factors::new(symbolic, lu, 0),
+                };
+                let slots = factors.slots();
+                x.fill([0.0; W]);
+                for (slot, c) in slots.iter().zip(&c[first..]) {
+                    x[*slot as usize][r] = -c;
+                }
+                stencil.start((k0, lane), &done[first..], (slots, x));
+                stencil.parameters((b, lane), (slots, x));
+                factors.solve(x);
+            }
+        }
+        (own.work, own.lu, own.k0) = (work, lu, k0);
+        regular
+    }
+}
+
 impl Span {
     fn lu<'a>(&self, all: &'a mut [[f64; LANES]], order: &Order) -> &'a mut [[f64; LANES]] {
         &mut all[self.lu..self.lu + order.symbolic.entries()]
@@ -380,8 +343,7 @@ impl Span {
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Group<'a> {
         let last = self.first + self.count - 1;
-        let elements =
-            std::array::from_fn(|lane| &grid.elements[last.min(self.first + lane)]);
+        let elements = std::array::from_fn(|lane| &grid.elements[last.min(self.first + lane)]);
         Group::new(grid, elements, stencil, jacobians, points)
     }
 }

@@ -15,8 +15,12 @@ pub struct Derivatives<'m, D> {
     affine: [Vec<f64>; 3],
     duals: Vec<Evaluated<Dual>>,
     hyper: Vec<Evaluated<HyperDual>>,
-    /// Columns that are not affine, and where their derivatives stand.
+    /// Columns of the Jacobian that are not affine, and where their derivatives stand.
     columns: Vec<(usize, Source)>,
+    /// The same of each output's gradient, by the place among its columns.
+    outputs: [Vec<(usize, Source)>; 2],
+    /// True when the outputs have derivatives that are not affine.
+    with_outputs: bool,
 }
 
 /// The model in some number type.
@@ -46,6 +50,8 @@ impl<D: Dynamics> NodeModel<D> {
             duals: Vec::new(),
             hyper: Vec::new(),
             columns: Vec::new(),
+            outputs: [Vec::new(), Vec::new()],
+            with_outputs: false,
         };
         for (own, values) in out.affine.iter_mut().zip(&self.affine.values) {
             for &(place, j, factor) in &values.parameters {
@@ -71,6 +77,13 @@ impl<D: Dynamics> NodeModel<D> {
             let own = columns.iter().enumerate();
             (out.columns).extend(own.map(|(part, &j)| (j, Source::Dual(k, part))));
         }
+        out.outputs = self.outputs.each_ref().map(|columns| {
+            let place = |j: usize| columns.iter().position(|c| *c == j);
+            let own = out.columns.iter();
+            own.filter_map(|&(j, source)| Some((place(j)?, source)))
+                .collect()
+        });
+        out.with_outputs = out.outputs.iter().any(|own| !own.is_empty());
         out
     }
 }
@@ -84,6 +97,13 @@ impl<T: pilotage_models::Scalar> Evaluated<T> {
             bounded: zero,
         }
     }
+
+    fn evaluate<D: Dynamics>(&mut self, model: &NodeModel<D>, input: &[f64], with_outputs: bool) {
+        model.evaluate(&mut self.at, input);
+        if with_outputs {
+            (self.measured, self.bounded) = model.outputs_of(&self.at, input);
+        }
+    }
 }
 
 impl<D: Dynamics> Derivatives<'_, D> {
@@ -94,15 +114,16 @@ impl<D: Dynamics> Derivatives<'_, D> {
         self.x[..x.len()].copy_from_slice(x);
         self.values.set(x);
         let unscaled = &self.values.at.x[..x.len()];
+        let with_outputs = self.with_outputs;
         for own in &mut self.duals {
-            own.at.x.iter_mut().zip(unscaled).for_each(|(x, v)| x.re = *v);
-            model.evaluate(&mut own.at, input);
-            (own.measured, own.bounded) = model.outputs_of(&own.at, input);
+            let states = own.at.x.iter_mut().zip(unscaled);
+            states.for_each(|(x, v)| x.re = *v);
+            own.evaluate(model, input, with_outputs);
         }
         for own in &mut self.hyper {
-            own.at.x.iter_mut().zip(unscaled).for_each(|(x, v)| x.re = *v);
-            model.evaluate(&mut own.at, input);
-            (own.measured, own.bounded) = model.outputs_of(&own.at, input);
+            let states = own.at.x.iter_mut().zip(unscaled);
+            states.for_each(|(x, v)| x.re = *v);
+            own.evaluate(model, input, with_outputs);
         }
         model.outputs_of(&self.values.at, input)
     }
@@ -126,11 +147,8 @@ impl<D: Dynamics> Derivatives<'_, D> {
     /// Writes the gradient of an output at its [`columns`](NodeModel::columns).
     pub fn gradient(&self, output: Output, out: &mut [f64]) {
         self.write_affine(1 + output as usize, out);
-        for (value, column) in out.iter_mut().zip(self.model.columns(output)) {
-            let Some((_, source)) = self.columns.iter().find(|(j, _)| j == column) else {
-                continue;
-            };
-            *value = match (*source, output) {
+        for &(place, source) in &self.outputs[output as usize] {
+            out[place] = match (source, output) {
                 (Source::Dual(k, part), Output::Measured) => first(&self.duals[k].measured, part),
                 (Source::Dual(k, part), Output::Bounded) => first(&self.duals[k].bounded, part),
                 (Source::Hyper(k, part), Output::Measured) => {

@@ -138,15 +138,13 @@ pub struct Values<'m, D> {
 }
 
 impl<D: Dynamics> Values<'_, D> {
-    /// Writes `f̄` at a point into `f` and returns the measured output and the bounded signal.
+    /// Appends `f̄` at a point to `f` and returns the measured output and the bounded signal.
     #[inline]
-    pub fn evaluate(&mut self, x: &[f64], input: &[f64], f: &mut [f64]) -> (f64, f64) {
+    pub fn evaluate(&mut self, x: &[f64], input: &[f64], f: &mut Vec<f64>) -> (f64, f64) {
         self.set(x);
         self.model.evaluate(&mut self.at, input);
         let scaled = self.at.dx.iter().zip(&self.model.inverse);
-        for (f, (dx, inverse)) in f.iter_mut().zip(scaled) {
-            *f = dx * inverse;
-        }
+        f.extend(scaled.map(|(dx, inverse)| dx * inverse));
         self.model.outputs_of(&self.at, input)
     }
 
