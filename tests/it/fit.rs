@@ -69,7 +69,7 @@ fn the_shipped_trials_give_a_pilot_that_brings_the_vehicle_to_the_target() {
         );
     }
     assert_eq!(file["data"].as_array().unwrap().len(), 6);
-    assert_eq!(file["fit"]["scheme"].as_str(), Some("trapezoid"));
+    assert_eq!(file["fit"]["scheme"].as_str(), Some("hermite-simpson"));
     assert_eq!(
         file["tool"].as_str(),
         Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")))
