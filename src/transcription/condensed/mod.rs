@@ -22,7 +22,7 @@ use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
 use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
-use active::{Row, RowAt};
+use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
 use run::{Place, RunSweep};
@@ -54,6 +54,8 @@ pub struct Condensed {
     gauss_newton: Arrow,
     exact: Option<Arrow>,
     singular: bool,
+    /// Largest sensitivity of an unknown to a reduced variable.
+    growth: f64,
     /// Active inequalities of the last QP, with the sign of their multiplier.
     working: Vec<(RowAt, f64)>,
 }
@@ -98,6 +100,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         &self.lagrangian
     }
 
+    fn growth(&self) -> f64 {
+        self.growth
+    }
+
     fn solve(
         &mut self,
         problem: &Collocation<D, C>,
@@ -109,7 +115,11 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.g.clone_from(&self.g_iterate);
         self.solve_shifted(problem, hessian, damping, step)?;
         self.write_dual(problem, hessian, damping, step);
-        Ok(())
+        // Convex where the active rows hold is not convex off them, where the step may begin.
+        match step.curvature >= 0.0 {
+            true => Ok(()),
+            false => Err(QpFailure::NotConvex),
+        }
     }
 
     fn correct(
@@ -207,6 +217,8 @@ impl Condensed {
             (*gauss_newton, *full) = run.reduce_matrices(at, exact);
         });
         let regular = work.iter().all(|(_, regular, ..)| *regular);
+        let sensitivities = work.iter().flat_map(|(run, ..)| &run.nodes.s);
+        self.growth = sensitivities.fold(0.0, |m, s| s.abs().max(m));
         let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
         let mut arrows = [
             Arrow::zeros(problem.n_parameters(), &free),
@@ -242,20 +254,26 @@ impl Condensed {
             Hessian::GaussNewton => self.gauss_newton.clone(),
         };
         matrix.add_diagonal(damping);
-        let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
-        let q = self.reduced_vector(problem, hessian, matrix.size());
+        let sides: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
+        let convex = match matrix.factor() {
+            Some(factor) => Convex::new(matrix, factor),
+            None => {
+                Convex::held(matrix, &self.working_rows(problem)).ok_or(QpFailure::NotConvex)?
+            }
+        };
+        let mut q = self.reduced_vector(problem, hessian, convex.matrix.size());
+        let mut rows = self.working_rows(problem);
+        convex.shift(&rows, &sides, &mut q);
 
         let (lower, upper) = problem.limits();
-        let mut rows: Vec<Row> = self
-            .working
-            .iter()
-            .map(|(at, _)| self.row(problem, *at, lower, upper))
-            .collect();
-        let guess: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
-        let mut solution = active::exchanged(&factor, &q, &rows, &guess).unwrap_or_else(|| {
-            rows.clear();
-            active::free(&factor, &q)
-        });
+        let mut solution = match active::exchanged(&convex.factor, &q, &rows, &sides) {
+            Some(solution) => solution,
+            None if convex.holds() => active::solve(&convex, &q, &rows, &sides)?,
+            None => {
+                rows.clear();
+                active::free(&convex.factor, &q)
+            }
+        };
         for _ in 0..MAX_ROUNDS {
             let outside = self.expand(problem, &solution.x, &rows);
             if solution.violation > 0.0 || outside.is_empty() {
@@ -267,7 +285,10 @@ impl Condensed {
             rows.extend(new);
             let mut guess: Vec<f64> = solution.y.iter().map(|y| active::sign(*y)).collect();
             guess.resize(rows.len(), 0.0);
-            solution = active::solve(&matrix, &factor, &q, &rows, &guess)?;
+            solution = active::solve(&convex, &q, &rows, &guess)?;
+        }
+        if convex.holds() && !held(&sides, &solution) {
+            return Err(QpFailure::NotConvex);
         }
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
@@ -398,6 +419,18 @@ impl Condensed {
             }
         }
         outside
+    }
+
+    /// The active inequalities of the last QP over the reduced variables.
+    fn working_rows<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+    ) -> Vec<Row> {
+        let (lower, upper) = problem.limits();
+        let places = self.working.iter();
+        places
+            .map(|(at, _)| self.row(problem, *at, lower, upper))
+            .collect()
     }
 
     /// One inequality over the reduced variables.
