@@ -19,8 +19,10 @@ const DAMPING_FLOOR: f64 = 1e-10;
 const PATIENCE: usize = 8;
 /// Magnitude that no variable of a problem scaled to the order of one reaches.
 const DIVERGED: f64 = 1e10;
-/// Growth of errors in a QP's elimination beyond which it has lost half of all digits.
-const MAX_GROWTH: f64 = 1e8;
+/// Growth of changes in a QP's elimination that is nothing to worry about.
+const TAME_GROWTH: f64 = 10.0;
+/// Factor by which one step may raise the growth beyond that.
+const GROWTH_RISE: f64 = 100.0;
 /// Relative decrease of the violation below which the linearised constraints promise none.
 const STATIONARY: f64 = 1e-6;
 
@@ -150,10 +152,12 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
     }
 
-    /// One step to a point at which the QP's elimination keeps enough digits, unless it had lost them
-    /// before. There is no way on from where it has not: a step that leads there is taken back and damped.
+    /// One step that does not leave the region in which its linearisation means something: where the
+    /// growth of the elimination rises by orders of magnitude, the step is taken back and damped. Beyond
+    /// the edge of stability of a simulation, a few such steps lead to where the elimination has lost
+    /// every digit and no QP leads on.
     fn proceed(&mut self, kkt: Kkt) -> Result<Accepted, Status> {
-        let limit = MAX_GROWTH.max(self.qp.growth());
+        let limit = GROWTH_RISE * self.qp.growth().max(TAME_GROWTH);
         loop {
             let accepted = self.advance(kkt)?;
             self.linearise();

@@ -115,11 +115,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.g.clone_from(&self.g_iterate);
         self.solve_shifted(problem, hessian, damping, step)?;
         self.write_dual(problem, hessian, damping, step);
-        // Convex where the active rows hold is not convex off them, where the step may begin.
-        match step.curvature >= 0.0 {
-            true => Ok(()),
-            false => Err(QpFailure::NotConvex),
-        }
+        Ok(())
     }
 
     fn correct(
