@@ -88,18 +88,11 @@ impl EqualityConvexQp {
         }
     }
 
-    /// True when a solution has every held row at its limit, with a multiplier.
+    /// True when a solution makes every held row active at its limit.
     pub fn keeps_held(&self, solution: &ConvexSolution) -> bool {
-        let signs = self
-            .held
-            .iter()
-            .zip(&solution.y)
-            .map(|(held, y)| match held {
-                Some(Limit::Lower) => -y,
-                Some(Limit::Upper) => *y,
-                Some(Limit::Both) | None => 1.0,
-            });
-        self.held.is_empty() || (solution.violation == 0.0 && signs.into_iter().all(|s| s > 0.0))
+        let pairs = self.held.iter().zip(self.active(solution));
+        let kept = |(held, active): (&Option<Limit>, _)| held.is_none() || *held == active;
+        self.held.is_empty() || (solution.violation == 0.0 && pairs.into_iter().all(kept))
     }
 
     /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the rows held: a QP with the

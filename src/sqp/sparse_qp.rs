@@ -4,8 +4,8 @@
 //! it and `ρ Jᵀc` to the gradient changes neither the solution nor, since `J d + c = 0` there, the
 //! multipliers; for ρ large enough the whole matrix is positive definite exactly when `W` is so in
 //! that null space (Finsler; Nocedal & Wright, 2nd ed., section 17.3). Where it is not, the inequalities
-//! that were active in the last QP join `J`; the solution counts if they are active in it too. The active set of the last QP is
-//! tried first; where it is not this one's, clarabel finds it, and one exact solve polishes.
+//! that were active in the last QP join `J`; the solution counts if they are active in it too. That
+//! active set is tried first; where it is not this QP's, clarabel finds it, and one exact solve polishes.
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};

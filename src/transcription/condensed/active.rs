@@ -271,3 +271,63 @@ fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64])
     dependent.for_each(|k| sides[all[k]] = 0.0);
     solution
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(entries: &[f64], lower: f64, upper: f64) -> Row {
+        Row {
+            at: RowAt::Parameter(0),
+            index: 0,
+            entries: entries.iter().copied().enumerate().collect(),
+            lower,
+            upper,
+        }
+    }
+
+    fn matrix(diagonal: &[f64]) -> Arrow {
+        let mut arrow = Arrow::zeros(diagonal.len(), &[]);
+        let n = diagonal.len();
+        diagonal
+            .iter()
+            .enumerate()
+            .for_each(|(i, d)| arrow.theta[i * n + i] = *d);
+        arrow
+    }
+
+    /// Three runs that are the same have the same row.
+    #[test]
+    fn equal_rows_are_one() {
+        let arrow = matrix(&[2.0, 4.0]);
+        let factor = arrow.factor().unwrap();
+        let rows = vec![row(&[1.0, 1.0], -INF, 0.5); 3];
+        let solution = exchanged(&factor, &[-4.0, -4.0], &rows, &[1.0; 3]).unwrap();
+        // min x² + 2y² - 4x - 4y on x + y = 1/2
+        assert!((solution.x[0] - 1.0 / 3.0).abs() < 1e-14, "{solution:?}");
+        assert!((solution.y.iter().sum::<f64>() - 10.0 / 3.0).abs() < 1e-14);
+        assert_eq!(solution.y.iter().filter(|y| **y != 0.0).count(), 1);
+    }
+
+    /// min x² - y² - 2x - y where y ≤ 1 holds: x = 1, y = 1, multiplier 3.
+    #[test]
+    fn a_saddle_is_convex_on_its_limit() {
+        let (arrow, sides) = (matrix(&[2.0, -2.0]), [1.0]);
+        assert!(arrow.factor().is_none());
+        let rows = [row(&[0.0, 1.0], -INF, 1.0)];
+        let convex = Convex::held(arrow.clone(), &rows).unwrap();
+        let mut q = [-2.0, -1.0];
+        convex.shift(&rows, &sides, &mut q);
+        let solution = solve(&convex, &q, &rows, &sides).unwrap();
+        assert!((solution.x[0] - 1.0).abs() < 1e-14 && (solution.x[1] - 1.0).abs() < 1e-14);
+        assert!((solution.y[0] - 3.0).abs() < 1e-13, "{solution:?}");
+        assert!(held(&sides, &solution));
+        // Not along the other row, and not where the row is left: with y's pull turned round.
+        assert!(Convex::held(arrow, &[row(&[1.0, 0.0], -INF, 1.0)]).is_none());
+        let mut q = [-2.0, 3.0];
+        convex.shift(&rows, &sides, &mut q);
+        assert!(!held(&sides, &solve(&convex, &q, &rows, &sides).unwrap()));
+    }
+
+    const INF: f64 = f64::INFINITY;
+}

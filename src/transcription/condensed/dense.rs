@@ -1,7 +1,7 @@
 //! Small dense kernels on row-major slices, sized at run time and free of allocation.
 
-/// Pivots that are smaller than this, relative to their diagonal, are rounding.
-const RANK: f64 = 1e-11;
+/// Pivots that are smaller than this, relative to their diagonal, are rounding: those of equal rows are.
+const RANK: f64 = 1e-14;
 
 /// `y += a x`.
 #[inline(always)]
