@@ -643,21 +643,6 @@ pub fn examples() -> Vec<Example> {
             },
         },
         Example {
-            name: "convex on bound",
-            source: "min 100 (y - x²)² - z² + (x + 1/2)² z, z ≤ 1: indefinite everywhere, convex on the bound, where \
-                     a curved valley is left",
-            functions: |z, _, g| {
-                g.push(z[2]);
-                square(z[1] - square(z[0])) * 100.0 - square(z[2]) + square(z[0] + 0.5) * z[2]
-            },
-            limits: &[(-2.0, 1.0)],
-            start: &[-1.5, 1.0, 0.5],
-            answer: Optimum {
-                f: -1.0,
-                z: &[-0.5, 0.25, 1.0],
-            },
-        },
-        Example {
             name: "pole of circle",
             source: "min x² + 2y² on the unit circle from its pole (0, 1), which is the maximum: (±1, 0)",
             functions: |z, c, _| {

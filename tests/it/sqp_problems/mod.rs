@@ -237,13 +237,13 @@ fn known_problems_end_as_known() {
     insta::assert_snapshot!(table, @"
     problem          status           iterations evaluations linearisations qps escapes curvature
     HS1              converged                25          76             26  67       0     0.001
-    HS2              converged                 8          15              9  17       0     1.000
+    HS2              converged                 8          15              9  14       0     1.000
     HS6              converged                 5           7              6   8       0     0.400
     HS7              converged                10          16             11  18       0     1.000
     HS10             converged                12          17             13  16       0     0.500
     HS12             converged                 8           8              9   8       0     1.000
     HS12 twice       converged                 8           8              9   8       0     1.000
-    HS13             no-progress              17          17             18  44       0         -
+    HS13             no-progress              17          17             18  22       0         -
     HS14             converged                 5           5              6   5       0     1.000
     HS22             converged                 5           5              6   5       0     1.000
     HS26             converged                24          25             25  48       0     0.000
@@ -274,10 +274,10 @@ fn known_problems_end_as_known() {
     start on saddle  converged                 5          14              7  10       1     0.707
     half ridge       converged                 8          17              9  15       1     0.707
     corner           converged                 1           3              3   0       1     0.447
-    copositive       converged                19          19             20  36       0     0.392
+    copositive       converged                 5           5              6   5       0     0.392
     pole of circle   converged                15          31             16  36       1     1.000
     pole of disc     converged                13          22             14  27       1     1.000
-    bounded ridge    converged                 7           7              8  11       1     1.000
+    bounded ridge    converged                 7           7              8  10       1     1.000
     knife edge       saddle-point              3          43              4   5       0    -0.707
     ");
 }
