@@ -5,12 +5,13 @@
 //! has the default starts, `candidates`. With a start `theta` and `max_iterations`, `max_seconds`,
 //! `tolerance` and `repeats` the problem is solved from there, `repeats` times with everything that a
 //! solve needs made anew, and the answer has the scales, the start and the final point with its
-//! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`.
+//! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`. With `log` true it has
+//! every iteration too, but then the seconds are those of a solve that writes it.
 
 use pilotage::identification::problem::{self, ResponseProblem};
 use pilotage::identification::solve::{SHORT_STEP, candidates};
 use pilotage::identification::{InitialState, Options, Progress, TrialSet, start};
-use pilotage::sqp::{self, Solution, Status};
+use pilotage::sqp::{self, Iteration, Solution, Status};
 use pilotage::transcription::Condensed;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -80,10 +81,23 @@ fn race(
     };
     let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
     let (mut seconds, mut wall_seconds) = (Vec::new(), Vec::new());
-    let mut solution = None;
+    let wanted = request["log"] == true;
+    let (mut solution, mut log) = (None, Vec::new());
     for _ in 0..number(request, "repeats")? as usize {
+        log.clear();
+        let mut record = |iteration: &Iteration| {
+            if wanted {
+                log.push(line(iteration));
+            }
+        };
         let clock = Clock::start();
-        solution = Some(solve(&problem, start.clone(), &sqp_options, limit));
+        solution = Some(solve(
+            &problem,
+            start.clone(),
+            &sqp_options,
+            limit,
+            &mut record,
+        ));
         let (processor, wall) = clock.seconds();
         seconds.push(processor);
         wall_seconds.push(wall);
@@ -104,6 +118,9 @@ fn race(
         "wall_seconds": wall_seconds,
         "status": status.as_str(),
         "iterations": work.iterations,
+        "evaluations": work.evaluations,
+        "qps": work.qps,
+        "log": log,
         "objective": iterate.f,
         "kkt": kkt.residual(),
         "theta": problem.physical_theta(&iterate.z),
@@ -118,6 +135,7 @@ fn solve(
     start: Vec<f64>,
     options: &sqp::Options,
     limit: Duration,
+    record: &mut dyn FnMut(&Iteration),
 ) -> Solution {
     let clock = Instant::now();
     sqp::solve(
@@ -125,11 +143,31 @@ fn solve(
         &mut Condensed::default(),
         start,
         options,
-        &mut |_| match clock.elapsed() < limit {
-            true => ControlFlow::Continue(()),
-            false => ControlFlow::Break(Status::TimeLimit),
+        &mut |iteration| {
+            record(iteration);
+            match clock.elapsed() < limit {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(Status::TimeLimit),
+            }
         },
     )
+}
+
+fn line(iteration: &Iteration) -> Value {
+    let kkt = iteration.kkt;
+    json!({
+        "number": iteration.number,
+        "objective": iteration.objective,
+        "primal": kkt.primal,
+        "dual": kkt.dual,
+        "complementarity": kkt.complementarity,
+        "step": iteration.step,
+        "length": iteration.length,
+        "damping": iteration.damping,
+        "penalty": iteration.penalty,
+        "active": iteration.active,
+        "model": iteration.model.as_str(),
+    })
 }
 
 /// The processor's time of this process beside that on the wall.

@@ -21,7 +21,7 @@ const ROUNDS: usize = 8;
 pub type Triplets = Vec<(usize, usize, f64)>;
 
 /// A QP `min ½ xᵀWx + qᵀx` subject to `lower ≤ A x ≤ upper`, convex where its first rows, the
-/// equalities, hold: `W + ρ JᵀJ` is positive definite.
+/// equalities, and any others that are held hold: `W + ρ JᵀJ` with these rows `J` is positive definite.
 #[derive(Debug, Clone, Default)]
 pub struct EqualityConvexQp {
     /// Upper triangle of `W`.
@@ -36,6 +36,8 @@ pub struct EqualityConvexQp {
     pub upper: Vec<f64>,
     /// Number of rows of `J`.
     pub equalities: usize,
+    /// Rows besides that are held at a limit; empty for none.
+    pub held: Vec<Option<Limit>>,
     /// ρ.
     pub rho: f64,
 }
@@ -56,7 +58,7 @@ impl EqualityConvexQp {
     fn convexified_matrix(&self) -> Triplets {
         let mut p = self.w.clone();
         if self.rho > 0.0 {
-            let mut rows = vec![Vec::new(); self.equalities];
+            let mut rows = vec![Vec::new(); self.equalities.max(self.held.len())];
             (self.jacobian()).for_each(|&(row, column, value)| rows[row].push((column, value)));
             for row in &rows {
                 for &(i, a) in row {
@@ -68,16 +70,39 @@ impl EqualityConvexQp {
         p
     }
 
-    /// The entries of `J`.
-    fn jacobian(&self) -> impl Iterator<Item = &(usize, usize, f64)> {
-        self.a.iter().filter(|(row, _, _)| *row < self.equalities)
+    /// True for the rows of `J`.
+    fn holds(&self, row: usize) -> bool {
+        row < self.equalities || self.held.get(row).is_some_and(|limit| limit.is_some())
     }
 
-    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the equalities: a QP with the
-    /// same solution and multipliers.
+    /// The entries of `J`.
+    fn jacobian(&self) -> impl Iterator<Item = &(usize, usize, f64)> {
+        self.a.iter().filter(|(row, _, _)| self.holds(*row))
+    }
+
+    /// The value of a row at a limit.
+    fn limit(&self, row: usize, limit: Limit) -> f64 {
+        match limit {
+            Limit::Lower | Limit::Both => self.lower[row],
+            Limit::Upper => self.upper[row],
+        }
+    }
+
+    /// True when a solution makes every held row active at its limit.
+    pub fn keeps_held(&self, solution: &ConvexSolution) -> bool {
+        let pairs = self.held.iter().zip(self.active(solution));
+        let kept = |(held, active): (&Option<Limit>, _)| held.is_none() || *held == active;
+        self.held.is_empty() || (solution.violation == 0.0 && pairs.into_iter().all(kept))
+    }
+
+    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the rows held: a QP with the
+    /// same solution and multipliers, if that has them at their limits.
     pub fn convexified(&self) -> (Triplets, Vec<f64>) {
         let mut q = self.q.clone();
-        (self.jacobian()).for_each(|&(row, column, v)| q[column] -= self.rho * v * self.lower[row]);
+        for &(row, column, v) in self.jacobian() {
+            let held = self.held.get(row).copied().flatten();
+            q[column] -= self.rho * v * self.limit(row, held.unwrap_or(Limit::Both));
+        }
         (self.convexified_matrix(), q)
     }
 
@@ -189,19 +214,22 @@ impl EqualityConvexQp {
     fn solve_active(&self, active: &[Option<Limit>]) -> Option<ConvexSolution> {
         let n = self.q.len();
         let mut place = vec![None; active.len()];
-        let mut limits = Vec::new();
+        let (mut limits, mut squared) = (Vec::new(), Vec::new());
         for (i, at) in active.iter().enumerate() {
-            let Some(limit) = at else { continue };
+            let Some(limit) = at else {
+                if self.holds(i) {
+                    return None;
+                }
+                continue;
+            };
             place[i] = Some(n + limits.len());
-            limits.push(match limit {
-                Limit::Lower | Limit::Both => self.lower[i],
-                Limit::Upper => self.upper[i],
-            });
+            limits.push(self.limit(i, *limit));
+            squared.push(self.holds(i));
         }
         let a: Triplets = (self.a.iter())
             .filter_map(|&(i, j, v)| place[i].map(|row| (row, j, v)))
             .collect();
-        let mut system = Kkt::new(self, a, &limits)?;
+        let mut system = Kkt::new(self, a, &limits, squared)?;
         let solution = system.solve()?;
         let y = place.iter().map(|at| at.map_or(0.0, |row| solution[row]));
         Some(ConvexSolution {
@@ -217,12 +245,19 @@ struct Kkt<'a> {
     qp: &'a EqualityConvexQp,
     /// Active rows, counted from `n`; the equalities are the first.
     a: Triplets,
+    /// Which of these are rows of `J`.
+    squared: Vec<bool>,
     right: Vec<f64>,
     factor: QDLDLFactorisation<f64>,
 }
 
 impl<'a> Kkt<'a> {
-    fn new(qp: &'a EqualityConvexQp, a: Triplets, limits: &[f64]) -> Option<Self> {
+    fn new(
+        qp: &'a EqualityConvexQp,
+        a: Triplets,
+        limits: &[f64],
+        squared: Vec<bool>,
+    ) -> Option<Self> {
         let (n, m) = (qp.q.len(), limits.len());
         let mut matrix = qp.convexified_matrix();
         matrix.extend((0..n).map(|i| (i, i, 0.0)));
@@ -239,6 +274,7 @@ impl<'a> Kkt<'a> {
                 .chain(limits.iter().copied())
                 .collect(),
             a,
+            squared,
             qp,
         })
     }
@@ -270,8 +306,8 @@ impl<'a> Kkt<'a> {
     /// The right-hand side for the convexified matrix: `r₁ + ρ Jᵀ r₂` on top.
     fn weighted(&self, residual: &[f64]) -> Vec<f64> {
         let mut out = residual.to_vec();
-        let end = self.qp.q.len() + self.qp.equalities;
-        for &(row, column, v) in self.a.iter().filter(|(row, _, _)| *row < end) {
+        let n = self.qp.q.len();
+        for &(row, column, v) in self.a.iter().filter(|(row, ..)| self.squared[row - n]) {
             out[column] += self.qp.rho * v * residual[row];
         }
         out

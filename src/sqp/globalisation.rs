@@ -19,6 +19,8 @@ const PENALTY_FALL: f64 = 0.1;
 #[derive(Debug, Clone, Default)]
 pub struct Merit {
     penalty: f64,
+    /// ρ of the last step that was kept.
+    kept: f64,
     inequality: Vec<f64>,
 }
 
@@ -78,8 +80,8 @@ impl Merit {
         let fall = squares - left(&at.c);
         let needed = (rest + 0.5 * step.curvature) / fall.max(f64::MIN_POSITIVE);
         self.penalty = match needed.is_finite() {
-            true => (2.0 * needed).max(PENALTY_FALL * self.penalty),
-            false => self.penalty,
+            true => (2.0 * needed).max(PENALTY_FALL * self.kept),
+            false => self.kept,
         };
         Model {
             derivative: rest - self.penalty * fall,
@@ -89,6 +91,11 @@ impl Merit {
                 - slope
                 - 0.5 * step.curvature,
         }
+    }
+
+    /// The step that was prepared last is kept: the next one's ρ may fall from here.
+    pub fn keep(&mut self) {
+        self.kept = self.penalty;
     }
 
     /// The penalty ρ.

@@ -2,7 +2,8 @@
 //!
 //! The globalisation is an augmented Lagrangian merit with Armijo backtracking, second-order
 //! corrections whose length is tested, and a Levenberg–Marquardt term in the QP that grows when the
-//! model is not to be trusted ([`solver`], [`globalisation`]). Quadratic programs are solved through
+//! model is not to be trusted ([`solver`], [`globalisation`]), also where a step left the region in which
+//! its linearisation means something ([`QpSolver::growth`]). Quadratic programs are solved through
 //! [`QpSolver`]. A point counts as a solution when the second-order condition holds too ([`curvature`]);
 //! at a saddle the solve goes on along a direction of negative curvature.
 

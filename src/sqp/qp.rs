@@ -53,6 +53,12 @@ pub trait QpSolver<P: Problem + ?Sized> {
     /// `∇f + Jᵀλ + Gᵀη` at the last linearisation with its multipliers.
     fn lagrangian_gradient(&self) -> &[f64];
 
+    /// How far the last linearisation's elimination magnifies a change, and so a rounding error, of what
+    /// remains in what was eliminated. Default: one, for solvers that eliminate nothing without pivots.
+    fn growth(&self) -> f64 {
+        1.0
+    }
+
     /// Solves the QP of the last linearisation.
     fn solve(
         &mut self,

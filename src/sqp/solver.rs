@@ -19,6 +19,10 @@ const DAMPING_FLOOR: f64 = 1e-10;
 const PATIENCE: usize = 8;
 /// Magnitude that no variable of a problem scaled to the order of one reaches.
 const DIVERGED: f64 = 1e10;
+/// Growth of changes in a QP's elimination that is nothing to worry about.
+const TAME_GROWTH: f64 = 10.0;
+/// Factor by which one step may raise the growth beyond that.
+const GROWTH_RISE: f64 = 100.0;
 /// Relative decrease of the violation below which the linearised constraints promise none.
 const STATIONARY: f64 = 1e-6;
 
@@ -85,20 +89,18 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             damping: self.damping,
             model: StepModel::Start,
         };
+        self.linearise();
         loop {
-            // Without multipliers the exact Hessian is that of the objective alone.
-            let exact = self.work.iterations > 0;
-            self.linearise(exact);
             let kkt = Kkt::at(self.problem, &self.current, self.qp.lagrangian_gradient());
             let stop = observer(&self.log(&last, kkt)).break_value();
-            let next = match self.verdict(kkt, exact) {
+            let next = match self.verdict(kkt) {
                 Verdict::Done(status) => Err(status),
                 _ if let Some(status) = stop => Err(status),
                 _ if self.work.iterations == self.options.max_iterations => {
                     Err(Status::IterationLimit)
                 }
-                Verdict::Saddle(curvature) => self.escape(&curvature).ok_or(Status::SaddlePoint),
-                Verdict::GoOn => self.advance(kkt),
+                Verdict::Saddle(curvature) => self.leave(&curvature),
+                Verdict::GoOn => self.proceed(kkt),
             };
             match next {
                 Ok(accepted) => last = accepted,
@@ -107,13 +109,18 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
     }
 
-    fn linearise(&mut self, exact: bool) {
+    fn linearise(&mut self) {
+        // Without multipliers the exact Hessian is that of the objective alone.
+        self.linearise_with(self.work.iterations > 0);
+    }
+
+    fn linearise_with(&mut self, exact: bool) {
         self.qp.linearise(self.problem, &self.current, exact);
         self.work.linearisations += 1;
     }
 
     /// What the current point is.
-    fn verdict(&mut self, kkt: Kkt, exact: bool) -> Verdict {
+    fn verdict(&mut self, kkt: Kkt) -> Verdict {
         self.curvature = None;
         let residual = kkt.residual();
         if residual.is_nan() {
@@ -134,8 +141,8 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             }
             return Verdict::GoOn;
         }
-        if !exact {
-            self.linearise(true);
+        if self.work.iterations == 0 {
+            self.linearise_with(true);
         }
         let curvature = self.qp.curvature(self.problem, &self.current);
         self.curvature = curvature.as_ref().map(|c| c.smallest);
@@ -143,6 +150,34 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             Some(curvature) if curvature.is_negative() => Verdict::Saddle(curvature),
             _ => Verdict::Done(Status::Converged),
         }
+    }
+
+    /// One step that does not leave the region in which its linearisation means something: where the
+    /// growth of the elimination rises by orders of magnitude, the step is taken back and damped. Beyond
+    /// the edge of stability of a simulation, a few such steps lead to where the elimination has lost
+    /// every digit and no QP leads on.
+    fn proceed(&mut self, kkt: Kkt) -> Result<Accepted, Status> {
+        let limit = GROWTH_RISE * self.qp.growth().max(TAME_GROWTH);
+        loop {
+            let accepted = self.advance(kkt)?;
+            self.linearise();
+            if self.qp.growth() <= limit {
+                self.merit.keep();
+                return Ok(accepted);
+            }
+            std::mem::swap(&mut self.current, &mut self.trial);
+            self.work.iterations -= 1;
+            self.damping = accepted.damping;
+            self.raise_damping();
+            self.linearise();
+        }
+    }
+
+    /// Away from a saddle.
+    fn leave(&mut self, curvature: &Curvature) -> Result<Accepted, Status> {
+        let accepted = self.escape(curvature).ok_or(Status::SaddlePoint)?;
+        self.linearise();
+        Ok(accepted)
     }
 
     /// One step: QPs of growing damping until one passes the line search.

@@ -3,8 +3,9 @@
 //! The exact Hessian `W` need be convex only where the linearised equalities hold. Adding `ρ JᵀJ` to
 //! it and `ρ Jᵀc` to the gradient changes neither the solution nor, since `J d + c = 0` there, the
 //! multipliers; for ρ large enough the whole matrix is positive definite exactly when `W` is so in
-//! that null space (Finsler; Nocedal & Wright, 2nd ed., section 17.3). The active set of the last QP is
-//! tried first; where it is not this one's, clarabel finds it, and one exact solve polishes.
+//! that null space (Finsler; Nocedal & Wright, 2nd ed., section 17.3). Where it is not, the inequalities
+//! that were active in the last QP join `J`; the solution counts if they are active in it too. That
+//! active set is tried first; where it is not this QP's, clarabel finds it, and one exact solve polishes.
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};
@@ -113,7 +114,12 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
             .iter()
             .map(|r| r * largest)
             .collect();
-        require_convex(&mut self.qp, &ladder)?;
+        if require_convex(&mut self.qp, &ladder).is_err() {
+            // It may be convex where the active inequalities hold.
+            let ladder: Vec<f64> = CONVEXIFICATION.iter().map(|r| r * largest).collect();
+            self.qp.held = self.working.clone();
+            require_convex(&mut self.qp, &ladder)?;
+        }
         let (c, g) = (self.c.clone(), self.g.clone());
         self.solve_at(problem.limits(), &c, &g, step)
     }
@@ -195,6 +201,9 @@ impl SparseQp {
             Ok(_) | Err(QpFailure::Infeasible) => self.solve_convex(Some(cost))?,
             Err(other) => return Err(other),
         };
+        if !self.qp.keeps_held(&solution) {
+            return Err(QpFailure::NotConvex);
+        }
         self.working = self.qp.active(&solution);
         self.write_step(solution, step);
         Ok(())

@@ -6,6 +6,8 @@ mod pilots;
 
 use pilotage::identification::{Fit, Options, Trial, fit, start};
 use pilotage::models::Pilot;
+use pilotage::synthetic::Human;
+use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
 fn flights(name: &str, seed: u64) -> Vec<Trial> {
@@ -44,6 +46,52 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
         assert!(
             fit.objective <= best * 1.001,
             "{name} {seed}: {} {best}",
+            fit.objective
+        );
+    }
+}
+
+/// Beyond a pole of -2/h forward Euler is unstable, here by the power of 300 samples: there the elimination
+/// of the states has no digit left. IPOPT finds 286.7807567, 479.5437779 and 129.8378660, with the pole on
+/// either side of -40 1/s.
+#[test]
+fn a_pole_that_runs_to_the_edge_of_eulers_stability_stays_at_it() {
+    let human = |gain, lead, delay, frequency| Human {
+        gain,
+        lead,
+        delay,
+        frequency,
+        ..Human::default()
+    };
+    let cases = [
+        (
+            (human(0.03, 2.5, 0.15, 10.0), 1),
+            [13.536, 18.364, 10.741, -0.0032725, -0.67406, -0.07624],
+            286.7807567,
+        ),
+        (
+            (human(0.04, 2.0, 0.10, 14.0), 3),
+            [24.766, 32.202, 13.119, -0.014896, -1.5705, -0.15382],
+            479.5437779,
+        ),
+        (
+            (human(0.035, 3.2, 0.18, 12.0), 5),
+            [2.8865, 4.0758, 2.8556, -0.00064799, -0.11694, -0.082214],
+            129.8378660,
+        ),
+    ];
+    for ((human, seed), start, optimum) in cases {
+        let trials = pilots::flights(&human, seed).unwrap();
+        let options = Options {
+            scheme: Scheme::Euler,
+            start: Some(start.to_vec()),
+            ..Options::default()
+        };
+        let fit = fitted(&trials, &options);
+        assert!(fit.converged, "{seed}: {}", fit.status);
+        assert!(
+            fit.objective <= optimum * (1.0 + 1e-6),
+            "{seed}: {} {optimum}",
             fit.objective
         );
     }

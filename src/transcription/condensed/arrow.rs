@@ -76,6 +76,30 @@ impl Arrow {
         }
     }
 
+    /// Adds `factor aaᵀ`, where `a` has entries for θ and the free initial states of one run at most.
+    pub fn add_square(&mut self, run: Option<usize>, entries: &[(usize, f64)], factor: f64) {
+        let p = self.p;
+        let mut theta = vec![0.0; p];
+        let shared = entries.iter().filter(|(column, _)| *column < p);
+        shared.for_each(|&(column, v)| theta[column] += v);
+        add_product(&mut self.theta, (&theta, &theta), factor);
+        let Some(j) = run else { return };
+        let first = p + self.runs[..j].iter().map(|run| run.n).sum::<usize>();
+        let run = &mut self.runs[j];
+        let mut free = vec![0.0; run.n];
+        let own = entries.iter().filter(|(column, _)| *column >= p);
+        own.for_each(|&(column, v)| free[column - first] += v);
+        add_product(&mut run.cross, (&free, &theta), factor);
+        add_product(&mut run.diagonal, (&free, &free), factor);
+    }
+
+    /// The diagonal.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let of = |matrix: &[f64], n: usize| (0..n).map(|i| matrix[i * n + i]).collect::<Vec<_>>();
+        let runs = self.runs.iter().flat_map(|run| of(&run.diagonal, run.n));
+        of(&self.theta, self.p).into_iter().chain(runs).collect()
+    }
+
     /// Cholesky by the Schur complement on θ; None when not positive definite.
     pub fn factor(&self) -> Option<ArrowFactor> {
         let p = self.p;
@@ -119,6 +143,13 @@ impl Arrow {
             first += run.n;
         }
         out
+    }
+}
+
+/// Adds `factor rows columnsᵀ` to a row-major matrix.
+fn add_product(matrix: &mut [f64], (rows, columns): (&[f64], &[f64]), factor: f64) {
+    for (row, r) in matrix.chunks_exact_mut(columns.len().max(1)).zip(rows) {
+        axpy(factor * r, columns, row);
     }
 }
 

@@ -9,7 +9,7 @@
 use super::Condensed;
 use super::active::RowAt;
 use super::arrow::Arrow;
-use super::dense::{axpy, dot};
+use super::dense::dot;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use crate::sqp::{Iterate, Problem, Step};
@@ -57,10 +57,7 @@ impl Condensed {
         (places.zip(activities(problem, at)))
             .filter(|(_, activity)| *activity != Activity::Free)
             .map(|(place, activity)| ActiveRow {
-                run: match place {
-                    RowAt::Bounded { run, .. } => Some(run),
-                    RowAt::Parameter(_) => None,
-                },
+                run: place.run(),
                 activity,
                 entries: self.row(problem, place, lower, upper).entries,
             })
@@ -133,7 +130,7 @@ fn among_many(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
         row.entries
             .iter_mut()
             .for_each(|(column, v)| *v *= units[*column]);
-        add_square(&mut held, &row, PENALTY * scale);
+        held.add_square(row.run, &row.entries, PENALTY * scale);
     }
     let mut shift = 0.0;
     let factor = loop {
@@ -191,39 +188,6 @@ fn with_unit_diagonal(arrow: &Arrow) -> (Arrow, Vec<f64>) {
         units.extend(own);
     }
     (scaled, units)
-}
-
-/// Adds a multiple of `aaᵀ`.
-fn add_square(arrow: &mut Arrow, row: &ActiveRow, factor: f64) {
-    let p = arrow.p;
-    let (mut theta, mut free) = (vec![0.0; p], Vec::new());
-    let first = |j: usize| p + arrow.runs[..j].iter().map(|run| run.n).sum::<usize>();
-    if let Some(j) = row.run {
-        free = vec![0.0; arrow.runs[j].n];
-        let first = first(j);
-        let own = row.entries.iter().filter(|(column, _)| *column >= p);
-        own.for_each(|&(column, v)| free[column - first] += v);
-    }
-    let shared = row.entries.iter().filter(|(column, _)| *column < p);
-    shared.for_each(|&(column, v)| theta[column] += v);
-    for i in 0..p {
-        axpy(
-            factor * theta[i],
-            &theta,
-            &mut arrow.theta[i * p..(i + 1) * p],
-        );
-    }
-    if let Some(j) = row.run {
-        let run = &mut arrow.runs[j];
-        for i in 0..run.n {
-            axpy(factor * free[i], &theta, &mut run.cross[i * p..(i + 1) * p]);
-            axpy(
-                factor * free[i],
-                &free,
-                &mut run.diagonal[i * run.n..(i + 1) * run.n],
-            );
-        }
-    }
 }
 
 #[cfg(test)]

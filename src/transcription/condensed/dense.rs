@@ -1,5 +1,8 @@
 //! Small dense kernels on row-major slices, sized at run time and free of allocation.
 
+/// Pivots that are smaller than this, relative to their diagonal, are rounding: those of equal rows are.
+const RANK: f64 = 1e-14;
+
 /// `y += a x`.
 #[inline(always)]
 pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
@@ -37,6 +40,29 @@ pub fn cholesky(a: &mut [f64], n: usize) -> bool {
     true
 }
 
+/// Cholesky factorisation of the rows and columns of a positive semidefinite `n × n` matrix that do not
+/// depend on those before them: which these are, and their factor.
+pub fn independent_cholesky(a: &[f64], n: usize) -> (Vec<usize>, Vec<f64>) {
+    let mut kept: Vec<usize> = Vec::new();
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for i in 0..n {
+        let mut row: Vec<f64> = Vec::with_capacity(n);
+        for (k, above) in kept.iter().zip(&rows) {
+            let place = row.len();
+            row.push((a[i * n + k] - dot(&above[..place], &row)) / above[place]);
+        }
+        let diagonal = a[i * n + i];
+        let pivot = diagonal - dot(&row, &row);
+        if pivot > RANK * diagonal {
+            row.push(pivot.sqrt());
+            rows.push(row);
+            kept.push(i);
+        }
+    }
+    rows.iter_mut().for_each(|row| row.resize(kept.len(), 0.0));
+    (kept, rows.concat())
+}
+
 /// Solves `L Lᵀ x = b` in place.
 pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
     for k in 0..n {
@@ -67,6 +93,29 @@ mod tests {
             cholesky_solve(&l, n, &mut x);
             prop_assert!((&spd * DVector::from_vec(x) - &b).amax() < 1e-9);
         }
+    }
+
+    #[test]
+    fn dependent_rows_are_left_out() {
+        // Rows 1 and 3 are row 0 and the sum of rows 0 and 2, over [1, 2, 0], [0, 1, 1].
+        let rows = [
+            [1.0, 2.0, 0.0],
+            [1.0, 2.0, 0.0],
+            [0.0, 1.0, 1.0],
+            [1.0, 3.0, 1.0],
+        ];
+        let gram: Vec<f64> = (rows.iter())
+            .flat_map(|r| rows.iter().map(move |s| dot(r, s)))
+            .collect();
+        let (kept, factor) = independent_cholesky(&gram, 4);
+        assert_eq!(kept, [0, 2]);
+        let mut x = [7.0, 4.0];
+        cholesky_solve(&factor, 2, &mut x);
+        // [5 2; 2 2] x = [7; 4]
+        assert!(
+            (x[0] - 1.0).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14,
+            "{x:?}"
+        );
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! Forward, each run's defects give every node's step as `δX_k = S_k ρ + e_k`, with `ρ` the shared
 //! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
 //! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
-//! enter it, and clarabel solves it then. Backward, an adjoint sweep gives the multipliers of all
+//! enter it, and clarabel solves it where exchanges of active rows do not. Where it is not convex, it may
+//! be so where the rows of the last QP are active; a solution counts if they are active in it too. Backward, an adjoint sweep gives the multipliers of all
 //! defects. The step and the multipliers are those of the full QP: same iterates as
 //! [`SparseQp`](crate::sqp::SparseQp), at a cost linear in the number of nodes.
 
@@ -23,7 +24,7 @@ use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
 use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
-use active::{Row, RowAt};
+use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
 use run::{Place, RunSweep};
@@ -59,6 +60,8 @@ pub struct Condensed {
     gauss_newton: Arrow,
     exact: Option<Arrow>,
     singular: bool,
+    /// Largest sensitivity of an unknown to a reduced variable.
+    growth: f64,
     /// Active inequalities of the last QP, with the sign of their multiplier.
     working: Vec<(RowAt, f64)>,
 }
@@ -105,6 +108,10 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 
     fn lagrangian_gradient(&self) -> &[f64] {
         &self.lagrangian
+    }
+
+    fn growth(&self) -> f64 {
+        self.growth
     }
 
     fn solve(
@@ -236,6 +243,7 @@ impl Condensed {
             (*gauss_newton, *full) = run.reduce_matrices(at, exact);
         });
         let regular = work.iter().all(|(_, regular, ..)| *regular);
+        self.growth = work.iter().fold(0.0, |m, (run, ..)| run.growth.max(m));
         let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
         let mut arrows = [
             Arrow::zeros(problem.n_parameters(), &free),
@@ -271,23 +279,37 @@ impl Condensed {
             Hessian::GaussNewton => self.gauss_newton.clone(),
         };
         matrix.add_diagonal(damping);
-        let factor = matrix.factor().ok_or(QpFailure::NotConvex)?;
-        let q = match self.linear.take() {
-            Some((kind, q)) if kind == hessian => q,
-            _ => self.reduced_vector(problem, hessian, matrix.size()),
+        let sides: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
+        let convex = match matrix.factor() {
+            Some(factor) => Convex::new(matrix, factor),
+            None => {
+                Convex::held(matrix, &self.working_rows(problem)).ok_or(QpFailure::NotConvex)?
+            }
         };
+        if self
+            .linear
+            .as_ref()
+            .is_none_or(|(kind, _)| *kind != hessian)
+        {
+            let q = self.reduced_vector(problem, hessian, convex.matrix.size());
+            self.linear = Some((hessian, q));
+        }
+        let mut q = self
+            .linear
+            .as_ref()
+            .map_or_else(Vec::new, |(_, q)| q.clone());
+        let mut rows = self.working_rows(problem);
+        convex.shift(&rows, &sides, &mut q);
 
         let (lower, upper) = problem.limits();
-        let mut rows: Vec<Row> = self
-            .working
-            .iter()
-            .map(|(at, _)| self.row(problem, *at, lower, upper))
-            .collect();
-        let guess: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
-        let mut solution = active::exchanged(&factor, &q, &rows, &guess).unwrap_or_else(|| {
-            rows.clear();
-            active::free(&factor, &q)
-        });
+        let mut solution = match active::exchanged(&convex.factor, &q, &rows, &sides) {
+            Some(solution) => solution,
+            None if convex.holds() => active::solve(&convex, &q, &rows, &sides)?,
+            None => {
+                rows.clear();
+                active::free(&convex.factor, &q)
+            }
+        };
         for _ in 0..MAX_ROUNDS {
             let outside = self.violated(problem, &solution.x, &rows);
             if solution.violation > 0.0 || outside.is_empty() {
@@ -299,10 +321,12 @@ impl Condensed {
             rows.extend(new);
             let mut guess: Vec<f64> = solution.y.iter().map(|y| active::sign(*y)).collect();
             guess.resize(rows.len(), 0.0);
-            solution = active::solve(&matrix, &factor, &q, &rows, &guess)?;
+            solution = active::solve(&convex, &q, &rows, &guess)?;
+        }
+        if convex.holds() && !held(&sides, &solution) {
+            return Err(QpFailure::NotConvex);
         }
         self.expand(problem, &solution.x);
-        self.linear = Some((hessian, q));
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
         self.write_primal(problem, &rows, &solution, step);
@@ -452,6 +476,18 @@ impl Condensed {
             }
         }
         outside
+    }
+
+    /// The active inequalities of the last QP over the reduced variables.
+    fn working_rows<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+    ) -> Vec<Row> {
+        let (lower, upper) = problem.limits();
+        let places = self.working.iter();
+        places
+            .map(|(at, _)| self.row(problem, *at, lower, upper))
+            .collect()
     }
 
     /// One inequality over the reduced variables.

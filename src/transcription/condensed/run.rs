@@ -50,6 +50,8 @@ pub struct RunSweep {
     pub(super) k0: Vec<Lanes>,
     pub(super) special: BTreeMap<usize, (Arc<Symbolic>, Vec<Lanes>)>,
     pub(super) work: Work,
+    /// Largest sensitivity of an unknown to a reduced variable.
+    pub(super) growth: f64,
     /// Gradient of this run's objective with respect to θ.
     pub theta_gradient: Vec<f64>,
     /// Its part of the Lagrangian's gradient with respect to θ.
@@ -140,6 +142,7 @@ impl RunSweep {
                 lanes: vec![[0.0; LANES]; size],
                 ..Work::default()
             },
+            growth: 0.0,
             theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
             omega: vec![0.0; points * n],

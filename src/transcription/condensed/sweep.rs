@@ -60,13 +60,19 @@ impl RunSweep {
             let offsets = (self.combined.e.iter_mut()).zip(self.combined.s.chunks_exact(w));
             offsets.for_each(|(e, row)| *e = row[r]);
         }
-        // Zero times infinity or NaN is NaN.
-        let mut sums = [0.0; LANES];
-        for own in self.nodes.s.chunks_exact(LANES) {
-            sums.iter_mut()
-                .zip(own)
-                .for_each(|(sum, v)| *sum += 0.0 * v);
+        let (mut largest, mut sums) = (vec![0.0_f64; w], vec![0.0; w]);
+        for row in self.nodes.s.chunks_exact(w) {
+            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
+                *largest = if v.abs() > *largest {
+                    v.abs()
+                } else {
+                    *largest
+                };
+                // Zero times infinity or NaN is NaN.
+                *sum += 0.0 * v;
+            }
         }
+        self.growth = largest[..r].iter().copied().fold(0.0, f64::max);
         swept && sums.iter().all(|sum| *sum == 0.0)
     }
 
