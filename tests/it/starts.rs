@@ -5,7 +5,8 @@
 mod pilots;
 
 use pilotage::identification::{Fit, Options, Trial, fit, start};
-use pilotage::models::Pilot;
+use pilotage::models::{Pilot, Quadcopter};
+use pilotage::synthetic::{Flight, Flights, Human};
 use std::ops::ControlFlow;
 
 fn flights(name: &str, seed: u64) -> Vec<Trial> {
@@ -47,6 +48,33 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
             fit.objective
         );
     }
+}
+
+/// More trials than the fits that only give starts take: every start sees all of them in the end.
+#[test]
+fn of_many_trials_all_count() {
+    let flights = Flights {
+        runs: 15,
+        duration: 10.0,
+        ..Flights::default()
+    };
+    let flown = flights.fly(&Human::default(), &Quadcopter::default());
+    let trial = |flight: &Flight| {
+        let csv = flight.series.to_csv();
+        Trial::parse(csv.as_bytes(), &flight.name).unwrap()
+    };
+    let trials: Vec<Trial> = flown.unwrap().iter().map(trial).collect();
+    let fit = fitted(&trials, &Options::default());
+    assert!(fit.converged, "{}", fit.status);
+    assert_eq!(fit.runs.len(), 30);
+    let best = best_of_random(&trials, 2);
+    assert!(best.is_finite(), "no random start converged");
+    assert!(fit.objective <= best * 1.001, "{} {best}", fit.objective);
+    assert_eq!(
+        fit.starts.len(),
+        3,
+        "a pair at each of its places, with all of the trials"
+    );
 }
 
 #[test]
