@@ -90,6 +90,7 @@ class Ipopt:
             "build_seconds": self.build_seconds,
             "objective": objective,
             "kkt": max(parts),
+            "violation": parts[1],
             "theta": (theta * self.problem.scale_theta).tolist(),
         }
 

@@ -8,20 +8,22 @@
 //! ```
 //!
 //! Best known objectives of other solvers are merged with `--best`: a JSON array of objects with
-//! `initial_state`, `pilot`, `seed` and `best`, as `--json` writes it. `RAYON_NUM_THREADS` sets the
-//! number of threads.
+//! `initial_state`, `scheme`, `pilot`, `seed` and `best`, as `--json` writes it.
+//! `benches/ipopt/best.py` lets IPOPT solve the same data sets and writes such a file.
+//! `RAYON_NUM_THREADS` sets the number of threads.
 
 mod pilots;
 
 use clap::Parser;
 use pilotage::identification::{Doubt, Fit, InitialState, Options, Trial, doubts, fit};
 use pilotage::sqp::Status;
+use pilotage::synthetic::Human;
 use pilotage::transcription::Scheme;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Relative distance to the best known objective that counts as the same.
 const SAME: f64 = 1e-3;
@@ -51,6 +53,9 @@ struct Args {
     /// The humans and seeds with whom the starts were worked out, in place of the study's.
     #[arg(long)]
     tuning: bool,
+    /// Write the flights of each data set as trials, with a list of the data sets, and end.
+    #[arg(long, value_name = "FOLDER")]
+    flights: Option<PathBuf>,
     /// Results with best known objectives.
     #[arg(long, value_name = "FILE")]
     best: Vec<PathBuf>,
@@ -65,6 +70,7 @@ struct Args {
 /// The flights of one human with one seed.
 struct DataSet {
     pilot: &'static str,
+    human: Human,
     seed: u64,
     trials: Vec<Trial>,
 }
@@ -83,6 +89,9 @@ struct Outcome<'a> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args = Args::parse();
+    if let Some(folder) = &args.flights {
+        return write(&args.data_sets()?, folder);
+    }
     let options = args.options()?;
     let known = args.known()?;
     let sets = args.data_sets()?;
@@ -99,6 +108,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             entry["pilot"] == outcome.data.pilot
                 && entry["seed"] == outcome.data.seed
                 && entry["initial_state"] == args.initial_state.as_str()
+                && entry["scheme"] == args.scheme.to_string()
         };
         let values = known.iter().filter(same).filter_map(|e| e["best"].as_f64());
         outcome.best = values.fold(outcome.best, f64::min);
@@ -126,6 +136,11 @@ impl Args {
         let mut all = Vec::new();
         for file in &self.best {
             let entries: Vec<Value> = serde_json::from_str(&std::fs::read_to_string(file)?)?;
+            let fields = ["initial_state", "scheme", "pilot", "seed", "best"];
+            let missing = |entry: &Value| fields.into_iter().find(|f| entry.get(f).is_none());
+            if let Some(field) = entries.iter().find_map(missing) {
+                return Err(format!("{}: an entry has no {field}", file.display()).into());
+            }
             all.extend(entries);
         }
         Ok(all)
@@ -143,6 +158,7 @@ impl Args {
                 let trials = pilots::flights(human, seed)?;
                 sets.push(DataSet {
                     pilot,
+                    human: *human,
                     seed,
                     trials,
                 });
@@ -150,6 +166,30 @@ impl Args {
         }
         Ok(sets)
     }
+}
+
+/// Writes a folder of trials with their manifest for each data set, and `sets.json`, which lists them.
+fn write(sets: &[DataSet], folder: &Path) -> Result<(), Box<dyn Error>> {
+    let mut list = Vec::new();
+    for data in sets {
+        let name = format!("{}-{}", data.pilot, data.seed);
+        let own = folder.join(&name);
+        std::fs::create_dir_all(&own)?;
+        let mut manifest = String::new();
+        for flight in pilots::flown(&data.human, data.seed)? {
+            let file = format!("{}.csv", flight.name);
+            manifest += &format!("[[run]]\nfile = \"{file}\"\n");
+            std::fs::write(own.join(file), flight.series.to_csv())?;
+        }
+        std::fs::write(own.join("trials.toml"), manifest)?;
+        let manifest = format!("{name}/trials.toml");
+        list.push(json!({ "pilot": data.pilot, "seed": data.seed, "manifest": manifest }));
+    }
+    std::fs::write(
+        folder.join("sets.json"),
+        format!("{:#}\n", Value::from(list)),
+    )?;
+    Ok(())
 }
 
 /// The default fit and the random starts.
@@ -224,6 +264,7 @@ impl Outcome<'_> {
             .collect();
         json!({
             "initial_state": args.initial_state,
+            "scheme": args.scheme.to_string(),
             "pilot": self.data.pilot,
             "seed": self.data.seed,
             "best": self.best,

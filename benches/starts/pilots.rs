@@ -2,7 +2,7 @@
 
 use pilotage::identification::Trial;
 use pilotage::models::Quadcopter;
-use pilotage::synthetic::{Flights, Human, SyntheticError};
+use pilotage::synthetic::{Flight, Flights, Human, SyntheticError};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
@@ -60,17 +60,24 @@ pub const TUNING: [Named; 10] = [
 ///
 /// # Errors
 /// When human and vehicle swing up.
-pub fn flights(human: &Human, seed: u64) -> Result<Vec<Trial>, SyntheticError> {
+pub fn flown(human: &Human, seed: u64) -> Result<Vec<Flight>, SyntheticError> {
     let flights = Flights {
         seed,
         ..Flights::default()
     };
-    let flown = flights.fly(human, &Quadcopter::default())?;
-    let trial = |flight: &pilotage::synthetic::Flight| {
+    flights.fly(human, &Quadcopter::default())
+}
+
+/// [`flown`], as the fit takes them.
+///
+/// # Errors
+/// As [`flown`].
+pub fn flights(human: &Human, seed: u64) -> Result<Vec<Trial>, SyntheticError> {
+    let trial = |flight: &Flight| {
         let csv = flight.series.to_csv();
         Trial::parse(csv.as_bytes(), &flight.name).expect("a flight is a trial")
     };
-    Ok(flown.iter().map(trial).collect())
+    Ok(flown(human, seed)?.iter().map(trial).collect())
 }
 
 /// Stable third-order pilots over more than any human: poles from 0.05 to 20 rad/s, a pair of them

@@ -105,6 +105,10 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 /// more ([`start::with_pair`]), so that its objective is never above. Of several starts the SQP runs
 /// some iterations from each and finishes the best.
 ///
+/// Of many trials some suffice for the order below. They would not for the order asked for: what all
+/// trials tell of the last pole, a few may not, and it runs away to −∞. Where initial states are free,
+/// some of the trials choose among the starts all the same, since each costs many iterations there.
+///
 /// # Errors
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
 /// result, with its status.
@@ -190,27 +194,46 @@ pub fn candidates(
     if let Some(theta) = &options.start {
         return Ok((vec![theta.clone()], 0));
     }
-    if trials.len() > MANY_TRIALS {
-        let every = trials.len().div_ceil(MANY_TRIALS);
-        let some: Vec<Trial> = trials.iter().step_by(every).cloned().collect();
-        let fit = fit(&some, options, observer)?;
-        return Ok((vec![fit.theta], fit.iterations));
+    let many = trials.len() > MANY_TRIALS;
+    let at_rest = options.initial_state == InitialState::AtRest;
+    if many && !at_rest {
+        // Optima differ by far more than the trials do, and the way to the best is long.
+        let (theta, iterations) = rough(trials, options, observer)?;
+        return Ok((vec![theta], iterations));
     }
     if order <= 2 {
         return Ok((start::low_order(trials, sticks, options), 0));
     }
     let lower = Options {
         pilot: Pilot { order: order - 1 },
-        tolerance: options.tolerance.max(LOWER_ORDER_TOLERANCE),
         ..options.clone()
     };
-    let lower = fit(trials, &lower, observer)?;
-    let mut raised = start::with_pair(&lower.theta, trials, sticks, options);
-    if options.initial_state != InitialState::AtRest {
+    let (theta, iterations) = rough(trials, &lower, observer)?;
+    let mut raised = start::with_pair(&theta, trials, sticks, options);
+    if !at_rest {
         // Free initial states make many optima, and the order below may have led to the wrong one.
         raised.extend(start::regressions(trials, sticks, options));
     }
-    Ok((raised, lower.iterations))
+    Ok((raised, iterations))
+}
+
+/// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
+fn rough(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<(Vec<f64>, usize), FitError> {
+    let options = Options {
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    if trials.len() <= MANY_TRIALS {
+        let fit = fit(trials, &options, observer)?;
+        return Ok((fit.theta, fit.iterations));
+    }
+    let fit = fit(&start::spread(trials, MANY_TRIALS), &options, observer)?;
+    let theta = start::restrained(options.pilot, &fit.theta);
+    Ok((theta, fit.iterations))
 }
 
 fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
@@ -472,12 +495,12 @@ const TIE: f64 = 1e-5;
 /// Relative difference below which two objectives are equal.
 const ROUNDING: f64 = 1e-8;
 
-/// Trials on which starts race; of more, so many are taken at equal distances, and their optimum is the
-/// start for all.
+/// Trials to which a fit that only gives a start is made; of more, so many are taken
+/// ([`start::spread`]).
 const MANY_TRIALS: usize = 24;
 
 /// Scaled KKT residual of a fit that only gives a start.
-const LOWER_ORDER_TOLERANCE: f64 = 1e-4;
+const ROUGH_TOLERANCE: f64 = 1e-4;
 
 /// SQP iterations from each start before the most promising is finished.
 const SCOUT_ITERATIONS: usize = 60;

@@ -3,7 +3,7 @@
 use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use crate::transcription::{Collocation, ParameterConstraints, Scales};
-use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
 use pilotage_models::lti::Transition;
 use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
 
@@ -16,6 +16,8 @@ const FILTERS: [f64; 2] = [0.5, 1.0];
 const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
 /// Relative difference below which two steps between samples are one.
 const SAME_STEP: f64 = 1e-9;
+/// Magnitude of the fastest pole of a start [1/s].
+const FASTEST: f64 = 30.0;
 /// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
@@ -85,6 +87,20 @@ pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
                 .collect()
         }
     }
+}
+
+/// So many of the trials, from the smallest to the largest error at equal distances, so that they show
+/// what all of them show, in whatever order these came.
+pub fn spread(trials: &[Trial], count: usize) -> Vec<Trial> {
+    let size = |trial: &Trial| {
+        let errors = recorded_error(trial).into_iter();
+        errors.fold(0.0, |most: f64, error| most.max(error.abs()))
+    };
+    let mut sorted: Vec<(f64, &Trial)> = trials.iter().map(|t| (size(t), t)).collect();
+    sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    (0..count)
+        .map(|i| sorted[i * trials.len() / count].1.clone())
+        .collect()
 }
 
 /// θ by linear regression of stick on error: the transfer function times its denominator, every
@@ -247,22 +263,41 @@ fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f6
 /// θ with its unstable poles mirrored into the left half plane, and none slower than 0.05 1/s or
 /// faster than 30 1/s.
 pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
-    let mut polynomial = vec![nalgebra::Complex::new(1.0, 0.0)];
-    for pole in pilot.poles(theta) {
-        let damped =
-            nalgebra::Complex::new(-pole.re.abs().clamp(0.05, 30.0), pole.im.clamp(-30.0, 30.0));
-        // times (s - pole), coefficients in ascending order
-        let mut next = vec![nalgebra::Complex::new(0.0, 0.0); polynomial.len() + 1];
+    let damped = |pole: Complex<f64>| {
+        let re = -pole.re.abs().clamp(0.05, FASTEST);
+        Complex::new(re, pole.im.clamp(-FASTEST, FASTEST))
+    };
+    let denominator = denominator(pilot.poles(theta).into_iter().map(damped));
+    (denominator.into_iter())
+        .chain(theta[pilot.order..].iter().copied())
+        .collect()
+}
+
+/// θ with its poles that are faster than 30 1/s at 30 1/s, and the same gain for what is slow.
+///
+/// Some of the trials may drive a pole to infinity where all together would not, and a start out there
+/// gives the problem scales in which its solution cannot be told from others.
+pub fn restrained(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
+    let slowed = |pole: Complex<f64>| pole * (FASTEST / pole.norm()).min(1.0);
+    let denominator = denominator(pilot.poles(theta).into_iter().map(slowed));
+    let gain = denominator[0] / theta[0];
+    let numerator = theta[pilot.order..].iter().map(|c| gain * c);
+    denominator.iter().copied().chain(numerator).collect()
+}
+
+/// Coefficients, in ascending order and without the leading one, of the polynomial with these roots.
+fn denominator(poles: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
+    let mut polynomial = vec![Complex::new(1.0, 0.0)];
+    for pole in poles {
+        let mut next = vec![Complex::new(0.0, 0.0); polynomial.len() + 1];
         for (i, c) in polynomial.iter().enumerate() {
             next[i + 1] += c;
-            next[i] -= c * damped;
+            next[i] -= c * pole;
         }
         polynomial = next;
     }
-    let denominator = polynomial[..pilot.order].iter().map(|c| c.re);
-    denominator
-        .chain(theta[pilot.order..].iter().copied())
-        .collect()
+    polynomial.pop();
+    polynomial.iter().map(|c| c.re).collect()
 }
 
 /// The pilot's states when it sees the recorded error from rest, by exact steps, however fast its poles
@@ -389,6 +424,49 @@ mod tests {
             time,
             stick: None,
             weight: 1.0,
+        }
+    }
+
+    /// Runs to two targets by turns, as an experiment may record them: an equal step would see one alone.
+    #[test]
+    fn some_of_the_trials_show_what_all_show() {
+        let run = |k: u8| {
+            let mut trial = trial(vec![0.0, 1.0, 2.0], |t| t);
+            trial.target = vec![if k.is_multiple_of(2) { 10.0 } else { 20.0 }; 3];
+            trial.name = k.to_string();
+            trial
+        };
+        let trials: Vec<Trial> = (0..48).map(run).collect();
+        let some = spread(&trials, 24);
+        let far = some.iter().filter(|t| t.target[0] == 20.0).count();
+        assert_eq!((some.len(), far), (24, 12));
+        let names: std::collections::BTreeSet<&str> = some.iter().map(|t| &*t.name).collect();
+        assert_eq!(names.len(), 24, "no trial twice");
+        assert_eq!(spread(&trials[..30], 24).len(), 24);
+    }
+
+    #[test]
+    fn a_restrained_pilot_keeps_its_slow_poles_and_its_gain() {
+        let pilot = Pilot { order: 3 };
+        // Poles at -1, -2 and -1e6; gain 0.03.
+        let (theta, gain) = ([2e6, 3e6 + 2.0, 1e6 + 3.0, 6e4, 5e4, 1e4], 0.03);
+        let restrained = restrained(pilot, &theta);
+        let mut poles: Vec<f64> = pilot.poles(&restrained).iter().map(|p| p.re).collect();
+        poles.sort_by(f64::total_cmp);
+        for (pole, expected) in poles.iter().zip([-30.0, -2.0, -1.0]) {
+            assert!((pole - expected).abs() < 1e-6, "{poles:?}");
+        }
+        assert!((restrained[3] / restrained[0] - gain).abs() < 1e-12);
+        assert!((restrained[4] / restrained[3] - theta[4] / theta[3]).abs() < 1e-12);
+    }
+
+    /// Poles at -3 and -1 ± 2i.
+    #[test]
+    fn a_slow_pilot_needs_no_restraint() {
+        let theta = [15.0, 11.0, 5.0, -0.4, -1.1, -0.1];
+        let restrained = restrained(Pilot { order: 3 }, &theta);
+        for (a, b) in restrained.iter().zip(&theta) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{restrained:?}");
         }
     }
 

@@ -5,8 +5,8 @@
 mod pilots;
 
 use pilotage::identification::{Fit, Options, Trial, fit, start};
-use pilotage::models::Pilot;
-use pilotage::synthetic::Human;
+use pilotage::models::{Pilot, Quadcopter};
+use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
@@ -95,6 +95,33 @@ fn a_pole_that_runs_to_the_edge_of_eulers_stability_stays_at_it() {
             fit.objective
         );
     }
+}
+
+/// More trials than the fits that only give starts take: every start sees all of them in the end.
+#[test]
+fn of_many_trials_all_count() {
+    let flights = Flights {
+        runs: 15,
+        duration: 10.0,
+        ..Flights::default()
+    };
+    let flown = flights.fly(&Human::default(), &Quadcopter::default());
+    let trial = |flight: &Flight| {
+        let csv = flight.series.to_csv();
+        Trial::parse(csv.as_bytes(), &flight.name).unwrap()
+    };
+    let trials: Vec<Trial> = flown.unwrap().iter().map(trial).collect();
+    let fit = fitted(&trials, &Options::default());
+    assert!(fit.converged, "{}", fit.status);
+    assert_eq!(fit.runs.len(), 30);
+    let best = best_of_random(&trials, 2);
+    assert!(best.is_finite(), "no random start converged");
+    assert!(fit.objective <= best * 1.001, "{} {best}", fit.objective);
+    assert_eq!(
+        fit.starts.len(),
+        3,
+        "a pair at each of its places, with all of the trials"
+    );
 }
 
 #[test]
