@@ -12,7 +12,7 @@ const CORRECTION_RATE: f64 = 0.35;
 /// Part of the predicted length of a shorter step that is tried.
 const SAFETY: f64 = 0.6;
 /// Fall of the equalities by a full step beyond which its correction need not be measured.
-const CONTRACTION: f64 = 0.1;
+const CONTRACTION: f64 = 0.35;
 /// Limit on second-order corrections of one step.
 const MAX_CORRECTIONS: usize = 6;
 
