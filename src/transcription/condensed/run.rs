@@ -221,9 +221,7 @@ impl RunSweep {
             if point.collocated {
                 let jacobian = &mut self.jacobian[i * entries..(i + 1) * entries];
                 derivatives.jacobian(jacobian);
-                for (value, &(l, c)) in jacobian.iter().zip(&model.entries) {
-                    full[c] += omega[l] * value;
-                }
+                derivatives.pull_back(jacobian, omega, &mut full);
             }
             if exact {
                 let weights = Weights {

@@ -144,6 +144,16 @@ impl<D: Dynamics> Derivatives<'_, D> {
         }
     }
 
+    /// Adds the derivatives of `omegaᵀ f̄` over `[x̄; θ̄]`, with the Jacobian's entries, to `out`.
+    pub fn pull_back(&self, jacobian: &[f64], omega: &[f64], out: &mut [f64]) {
+        let model = self.model;
+        for (column, out) in model.column_starts.windows(2).zip(out) {
+            let own = column[0]..column[1];
+            let entries = model.entries[own.clone()].iter().zip(&jacobian[own]);
+            *out += entries.map(|((l, _), v)| omega[*l] * v).sum::<f64>();
+        }
+    }
+
     /// Writes the gradient of an output at its [`columns`](NodeModel::columns).
     pub fn gradient(&self, output: Output, out: &mut [f64]) {
         self.write_affine(1 + output as usize, out);
@@ -178,8 +188,8 @@ impl<D: Dynamics> Derivatives<'_, D> {
             Some(0) => weights.measured,
             Some(_) => weights.bounded,
         };
-        for &(pair, row, value) in &model.constant {
-            out[pair] += value * weight(row);
+        for (pair, rows) in &model.constant {
+            out[*pair] = rows.iter().map(|&(row, v)| v * weight(row)).sum();
         }
         for (block, own) in model.curved_blocks.iter().zip(&self.hyper) {
             for at in &block.pairs {

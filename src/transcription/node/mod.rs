@@ -56,8 +56,8 @@ pub struct NodeModel<D> {
     column_starts: Vec<usize>,
     /// First derivatives that are affine in the variables.
     affine: Affine,
-    /// Second derivatives that never change: pair, row of `[f̄; measured; bounded]`, value.
-    constant: Vec<(usize, usize, f64)>,
+    /// Second derivatives that never change: pair, and rows of `[f̄; measured; bounded]` with values.
+    constant: Vec<(usize, Vec<(usize, f64)>)>,
     /// Variables of the other pairs, in blocks.
     curved: Vec<usize>,
     /// What each pair of blocks of `curved` gives.

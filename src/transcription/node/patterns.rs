@@ -111,8 +111,8 @@ impl<D: Dynamics> NodeModel<D> {
             let same = |probe: &Probe| probe.second[k].iter().zip(first).all(near);
             let constant = probes.iter().all(same);
             if constant {
-                let at = pairs.len();
-                (self.constant).extend(own.iter().map(|&row| (at, row, first[row])));
+                let rows = own.iter().map(|&row| (row, first[row])).collect();
+                self.constant.push((pairs.len(), rows));
             }
             varying.push(!constant);
             pairs.push(*pair);
@@ -163,11 +163,13 @@ impl<D: Dynamics> NodeModel<D> {
         let (n, v) = (self.n_states(), origin.variables.len());
         // Row, column, variable, factor.
         let mut terms: Vec<(usize, usize, usize, f64)> = Vec::new();
-        for &(pair, row, value) in &self.constant {
-            let (a, b) = self.pairs[pair];
-            terms.push((row, a, b, value));
-            if a != b {
-                terms.push((row, b, a, value));
+        for (pair, rows) in &self.constant {
+            let (a, b) = self.pairs[*pair];
+            for &(row, value) in rows {
+                terms.push((row, a, b, value));
+                if a != b {
+                    terms.push((row, b, a, value));
+                }
             }
         }
         let predicted = |probe: &Probe, row: usize, column: usize| {
