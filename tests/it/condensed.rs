@@ -546,9 +546,9 @@ fn both_qp_paths_give_the_same_iterates() {
         let fast = iterates(&problem, z.clone(), Condensed::default());
         let general = iterates(&problem, z, SparseQp::default());
         for (a, b) in fast.iter().zip(&general) {
-            if a.model != b.model {
+            if a.model != b.model || (a.damping / b.damping - 1.0).abs() > 0.5 {
                 // Where active rows depend on each other, which of them are held is not unique, and so
-                // whether the exact Hessian is convex on them.
+                // whether the exact Hessian is convex on them, with which damping.
                 parted += 1;
                 break;
             }

@@ -19,8 +19,9 @@ const CANDIDATES: usize = 4;
 /// Order of elimination and pattern of the factors `L D U` of a square matrix, `L` and `U` with unit
 /// diagonals.
 ///
-/// The factors' entries stand in one list: those of `L` by ascending rows, those of `U` by descending
-/// rows, the inverse pivots `D⁻¹`; so a solution takes them in the order in which they stand.
+/// The factors' entries stand in one list: those of `L` by ascending columns, those of `U` by descending
+/// columns, the inverse pivots `D⁻¹`; so a solution takes them in the order in which they stand, and
+/// operations that follow each other change different rows.
 #[derive(Debug, Clone, Default)]
 pub struct Symbolic {
     /// Original row and column of each pivot.
@@ -32,14 +33,14 @@ pub struct Symbolic {
     upper: Triangle,
 }
 
-/// The entries of `L` or `U` row by row.
+/// The entries of `L` or `U`.
 #[derive(Debug, Clone, Default)]
 struct Triangle {
-    /// Entries of each row, in the pivots' order.
+    /// Part of `entries` that belongs to each row, in the pivots' order.
     rows: Vec<Range<usize>>,
-    /// Columns of the entries, in the pivots' order.
-    column: Vec<u32>,
-    /// The entries as operations on a solution in the original columns: row, column.
+    /// Column, in the pivots' order, and place of each entry, row by row.
+    entries: Vec<(u32, u32)>,
+    /// The entries in their places, as operations on a solution in the original columns: row, column.
     operations: Vec<(u32, u32)>,
 }
 
@@ -96,11 +97,11 @@ impl Symbolic {
             own.sort_unstable();
             own
         };
-        let below = (0..size).map(|k| (k, lower[rows[k]].clone()));
-        let above = (0..size).rev().map(|k| (k, of_row(k)));
+        let below: Vec<_> = (0..size).map(|k| lower[rows[k]].clone()).collect();
+        let above: Vec<_> = (0..size).map(of_row).collect();
         Self {
-            lower: Triangle::new(&columns, below),
-            upper: Triangle::new(&columns, above),
+            lower: Triangle::new(&columns, &below, 0..size),
+            upper: Triangle::new(&columns, &above, (0..size).rev()),
             rows,
             columns,
             slots,
@@ -114,18 +115,18 @@ impl Symbolic {
 
     /// Number of entries of the factors.
     pub fn entries(&self) -> usize {
-        self.lower.column.len() + self.upper.column.len() + self.size()
+        self.lower.entries.len() + self.upper.entries.len() + self.size()
     }
 
     /// Places in the factors of entries given as `(row, column)`.
     pub fn places(&self, entries: impl Iterator<Item = (usize, usize)>) -> Vec<u32> {
         let (row, column) = (inverse(&self.rows), inverse(&self.columns));
-        let first = self.lower.column.len();
+        let first = self.lower.entries.len();
         let place = |(i, j): (usize, usize)| {
             let (k, c) = (row[i], column[j]);
             match c.cmp(&k) {
                 Ordering::Less => self.lower.place(k, c),
-                Ordering::Equal => first + self.upper.column.len() + k,
+                Ordering::Equal => first + self.upper.entries.len() + k,
                 Ordering::Greater => first + self.upper.place(k, c),
             }
         };
@@ -137,38 +138,35 @@ impl Symbolic {
     /// nothing. `work` has [`size`](Self::size) entries.
     #[inline(always)]
     pub fn factor(&self, lu: &mut [Lanes], work: &mut [Lanes]) -> [bool; LANES] {
-        let (lower, rest) = lu.split_at_mut(self.lower.column.len());
-        let (upper, inverses) = rest.split_at_mut(self.upper.column.len());
+        let (lower, rest) = lu.split_at_mut(self.lower.entries.len());
+        let (upper, inverses) = rest.split_at_mut(self.upper.entries.len());
         let mut regular = [true; LANES];
         for k in 0..self.size() {
-            let (below, above) = (self.lower.rows[k].clone(), self.upper.rows[k].clone());
-            let columns = &self.lower.column[below.clone()];
-            let to_the_right = &self.upper.column[above.clone()];
-            for (c, value) in columns.iter().zip(&lower[below.clone()]) {
-                work[*c as usize] = *value;
+            let (below, above) = (self.lower.row(k), self.upper.row(k));
+            for (c, at) in below {
+                work[*c as usize] = lower[*at as usize];
             }
-            for (c, value) in to_the_right.iter().zip(&upper[above.clone()]) {
-                work[*c as usize] = *value;
+            for (c, at) in above {
+                work[*c as usize] = upper[*at as usize];
             }
             work[k] = inverses[k];
-            for (i, l) in columns.iter().zip(&mut lower[below]) {
+            for (i, at) in below {
                 let i = *i as usize;
                 let value = work[i];
-                *l = times(value, inverses[i]);
-                let row = self.upper.rows[i].clone();
-                for (c, u) in self.upper.column[row.clone()].iter().zip(&upper[row]) {
+                lower[*at as usize] = times(value, inverses[i]);
+                for (c, u) in self.upper.row(i) {
                     let c = *c as usize;
-                    work[c] = less(work[c], value, *u);
+                    work[c] = less(work[c], value, upper[*u as usize]);
                 }
             }
             let pivot = work[k];
             let mut largest = pivot.map(f64::abs);
             let inverse = pivot.map(|v| 1.0 / v);
             inverses[k] = inverse;
-            for (c, u) in to_the_right.iter().zip(&mut upper[above]) {
+            for (c, at) in above {
                 let value = work[*c as usize];
                 largest = std::array::from_fn(|l| largest[l].max(value[l].abs()));
-                *u = times(value, inverse);
+                upper[*at as usize] = times(value, inverse);
             }
             for ((pivot, largest), regular) in pivot.iter().zip(largest).zip(&mut regular) {
                 // A NaN fails too.
@@ -181,28 +179,35 @@ impl Symbolic {
 }
 
 impl Triangle {
-    /// From the rows' columns, all in the pivots' order, in the order of solution.
-    fn new(columns: &[usize], rows: impl Iterator<Item = (usize, Vec<usize>)>) -> Self {
-        let mut out = Self {
-            rows: vec![0..0; columns.len()],
-            ..Self::default()
-        };
-        for (k, own) in rows {
-            let first = out.column.len();
-            for c in own {
-                out.column.push(c as u32);
+    /// From each row's columns, all in the pivots' order, with the columns in the order of solution.
+    fn new(columns: &[usize], rows: &[Vec<usize>], order: impl Iterator<Item = usize>) -> Self {
+        let mut out = Self::default();
+        let mut places: Vec<Vec<(u32, u32)>> = vec![Vec::new(); rows.len()];
+        for c in order {
+            for k in (0..rows.len()).filter(|k| rows[*k].contains(&c)) {
+                places[k].push((c as u32, out.operations.len() as u32));
                 out.operations.push((columns[k] as u32, columns[c] as u32));
             }
-            out.rows[k] = first..out.column.len();
+        }
+        for mut own in places {
+            own.sort_unstable();
+            let first = out.entries.len();
+            out.entries.extend(own);
+            out.rows.push(first..out.entries.len());
         }
         out
     }
 
+    /// Columns and places of a row's entries.
+    #[inline(always)]
+    fn row(&self, k: usize) -> &[(u32, u32)] {
+        &self.entries[self.rows[k].clone()]
+    }
+
     /// Place of an entry.
     fn place(&self, row: usize, column: usize) -> usize {
-        let range = self.rows[row].clone();
-        let own = &self.column[range.clone()];
-        range.start + own.partition_point(|c| (*c as usize) < column)
+        let own = self.row(row);
+        own[own.partition_point(|(c, _)| (*c as usize) < column)].1 as usize
     }
 }
 
@@ -226,8 +231,8 @@ impl<'a> Factors<'a> {
     /// Of one of the matrices that were factored together.
     #[inline(always)]
     pub fn new(symbolic: &'a Symbolic, lu: &'a [Lanes], lane: usize) -> Self {
-        let (lower, rest) = lu.split_at(symbolic.lower.column.len());
-        let (upper, inverses) = rest.split_at(symbolic.upper.column.len());
+        let (lower, rest) = lu.split_at(symbolic.lower.entries.len());
+        let (upper, inverses) = rest.split_at(symbolic.upper.entries.len());
         Self {
             symbolic,
             lower,

@@ -16,6 +16,7 @@ use super::lanes::{LANES, Lanes, less};
 use super::sparse_lu::{Symbolic, take};
 use crate::transcription::grid::{Element, Grid};
 use crate::transcription::tableau::{Tableau, Value};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Sizes of a model and the pattern of its Jacobian.
@@ -116,6 +117,29 @@ impl Pattern {
         }
     }
 
+    /// The same with the places of a row apart from each other: operations on them one after the other
+    /// then need not wait for each other.
+    fn spread(mut self) -> Self {
+        let mut met = BTreeMap::new();
+        let mut turn = |row: u32| {
+            let count = met.entry(row).or_insert(0_u32);
+            *count += 1;
+            *count
+        };
+        let mut order: Vec<(u32, usize)> = (self.places.iter().enumerate())
+            .map(|(k, at)| (turn(at.0), k))
+            .collect();
+        order.sort_unstable();
+        let mut new_place = vec![0; order.len()];
+        (order.iter().enumerate()).for_each(|(new, (_, old))| new_place[*old] = new as u32);
+        self.places = order.iter().map(|(_, k)| self.places[*k]).collect();
+        self.constant = order.iter().map(|(_, k)| self.constant[*k]).collect();
+        for stamp in &mut self.stamps {
+            stamp.target = new_place[stamp.target as usize];
+        }
+        self
+    }
+
     /// All places of a matrix.
     fn dense(rows: usize, columns: usize) -> Self {
         let places = (0..rows * columns).map(|k| place(k / columns, k % columns));
@@ -192,7 +216,10 @@ impl Stencil {
                 Pattern::dense(size, n),
                 Pattern::dense(size, p),
             ],
-            false => patterns(&tableau, shape),
+            false => {
+                let [m, k0, b] = patterns(&tableau, shape);
+                [m, k0.spread(), b]
+            }
         };
         Self {
             start: k0.assembly(shape.shared, None),
