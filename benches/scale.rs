@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench scale                         the default fit, all starts counted
 //! cargo bench --bench scale -- --start 9,8,7,...    one start, at that θ
+//! cargo bench --bench scale -- --scheme trapezoid   with another scheme
 //! RAYON_NUM_THREADS=1 cargo bench --bench scale     on one core
 //! ```
 
@@ -11,6 +12,7 @@ use clap::Parser;
 use pilotage::identification::{Options, Trial, fit};
 use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flights, Human};
+use pilotage::transcription::Scheme;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -28,6 +30,9 @@ struct Args {
     /// Where θ starts; estimated from the data where it is missing.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     start: Option<Vec<f64>>,
+    /// Collocation scheme.
+    #[arg(long, default_value_t = Options::default().scheme)]
+    scheme: Scheme,
     /// One size alone, printed as JSON: runs.
     #[arg(long, requires = "rate")]
     runs: Option<usize>,
@@ -50,7 +55,7 @@ struct Cost {
 fn main() -> Result<(), Box<dyn Error>> {
     let args = Args::parse();
     if let (Some(runs), Some(rate)) = (args.runs, args.rate) {
-        println!("{}", measured(runs, rate, args.start)?);
+        println!("{}", measured(runs, rate, args.start, args.scheme)?);
         return Ok(());
     }
     println!("threads: {}", rayon::current_num_threads());
@@ -61,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let series = |sizes: &[(usize, usize)]| -> Result<Vec<Cost>, Box<dyn Error>> {
         sizes
             .iter()
-            .map(|&(runs, rate)| apart(runs, rate, &args.start))
+            .map(|&(runs, rate)| apart(runs, rate, &args.start, args.scheme))
             .collect()
     };
     let runs = series(&RUNS.map(|runs| (runs, RATES[0])))?;
@@ -72,11 +77,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Fits one size in this process.
-fn measured(runs: usize, rate: usize, start: Option<Vec<f64>>) -> Result<Value, Box<dyn Error>> {
+fn measured(
+    runs: usize,
+    rate: usize,
+    start: Option<Vec<f64>>,
+    scheme: Scheme,
+) -> Result<Value, Box<dyn Error>> {
     let trials = flights(runs, rate)?;
     let before = peak_memory();
     let options = Options {
         start,
+        scheme,
         ..Options::default()
     };
     let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
@@ -92,9 +103,15 @@ fn measured(runs: usize, rate: usize, start: Option<Vec<f64>>) -> Result<Value, 
 }
 
 /// Fits one size in a process of its own and prints a line.
-fn apart(runs: usize, rate: usize, start: &Option<Vec<f64>>) -> Result<Cost, Box<dyn Error>> {
+fn apart(
+    runs: usize,
+    rate: usize,
+    start: &Option<Vec<f64>>,
+    scheme: Scheme,
+) -> Result<Cost, Box<dyn Error>> {
     let mut command = Command::new(std::env::current_exe()?);
     command.args(["--runs", &runs.to_string(), "--rate", &rate.to_string()]);
+    command.arg(format!("--scheme={scheme}"));
     if let Some(start) = start {
         let start: Vec<String> = start.iter().map(f64::to_string).collect();
         command.arg(format!("--start={}", start.join(",")));

@@ -18,7 +18,7 @@ const POLISH_TOLERANCE: f64 = 1e-10;
 const CONVEXIFICATION: [f64; 4] = [1.0, 1e2, 1e4, 1e6];
 
 /// Which inequality a row stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RowAt {
     /// The bounded signal of a run at a sample.
     Bounded { run: usize, sample: usize },
@@ -246,16 +246,13 @@ pub fn exchanged(
 fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64]) -> ConvexSolution {
     let mut solution = free(factor, q);
     let all: Vec<usize> = (0..rows.len()).filter(|&i| sides[i] != 0.0).collect();
-    // H⁻¹ aᵢ, and the Schur complement aᵢᵀ H⁻¹ aⱼ
+    // H⁻¹ aᵢ
     let columns: Vec<Vec<f64>> = all
         .iter()
         .map(|&i| factor.solved(&rows[i].entries, q.len()))
         .collect();
-    let schur: Vec<f64> = all
-        .iter()
-        .flat_map(|&i| columns.iter().map(move |c| rows[i].value(c)))
-        .collect();
-    let (kept, schur) = independent_cholesky(&schur, all.len());
+    // Of the Schur complement aᵢᵀ H⁻¹ aⱼ
+    let (kept, schur) = independent_cholesky(all.len(), |i, j| rows[all[i]].value(&columns[j]));
     let outside = |k: &usize| {
         let (row, side) = (&rows[all[*k]], sides[all[*k]]);
         row.value(&solution.x) - row.limit(side)

@@ -174,8 +174,14 @@ impl ArrowFactor {
     /// Solves in place.
     pub fn solve(&self, b: &mut [f64]) {
         let (theta, rest) = b.split_at_mut(self.p);
+        // Runs without free initial states have no part; there may be hundreds.
+        let with_states = || self.runs.iter().filter(|(n, ..)| *n > 0);
+        if rest.is_empty() {
+            cholesky_solve(&self.schur, self.p, theta);
+            return;
+        }
         let mut first = 0;
-        for (n, _, solved) in &self.runs {
+        for (n, _, solved) in with_states() {
             for i in 0..self.p {
                 theta[i] -= dot(&solved[i * n..(i + 1) * n], &rest[first..first + n]);
             }
@@ -183,7 +189,7 @@ impl ArrowFactor {
         }
         cholesky_solve(&self.schur, self.p, theta);
         first = 0;
-        for (n, l, solved) in &self.runs {
+        for (n, l, solved) in with_states() {
             let local = &mut rest[first..first + n];
             cholesky_solve(l, *n, local);
             for i in 0..self.p {

@@ -42,16 +42,20 @@ pub fn cholesky(a: &mut [f64], n: usize) -> bool {
 
 /// Cholesky factorisation of the rows and columns of a positive semidefinite `n × n` matrix that do not
 /// depend on those before them: which these are, and their factor.
-pub fn independent_cholesky(a: &[f64], n: usize) -> (Vec<usize>, Vec<f64>) {
+/// Few entries of a matrix of low rank are asked for.
+pub fn independent_cholesky(
+    n: usize,
+    entry: impl Fn(usize, usize) -> f64,
+) -> (Vec<usize>, Vec<f64>) {
     let mut kept: Vec<usize> = Vec::new();
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for i in 0..n {
-        let mut row: Vec<f64> = Vec::with_capacity(n);
+        let mut row: Vec<f64> = Vec::with_capacity(kept.len() + 1);
         for (k, above) in kept.iter().zip(&rows) {
             let place = row.len();
-            row.push((a[i * n + k] - dot(&above[..place], &row)) / above[place]);
+            row.push((entry(i, *k) - dot(&above[..place], &row)) / above[place]);
         }
-        let diagonal = a[i * n + i];
+        let diagonal = entry(i, i);
         let pivot = diagonal - dot(&row, &row);
         if pivot > RANK * diagonal {
             row.push(pivot.sqrt());
@@ -107,7 +111,7 @@ mod tests {
         let gram: Vec<f64> = (rows.iter())
             .flat_map(|r| rows.iter().map(move |s| dot(r, s)))
             .collect();
-        let (kept, factor) = independent_cholesky(&gram, 4);
+        let (kept, factor) = independent_cholesky(4, |i, j| gram[i * 4 + j]);
         assert_eq!(kept, [0, 2]);
         let mut x = [7.0, 4.0];
         cholesky_solve(&factor, 2, &mut x);

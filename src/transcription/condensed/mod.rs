@@ -28,6 +28,7 @@ use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
 use run::{Place, RunSweep};
+use std::collections::HashSet;
 use std::sync::Arc;
 use stencil::{Order, Shape, Stencil};
 
@@ -441,6 +442,7 @@ impl Condensed {
         let p = problem.n_parameters();
         let (lower, upper) = problem.limits();
         let g = std::mem::take(&mut self.g);
+        let known: HashSet<RowAt> = rows.iter().map(|row| row.at).collect();
         let mut work: Vec<_> = (self.with_local(rho, p).into_iter())
             .map(|(run, local)| (run, local, Vec::new()))
             .collect();
@@ -451,7 +453,7 @@ impl Condensed {
                 let value = g[at.g + k] + change;
                 let excess = violation(value, lower[at.g + k], upper[at.g + k]);
                 let row = RowAt::Bounded { run: j, sample: k };
-                let new = || rows.iter().all(|known| known.at != row);
+                let new = || !known.contains(&row);
                 if excess > ROW_TOLERANCE && excess > worst.0 && new() {
                     worst = (excess, k);
                 }
@@ -470,7 +472,7 @@ impl Condensed {
         for (i, row) in self.parameter_rows.iter().enumerate() {
             let at = problem.layout.parameter_constraints + i;
             let value = self.g[at] + dense::dot(row, &rho[..p]);
-            let new = rows.iter().all(|known| known.at != RowAt::Parameter(i));
+            let new = !known.contains(&RowAt::Parameter(i));
             if new && violation(value, lower[at], upper[at]) > ROW_TOLERANCE {
                 outside.push(RowAt::Parameter(i));
             }
