@@ -13,6 +13,7 @@ pub mod arrow;
 mod curvature;
 mod dense;
 mod lanes;
+mod reduce;
 mod run;
 mod sparse_lu;
 mod stencil;
