@@ -3,7 +3,7 @@
 //! First derivatives come from dual numbers with several parts, second derivatives from hyper-dual
 //! numbers for the variables that enter nonlinearly. Which derivatives are ever other than zero, and
 //! which never change from point to point, is found once by evaluating the model at random points
-//! ([`patterns`]).
+//! (`patterns`).
 
 mod derivatives;
 mod patterns;
