@@ -4,9 +4,10 @@
 //! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
 //! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
 //! enter it, and clarabel solves it where exchanges of active rows do not. Where it is not convex, it may
-//! be so where the rows of the last QP are active; a solution counts if they are active in it too. Backward, an adjoint sweep gives the multipliers of all
-//! defects. The step and the multipliers are those of the full QP: same iterates as
-//! [`SparseQp`](crate::sqp::SparseQp), at a cost linear in the number of nodes.
+//! be so where the rows of the last QP are active; a solution counts if they are active in it too.
+//! Backward, an adjoint sweep gives the multipliers of all defects. The step and the multipliers are those
+//! of the full QP: same iterates as [`SparseQp`](crate::sqp::SparseQp), at a cost linear in the number of
+//! nodes.
 
 mod active;
 pub mod arrow;
@@ -282,25 +283,19 @@ impl Condensed {
         };
         matrix.add_diagonal(damping);
         let sides: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
+        let mut rows = self.working_rows(problem);
         let convex = match matrix.factor() {
             Some(factor) => Convex::new(matrix, factor),
-            None => {
-                Convex::held(matrix, &self.working_rows(problem)).ok_or(QpFailure::NotConvex)?
+            None => Convex::held(matrix, &rows).ok_or(QpFailure::NotConvex)?,
+        };
+        let mut q = match &self.linear {
+            Some((kind, q)) if *kind == hessian => q.clone(),
+            _ => {
+                let q = self.reduced_vector(problem, hessian, convex.matrix.size());
+                self.linear = Some((hessian, q.clone()));
+                q
             }
         };
-        if self
-            .linear
-            .as_ref()
-            .is_none_or(|(kind, _)| *kind != hessian)
-        {
-            let q = self.reduced_vector(problem, hessian, convex.matrix.size());
-            self.linear = Some((hessian, q));
-        }
-        let mut q = self
-            .linear
-            .as_ref()
-            .map_or_else(Vec::new, |(_, q)| q.clone());
-        let mut rows = self.working_rows(problem);
         convex.shift(&rows, &sides, &mut q);
 
         let (lower, upper) = problem.limits();

@@ -13,7 +13,6 @@ use crate::transcription::grid::{Combination, Grid, Point, PointState};
 use crate::transcription::node::{MAX_SIZE, Output, Weights};
 use pilotage_models::Dynamics;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// A gradient over `[x̄; θ̄]`.
 pub(super) type Gradient = [f64; 2 * MAX_SIZE];
@@ -48,7 +47,7 @@ pub struct RunSweep {
     pub(super) spans: Vec<Span>,
     pub(super) lu: Vec<Lanes>,
     pub(super) k0: Vec<Lanes>,
-    pub(super) special: BTreeMap<usize, (Arc<Symbolic>, Vec<Lanes>)>,
+    pub(super) special: BTreeMap<usize, (Symbolic, Vec<Lanes>)>,
     pub(super) work: Work,
     /// Largest sensitivity of an unknown to a reduced variable.
     pub(super) growth: f64,

@@ -10,7 +10,7 @@ use super::stencil::{Group, Order, Stencil};
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
 use pilotage_models::Dynamics;
-use std::sync::Arc;
+use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
 #[derive(Debug, Clone, Copy)]
@@ -76,9 +76,12 @@ impl RunSweep {
         swept && sums.iter().all(|sum| *sum == 0.0)
     }
 
-    /// Divides the elements into groups where that was not done for these orders.
+    /// Divides the elements into groups at the first use: the orders of their kinds never change.
     fn divide(&mut self, grid: &Grid, stencils: &Stencils, j: usize) {
-        let (mut spans, mut lu, mut k0) = (Vec::with_capacity(self.spans.len()), 0, 0);
+        if !self.spans.is_empty() {
+            return;
+        }
+        let (mut spans, mut lu, mut k0) = (Vec::new(), 0, 0);
         let kinds = &stencils.kind[j];
         let mut first = 0;
         while first < grid.elements.len() {
@@ -139,7 +142,7 @@ impl RunSweep {
             let first = grid.elements[span.first + lane].first * n;
             let (done, rest) = e.split_at_mut(first + n);
             let x = &mut rest[..stencil.size()];
-            let k0 = &self.k0[span.k0..span.k0 + stencil.start.len()];
+            let k0 = &self.k0[span.k0(stencil)];
             let factors = self.factors(span, lane, order);
             let slots = factors.slots();
             for (slot, c) in slots.iter().zip(&c[first..]) {
@@ -173,7 +176,7 @@ impl RunSweep {
             let b = &mut pivots[..stencil.size()];
             b.iter_mut().zip(tail).for_each(|(b, v)| *b = -*v);
             self.factors(span, lane, order).solve_transposed(b, rows);
-            let k0 = &self.k0[span.k0..span.k0 + stencil.start.len()];
+            let k0 = &self.k0[span.k0(stencil)];
             stencil.start_transposed((k0, lane), rows, &mut head[first..]);
         }
         self.work.pivots = pivots;
@@ -197,8 +200,7 @@ impl RunSweep {
         {
             return Factors::new(symbolic, lu, 0);
         }
-        let lu = &self.lu[span.lu..span.lu + order.symbolic.entries()];
-        Factors::new(&order.symbolic, lu, lane)
+        Factors::new(&order.symbolic, &self.lu[span.lu(order)], lane)
     }
 
     /// Rows of the points that are combinations, from those of the unknowns:
@@ -290,7 +292,7 @@ impl Kernel for Forward<'_> {
         'spans: for span in &own.spans {
             let (stencil, order) = &stencils.kinds[span.kind];
             let size = stencil.size();
-            let (lu, k0) = (span.lu(&mut lu, order), span.k0(&mut k0, stencil));
+            let (lu, k0) = (&mut lu[span.lu(order)], &mut k0[span.k0(stencil)]);
             let group = span.group(grid, stencil, &own.jacobian, &mut work.points);
             work.parameters
                 .resize(stencil.parameters.len(), [0.0; LANES]);
@@ -305,8 +307,7 @@ impl Kernel for Forward<'_> {
                     regular = false;
                     break 'spans;
                 };
-                let alone = (Arc::new(symbolic), alone);
-                own.special.insert(span.first + lane, alone);
+                own.special.insert(span.first + lane, (symbolic, alone));
             }
             for lane in 0..span.count {
                 let first = grid.elements[span.first + lane].first * n;
@@ -332,12 +333,14 @@ impl Kernel for Forward<'_> {
 }
 
 impl Span {
-    fn lu<'a>(&self, all: &'a mut [[f64; LANES]], order: &Order) -> &'a mut [[f64; LANES]] {
-        &mut all[self.lu..self.lu + order.symbolic.entries()]
+    /// Places of its factors.
+    fn lu(&self, order: &Order) -> Range<usize> {
+        self.lu..self.lu + order.symbolic.entries()
     }
 
-    fn k0<'a>(&self, all: &'a mut [[f64; LANES]], stencil: &Stencil) -> &'a mut [[f64; LANES]] {
-        &mut all[self.k0..self.k0 + stencil.start.len()]
+    /// Places of its `K_0`.
+    fn k0(&self, stencil: &Stencil) -> Range<usize> {
+        self.k0..self.k0 + stencil.start.len()
     }
 
     /// The elements with their Jacobians; `points` is scratch.
