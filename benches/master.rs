@@ -7,8 +7,8 @@ use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, Recorder,
 use pilotage::export::{Provenance, export_paper_pilot, export_quadcopter};
 use pilotage::fmi::{Fmu, fmu};
 use pilotage::models::Quadcopter;
-use pilotage_abi::functions::pointers;
-use pilotage_abi::{CallbackFunctions, Component, FALSE, Function, Status, TRUE, Type};
+use pilotage_abi::fmi2::functions::pointers;
+use pilotage_abi::fmi2::{CallbackFunctions, Component, FALSE, Function, Status, TRUE, Type};
 use std::ffi::CString;
 use std::fs::File;
 use std::hint::black_box;

@@ -6,7 +6,7 @@
 
 use crate::clock::Clock;
 use crate::problem::Problem;
-use pilotage_abi::State;
+use pilotage_abi::fmi2::State;
 use pilotage_models::Model;
 use pilotage_models::simulation::Snapshot;
 

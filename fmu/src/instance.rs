@@ -4,7 +4,7 @@ use crate::checkpoint::Checkpoint;
 use crate::clock::Clock;
 use crate::log::Log;
 use crate::problem::Problem;
-use pilotage_abi::{Function, Integer, Real, State, Status, StatusKind, ValueReference};
+use pilotage_abi::fmi2::{Function, Integer, Real, State, Status, StatusKind, ValueReference};
 use pilotage_models::variable::Role;
 use pilotage_models::{Model, Simulation, Variable};
 

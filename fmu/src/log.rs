@@ -1,7 +1,7 @@
 //! Messages to the importer (FMI 2.0.5, section 2.1.5).
 
 use crate::problem::Problem;
-use pilotage_abi::{CallbackFunctions, Function, Status};
+use pilotage_abi::fmi2::{CallbackFunctions, Function, Status};
 use pilotage_models::model::LOG_CATEGORIES;
 use std::ffi::{CStr, CString};
 

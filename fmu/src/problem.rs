@@ -1,7 +1,7 @@
 //! Everything that can be wrong with a call, with the status that it returns.
 
 use crate::resources::ResourceError;
-use pilotage_abi::{Function, State, Status, StatusKind, Type};
+use pilotage_abi::fmi2::{Function, State, Status, StatusKind, Type};
 use pilotage_models::simulation::{SetError, StepError};
 
 /// Why a call did not do what it was asked to. The message says what to do.

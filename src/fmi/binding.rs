@@ -1,8 +1,9 @@
 //! An FMU's shared library, loaded, with the addresses of its functions.
 
 use libloading::Library;
-use pilotage_abi::functions::pointers;
-use pilotage_abi::{Function, TYPES_PLATFORM, VERSION};
+use pilotage_abi::Part;
+use pilotage_abi::fmi2::functions::pointers;
+use pilotage_abi::fmi2::{Function, TYPES_PLATFORM, VERSION};
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -155,8 +156,10 @@ impl Binding {
             // SAFETY: the address is not used, so that its type does not matter.
             unsafe { symbol::<*const ()>(&self._library, *f) }.is_none()
         };
-        let missing = Function::ALL.into_iter().filter(is_missing);
-        missing.map(Function::name).collect()
+        let missing = (Function::ALL.iter())
+            .filter(|f| f.part() != Part::ModelExchange)
+            .filter(|f| is_missing(f));
+        missing.map(|f| f.name()).collect()
     }
 
     fn check_version(&self) -> Result<(), BindingError> {

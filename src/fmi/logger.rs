@@ -6,7 +6,7 @@
 //! the C library formats; elsewhere the format is shown as it came, with the values left out.
 
 use super::binding::owned;
-use pilotage_abi::{Char, ComponentEnvironment, Status};
+use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
 use std::collections::{BTreeMap, VecDeque};
 use std::ffi::c_void;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -269,7 +269,7 @@ unsafe fn expand(format: *const Char, _values: *mut c_void) -> String {
 }
 
 /// The logger callback with the type that the standard gives it.
-pub(super) fn callback() -> pilotage_abi::types::CallbackLogger {
+pub(super) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
     let entry: unsafe extern "C" fn(
         ComponentEnvironment,
         *const Char,

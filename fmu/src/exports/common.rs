@@ -4,8 +4,8 @@ use super::{array, array_mut, call, place};
 use crate::checkpoint::Checkpoint;
 use crate::instance::Instance;
 use crate::problem::Problem;
-use pilotage_abi::functions::{Function, pointers};
-use pilotage_abi::types::*;
+use pilotage_abi::fmi2::functions::{Function, pointers};
+use pilotage_abi::fmi2::types::*;
 
 /// `fmi2GetReal`.
 #[unsafe(no_mangle)]

@@ -5,8 +5,8 @@ use crate::instance::{Experiment, Instance};
 use crate::log::Log;
 use crate::problem::Problem;
 use crate::resources;
-use pilotage_abi::functions::{Function, pointers};
-use pilotage_abi::types::*;
+use pilotage_abi::fmi2::functions::{Function, pointers};
+use pilotage_abi::fmi2::types::*;
 use std::ffi::CStr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

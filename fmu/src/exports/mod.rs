@@ -10,7 +10,7 @@ mod lifecycle;
 
 use crate::instance::Instance;
 use crate::problem::Problem;
-use pilotage_abi::{Component, Function, Status};
+use pilotage_abi::fmi2::{Component, Function, Status};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -119,7 +119,7 @@ unsafe fn place<'a, T>(pointer: *mut T, argument: &'static str) -> Result<&'a mu
 mod tests {
     use super::*;
     use crate::log::Log;
-    use pilotage_abi::State;
+    use pilotage_abi::fmi2::State;
     use pilotage_models::{Model, Quadcopter};
 
     #[test]

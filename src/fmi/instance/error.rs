@@ -1,7 +1,7 @@
 //! What a call of an FMU can end with.
 
 use crate::fmi::logger::Message;
-use pilotage_abi::{Function, State, Status};
+use pilotage_abi::fmi2::{Function, State, Status};
 use thiserror::Error;
 
 /// What a call of an FMU can end with.

@@ -12,7 +12,7 @@ pub use stepping::Step;
 use super::binding::Binding;
 use super::description::ModelDescription;
 use super::logger::{self, Mailbox, Message};
-use pilotage_abi::{
+use pilotage_abi::fmi2::{
     CallbackFunctions, Component, FALSE, FmuState, Function, State, Status, TRUE, Type,
 };
 use std::ffi::{CString, c_char, c_void};

@@ -1,7 +1,7 @@
 //! Saving and restoring the complete state.
 
 use super::{CallError, Instance};
-use pilotage_abi::{Function, State};
+use pilotage_abi::fmi2::{Function, State};
 use std::ptr;
 
 /// A copy of an instance's state, held by the FMU; valid for the instance that made it.

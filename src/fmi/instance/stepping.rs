@@ -1,7 +1,7 @@
 //! Communication steps.
 
 use super::{CallError, Instance};
-use pilotage_abi::{Boolean, FALSE, Function, State, Status, StatusKind, TRUE};
+use pilotage_abi::fmi2::{Boolean, FALSE, Function, State, Status, StatusKind, TRUE};
 use std::time::Duration;
 
 /// How a communication step ended.

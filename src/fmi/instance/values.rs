@@ -2,7 +2,7 @@
 
 use super::{CallError, Instance, c_string};
 use crate::fmi::binding::owned;
-use pilotage_abi::{Boolean, FALSE, Function, TRUE};
+use pilotage_abi::fmi2::{Boolean, FALSE, Function, TRUE};
 use std::ffi::c_char;
 use std::ptr;
 

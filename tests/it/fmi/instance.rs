@@ -2,7 +2,7 @@
 
 use crate::foreign;
 use pilotage::fmi::{CallError, Fmu, Instance, Step};
-use pilotage_abi::{Function, State, Status};
+use pilotage_abi::fmi2::{Function, State, Status};
 use std::path::Path;
 use tempfile::tempdir;
 

@@ -2,8 +2,8 @@
 
 use super::raw::{Instance, Messages, Raw, call};
 use super::{pilot, quadcopter};
-use pilotage_abi::functions::pointers;
-use pilotage_abi::{Component, Function, Status, StatusKind, Type};
+use pilotage_abi::fmi2::functions::pointers;
+use pilotage_abi::fmi2::{Component, Function, Status, StatusKind, Type};
 use std::ptr::{null, null_mut};
 
 /// A new instance, brought into stepComplete if so wished, misused; what it logged.

@@ -3,8 +3,8 @@
 use libloading::Library;
 use pilotage::export::{self, Provenance};
 use pilotage::models::Model;
-use pilotage_abi::functions::{Function, pointers};
-use pilotage_abi::types::*;
+use pilotage_abi::fmi2::functions::{Function, pointers};
+use pilotage_abi::fmi2::types::*;
 use std::ffi::{CStr, CString, c_void};
 use std::io::Cursor;
 use std::path::Path;
@@ -165,8 +165,8 @@ macro_rules! call {
         // SAFETY: the pointer type belongs to the function of the same name; the arguments are those
         // that the test means to pass, and the library must withstand NULLs among them.
         unsafe {
-            let f: pilotage_abi::functions::pointers::$function =
-                $instance.raw.function(pilotage_abi::Function::$function);
+            let f: pilotage_abi::fmi2::functions::pointers::$function =
+                $instance.raw.function(pilotage_abi::fmi2::Function::$function);
             f($instance.component $(, $argument)*)
         }
     }};

@@ -3,7 +3,7 @@
 use super::raw::{Messages, Raw, call};
 use super::{fly, pilot, quadcopter};
 use pilotage::models::Model;
-use pilotage_abi::Status;
+use pilotage_abi::fmi2::Status;
 use std::ptr::null_mut;
 
 #[test]

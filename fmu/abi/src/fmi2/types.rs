@@ -88,6 +88,24 @@ impl Type {
     pub const CO_SIMULATION: Self = Self(1);
 }
 
+/// `fmi2EventInfo`: what `fmi2NewDiscreteStates` tells (FMI 2.0.5, section 3.2.2).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EventInfo {
+    /// The event iteration goes on: call `fmi2NewDiscreteStates` again.
+    pub new_discrete_states_needed: Boolean,
+    /// The model wants the simulation to end.
+    pub terminate_simulation: Boolean,
+    /// The nominal values of the states are new.
+    pub nominals_of_continuous_states_changed: Boolean,
+    /// The states have jumped.
+    pub values_of_continuous_states_changed: Boolean,
+    /// The model has a time event to come.
+    pub next_event_time_defined: Boolean,
+    /// When it comes [s].
+    pub next_event_time: Real,
+}
+
 /// `fmi2StatusKind`: what the `fmi2GetXXXStatus` functions ask about.
 #[repr(transparent)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

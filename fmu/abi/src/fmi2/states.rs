@@ -1,9 +1,7 @@
-//! The states of a co-simulation slave (FMI 2.0.5, section 4.2.4, "State Machine of Calling Sequence
-//! from Master to Slave").
+//! The states of an instance: of a co-simulation slave (FMI 2.0.5, section 4.2.4, "State Machine of
+//! Calling Sequence from Master to Slave") and of a model for model exchange (section 3.2.3).
 
-use std::ops::BitOr;
-
-/// One state of a slave. Calling order is a property of the instance, not of the process.
+/// One state of an instance. Calling order is a property of the instance, not of the process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum State {
@@ -21,6 +19,10 @@ pub enum State {
     StepFailed = 1 << 5,
     /// The last step was cancelled.
     StepCanceled = 1 << 6,
+    /// Model exchange: an event is handled; also the state after initialization.
+    EventMode = 1 << 10,
+    /// Model exchange: time passes.
+    ContinuousTimeMode = 1 << 11,
     /// After `fmi2Terminate`.
     Terminated = 1 << 7,
     /// A function returned `fmi2Error`.
@@ -31,7 +33,7 @@ pub enum State {
 
 impl State {
     /// Every state, in the order of the standard's table.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::StartEnd,
         Self::Instantiated,
         Self::InitializationMode,
@@ -39,6 +41,8 @@ impl State {
         Self::StepInProgress,
         Self::StepFailed,
         Self::StepCanceled,
+        Self::EventMode,
+        Self::ContinuousTimeMode,
         Self::Terminated,
         Self::Error,
         Self::Fatal,
@@ -54,6 +58,8 @@ impl State {
             Self::StepInProgress => "stepInProgress",
             Self::StepFailed => "stepFailed",
             Self::StepCanceled => "stepCanceled",
+            Self::EventMode => "event mode",
+            Self::ContinuousTimeMode => "continuous-time mode",
             Self::Terminated => "terminated",
             Self::Error => "error",
             Self::Fatal => "fatal",
@@ -61,40 +67,7 @@ impl State {
     }
 }
 
-/// A set of [`State`]s.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct States(u16);
-
-impl States {
-    /// The set of the given states.
-    pub const fn of(states: &[State]) -> Self {
-        let mut bits = 0;
-        let mut i = 0;
-        while i < states.len() {
-            bits |= states[i] as u16;
-            i += 1;
-        }
-        Self(bits)
-    }
-
-    /// Whether `state` is in the set.
-    pub const fn contains(self, state: State) -> bool {
-        self.0 & state as u16 != 0
-    }
-
-    /// The states of the set, in the order of the standard's table.
-    pub fn iter(self) -> impl Iterator<Item = State> {
-        State::ALL.into_iter().filter(move |s| self.contains(*s))
-    }
-}
-
-impl BitOr for States {
-    type Output = Self;
-
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
+crate::tables::states! { State, u16 }
 
 use State::*;
 
@@ -108,6 +81,8 @@ pub const ALIVE: States = States::of(&[
     StepInProgress,
     StepFailed,
     StepCanceled,
+    EventMode,
+    ContinuousTimeMode,
     Terminated,
     Error,
 ]);
@@ -118,6 +93,8 @@ pub const IDLE: States = States::of(&[
     StepComplete,
     StepFailed,
     StepCanceled,
+    EventMode,
+    ContinuousTimeMode,
     Terminated,
     Error,
 ]);
@@ -127,13 +104,38 @@ pub const READ: States = States::of(&[
     StepComplete,
     StepFailed,
     StepCanceled,
+    EventMode,
+    ContinuousTimeMode,
     Terminated,
     Error,
 ]);
 /// Where values may be set; which ones depends on the state (see the footnotes of the table).
-pub const WRITE: States = States::of(&[Instantiated, InitializationMode, StepComplete]);
+pub const WRITE: States = States::of(&[
+    Instantiated,
+    InitializationMode,
+    StepComplete,
+    EventMode,
+    ContinuousTimeMode,
+]);
 /// Where output derivatives may be read.
 pub const STEPPED: States =
     States::of(&[StepComplete, StepFailed, StepCanceled, Terminated, Error]);
+/// Where states, derivatives and event indicators of model exchange may be read.
+pub const CONTINUOUS: States = States::of(&[
+    InitializationMode,
+    EventMode,
+    ContinuousTimeMode,
+    Terminated,
+    Error,
+]);
+/// Where the states' nominal values may be read.
+pub const NOMINALS: States = States::of(&[
+    Instantiated,
+    InitializationMode,
+    EventMode,
+    ContinuousTimeMode,
+    Terminated,
+    Error,
+]);
 /// Where the status of a step may be asked for.
 pub const STATUS: States = States::of(&[StepComplete, StepInProgress, StepFailed, Terminated]);
