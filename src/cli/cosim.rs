@@ -1,9 +1,10 @@
 //! `pilotage cosim`: FMUs wired together and simulated.
 
+use super::cosim_report as report;
 use super::{Failure, Outcome, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
+    Algorithm, Clock, Control, Coupling, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
 };
 use crate::output::Output;
 use clap::ValueEnum;
@@ -57,9 +58,30 @@ pub struct Args {
     /// How the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
-    /// Relative tolerance for FMUs with error control [default: each FMU's own].
+    /// Degree of the polynomials that stand for outputs not known yet [default: 0, values are held].
+    #[arg(long, value_name = "0..2", value_parser = clap::value_parser!(u8).range(0..=2))]
+    extrapolation: Option<u8>,
+    /// Choose the communication steps so that no input is wrong by more than this, relative to its
+    /// magnitude; every multiple of --step is hit. FMUs must be able to go back (canGetAndSetFMUstate)
+    /// for a step to be repeated.
     #[arg(long, value_name = "NUMBER", value_parser = positive)]
     tolerance: Option<f64>,
+    /// Shortest communication step with --tolerance [s] [default: a billionth of --step].
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "tolerance")]
+    min_step: Option<f64>,
+    /// Longest communication step with --tolerance [s] [default: --step].
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "tolerance")]
+    max_step: Option<f64>,
+    /// Relative tolerance for FMUs with error control of their own [default: a tenth of --tolerance,
+    /// else each FMU's own].
+    #[arg(long, value_name = "NUMBER", value_parser = positive)]
+    fmu_tolerance: Option<f64>,
+    /// Have an FMU take every communication step in that many equal parts; may be given many times.
+    #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
+    parts: Vec<(String, String)>,
+    /// Measure and show coupling errors, calls and times.
+    #[arg(long)]
+    report: bool,
     /// Where the result goes (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
@@ -76,6 +98,9 @@ enum AlgorithmName {
     Jacobi,
     /// One FMU after another, in the order of their dependencies, each with the newest values.
     GaussSeidel,
+    /// Steps are repeated from saved states until the outputs at their ends fit the inputs: no lag,
+    /// second order.
+    Strong,
 }
 
 /// `a=b`, split at the first `=`.
@@ -99,7 +124,22 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let algorithm = match args.algorithm {
         AlgorithmName::Jacobi => Algorithm::Jacobi,
         AlgorithmName::GaussSeidel => Algorithm::GaussSeidel,
+        AlgorithmName::Strong => Algorithm::Strong,
     };
+    let coupling = Coupling {
+        extrapolation: args.extrapolation.map(usize::from),
+        control: args.tolerance.map(|tolerance| {
+            let control = Control::new(tolerance, &clock);
+            Control {
+                min_step: args.min_step.unwrap_or(control.min_step),
+                max_step: args.max_step.unwrap_or(control.max_step),
+                ..control
+            }
+        }),
+        measure: args.report,
+        ..algorithm.into()
+    };
+    let fmu_tolerance = args.fmu_tolerance.or(args.tolerance.map(|t| 0.1 * t));
     let system = build(&args)?;
     let output = Output::create(&args.output).map_err(|error| {
         Failure::new(format!("cannot write {}: {error}", args.output.display()))
@@ -108,7 +148,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let converted = system.converted();
     let started = Instant::now();
     let mut recorder = WithProgress::new(CsvRecorder::new(BufWriter::new(output)), clock.steps());
-    let run = crate::cosim::run(system, &clock, args.tolerance, algorithm, &mut recorder);
+    let run = crate::cosim::run(system, &clock, fmu_tolerance, coupling, &mut recorder);
     recorder.bar.finish_and_clear();
     let run = run.map_err(|error| explain(error, &args.output))?;
     save(recorder.inner, &args.output)?;
@@ -149,6 +189,12 @@ fn build(args: &Args) -> Result<System, Failure> {
     }
     for (name, value) in &args.set {
         system.set(name, value)?;
+    }
+    for (name, parts) in &args.parts {
+        let parts = parts.parse().map_err(|_| {
+            Failure::new(format!("--parts {name}={parts}: `{parts}` is no whole number"))
+        })?;
+        system.set_parts(name, parts)?;
     }
     Ok(system)
 }
@@ -266,6 +312,7 @@ fn to_json(
         "order": run.order,
         "steps": run.steps,
         "step": args.step,
+        "report": report::to_json(&run.report),
         "time": run.time,
         "seconds": elapsed.as_secs_f64(),
         "signals": signals,
@@ -283,7 +330,7 @@ fn to_text(
     converted: &[[String; 4]],
 ) -> String {
     let order = match algorithm {
-        Algorithm::Jacobi => String::new(),
+        Algorithm::Jacobi | Algorithm::Strong => String::new(),
         Algorithm::GaussSeidel => format!(", in the order {}", run.order.join(", ")),
     };
     let mut text = format!(
@@ -302,6 +349,7 @@ fn to_text(
     for input in open_inputs {
         text += &format!("note: nothing feeds `{input}`; it keeps its start value\n");
     }
+    text += &report::to_text(&run.report, args.report);
     for output in &run.unrecorded {
         text += &format!("note: `{output}` is text and not in the table\n");
     }

@@ -3,6 +3,7 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod cosim;
+mod cosim_report;
 mod demo;
 mod export;
 mod failure;

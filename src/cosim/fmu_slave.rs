@@ -1,11 +1,13 @@
 //! An FMU of FMI 2.0 as a slave. The only place here that knows of FMUs.
 
 use super::slave::{
-    Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+    Abilities, Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
 use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
+    VariableKind,
 };
+use crate::fmi::instance::Saved;
 use crate::fmi::{Fmu, FmuError, Instance, Step, fmu};
 use std::path::Path;
 
@@ -16,6 +18,8 @@ pub struct FmuSlave {
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
+    abilities: Abilities,
+    saved: Vec<Saved>,
 }
 
 impl FmuSlave {
@@ -33,10 +37,17 @@ impl FmuSlave {
     /// If the FMU refuses.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
+        let cs = description.co_simulation.as_ref();
         Ok(Self {
             instance: library.instantiate(name)?,
             variables: variables(description),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
+            abilities: Abilities {
+                rollback: cs.is_some_and(|cs| cs.can_get_and_set_fmu_state),
+                variable_steps: cs.is_some_and(|cs| cs.can_handle_variable_communication_step_size),
+                ..Abilities::default()
+            },
+            saved: Vec::new(),
         })
     }
 }
@@ -93,23 +104,51 @@ impl Slave for FmuSlave {
     }
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        Ok(match self.instance.do_step(t, h)? {
-            Step::Done => Progress::Done,
-            Step::Discarded {
-                last_successful,
-                is_end_requested,
-            } => {
-                let reached = last_successful.unwrap_or(t);
-                match is_end_requested {
-                    true => Progress::EndRequested { reached },
-                    false => Progress::Discarded { reached },
-                }
-            }
-        })
+        Ok(progress(self.instance.do_step(t, h)?, t))
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.instance.terminate()?)
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.abilities
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        while self.saved.len() <= place {
+            self.saved.push(self.instance.save()?);
+        }
+        self.saved[place] = self.instance.save_into(self.saved[place])?;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        match self.saved.get(place) {
+            Some(&saved) => Ok(self.instance.restore(saved)?),
+            None => Err(format!("no state is saved in place {place}").into()),
+        }
+    }
+
+    fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        Ok(progress(self.instance.do_step_revocably(t, h)?, t))
+    }
+}
+
+/// How far a step from time `t` [s] came.
+fn progress(step: Step, t: f64) -> Progress {
+    match step {
+        Step::Done => Progress::Done,
+        Step::Discarded {
+            last_successful,
+            is_end_requested,
+        } => {
+            let reached = last_successful.unwrap_or(t);
+            match is_end_requested {
+                true => Progress::EndRequested { reached },
+                false => Progress::Discarded { reached },
+            }
+        }
     }
 }
 
@@ -141,6 +180,7 @@ fn variables(description: &ModelDescription) -> Vec<Variable> {
             role: role(variable),
             settable: is_settable(variable),
             unit: unit(description, variable),
+            nominal: nominal(variable),
             feedthrough,
             initial_feedthrough,
         }
@@ -166,6 +206,13 @@ fn kind(variable: &ScalarVariable) -> Kind {
         BaseType::Boolean => Kind::Boolean,
         BaseType::String => Kind::String,
         BaseType::Enumeration => Kind::Enumeration,
+    }
+}
+
+fn nominal(variable: &ScalarVariable) -> f64 {
+    match &variable.kind {
+        VariableKind::Real(real) => real.attributes.nominal.map_or(1.0, f64::abs),
+        _ => 1.0,
     }
 }
 

@@ -14,9 +14,10 @@
 //! | [`native_slave`] | the models of this project as slaves |
 //! | [`system`] | who is wired to whom, checked |
 //! | [`clock`] | communication points, counted |
-//! | [`algorithms`] | Jacobi and Gauss-Seidel, and the order that dependencies give |
+//! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
 //! | [`recorder`] | where the rows go |
+//! | [`report`] | what a run did, and how far its coupling is to be trusted |
 
 pub mod algorithms;
 pub mod clock;
@@ -24,14 +25,18 @@ pub mod fmu_slave;
 pub mod master;
 pub mod native_slave;
 pub mod recorder;
+pub mod report;
 pub mod slave;
 pub mod system;
 
-pub use algorithms::Algorithm;
+pub use algorithms::{Algorithm, Control, Coupling, Iteration, MAX_EXTRAPOLATION};
 pub use clock::Clock;
 pub use fmu_slave::FmuSlave;
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
-pub use slave::{Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
+pub use report::{
+    Calls, ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer,
+};
+pub use slave::{Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
 pub use system::{System, SystemError};

@@ -1,13 +1,23 @@
 //! Initialization and the stepping loop.
 
+mod controller;
 mod exchange;
+mod history;
 mod initialize;
+mod lu;
+mod stepper;
+mod strong;
+mod summary;
+mod wired;
 
 use self::exchange::Exchange;
 use self::initialize::initialize;
-use super::algorithms::{Algorithm, gauss_seidel_order};
+use self::stepper::Stepper;
+use self::summary::Wires;
+use super::algorithms::{Algorithm, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
 use super::clock::Clock;
 use super::recorder::{Recorder, Signal};
+use super::report::Report;
 use super::slave::{Experiment, SlaveError};
 use super::system::System;
 use std::io;
@@ -33,6 +43,21 @@ pub enum MasterError {
         names: Vec<String>,
         /// How often values were passed around.
         sweeps: usize,
+    },
+    /// Step-size control, and a slave that cannot vary its steps.
+    #[error(
+        "`{instance}` cannot take communication steps of different lengths, which step-size control \
+         needs; run without a tolerance"
+    )]
+    FixedSteps {
+        /// Name of the slave.
+        instance: String,
+    },
+    /// A degree of extrapolation that there is not.
+    #[error("extrapolation of degree {degree}; the highest is {MAX_EXTRAPOLATION}")]
+    Extrapolation {
+        /// As given.
+        degree: usize,
     },
     /// A row could not be written.
     #[error("cannot write the result at {time} s")]
@@ -63,6 +88,10 @@ pub enum Stage {
     Step,
     /// Giving its outputs.
     GetOutputs,
+    /// Saving its state.
+    Save,
+    /// Going back to a saved state.
+    Restore,
     /// Ending.
     Terminate,
 }
@@ -78,6 +107,8 @@ impl std::fmt::Display for Stage {
             Self::SetInputs => f.write_str("take its inputs"),
             Self::Step => f.write_str("step"),
             Self::GetOutputs => f.write_str("give its outputs"),
+            Self::Save => f.write_str("save its state"),
+            Self::Restore => f.write_str("go back to a saved state"),
             Self::Terminate => f.write_str("terminate"),
         }
     }
@@ -122,7 +153,8 @@ pub enum Ending {
 pub struct Run {
     /// How it ended.
     pub ending: Ending,
-    /// Number of completed steps; one row more was recorded.
+    /// Number of completed steps of the clock; one row more was recorded. With step-size control each
+    /// is one or more [communication steps](super::Steps).
     pub steps: u64,
     /// Time of the last row [s].
     pub time: f64,
@@ -132,23 +164,29 @@ pub struct Run {
     pub signals: Vec<Signal>,
     /// Outputs that no table of numbers can hold: strings.
     pub unrecorded: Vec<String>,
+    /// What was done, and how far the coupling is to be trusted.
+    pub report: Report,
 }
 
-/// Steps a system from the clock's start to its stop, recording every output at each communication
-/// point.
+/// Steps a system from the clock's start to its stop, recording every output at each of the clock's
+/// communication points. `tolerance` is for slaves with error control of their own.
 ///
 /// # Errors
-/// If the initialization or the recording fails. A slave that fails later ends the run, which is
-/// told by [`Run::ending`].
+/// If the slaves cannot be coupled like that, or the initialization or the recording fails. A slave
+/// that fails later ends the run, which is told by [`Run::ending`].
 pub fn run(
     mut system: System,
     clock: &Clock,
     tolerance: Option<f64>,
-    algorithm: Algorithm,
+    coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
-    let order = match algorithm {
-        Algorithm::Jacobi => (0..system.instances.len()).collect(),
+    let coupling = coupling.into();
+    if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
+        return Err(MasterError::Extrapolation { degree });
+    }
+    let order = match coupling.algorithm {
+        Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),
         Algorithm::GaussSeidel => gauss_seidel_order(&system),
     };
     let experiment = Experiment {
@@ -157,37 +195,48 @@ pub fn run(
         tolerance,
     };
     initialize(&mut system, &experiment)?;
-    let mut exchange = Exchange::new(system);
-    let begin = clock.time(0);
-    for i in 0..exchange.wired.len() {
-        exchange.get_outputs(i).map_err(|f| f.at_start())?;
-    }
-    let record = |time| move |source| MasterError::Record { time, source };
-    recorder.begin(&exchange.signals).map_err(record(begin))?;
-    recorder.row(begin, &exchange.row).map_err(record(begin))?;
-
-    let mut steps = 0;
-    let mut stop = None;
-    while steps < clock.steps() && stop.is_none() {
-        stop = match exchange.advance(algorithm, &order, clock.time(steps), clock.step()) {
-            Ok(()) => {
-                steps += 1;
-                let time = clock.time(steps);
-                recorder.row(time, &exchange.row).map_err(record(time))?;
-                None
-            }
-            Err(stop) => Some(stop),
-        };
-    }
+    let wires = Wires::of(&system);
+    let exchange = Exchange::new(system, &coupling);
+    let mut stepper = Stepper::new(exchange, &coupling, order)?;
+    stepper.begin(clock.start())?;
+    let (steps, stop) = follow(&mut stepper, clock, recorder)?;
     let time = clock.time(steps);
-    let ending = exchange.end(stop, time);
-    let name = |&i: &usize| exchange.wired[i].name.clone();
+    let ending = stepper.exchange.end(stop, time);
+    let name = |&i: &usize| stepper.exchange.wired[i].name.clone();
     Ok(Run {
         ending,
         steps,
         time,
-        order: order.iter().map(name).collect(),
-        signals: exchange.signals,
-        unrecorded: exchange.unrecorded,
+        order: stepper.order().iter().map(name).collect(),
+        report: wires.report(&stepper, &coupling, time - clock.start()),
+        signals: stepper.exchange.signals,
+        unrecorded: stepper.exchange.unrecorded,
     })
+}
+
+/// Steps and records until the clock's stop or until a slave ends it: completed steps, and the end.
+fn follow(
+    stepper: &mut Stepper,
+    clock: &Clock,
+    recorder: &mut dyn Recorder,
+) -> Result<(u64, Option<Ending>), MasterError> {
+    let record = |time| move |source| MasterError::Record { time, source };
+    let begin = clock.time(0);
+    let signals = &stepper.exchange.signals;
+    recorder.begin(signals).map_err(record(begin))?;
+    let row = |stepper: &Stepper, recorder: &mut dyn Recorder, time| {
+        let written = recorder.row(time, &stepper.exchange.values.row);
+        written.map_err(record(time))
+    };
+    row(stepper, recorder, begin)?;
+    let mut time = begin;
+    for step in 0..clock.steps() {
+        let next = clock.time(step + 1);
+        if let Err(ending) = stepper.advance(time, next, clock.step()) {
+            return Ok((step, Some(ending)));
+        }
+        row(stepper, recorder, next)?;
+        time = next;
+    }
+    Ok((clock.steps(), None))
 }

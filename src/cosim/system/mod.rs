@@ -31,6 +31,8 @@ pub struct Connection {
 pub(super) struct Instance {
     pub(super) name: String,
     pub(super) slave: Box<dyn Slave>,
+    /// Parts that it takes each communication step in.
+    pub(super) parts: u32,
 }
 
 /// Slaves, connections and start values.
@@ -63,8 +65,31 @@ impl System {
         if self.instances.iter().any(|i| i.name == name) {
             return Err(SystemError::DuplicateInstance { name });
         }
-        self.instances.push(Instance { name, slave });
+        self.instances.push(Instance {
+            name,
+            slave,
+            parts: 1,
+        });
         Ok(())
+    }
+
+    /// Has a slave take every communication step in that many equal parts (multi-rate), its inputs
+    /// interpolated where they change within the step.
+    ///
+    /// # Errors
+    /// If there is no such slave, or no part.
+    pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
+        if parts == 0 {
+            let name = name.to_owned();
+            return Err(SystemError::NoParts { name });
+        }
+        match self.instances.iter_mut().find(|i| i.name == name) {
+            Some(instance) => {
+                instance.parts = parts;
+                Ok(())
+            }
+            None => Err(self.unknown_instance(name)),
+        }
     }
 
     /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
