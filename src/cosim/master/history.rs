@@ -46,10 +46,6 @@ impl History {
         self.times[0]
     }
 
-    pub(super) fn newest(&self, p: usize) -> f64 {
-        self.values[0][p]
-    }
-
     /// Mean over the next `h` [s] and value at its end, of the polynomial of that degree (or as many
     /// points as there are) through the last points.
     pub(super) fn extrapolated(&self, p: usize, degree: usize, h: f64) -> (f64, f64) {
@@ -76,14 +72,6 @@ impl History {
         match degree.min(self.len) {
             0 | 1 => mean,
             _ => mean - h * h / 6.0 * self.difference_with(p, h, end),
-        }
-    }
-
-    /// Derivative of that mean by `end`.
-    pub(super) fn weight(&self, degree: usize, h: f64) -> f64 {
-        match degree.min(self.len) {
-            0 | 1 => 0.5,
-            _ => 0.5 - h / (6.0 * (h + self.times[0] - self.times[1])),
         }
     }
 
@@ -162,11 +150,5 @@ mod tests {
         let error = (history.interpolated(0, 2, h, value(c, end)) - mean).abs();
         let estimate = history.interpolation_error(0, h, value(c, end));
         assert!((error - estimate).abs() < 1e-12 && error > 1e-3);
-        // The weight is the derivative of the mean by the end value.
-        for degree in [1, 2] {
-            let at = |end| history.interpolated(0, degree, h, end);
-            let slope = (at(2.0) - at(1.0)) / 1.0;
-            assert!((slope - history.weight(degree, h)).abs() < 1e-12);
-        }
     }
 }

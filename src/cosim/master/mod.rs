@@ -1,5 +1,6 @@
 //! Initialization and the stepping loop.
 
+mod algebraic_loop;
 mod controller;
 mod exchange;
 mod history;
@@ -36,10 +37,25 @@ pub enum MasterError {
         /// Its own words.
         source: SlaveError,
     },
-    /// An algebraic loop between the slaves has no solution that repeated substitution finds.
-    #[error("the initial values of {} depend on each other and do not settle in {sweeps} sweeps", names.join(", "))]
+    /// An algebraic loop between the slaves has no solution that Newton's method finds.
+    #[error(
+        "the initial values of {} depend on each other, and Newton's method finds no solution: after \
+         {steps} steps they differ by {difference:.1e}; give the inputs other start values, or check \
+         the loop's gain", names.join(", ")
+    )]
     AlgebraicLoop {
-        /// The outputs in the loop.
+        /// The outputs in the loop, and behind it.
+        names: Vec<String>,
+        /// Steps of Newton's method.
+        steps: usize,
+        /// What is left of the largest difference between an output and what it feeds, relative to
+        /// `1 + |value|`.
+        difference: f64,
+    },
+    /// A loop with values that are no reals does not come to rest.
+    #[error("the initial values of {} depend on each other and do not settle in {sweeps} sweeps", names.join(", "))]
+    Unsettled {
+        /// The outputs in the loop, and behind it.
         names: Vec<String>,
         /// How often values were passed around.
         sweeps: usize,

@@ -17,6 +17,9 @@ const MAX_MATRICES: u32 = 3;
 /// slaves that integrate with error control.
 const DIFFERENCE: f64 = 1e-5;
 
+/// Pivots below this part of the largest entry are noise of the differences.
+const SINGULAR: f64 = 1e-8;
+
 /// Finds the outputs `z` at the end of a step for which `F(z) = z`, with `F` one step of all slaves
 /// whose inputs go from the outputs at its begin to `z`.
 pub(super) struct Strong {
@@ -194,9 +197,10 @@ impl Strong {
                 }
             }
         }
-        if !self.matrix.factor() {
+        if !self.matrix.factor(SINGULAR) {
             self.matrix.set_identity();
-            let _is_regular = self.matrix.factor();
+            let is_regular = self.matrix.factor(SINGULAR);
+            debug_assert!(is_regular, "the identity");
         }
         self.has_matrix = true;
         Ok(())
