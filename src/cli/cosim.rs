@@ -4,7 +4,8 @@ use super::cosim_report as report;
 use super::{Failure, Outcome, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, Control, Coupling, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
+    Algorithm, Clock, Control, Coupling, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run,
+    System,
 };
 use crate::output::Output;
 use clap::ValueEnum;
@@ -192,7 +193,9 @@ fn build(args: &Args) -> Result<System, Failure> {
     }
     for (name, parts) in &args.parts {
         let parts = parts.parse().map_err(|_| {
-            Failure::new(format!("--parts {name}={parts}: `{parts}` is no whole number"))
+            Failure::new(format!(
+                "--parts {name}={parts}: `{parts}` is no whole number"
+            ))
         })?;
         system.set_parts(name, parts)?;
     }

@@ -82,7 +82,10 @@ pub fn to_text(report: &Report, is_long: bool) -> String {
 
 /// The errors of an instance's inputs, if measured.
 fn errors_of(report: &Report, name: &str) -> String {
-    let is_own = |to: &str| to.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+    let is_own = |to: &str| {
+        to.strip_prefix(name)
+            .is_some_and(|rest| rest.starts_with('.'))
+    };
     let own = report.connections.iter().filter(|c| is_own(&c.to));
     let errors: Vec<String> = own
         .filter_map(|c| Some(format!("`{}` by {:.3e} {}", c.to, c.error?.mean, c.unit)))
@@ -110,7 +113,10 @@ fn details(report: &Report) -> String {
         if let Some(error) = c.error {
             let unit = if c.unit.is_empty() { "" } else { " " };
             let unit = format!("{unit}{}", c.unit);
-            text += &format!(", error {:.3e}{unit} (largest {:.3e})", error.mean, error.max);
+            text += &format!(
+                ", error {:.3e}{unit} (largest {:.3e})",
+                error.mean, error.max
+            );
         }
         text.push('\n');
     }

@@ -35,8 +35,8 @@ pub use fmu_slave::FmuSlave;
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
-pub use report::{
-    Calls, ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer,
+pub use report::{Calls, ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
+pub use slave::{
+    Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable,
 };
-pub use slave::{Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
 pub use system::{System, SystemError};

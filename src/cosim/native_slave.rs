@@ -233,7 +233,9 @@ impl Slave for NativeSlave {
             self.get_real(handle)?;
         }
         let pairs = inputs.iter().zip(seed);
-        let seeds: Vec<_> = pairs.map(|(&handle, &part)| (handle as usize, part)).collect();
+        let seeds: Vec<_> = pairs
+            .map(|(&handle, &part)| (handle as usize, part))
+            .collect();
         result.copy_from_slice(&self.simulation.directional_derivative(&outputs, &seeds));
         Ok(())
     }

@@ -3,8 +3,8 @@
 
 mod order;
 
-pub use order::gauss_seidel_order;
 pub(super) use order::Propagation;
+pub use order::gauss_seidel_order;
 
 /// How slaves that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
 /// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000).
@@ -20,13 +20,14 @@ pub enum Algorithm {
     Jacobi,
     /// One slave after another gets the newest outputs there are, steps and gives its own.
     GaussSeidel,
-    /// Strong coupling, of second order: the steps are repeated from saved states until the outputs
-    /// at `t_{k+1}` are those that the inputs were made of.
+    /// Strong coupling, of second order at least: the steps are repeated from saved states until the
+    /// outputs at `t_{k+1}` are those that the inputs were made of.
     ///
     /// Within the step an input goes straight from the feeding output's value at `t_k` to that at
-    /// `t_{k+1}`. A slave that takes input derivatives gets this ramp, any other its mean; where
-    /// such a slave has direct feedthrough, its outputs come from a step with the end value, its state
-    /// from another one with the mean. The outputs at `t_{k+1}` are found by Newton's method, whose
+    /// `t_{k+1}` or, where the slave gives the outputs' derivatives, along the cubic with these at both
+    /// ends. A slave that takes input derivatives gets the line nearest to that, any other its mean;
+    /// where a slave with direct feedthrough would so be given another value at the end, its outputs
+    /// come from a step that ends right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose
     /// matrix comes from differences of repeated steps and is kept as long as it serves; algebraic
     /// loops between slaves are thereby solved too. Slaves that cannot go back take their step first,
     /// with extrapolated inputs.

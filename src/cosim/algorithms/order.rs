@@ -55,7 +55,9 @@ fn reach(costs: &[Vec<u32>]) -> Vec<Vec<bool>> {
     for via in 0..reach.len() {
         let onward = reach[via].clone();
         for row in reach.iter_mut().filter(|row| row[via]) {
-            row.iter_mut().zip(&onward).for_each(|(to, &from)| *to |= from);
+            row.iter_mut()
+                .zip(&onward)
+                .for_each(|(to, &from)| *to |= from);
         }
     }
     reach
@@ -70,7 +72,8 @@ fn next_cycle(reach: &[Vec<bool>], waiting: &[usize]) -> Vec<usize> {
     let Some(&slave) = waiting.iter().find(is_free) else {
         return waiting.to_vec();
     };
-    let is_member = |&&other: &&usize| other == slave || (reach[slave][other] && reach[other][slave]);
+    let is_member =
+        |&&other: &&usize| other == slave || (reach[slave][other] && reach[other][slave]);
     waiting.iter().filter(is_member).copied().collect()
 }
 

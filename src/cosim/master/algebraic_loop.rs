@@ -87,7 +87,13 @@ fn difference(values: &[f64], found: &[f64]) -> f64 {
     let pairs = values.iter().zip(found);
     pairs.fold(0.0, |max, (value, found)| {
         let size = (value - found).abs() / (1.0 + value.abs());
-        if size <= max { max } else if size.is_finite() { size } else { f64::INFINITY }
+        if size <= max {
+            max
+        } else if size.is_finite() {
+            size
+        } else {
+            f64::INFINITY
+        }
     })
 }
 
@@ -147,8 +153,9 @@ fn jacobian(
             c.from.slave == changed.to.slave
                 && (system.variable(c.from).initial_feedthrough).contains(&changed.to.variable)
         };
-        let rows: Vec<usize> =
-            (0..connections.len()).filter(|&row| depends(&connections[row])).collect();
+        let rows: Vec<usize> = (0..connections.len())
+            .filter(|&row| depends(&connections[row]))
+            .collect();
         let instance = &system.instances[changed.to.slave];
         let slopes = match instance.slave.abilities().directional_derivatives {
             true => derivatives(system, connections, &rows, changed.to)?,

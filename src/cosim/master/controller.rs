@@ -51,10 +51,13 @@ impl Controller {
     /// After a step by `h` [s] whose error, relative to the tolerance, was small enough.
     pub(super) fn accept(&mut self, h: f64, error: f64) {
         let error = error.max(1e-10);
-        let factor = SAFETY
-            * error.powf(-PROPORTIONAL / self.order)
-            * self.last.powf(INTEGRAL / self.order);
-        let largest = if self.was_rejected { 1.0 } else { LARGEST_FACTOR };
+        let factor =
+            SAFETY * error.powf(-PROPORTIONAL / self.order) * self.last.powf(INTEGRAL / self.order);
+        let largest = if self.was_rejected {
+            1.0
+        } else {
+            LARGEST_FACTOR
+        };
         self.next = h * factor.clamp(SMALLEST_FACTOR, largest);
         self.last = error;
         self.was_rejected = false;

@@ -1,7 +1,7 @@
 //! The stepping loop's slaves and the values between them.
 
-use super::history::History;
-use super::wired::{BEGIN, Failure, Ramps, Values, Wired};
+use super::history::{Course, History, Outcome};
+use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::recorder::Signal;
@@ -20,7 +20,8 @@ pub(super) struct Exchange {
     /// Slots in the row of the real outputs that feed others. A position is one in this list.
     pub(super) fed: Vec<usize>,
     pub(super) history: History,
-    pub(super) ramps: Ramps,
+    /// How the fed outputs go within the step, by position.
+    pub(super) courses: Vec<Course>,
     /// Outputs that are no reals, at the begin of the step.
     pub(super) others_before: Vec<Value>,
 }
@@ -34,7 +35,7 @@ impl Exchange {
             unrecorded: Vec::new(),
             fed: Vec::new(),
             history: History::default(),
-            ramps: Ramps::default(),
+            courses: Vec::new(),
             others_before: Vec::new(),
         };
         // Slot of each output: in the row for reals, in `others` for the rest.
@@ -69,18 +70,22 @@ impl Exchange {
             target.input_slots.push(slot);
             target.input_positions.push(position);
         }
-        let n = exchange.fed.len();
-        exchange.history = History::new(nominals);
-        exchange.ramps = Ramps {
-            mean: vec![0.0; n],
-            end: vec![0.0; n],
-        };
-        exchange.others_before = exchange.values.others.clone();
         for slave in 0..exchange.wired.len() {
             let fed = system.connections.iter().filter(|c| c.to.slave == slave);
             let fed: Vec<usize> = fed.map(|c| c.to.variable).collect();
-            exchange.wired[slave].finish(&fed, &exchange.fed, coupling.control.is_some());
+            exchange.wired[slave].finish(&fed, &exchange.fed, coupling);
         }
+        let n = exchange.fed.len();
+        let mut has_slope = vec![false; n];
+        for wired in exchange.wired.iter().filter(|w| !w.sloped.is_empty()) {
+            for &p in &wired.fed_positions {
+                has_slope[p] = true;
+            }
+        }
+        exchange.history = History::new(nominals, has_slope);
+        exchange.courses = vec![Course::default(); n];
+        exchange.values.slopes = vec![0.0; n];
+        exchange.others_before = exchange.values.others.clone();
         exchange
     }
 
@@ -126,6 +131,8 @@ impl Exchange {
             output_slots,
             fed: Vec::new(),
             fed_positions: Vec::new(),
+            sloped: Vec::new(),
+            slope_values: Vec::new(),
             settled: Vec::new(),
             settled_slots: Vec::new(),
             settled_values: Vec::new(),
@@ -210,7 +217,7 @@ impl Exchange {
             };
             wired.set_others(others).map_err(failed)?;
             let (parts, span) = (wired.parts, (t, h));
-            wired.travel(&mut self.values, &self.ramps, span, parts, is_revocable)?;
+            wired.travel(&mut self.values, &self.courses, span, parts, is_revocable)?;
             if algorithm == Algorithm::GaussSeidel {
                 self.interpolate(i, degree, h);
             }
@@ -221,7 +228,7 @@ impl Exchange {
     /// Continues all fed outputs by polynomials of that degree.
     pub(super) fn extrapolate(&mut self, degree: usize, h: f64) {
         for p in 0..self.fed.len() {
-            (self.ramps.mean[p], self.ramps.end[p]) = self.history.extrapolated(p, degree, h);
+            self.courses[p] = self.history.extrapolated(p, degree, h);
         }
     }
 
@@ -230,12 +237,19 @@ impl Exchange {
     pub(super) fn interpolate(&mut self, i: usize, degree: usize, h: f64) {
         for k in 0..self.wired[i].fed_positions.len() {
             let p = self.wired[i].fed_positions[k];
-            let end = self.values.row[self.fed[p]];
-            self.ramps.end[p] = end;
-            self.ramps.mean[p] = match degree {
-                0 => end,
+            let end = self.outcome(p);
+            self.courses[p] = match degree {
+                0 => Course::held(end.value),
                 _ => self.history.interpolated(p, degree, h, end),
             };
+        }
+    }
+
+    /// A fed output where its slave stands.
+    pub(super) fn outcome(&self, p: usize) -> Outcome {
+        Outcome {
+            value: self.values.row[self.fed[p]],
+            slope: self.values.slopes[p],
         }
     }
 
@@ -246,21 +260,26 @@ impl Exchange {
 
     /// Saves the state of all slaves that can.
     pub(super) fn save(&mut self) -> Result<(), Failure> {
-        let able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
-        able.map(|wired| wired.save(BEGIN)).collect()
+        let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
+        able.try_for_each(|wired| wired.save(BEGIN))
     }
 
     /// Goes back to the begin of the step.
     pub(super) fn restore(&mut self) -> Result<(), Failure> {
         self.values.others.clone_from_slice(&self.others_before);
-        let able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
-        able.map(|wired| wired.restore(BEGIN)).collect()
+        let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
+        able.try_for_each(|wired| wired.restore(BEGIN))
     }
 
     /// Takes the values in the row for those of a communication point.
     pub(super) fn keep(&mut self, time: f64) {
-        let row = &self.values.row;
-        self.history.push(time, self.fed.iter().map(|&slot| row[slot]));
+        let (row, slopes) = (&self.values.row, &self.values.slopes);
+        let points = self.fed.iter().zip(slopes);
+        let points = points.map(|(&slot, &slope)| Outcome {
+            value: row[slot],
+            slope,
+        });
+        self.history.push(time, points);
     }
 
     /// Terminates the slaves that still can be, and says how the run ended at `time`.

@@ -45,8 +45,7 @@ impl Lu {
                 self.entries.swap(k * n + j, pivot * n + j);
             }
             let diagonal = self.entries[k * n + k];
-            // Written so that NaN is singular too.
-            if !(diagonal.abs() > singular * largest) || !diagonal.is_finite() {
+            if diagonal.abs() <= singular * largest || !diagonal.is_finite() {
                 return false;
             }
             let (above, below) = self.entries.split_at_mut((k + 1) * n);
@@ -91,7 +90,10 @@ mod tests {
     fn solves_what_needs_pivots() {
         // Row sums of [[0, 2, 1], [1, 0, 3], [2, 4, 0]] for x = (1, 2, 3).
         let mut lu = Lu::new(3);
-        for (i, row) in [[0.0, 2.0, 1.0], [1.0, 0.0, 3.0], [2.0, 4.0, 0.0]].iter().enumerate() {
+        for (i, row) in [[0.0, 2.0, 1.0], [1.0, 0.0, 3.0], [2.0, 4.0, 0.0]]
+            .iter()
+            .enumerate()
+        {
             for (j, &value) in row.iter().enumerate() {
                 lu.add(i, j, value);
             }

@@ -136,8 +136,8 @@ impl Stepper {
     fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> f64 {
         let wired = &exchange.wired[slave];
         let p = wired.input_positions[k];
-        let end = exchange.values.row[exchange.fed[p]];
-        (wired.used[k] - exchange.history.interpolated(p, 2, h, end)).abs()
+        let course = exchange.history.interpolated(p, 2, h, exchange.outcome(p));
+        (wired.used[k] - course.mean).abs()
     }
 
     fn measure(&mut self, h: f64) {
@@ -168,7 +168,11 @@ impl Stepper {
             let error = match self.attempt(h, self.can_reject) {
                 Ok(has_converged) => {
                     let error = self.error(h)? / control.tolerance;
-                    if has_converged { error } else { error.max(UNCONVERGED) }
+                    if has_converged {
+                        error
+                    } else {
+                        error.max(UNCONVERGED)
+                    }
                 }
                 // As far as the slave came, it may come again.
                 Err(Ending::Discarded { reached, .. }) if may_reject => {
@@ -205,10 +209,10 @@ impl Stepper {
         for slave in 0..self.exchange.wired.len() {
             let exchange = &self.exchange;
             for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
-                let end = exchange.values.row[exchange.fed[p]];
+                let end = exchange.outcome(p);
                 let defect = Self::defect(exchange, slave, k, h)
                     + exchange.history.interpolation_error(p, h, end);
-                largest = largest.max(defect / exchange.history.magnitudes[p].max(end.abs()));
+                largest = largest.max(defect / exchange.history.magnitudes[p].max(end.value.abs()));
             }
         }
         match self.strong.is_some() && self.can_reject {
@@ -224,7 +228,7 @@ impl Stepper {
             let Exchange {
                 wired,
                 values,
-                ramps,
+                courses,
                 history,
                 fed,
                 ..
@@ -233,7 +237,7 @@ impl Stepper {
             if !wired.has_stairs() {
                 continue;
             }
-            wired.effect_of_stairs(values, ramps, span, &mut self.room)?;
+            wired.effect_of_stairs(values, courses, span, &mut self.room)?;
             for &p in &wired.fed_positions {
                 let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
                 largest = largest.max(effect / history.magnitudes[p]);

@@ -2,6 +2,7 @@
 
 use super::Ending;
 use super::exchange::Exchange;
+use super::history::Outcome;
 use super::lu::Lu;
 use super::wired::{BEGIN, Failure};
 use crate::cosim::algorithms::{Coupling, Iteration, MAX_EXTRAPOLATION};
@@ -37,8 +38,8 @@ pub(super) struct Strong {
     /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is.
     unknowns: Vec<usize>,
     place: Vec<Option<usize>>,
-    tried: Vec<f64>,
-    found: Vec<f64>,
+    tried: Vec<Outcome>,
+    found: Vec<Outcome>,
     correction: Vec<f64>,
     /// `I - ∂F/∂z`.
     matrix: Lu,
@@ -52,7 +53,9 @@ impl Strong {
         let (able, irrevocable): (Vec<usize>, Vec<usize>) =
             all.partition(|&i| wired[i].abilities.rollback);
         let feeds_repeated = |p: &usize| able.iter().any(|&i| wired[i].input_positions.contains(p));
-        let unknowns = able.iter().flat_map(|&i| wired[i].fed_positions.iter().copied());
+        let unknowns = able
+            .iter()
+            .flat_map(|&i| wired[i].fed_positions.iter().copied());
         let unknowns: Vec<usize> = unknowns.filter(feeds_repeated).collect();
         let mut place = vec![None; exchange.fed.len()];
         for (k, &p) in unknowns.iter().enumerate() {
@@ -71,8 +74,8 @@ impl Strong {
             irrevocable,
             unknowns,
             place,
-            tried: vec![0.0; n],
-            found: vec![0.0; n],
+            tried: vec![Outcome::default(); n],
+            found: vec![Outcome::default(); n],
             correction: vec![0.0; n],
             matrix: Lu::new(n),
             has_matrix: false,
@@ -90,14 +93,17 @@ impl Strong {
         exchange.keep_others();
         self.advance_irrevocable(exchange, h)?;
         for (tried, &p) in self.tried.iter_mut().zip(&self.unknowns) {
-            *tried = exchange.history.extrapolated(p, self.predictor, h).1;
+            *tried = Outcome {
+                value: exchange.history.extrapolated(p, self.predictor, h).end,
+                slope: exchange.history.slope_after(p, h),
+            };
         }
-        self.set_ramps(exchange, h);
+        self.set_courses(exchange, h);
         for k in 0..self.once.len() {
             travel(exchange, self.once[k], h)?;
         }
         self.travel(exchange, h)?;
-        let (mut size, mut is_slow, mut matrices) = (self.difference(exchange), false, 0);
+        let (mut size, mut is_slow, mut matrices) = (self.difference(exchange, h), false, 0);
         for _ in 0..self.iteration.max {
             if size <= self.iteration.tolerance {
                 return Ok(true);
@@ -112,7 +118,7 @@ impl Strong {
             }
             self.correct(exchange, h)?;
             steps.corrections += 1;
-            let before = std::mem::replace(&mut size, self.difference(exchange));
+            let before = std::mem::replace(&mut size, self.difference(exchange, h));
             is_slow = size > SLOW * before;
         }
         let has_converged = size <= self.iteration.tolerance;
@@ -136,10 +142,9 @@ impl Strong {
     }
 
     /// Lets the fed outputs go to the values that are tried.
-    fn set_ramps(&self, exchange: &mut Exchange, h: f64) {
+    fn set_courses(&self, exchange: &mut Exchange, h: f64) {
         for (&p, &end) in self.unknowns.iter().zip(&self.tried) {
-            exchange.ramps.end[p] = end;
-            exchange.ramps.mean[p] = exchange.history.interpolated(p, self.degree, h, end);
+            exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
         }
     }
 
@@ -149,17 +154,20 @@ impl Strong {
             travel(exchange, self.repeated[k], h)?;
         }
         for (found, &p) in self.found.iter_mut().zip(&self.unknowns) {
-            *found = exchange.values.row[exchange.fed[p]];
+            *found = exchange.outcome(p);
         }
         Ok(())
     }
 
-    /// Largest difference between found and tried, relative to the outputs' magnitudes.
-    fn difference(&self, exchange: &Exchange) -> f64 {
+    /// Largest difference between found and tried, relative to the outputs' magnitudes: of the values,
+    /// and of what the slopes do to the means.
+    fn difference(&self, exchange: &Exchange, h: f64) -> f64 {
         let pairs = self.found.iter().zip(&self.tried).zip(&self.unknowns);
         pairs.fold(0.0, |max, ((found, tried), &p)| {
-            let scale = exchange.history.magnitudes[p].max(found.abs());
-            max.max((found - tried).abs() / scale)
+            let scale = exchange.history.magnitudes[p].max(found.value.abs());
+            let value = (found.value - tried.value).abs();
+            let slope = h / 12.0 * (found.slope - tried.slope).abs();
+            max.max(value.max(slope) / scale)
         })
     }
 
@@ -167,13 +175,16 @@ impl Strong {
     fn correct(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         let pairs = self.found.iter().zip(&self.tried);
         for (correction, (found, tried)) in self.correction.iter_mut().zip(pairs) {
-            *correction = found - tried;
+            *correction = found.value - tried.value;
         }
         self.matrix.solve(&mut self.correction);
-        for (tried, correction) in self.tried.iter_mut().zip(&self.correction) {
-            *tried += correction;
+        // The slopes weigh little: they follow by substitution.
+        let pairs = self.correction.iter().zip(&self.found);
+        for (tried, (correction, found)) in self.tried.iter_mut().zip(pairs) {
+            tried.value += correction;
+            tried.slope = found.slope;
         }
-        self.set_ramps(exchange, h);
+        self.set_courses(exchange, h);
         for &i in &self.repeated {
             go_back(exchange, i)?;
         }
@@ -215,18 +226,18 @@ impl Strong {
         p: usize,
         column: usize,
     ) -> Result<(), Ending> {
-        let ramp = (exchange.ramps.mean[p], exchange.ramps.end[p]);
-        let change = DIFFERENCE * exchange.history.magnitudes[p].max(ramp.1.abs());
-        let end = ramp.1 + change;
-        exchange.ramps.end[p] = end;
-        exchange.ramps.mean[p] = exchange.history.interpolated(p, self.degree, h, end);
+        let course = exchange.courses[p];
+        let change = DIFFERENCE * exchange.history.magnitudes[p].max(course.end.abs());
+        let mut end = self.tried[column];
+        end.value += change;
+        exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
         go_back(exchange, i)?;
         travel(exchange, i, h)?;
-        (exchange.ramps.mean[p], exchange.ramps.end[p]) = ramp;
+        exchange.courses[p] = course;
         for &q in &exchange.wired[i].fed_positions {
             if let Some(row) = self.place[q] {
                 let changed = exchange.values.row[exchange.fed[q]];
-                let slope = (changed - self.found[row]) / change;
+                let slope = (changed - self.found[row].value) / change;
                 self.matrix.add(row, column, -slope);
             }
         }
@@ -234,15 +245,15 @@ impl Strong {
     }
 }
 
-/// A communication step of one slave by `h`, inputs along the ramps.
+/// A communication step of one slave by `h`, inputs along their courses.
 fn travel(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
     let t = exchange.history.time();
     let wired = &mut exchange.wired[i];
     let is_set = wired.set_others(&exchange.others_before);
     is_set.map_err(|failure: Failure| failure.at(t))?;
     let (parts, is_revocable) = (wired.parts, wired.abilities.rollback);
-    let (values, ramps) = (&mut exchange.values, &exchange.ramps);
-    wired.travel(values, ramps, (t, h), parts, is_revocable)
+    let (values, courses) = (&mut exchange.values, &exchange.courses);
+    wired.travel(values, courses, (t, h), parts, is_revocable)
 }
 
 fn go_back(exchange: &mut Exchange, i: usize) -> Result<(), Ending> {

@@ -52,8 +52,7 @@ impl Wires {
             0 => Steps::default(),
             _ => stepper.steps,
         };
-        let needs_rollback =
-            coupling.algorithm == Algorithm::Strong || coupling.control.is_some();
+        let needs_rollback = coupling.algorithm == Algorithm::Strong || coupling.control.is_some();
         let irrevocable = (wired.iter())
             .filter(|w| needs_rollback && !w.abilities.rollback && !w.inputs.is_empty());
         let slaves = wired.iter().map(|w| SlaveReport {

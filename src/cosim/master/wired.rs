@@ -1,6 +1,8 @@
 //! A slave with what it exchanges.
 
+use super::history::Course;
 use super::{Ending, MasterError, Stage};
+use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::report::Calls;
 use crate::cosim::slave::{Abilities, Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
 use std::ops::Range;
@@ -23,14 +25,8 @@ pub(super) struct Values {
     /// Outputs that are no reals, and their slots in the row; strings have none.
     pub(super) others: Vec<Value>,
     pub(super) other_slots: Vec<Option<usize>>,
-}
-
-/// How the fed outputs go within a step: for each its mean, and its value at the end of the straight
-/// line that has this mean. Both are the same where a value is held.
-#[derive(Debug, Default)]
-pub(super) struct Ramps {
-    pub(super) mean: Vec<f64>,
-    pub(super) end: Vec<f64>,
+    /// Time derivatives of the fed outputs, where they are wanted and known.
+    pub(super) slopes: Vec<f64>,
 }
 
 /// A slave with what it exchanges, so that each step needs one call for all its reals.
@@ -46,6 +42,9 @@ pub(super) struct Wired {
     /// Slots of those that feed others, and their positions among all fed outputs.
     pub(super) fed: Vec<usize>,
     pub(super) fed_positions: Vec<usize>,
+    /// Handles of these, if their derivatives are to be read too, and room for them.
+    pub(super) sloped: Vec<u32>,
+    pub(super) slope_values: Vec<f64>,
     /// Handles and slots of the real outputs without direct feedthrough from a fed input.
     pub(super) settled: Vec<u32>,
     pub(super) settled_slots: Vec<usize>,
@@ -115,7 +114,7 @@ fn timed<T>(time: &mut Option<Duration>, call: impl FnOnce() -> T) -> T {
 impl Wired {
     /// Completes what follows from the wires: `fed_inputs` are positions of variables, `fed` the slots
     /// of all outputs that feed others.
-    pub(super) fn finish(&mut self, fed_inputs: &[usize], fed: &[usize], is_controlled: bool) {
+    pub(super) fn finish(&mut self, fed_inputs: &[usize], fed: &[usize], coupling: &Coupling) {
         let n = self.inputs.len();
         self.input_values = vec![0.0; n];
         self.slopes = vec![0.0; n];
@@ -140,7 +139,13 @@ impl Wired {
             }
         }
         self.settled_values = vec![0.0; self.settled.len()];
-        if is_controlled && self.has_stairs() {
+        let is_strong = coupling.algorithm == Algorithm::Strong;
+        if is_strong && self.abilities.output_derivatives {
+            let handle = |slot: &usize| self.outputs[slot - self.output_slots.start];
+            self.sloped = self.fed.iter().map(handle).collect();
+            self.slope_values = vec![0.0; self.sloped.len()];
+        }
+        if is_strong && coupling.control.is_some() && self.has_stairs() {
             self.parts *= 2;
         }
     }
@@ -207,8 +212,26 @@ impl Wired {
             let got = timed(&mut self.time, || self.slave.get_reals(outputs, row));
             got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         }
+        self.get_slopes(values)?;
         self.get_others(values)?;
         self.check_finite(values)
+    }
+
+    /// Reads the derivatives of the fed outputs.
+    fn get_slopes(&mut self, values: &mut Values) -> Result<(), Failure> {
+        if self.sloped.is_empty() {
+            return Ok(());
+        }
+        self.calls.gets += 1;
+        let (handles, room) = (&self.sloped, &mut self.slope_values);
+        let got = timed(&mut self.time, || {
+            self.slave.get_output_derivatives(handles, room)
+        });
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        for (&p, &slope) in self.fed_positions.iter().zip(&self.slope_values) {
+            values.slopes[p] = slope;
+        }
+        Ok(())
     }
 
     /// Reads the outputs that are no reals.
@@ -282,7 +305,9 @@ impl Wired {
                 if !is_within(reached) =>
             {
                 let end = t + h;
-                let source = format!("it says that it stands at {reached} s, outside the step from {t} s to {end} s");
+                let source = format!(
+                    "it says that it stands at {reached} s, outside the step from {t} s to {end} s"
+                );
                 self.failure(Stage::Step, source.into()).at(t)
             }
             Ok(Progress::EndRequested { reached }) => Ending::EndRequested {
@@ -312,42 +337,52 @@ impl Wired {
         restored.map_err(|source| self.failure(Stage::Restore, source))
     }
 
-    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `ramps`, and
+    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `courses`, and
     /// reads the outputs.
+    ///
+    /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
+    /// feedthrough show the inputs' values at the end; where these are others, they come from a last
+    /// part that ends there, before the slave goes back and takes the right one.
     pub(super) fn travel(
         &mut self,
         values: &mut Values,
-        ramps: &Ramps,
+        courses: &[Course],
         (t, h): (f64, f64),
         parts: u32,
         is_revocable: bool,
     ) -> Result<(), Ending> {
         let failed = |failure: Failure| failure.at(t);
-        let is_held = (self.input_positions.iter()).all(|&p| ramps.mean[p] == ramps.end[p]);
+        let mut own = self.input_positions.iter().map(|&p| &courses[p]);
+        let is_held = own.clone().all(Course::is_held);
         let is_ramp = self.abilities.input_derivatives && !is_held;
-        let is_stair = !is_ramp && !is_held;
-        let has_two_passes = is_stair && self.has_feedthrough && self.abilities.rollback;
-        // Where in each part the value is taken that is held in it.
-        let place = match is_stair && self.is_given_ends() {
-            true => 1.0,
-            false => 0.5,
+        let ends_elsewhere = match is_ramp {
+            true => own.any(Course::is_curved),
+            false => !is_held,
         };
-        self.note_used(ramps, (2.0 * place - 1.0) / f64::from(parts));
+        let needs_ends = self.has_feedthrough && ends_elsewhere;
+        let has_two_passes = needs_ends && self.abilities.rollback;
+        let only_ends = needs_ends && !has_two_passes && self.feeds_through;
+        let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
+        self.note_used(courses, (2.0 * place - 1.0) / f64::from(parts));
         let step = h / f64::from(parts);
         for part in 0..parts {
             let begin = t + f64::from(part) * step;
             let at = |place: f64| (f64::from(part) + place) / f64::from(parts);
-            if is_ramp {
-                self.set_ramps(ramps, at(0.0), h).map_err(failed)?;
-            } else {
-                if has_two_passes && part + 1 == parts {
-                    self.save(LAST_PART).map_err(failed)?;
-                    self.hold(ramps, 1.0).map_err(failed)?;
-                    self.step(begin, step, true)?;
-                    self.get_outputs(values).map_err(failed)?;
-                    self.restore(LAST_PART).map_err(failed)?;
+            if has_two_passes && part + 1 == parts {
+                self.save(LAST_PART).map_err(failed)?;
+                match is_ramp {
+                    true => self.set_ramps(courses, true, at(0.0), h).map_err(failed)?,
+                    false => self.hold(courses, true, 1.0).map_err(failed)?,
                 }
-                self.hold(ramps, at(place)).map_err(failed)?;
+                self.step(begin, step, true)?;
+                self.get_outputs(values).map_err(failed)?;
+                self.restore(LAST_PART).map_err(failed)?;
+            }
+            match is_ramp {
+                true => self
+                    .set_ramps(courses, only_ends, at(0.0), h)
+                    .map_err(failed)?,
+                false => self.hold(courses, only_ends, at(place)).map_err(failed)?,
             }
             self.step(begin, step, is_revocable)?;
         }
@@ -357,26 +392,41 @@ impl Wired {
         }
     }
 
-    fn note_used(&mut self, ramps: &Ramps, shift: f64) {
+    fn note_used(&mut self, courses: &[Course], shift: f64) {
         for (used, &p) in self.used.iter_mut().zip(&self.input_positions) {
-            *used = ramps.mean[p] + shift * (ramps.end[p] - ramps.mean[p]);
+            let course = &courses[p];
+            *used = course.mean + shift * (course.end - course.mean);
         }
     }
 
-    /// Sets the inputs to where their ramps are after a part `at` of the step.
-    fn hold(&mut self, ramps: &Ramps, at: f64) -> Result<(), Failure> {
+    /// Sets the inputs to where their lines are after a part `at` of the step, the lines to the end
+    /// values if so.
+    fn hold(&mut self, courses: &[Course], to_ends: bool, at: f64) -> Result<(), Failure> {
         for (value, &p) in self.input_values.iter_mut().zip(&self.input_positions) {
-            *value = ramps.mean[p] + (2.0 * at - 1.0) * (ramps.end[p] - ramps.mean[p]);
+            let course = courses[p];
+            *value = match to_ends {
+                true => course.to_end().line(at),
+                false => course.line(at),
+            };
         }
         self.set_reals()
     }
 
-    /// Sets the inputs to where their ramps are after a part `at` of the step of `h` [s], and their
-    /// slopes.
-    fn set_ramps(&mut self, ramps: &Ramps, at: f64, h: f64) -> Result<(), Failure> {
-        self.hold(ramps, at)?;
+    /// The same with the slopes of the lines in a step of `h` [s].
+    fn set_ramps(
+        &mut self,
+        courses: &[Course],
+        to_ends: bool,
+        at: f64,
+        h: f64,
+    ) -> Result<(), Failure> {
+        self.hold(courses, to_ends, at)?;
         for (slope, &p) in self.slopes.iter_mut().zip(&self.input_positions) {
-            *slope = 2.0 * (ramps.end[p] - ramps.mean[p]) / h;
+            let course = match to_ends {
+                true => courses[p].to_end(),
+                false => courses[p],
+            };
+            *slope = 2.0 * course.lean / h;
         }
         for &(position, conversion) in &self.conversions {
             self.slopes[position] *= conversion.factor;
@@ -396,7 +446,7 @@ impl Wired {
     pub(super) fn effect_of_stairs(
         &mut self,
         values: &mut Values,
-        ramps: &Ramps,
+        courses: &[Course],
         span: (f64, f64),
         room: &mut [f64],
     ) -> Result<(), Ending> {
@@ -406,7 +456,7 @@ impl Wired {
         self.save(END).map_err(failed)?;
         room.copy_from_slice(&values.row[slots.clone()]);
         self.restore(BEGIN).map_err(failed)?;
-        self.travel(values, ramps, span, self.parts / 2, true)?;
+        self.travel(values, courses, span, self.parts / 2, true)?;
         self.restore(END).map_err(failed)?;
         for (fine, coarse) in room.iter_mut().zip(&mut values.row[slots]) {
             (*fine, *coarse) = (*fine - *coarse, *fine);

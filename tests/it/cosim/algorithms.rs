@@ -198,7 +198,9 @@ fn parts_of_steps_follow_the_inputs() {
     let system = |parts| {
         let mut system = System::new();
         let a = Linear::new(-1.0, 1.0, 1.0, 0.0).from(1.0).revocable();
-        let b = Linear::new(-9.0, 9.0, 1.0, 0.0).revocable().logged("b", &log);
+        let b = Linear::new(-9.0, 9.0, 1.0, 0.0)
+            .revocable()
+            .logged("b", &log);
         system.add("a", Box::new(a)).unwrap();
         system.add("b", Box::new(b)).unwrap();
         system.connect("a.y", "b.u").unwrap();
@@ -245,7 +247,12 @@ fn cycles_are_broken_where_the_least_is_late() {
     for name in ["a", "b", "c"] {
         system.add(name, Box::new(Sum::new())).unwrap();
     }
-    for (from, to) in [("b.y", "c.u0"), ("b.y", "a.u0"), ("c.y", "a.u1"), ("a.y", "b.u0")] {
+    for (from, to) in [
+        ("b.y", "c.u0"),
+        ("b.y", "a.u0"),
+        ("c.y", "a.u1"),
+        ("a.y", "b.u0"),
+    ] {
         system.connect(from, to).unwrap();
     }
     let (run, _) = simulate(system, 1.0, 1.0, Algorithm::GaussSeidel);
@@ -260,10 +267,15 @@ fn cycles_are_broken_where_the_least_is_late() {
         ring.add(format!("s{k}"), Box::new(Sum::new())).unwrap();
     }
     for k in 0..30 {
-        ring.connect(&format!("s{k}.y"), &format!("s{}.u0", (k + 1) % 30)).unwrap();
+        ring.connect(&format!("s{k}.y"), &format!("s{}.u0", (k + 1) % 30))
+            .unwrap();
     }
     let (run, _) = simulate(ring, 1.0, 1.0, Algorithm::GaussSeidel);
-    let late = run.report.connections.iter().filter(|c| c.transfer == Transfer::Held);
+    let late = run
+        .report
+        .connections
+        .iter()
+        .filter(|c| c.transfer == Transfer::Held);
     assert_eq!(late.count(), 1);
 }
 
@@ -296,7 +308,10 @@ fn two_hundred_slaves_in_one_system() {
         assert_eq!((run.steps, run.report.slaves.len()), (32, N));
         for k in 0..6 {
             let found = recorder.series.columns[k as usize].values[32];
-            assert!((found - exact(k)).abs() < tolerance, "{algorithm} {k}: {found}");
+            assert!(
+                (found - exact(k)).abs() < tolerance,
+                "{algorithm} {k}: {found}"
+            );
         }
     }
 }

@@ -45,12 +45,7 @@ impl std::io::Write for Dropping {
 }
 
 /// Number of allocations of a run with that many steps of two slaves that hold or follow their inputs.
-fn allocations(
-    steps: u32,
-    coupling: Coupling,
-    follow: bool,
-    recorder: &mut dyn Recorder,
-) -> u64 {
+fn allocations(steps: u32, coupling: Coupling, follow: bool, recorder: &mut dyn Recorder) -> u64 {
     let mut system = System::new();
     for (name, from) in [("a", 1.0), ("b", -1.0)] {
         let slave = Linear::new(-1.0, 0.5, 1.0, 0.1).from(from).revocable();

@@ -129,7 +129,8 @@ impl Slave for Block {
 
     fn save(&mut self, place: usize) -> Result<(), SlaveError> {
         let now = (self.x.clone(), self.u.clone());
-        self.saved.resize(self.saved.len().max(place + 1), now.clone());
+        self.saved
+            .resize(self.saved.len().max(place + 1), now.clone());
         self.saved[place] = now;
         Ok(())
     }
@@ -164,7 +165,10 @@ impl RandomLoop {
                 system.cut_algebraic_loops();
             }
             let poles = system.closed_loop().0.complex_eigenvalues();
-            if poles.iter().all(|pole| pole.re < -0.05 && pole.norm() < 8.0) {
+            if poles
+                .iter()
+                .all(|pole| pole.re < -0.05 && pole.norm() < 8.0)
+            {
                 return system;
             }
         }
@@ -179,9 +183,8 @@ impl RandomLoop {
             let states = 1 + (uniform(1.0).abs() * 2.0) as usize;
             let inputs = 1 + (uniform(1.0).abs() * 2.0) as usize;
             let outputs = 1 + (uniform(1.0).abs() * 2.0) as usize;
-            let mut matrix = |rows, columns, scale| {
-                DMatrix::from_fn(rows, columns, |_, _| uniform(scale))
-            };
+            let mut matrix =
+                |rows, columns, scale| DMatrix::from_fn(rows, columns, |_, _| uniform(scale));
             let a = matrix(states, states, 1.0) - DMatrix::identity(states, states) * 1.5;
             let b = matrix(states, inputs, 1.0);
             let c = matrix(outputs, states, 1.0);
@@ -195,7 +198,11 @@ impl RandomLoop {
             for input in 0..blocks[to].b.ncols() {
                 // A ring, so that all hang together, and other wires at random.
                 let any = (uniform(1.0).abs() * n as f64) as usize;
-                let from = if input == 0 { (to + n - 1) % n } else { any.min(n - 1) };
+                let from = if input == 0 {
+                    (to + n - 1) % n
+                } else {
+                    any.min(n - 1)
+                };
                 let outputs = blocks[from].c.nrows();
                 let output = (uniform(1.0).abs() * outputs as f64) as usize;
                 wires.push([(from, output.min(outputs - 1)), (to, input)]);
@@ -220,7 +227,9 @@ impl RandomLoop {
     pub fn system(&self) -> System {
         let mut system = System::new();
         for (k, block) in self.blocks.iter().enumerate() {
-            system.add(format!("b{k}"), Box::new(block.clone())).unwrap();
+            system
+                .add(format!("b{k}"), Box::new(block.clone()))
+                .unwrap();
         }
         for [(from, output), (to, input)] in &self.wires {
             let from = format!("b{from}.y{output}");
@@ -249,10 +258,14 @@ impl RandomLoop {
         let mut c = DMatrix::zeros(ys[n], xs[n]);
         let mut d = DMatrix::zeros(ys[n], us[n]);
         for (k, block) in self.blocks.iter().enumerate() {
-            a.view_mut((xs[k], xs[k]), block.a.shape()).copy_from(&block.a);
-            b.view_mut((xs[k], us[k]), block.b.shape()).copy_from(&block.b);
-            c.view_mut((ys[k], xs[k]), block.c.shape()).copy_from(&block.c);
-            d.view_mut((ys[k], us[k]), block.d.shape()).copy_from(&block.d);
+            a.view_mut((xs[k], xs[k]), block.a.shape())
+                .copy_from(&block.a);
+            b.view_mut((xs[k], us[k]), block.b.shape())
+                .copy_from(&block.b);
+            c.view_mut((ys[k], xs[k]), block.c.shape())
+                .copy_from(&block.c);
+            d.view_mut((ys[k], us[k]), block.d.shape())
+                .copy_from(&block.d);
         }
         let mut wires = DMatrix::zeros(us[n], ys[n]);
         for [(from, output), (to, input)] in &self.wires {

@@ -32,10 +32,16 @@ fn a_chain_of_feedthrough_is_passed_in_its_order() {
 fn algebraic_loop(g: f64, change: impl Fn(Linear) -> Linear) -> System {
     let mut system = System::new();
     system
-        .add("a", Box::new(change(Linear::new(0.0, 0.0, 1.0, g).from(1.0))))
+        .add(
+            "a",
+            Box::new(change(Linear::new(0.0, 0.0, 1.0, g).from(1.0))),
+        )
         .unwrap();
     system
-        .add("b", Box::new(change(Linear::new(0.0, 0.0, 1.0, g).from(2.0))))
+        .add(
+            "b",
+            Box::new(change(Linear::new(0.0, 0.0, 1.0, g).from(2.0))),
+        )
         .unwrap();
     system.connect("a.y", "b.u").unwrap();
     system.connect("b.y", "a.u").unwrap();
@@ -87,7 +93,8 @@ fn nonlinear_loops_are_solved_or_named() {
     let y = ring(|u| (3.0 * u).tanh() - 2.0).unwrap();
     assert!((y - ((3.0 * y).tanh() - 2.0)).abs() < 1e-11, "{y}");
     let message = ring(|u| u * u + 1.0).unwrap_err().to_string();
-    let begin = "the initial values of f.y depend on each other, and Newton's method finds no solution";
+    let begin =
+        "the initial values of f.y depend on each other, and Newton's method finds no solution";
     assert!(message.starts_with(begin), "{message}");
 }
 

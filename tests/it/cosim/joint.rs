@@ -102,23 +102,23 @@ fn the_closed_loop_converges_at_the_expected_order() {
     }
 }
 
-/// The slaves follow ramps, so that strong coupling has no lag at all: a tenth of a millimetre after 5 s
-/// at the step of the pilot's data, where Jacobi is off by centimetres. Error control does better still.
+/// At the step of the pilot's data, where Jacobi is off by centimetres after 5 s. The slaves follow ramps
+/// and give the slopes of their outputs: the order is 3 at least.
 #[test]
-fn strong_coupling_of_pilot_and_quadcopter_is_exact_to_a_tenth_of_a_millimetre() {
+fn strong_coupling_of_pilot_and_quadcopter_is_exact_to_a_micrometre() {
     let exact = reference();
     let jacobi = errors(0.05, Algorithm::Jacobi, exact);
     assert!(jacobi[0] > 0.02, "{jacobi:?}");
     let strong = errors(0.05, Algorithm::Strong, exact);
-    assert!(strong[0] < 1e-4 && strong[1] < 1e-4, "{strong:?}");
+    assert!(strong[0] < 1e-6 && strong[1] < 1e-6, "{strong:?}");
     let halved = errors(0.025, Algorithm::Strong, exact);
     let order = (strong[0] / halved[0]).log2();
-    assert!((order - 2.0).abs() < 0.2, "{strong:?} {halved:?}");
+    assert!(order > 3.0, "{strong:?} {halved:?}");
     let clock = Clock::new(0.0, STOP, 0.05).unwrap();
     let controlled = Coupling {
         control: Some(Control::new(1e-7, &clock)),
         ..Algorithm::Strong.into()
     };
     let controlled = errors(0.05, controlled, exact);
-    assert!(controlled[0] < 1e-6, "{controlled:?}");
+    assert!(controlled[0] < 1e-7, "{controlled:?}");
 }

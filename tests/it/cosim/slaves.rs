@@ -2,8 +2,8 @@
 
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Clock, Coupling, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave, System, Unit,
-    Value, Variable, run,
+    Abilities, Clock, Coupling, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave,
+    System, Unit, Value, Variable, run,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -189,7 +189,8 @@ impl Slave for Linear {
 
     fn save(&mut self, place: usize) -> Result<(), SlaveError> {
         self.note("save");
-        self.saved.resize(self.saved.len().max(place + 1), [f64::NAN; 3]);
+        self.saved
+            .resize(self.saved.len().max(place + 1), [f64::NAN; 3]);
         self.saved[place] = [self.x, self.u, self.slope];
         Ok(())
     }

@@ -39,7 +39,10 @@ fn the_published_example_is_right_within_two_parts_in_a_thousand() {
         // One matrix serves the whole run, one correction each step.
         assert_eq!((steps.corrections, steps.matrices), (10, 1));
         for connection in run.report.connections {
-            assert_eq!((connection.transfer, connection.lag), (Transfer::Interpolated, 0.0));
+            assert_eq!(
+                (connection.transfer, connection.lag),
+                (Transfer::Interpolated, 0.0)
+            );
         }
     }
 }
@@ -59,7 +62,10 @@ fn error_control_keeps_the_tolerance_in_few_steps() {
             let (run, recorder) = simulate(controller_and_integrator(change), 1.0, 0.1, coupling);
             let error = (1.0 + last(&recorder, "integrator.y") - exact).abs();
             assert!(error < tolerance, "{error} > {tolerance}");
-            assert_eq!(recorder.series.time, (0..=10).map(|k| clock.time(k)).collect::<Vec<_>>());
+            assert_eq!(
+                recorder.series.time,
+                (0..=10).map(|k| clock.time(k)).collect::<Vec<_>>()
+            );
             let steps = run.report.steps;
             assert_eq!((steps.over_tolerance, steps.unconverged), (0, 0));
             counts.push((steps.accepted, steps.rejected));
@@ -108,7 +114,9 @@ fn orders_of_convergence_on_random_loops() {
                 assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
                 let columns = recorder.series.columns.iter();
                 let found = columns.map(|c| *c.values.last().unwrap());
-                let squares = found.zip(exact.iter()).map(|(y, exact)| (y - exact).powi(2));
+                let squares = found
+                    .zip(exact.iter())
+                    .map(|(y, exact)| (y - exact).powi(2));
                 squares.sum::<f64>().sqrt()
             });
             for pair in errors.windows(2) {
@@ -170,8 +178,14 @@ fn slaves_that_cannot_go_back_are_named_with_their_error() {
     let [to_controller, to_integrator] = &report.connections[..] else {
         panic!("two connections")
     };
-    assert_eq!((to_controller.transfer, to_controller.lag), (Transfer::Held, 0.005));
-    assert_eq!((to_integrator.transfer, to_integrator.lag), (Transfer::Interpolated, 0.0));
+    assert_eq!(
+        (to_controller.transfer, to_controller.lag),
+        (Transfer::Held, 0.005)
+    );
+    assert_eq!(
+        (to_integrator.transfer, to_integrator.lag),
+        (Transfer::Interpolated, 0.0)
+    );
     // In the mean y is late by h/2: by 0.005 (1 - e^{-2}).
     let late = to_controller.error.unwrap().mean;
     assert!((late / (0.005 * exact) - 1.0).abs() < 0.02, "{late}");
@@ -186,7 +200,11 @@ fn slaves_that_cannot_go_back_are_named_with_their_error() {
 fn no_set_is_followed_by_a_get_without_a_step() {
     let log = Log::default();
     let system = controller_and_integrator(|l| {
-        let name = if l.d == 0.0 { "integrator" } else { "controller" };
+        let name = if l.d == 0.0 {
+            "integrator"
+        } else {
+            "controller"
+        };
         l.revocable().logged(name, &log)
     });
     let clock = Clock::new(0.0, 0.5, 0.1).unwrap();
@@ -196,9 +214,14 @@ fn no_set_is_followed_by_a_get_without_a_step() {
     };
     simulate(system, 0.5, 0.1, coupling);
     let calls = log.take();
-    let end = calls.iter().rposition(|call| call.ends_with("exit")).unwrap();
+    let end = calls
+        .iter()
+        .rposition(|call| call.ends_with("exit"))
+        .unwrap();
     for name in ["controller", "integrator"] {
-        let own = calls[end..].iter().filter_map(|call| call.strip_prefix(name));
+        let own = calls[end..]
+            .iter()
+            .filter_map(|call| call.strip_prefix(name));
         let own: Vec<&str> = own.collect();
         for pair in own.windows(2) {
             assert!(
