@@ -5,7 +5,7 @@
 use super::{Failure, Outcome, terminal};
 use crate::fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use crate::fmi::description::{BaseType, Causality, Finding, Severity, read, validate};
-use crate::fmi::{Fmu, Step};
+use crate::fmi::{Fmu, Kind, Step};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -195,21 +195,21 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     let mut fmu = Fmu::open(&args.fmu)?;
     stage("loading")?;
     let library = fmu.load()?;
-    if let Some(unresolved) = library.binding().unresolved() {
+    if let Some(unresolved) = library.bindings().find_map(|b| b.unresolved()) {
         warn(&format!(
             "a symbol is missing, calling it would end the process: {unresolved}"
         ))?;
     }
-    for function in library.binding().missing() {
+    for function in library.bindings().flat_map(|b| b.missing()) {
         warn(&format!("the binary has no function `{function}`"))?;
     }
     stage("instantiating")?;
-    let mut instance = library.instantiate("probe")?;
+    let mut instance = library.instantiate("probe", Kind::CoSimulation)?;
     let description = fmu.description();
     let cs = description.co_simulation.as_ref();
     if !cs.is_some_and(|cs| cs.can_be_instantiated_only_once_per_process) {
         stage("instantiating with a wrong guid")?;
-        if library.accepts_wrong_guid() {
+        if library.accepts_wrong_guid(Kind::CoSimulation) {
             warn("an instance is made though the guid is wrong")?;
         }
     }
