@@ -3,10 +3,11 @@
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use super::binary::{self, BinaryError};
 use super::binding::{Binding, BindingError};
+use super::description::FmiVersion;
 use super::description::{self, ModelDescription, ReadError};
 use super::instance::{CallError, Instance, Loaded, Options};
 use super::platform;
-use super::version::{Kind, Version};
+use super::version::Kind;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -159,17 +160,19 @@ impl Fmu {
     }
 
     /// The version of FMI that the description is written in.
-    pub fn version(&self) -> Version {
-        Version::Fmi2
+    pub fn version(&self) -> FmiVersion {
+        self.description.fmi_version
     }
 
     /// What the FMU is for, and the modelIdentifier of each.
     pub fn kinds(&self) -> Vec<(Kind, &str)> {
         let cs = self.description.co_simulation.as_ref();
         let me = self.description.model_exchange.as_ref();
+        let se = self.description.scheduled_execution.as_ref();
         let cs = cs.map(|cs| (Kind::CoSimulation, cs.model_identifier.as_str()));
         let me = me.map(|me| (Kind::ModelExchange, me.model_identifier.as_str()));
-        cs.into_iter().chain(me).collect()
+        let se = se.map(|se| (Kind::ScheduledExecution, se.model_identifier.as_str()));
+        cs.into_iter().chain(me).chain(se).collect()
     }
 
     /// Unpacks the FMU, looks into its binaries (most often one for all kinds) and loads them. Each call
@@ -238,7 +241,7 @@ fn bind(
     path: &Path,
     folder: &TempDir,
     entry: String,
-    version: Version,
+    version: FmiVersion,
     kinds: &[Kind],
 ) -> Result<Binding, FmuError> {
     let library = folder.path().join(&entry);

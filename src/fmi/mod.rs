@@ -24,8 +24,9 @@ mod logger;
 pub mod platform;
 mod version;
 
+pub use description::FmiVersion;
 pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, Options, Step};
 pub use logger::Message;
-pub use version::{Function, Kind, State, Version};
+pub use version::{Function, Kind, State};

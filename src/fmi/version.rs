@@ -2,24 +2,6 @@
 
 use pilotage_abi::{Part, fmi2, fmi3};
 
-/// A version of the standard.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Version {
-    /// FMI 2.0 to 2.0.5.
-    Fmi2,
-    /// FMI 3.0 and its patch releases.
-    Fmi3,
-}
-
-impl std::fmt::Display for Version {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Fmi2 => "FMI 2.0",
-            Self::Fmi3 => "FMI 3.0",
-        })
-    }
-}
-
 /// What an instance is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {

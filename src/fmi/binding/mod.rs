@@ -4,7 +4,8 @@ pub(super) mod fmi2;
 pub(super) mod fmi3;
 mod open;
 
-use super::version::{Kind, Version};
+use super::description::FmiVersion;
+use super::version::Kind;
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
 use std::ffi::{CStr, c_char};
@@ -104,15 +105,15 @@ impl Binding {
     /// trusts it. [`binary::check`](super::binary::check) tells damaged files first.
     pub unsafe fn load(
         path: &Path,
-        version: Version,
+        version: FmiVersion,
         kinds: &[Kind],
     ) -> Result<Self, BindingError> {
         // SAFETY: handed on to the caller.
         let (library, unresolved) =
             unsafe { open::open(path) }.map_err(|source| BindingError::Load { source })?;
         let functions = match version {
-            Version::Fmi2 => Functions::Fmi2(fmi2::Functions::of(&library)),
-            Version::Fmi3 => Functions::Fmi3(fmi3::Functions::of(&library)),
+            FmiVersion::V2 => Functions::Fmi2(fmi2::Functions::of(&library)),
+            FmiVersion::V3 => Functions::Fmi3(fmi3::Functions::of(&library)),
         };
         let binding = Self {
             functions,

@@ -35,7 +35,7 @@ macro_rules! call {
             }
             $crate::fmi::binding::Functions::Fmi3(_) => Err($crate::fmi::CallError::OtherVersion {
                 function: $crate::fmi::Function::Fmi2(pilotage_abi::fmi2::Function::$F2),
-                version: $crate::fmi::Version::Fmi3,
+                version: $crate::fmi::FmiVersion::V3,
             }),
         }
     };
@@ -43,7 +43,7 @@ macro_rules! call {
         match &$self.loaded.binding.functions {
             $crate::fmi::binding::Functions::Fmi2(_) => Err($crate::fmi::CallError::OtherVersion {
                 function: $crate::fmi::Function::Fmi3(pilotage_abi::fmi3::Function::$F3),
-                version: $crate::fmi::Version::Fmi2,
+                version: $crate::fmi::FmiVersion::V2,
             }),
             $crate::fmi::binding::Functions::Fmi3(f) => {
                 let function = $crate::fmi::Function::Fmi3(pilotage_abi::fmi3::Function::$F3);

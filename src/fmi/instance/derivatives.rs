@@ -2,7 +2,7 @@
 
 use super::states::capable;
 use super::{CallError, Instance, call};
-use crate::fmi::version::Version;
+use crate::fmi::description::FmiVersion;
 
 impl Instance {
     /// Whether the description offers directional derivatives.
@@ -23,8 +23,8 @@ impl Instance {
         result: &mut [f64],
     ) -> Result<(), CallError> {
         let flag = match self.version() {
-            Version::Fmi2 => "providesDirectionalDerivative",
-            Version::Fmi3 => "providesDirectionalDerivatives",
+            FmiVersion::V2 => "providesDirectionalDerivative",
+            FmiVersion::V3 => "providesDirectionalDerivatives",
         };
         capable(self.facts.directional, flag)?;
         self.check_lengths(knowns.len(), seed.len());
@@ -50,7 +50,7 @@ impl Instance {
         seed: &[f64],
         result: &mut [f64],
     ) -> Result<(), CallError> {
-        if self.version() == Version::Fmi3 {
+        if self.version() == FmiVersion::V3 {
             capable(self.facts.adjoint, "providesAdjointDerivatives")?;
         }
         let (u, n) = (unknowns.as_ptr(), unknowns.len());

@@ -1,7 +1,8 @@
 //! What a call of an FMU can end with.
 
+use crate::fmi::description::FmiVersion;
 use crate::fmi::logger::Message;
-use crate::fmi::version::{Function, Kind, State, Version};
+use crate::fmi::version::{Function, Kind, State};
 use pilotage_abi::fmi2::Status;
 use thiserror::Error;
 
@@ -37,12 +38,12 @@ pub enum CallError {
         state: State,
     },
     /// A call that the FMU's version of the standard does not have.
-    #[error("the FMU is of {version}, which has nothing like {}", function.name())]
+    #[error("the FMU is of FMI {version}, which has nothing like {}", function.name())]
     OtherVersion {
         /// The function.
         function: Function,
         /// The FMU's version.
-        version: Version,
+        version: FmiVersion,
     },
     /// The binary lacks the function.
     #[error("the FMU's binary has no function `{}`", function.name())]

@@ -32,9 +32,10 @@ pub use values::Number;
 use self::call::call;
 use self::start::Facts;
 use super::binding::{Binding, Functions};
+use super::description::FmiVersion;
 use super::environment::Registered;
 use super::logger::Message;
-use super::version::{Kind, State, Version};
+use super::version::{Kind, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
 use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char, c_void};
@@ -85,10 +86,10 @@ unsafe impl Send for Instance {}
 
 impl Instance {
     /// The version of FMI that it speaks.
-    pub fn version(&self) -> Version {
+    pub fn version(&self) -> FmiVersion {
         match self.state {
-            State::Fmi2(_) => Version::Fmi2,
-            State::Fmi3(_) => Version::Fmi3,
+            State::Fmi2(_) => FmiVersion::V2,
+            State::Fmi3(_) => FmiVersion::V3,
         }
     }
 
@@ -137,7 +138,7 @@ impl Instance {
             start,
             stop,
         };
-        if self.version() == Version::Fmi3 {
+        if self.version() == FmiVersion::V3 {
             return Ok(());
         }
         let defined = |value: Option<f64>| if value.is_some() { TRUE } else { FALSE };

@@ -51,20 +51,21 @@ impl Facts {
             indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
             ..Self::default()
         };
+        macro_rules! facts {
+            ($interface:ident) => {
+                description.$interface.as_ref().map(|x| Self {
+                    can_save: x.can_get_and_set_fmu_state,
+                    can_serialize: x.can_serialize_fmu_state,
+                    directional: x.provides_directional_derivative,
+                    adjoint: x.provides_adjoint_derivatives,
+                    ..common
+                })
+            };
+        }
         match kind {
-            Kind::CoSimulation => description.co_simulation.as_ref().map(|cs| Self {
-                can_save: cs.can_get_and_set_fmu_state,
-                can_serialize: cs.can_serialize_fmu_state,
-                directional: cs.provides_directional_derivative,
-                ..common
-            }),
-            Kind::ModelExchange => description.model_exchange.as_ref().map(|me| Self {
-                can_save: me.can_get_and_set_fmu_state,
-                can_serialize: me.can_serialize_fmu_state,
-                directional: me.provides_directional_derivative,
-                ..common
-            }),
-            Kind::ScheduledExecution => None,
+            Kind::CoSimulation => facts!(co_simulation),
+            Kind::ModelExchange => facts!(model_exchange),
+            Kind::ScheduledExecution => facts!(scheduled_execution),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Saving and restoring the complete state.
 
 use super::{CallError, Instance, call};
-use crate::fmi::version::{State, Version};
+use crate::fmi::description::FmiVersion;
+use crate::fmi::version::State;
 use std::ptr;
 
 /// A copy of an instance's state, held by the FMU; valid for the instance that made it.
@@ -144,16 +145,16 @@ impl Instance {
 
     fn can_save(&self) -> Result<(), CallError> {
         let flag = match self.version() {
-            Version::Fmi2 => "canGetAndSetFMUstate",
-            Version::Fmi3 => "canGetAndSetFMUState",
+            FmiVersion::V2 => "canGetAndSetFMUstate",
+            FmiVersion::V3 => "canGetAndSetFMUState",
         };
         capable(self.facts.can_save, flag)
     }
 
     fn can_serialize(&self) -> Result<(), CallError> {
         let flag = match self.version() {
-            Version::Fmi2 => "canSerializeFMUstate",
-            Version::Fmi3 => "canSerializeFMUState",
+            FmiVersion::V2 => "canSerializeFMUstate",
+            FmiVersion::V3 => "canSerializeFMUState",
         };
         capable(self.facts.can_serialize, flag)
     }

@@ -2,7 +2,7 @@
 
 use super::{CallError, Instance, c_string, call};
 use crate::fmi::binding::owned;
-use crate::fmi::version::Version;
+use crate::fmi::description::FmiVersion;
 use pilotage_abi::fmi2::{Boolean, FALSE, TRUE};
 use std::ffi::{CString, c_char};
 use std::ptr;
@@ -81,7 +81,7 @@ impl Instance {
     /// In FMI 2.0 every variable has one value, and the FMU is not told how many there are.
     #[inline]
     pub(super) fn check_lengths(&self, references: usize, values: usize) {
-        if self.version() == Version::Fmi2 {
+        if self.version() == FmiVersion::V2 {
             assert_eq!(references, values, "value references and values");
         }
     }
