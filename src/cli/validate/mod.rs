@@ -43,7 +43,9 @@ pub struct Args {
 
 /// A positive number of seconds.
 fn seconds(text: &str) -> Result<Duration, String> {
-    let value: f64 = text.parse().map_err(|_| "expected a number of seconds".to_owned())?;
+    let value: f64 = text
+        .parse()
+        .map_err(|_| "expected a number of seconds".to_owned())?;
     match value > 0.0 {
         true => Duration::try_from_secs_f64(value).map_err(|error| error.to_string()),
         false => Err("expected more than 0 seconds".to_owned()),

@@ -3,8 +3,8 @@
 use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, terminal};
-use crate::fmi::check::trial::{self, Told, Trial, What};
 use crate::fmi::check::Finding;
+use crate::fmi::check::trial::{self, Told, Trial, What};
 use crate::fmi::description::{ModelDescription, Severity};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read};
@@ -94,8 +94,14 @@ fn try_one(
         .spawn()
         .map_err(failed)?;
     // Read while it runs: a chatty FMU must not fill the pipe and wait.
-    let said = child.stdout.take().map(|from| thread::spawn(|| lines(from)));
-    let noise = child.stderr.take().map(|from| thread::spawn(|| lines(from)));
+    let said = child
+        .stdout
+        .take()
+        .map(|from| thread::spawn(|| lines(from)));
+    let noise = child
+        .stderr
+        .take()
+        .map(|from| thread::spawn(|| lines(from)));
     let status = wait(&mut child, limit).map_err(failed)?;
     // A grandchild may keep the pipe open after a kill; then what was said is not waited for.
     let collect = |thread: Option<thread::JoinHandle<Vec<String>>>| {
@@ -104,14 +110,22 @@ fn try_one(
     let (said, noise) = (collect(said), collect(noise));
     let mut findings = Vec::new();
     let mut stage = "starting".to_owned();
-    for value in said.iter().filter_map(|line| serde_json::from_str::<Value>(line).ok()) {
+    for value in said
+        .iter()
+        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+    {
         if let Some(text) = value["stage"].as_str() {
             stage = text.to_owned();
         }
         findings.extend(finding_from_json(&value["finding"]));
     }
     if let Some(why) = ended_badly(status, &noise, limit) {
-        findings.push(Finding::behaviour(description, trial.kind, true, format!("{why} while {stage}")));
+        findings.push(Finding::behaviour(
+            description,
+            trial.kind,
+            true,
+            format!("{why} while {stage}"),
+        ));
     }
     Ok(findings)
 }
@@ -123,12 +137,18 @@ fn lines(from: impl Read) -> Vec<String> {
 /// Why the process ended, if it did not end by itself.
 fn ended_badly(status: Option<ExitStatus>, noise: &[String], limit: Duration) -> Option<String> {
     match status {
-        None => Some(format!("it did not come back within {} s", limit.as_secs_f64())),
+        None => Some(format!(
+            "it did not come back within {} s",
+            limit.as_secs_f64()
+        )),
         Some(status) if status.success() => None,
         Some(status) => {
             let last = noise.iter().rev().find(|line| !line.trim().is_empty());
             let said = last.map(|line| format!(", saying {line:?},"));
-            Some(format!("it ended the process ({status}){}", said.unwrap_or_default()))
+            Some(format!(
+                "it ended the process ({status}){}",
+                said.unwrap_or_default()
+            ))
         }
     }
 }

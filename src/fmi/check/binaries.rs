@@ -36,7 +36,11 @@ pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Ve
             .filter_map(|f| f.strip_prefix(&prefix))
             .collect();
         let rules = library(&bytes, folder, stem, description, &beside);
-        findings.extend(rules.into_iter().map(|rule| Finding::file(file, rule)));
+        findings.extend(
+            rules
+                .into_iter()
+                .map(|rule| Finding::file(Some(description.fmi_version), file, rule)),
+        );
     }
     findings
 }
@@ -56,7 +60,10 @@ fn library(
         }
     };
     if file.kind() != ObjectKind::Dynamic {
-        let why = format!("it is an object of kind {:?}, not a shared library", file.kind());
+        let why = format!(
+            "it is an object of kind {:?}, not a shared library",
+            file.kind()
+        );
         return vec![Rule::BadBinary { why }];
     }
     if !fits(folder, file.format(), file.architecture()) {
@@ -138,15 +145,24 @@ fn wanted(stem: &str, description: &ModelDescription) -> Vec<(&'static str, bool
     let parts = [
         (
             Part::CoSimulation,
-            is(description.co_simulation.as_ref().map(|e| &e.model_identifier)),
+            is(description
+                .co_simulation
+                .as_ref()
+                .map(|e| &e.model_identifier)),
         ),
         (
             Part::ModelExchange,
-            is(description.model_exchange.as_ref().map(|e| &e.model_identifier)),
+            is(description
+                .model_exchange
+                .as_ref()
+                .map(|e| &e.model_identifier)),
         ),
         (
             Part::ScheduledExecution,
-            is(description.scheduled_execution.as_ref().map(|e| &e.model_identifier)),
+            is(description
+                .scheduled_execution
+                .as_ref()
+                .map(|e| &e.model_identifier)),
         ),
         (Part::Common, true),
     ];
@@ -222,17 +238,31 @@ fn used_3(function: fmi3::Function, description: &ModelDescription) -> bool {
 
 /// Whether some interface of the description has a capability.
 fn has_flag(description: &ModelDescription, name: &str) -> bool {
-    let cs = description.co_simulation.as_ref().map(|e| e.flags().to_vec());
-    let me = description.model_exchange.as_ref().map(|e| e.flags().to_vec());
-    let mut flags = cs.into_iter().chain(me).flatten();
+    let version = description.fmi_version;
+    let cs = description.co_simulation.as_ref().map(|e| e.flags(version));
+    let me = description
+        .model_exchange
+        .as_ref()
+        .map(|e| e.flags(version));
+    let se = description
+        .scheduled_execution
+        .as_ref()
+        .map(|e| e.flags(version));
+    let mut flags = cs.into_iter().chain(me).chain(se).flatten();
     flags.any(|(flag, on)| on && flag == name)
 }
 
 /// Libraries that it needs and that are neither a part of every system nor beside it (ELF).
 fn needs(file: &object::File, beside: &BTreeSet<&str>) -> Vec<Rule> {
     const SYSTEM: [&str; 8] = [
-        "libc.so", "libm.so", "libdl.so", "libpthread.so", "librt.so", "libgcc_s.so",
-        "libstdc++.so", "ld-linux",
+        "libc.so",
+        "libm.so",
+        "libdl.so",
+        "libpthread.so",
+        "librt.so",
+        "libgcc_s.so",
+        "libstdc++.so",
+        "ld-linux",
     ];
     let object::File::Elf64(elf) = file else {
         return Vec::new();

@@ -42,7 +42,9 @@ pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
     }
     rules.extend(duplicates(&entries));
     rules.extend(description(&entries));
-    rules.into_iter().map(Finding::archive).collect()
+    (rules.into_iter())
+        .map(|rule| Finding::archive(version, rule))
+        .collect()
 }
 
 /// The entry's name is a plain relative path.

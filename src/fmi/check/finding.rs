@@ -1,7 +1,7 @@
 //! One thing that is wrong with an FMU, wherever in it.
 
-use crate::fmi::archive::DESCRIPTION;
 use crate::fmi::Kind;
+use crate::fmi::archive::DESCRIPTION;
 use crate::fmi::description::{self, FmiVersion, ModelDescription, Place, Severity};
 use std::error::Error;
 use std::fmt;
@@ -25,19 +25,19 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// About the archive.
-    pub(super) fn archive(rule: Rule) -> Self {
-        Self::file("", rule)
+    /// About the archive of an FMU of that version, if it is known.
+    pub(super) fn archive(version: Option<FmiVersion>, rule: Rule) -> Self {
+        Self::file(version, "", rule)
     }
 
     /// About a file in the archive.
-    pub(super) fn file(name: &str, rule: Rule) -> Self {
+    pub(super) fn file(version: Option<FmiVersion>, name: &str, rule: Rule) -> Self {
         Self {
             severity: rule.severity(),
             file: name.to_owned(),
             place: None,
             variable: None,
-            section: rule.section().to_owned(),
+            section: rule.section(version).to_owned(),
             message: rule.to_string(),
         }
     }
@@ -134,7 +134,9 @@ pub enum Rule {
     Link { entry: String },
     #[error("entry `{entry}` is encrypted")]
     Encrypted { entry: String },
-    #[error("entry `{entry}` uses compression method {method}; only 0 (store) and 8 (deflate) are allowed")]
+    #[error(
+        "entry `{entry}` uses compression method {method}; only 0 (store) and 8 (deflate) are allowed"
+    )]
     Method { entry: String, method: u16 },
     #[error("entry `{entry}` needs version {}.{} of zip, more than {}.{}", needed / 10, needed % 10, allowed / 10, allowed % 10)]
     Version {
@@ -148,14 +150,18 @@ pub enum Rule {
     LocalName { entry: String, local: String },
     #[error("entry `{entry}` has a name that is neither ASCII nor marked as UTF-8")]
     NotUtf8 { entry: String },
-    #[error("modelDescription.xml is in the folder `{folder}`; it must be at the top: zip the folder's content, not the folder")]
+    #[error(
+        "modelDescription.xml is in the folder `{folder}`; it must be at the top: zip the folder's content, not the folder"
+    )]
     Nested { folder: String },
     #[error("it is named `{found}`, expected `modelDescription.xml`")]
     DescriptionCase { found: String },
     #[error("it has no modelDescription.xml")]
     NoDescription,
 
-    #[error("the standard knows no `{name}` at the top of an archive; put it under extra/ or resources/")]
+    #[error(
+        "the standard knows no `{name}` at the top of an archive; put it under extra/ or resources/"
+    )]
     UnknownTop { name: String },
     #[error("`{name}` is no platform of FMI {version}; expected {expected}")]
     UnknownPlatform {
@@ -163,7 +169,9 @@ pub enum Rule {
         version: &'static str,
         expected: &'static str,
     },
-    #[error("modelIdentifier=\"{identifier}\" names `{expected}`, which is not there; beside it are {found}")]
+    #[error(
+        "modelIdentifier=\"{identifier}\" names `{expected}`, which is not there; beside it are {found}"
+    )]
     NoLibrary {
         identifier: String,
         expected: String,
@@ -186,7 +194,9 @@ pub enum Rule {
 
     #[error("{why}")]
     BadBinary { why: String },
-    #[error("it is a library in {found} format for {architecture}, which is not what the folder `{folder}` is for")]
+    #[error(
+        "it is a library in {found} format for {architecture}, which is not what the folder `{folder}` is for"
+    )]
     WrongPlatform {
         found: String,
         architecture: String,
@@ -197,7 +207,9 @@ pub enum Rule {
         function: &'static str,
         why: &'static str,
     },
-    #[error("it needs `{library}`, which is not a part of every system and does not lie beside it; say so in documentation/externalDependencies.txt")]
+    #[error(
+        "it needs `{library}`, which is not a part of every system and does not lie beside it; say so in documentation/externalDependencies.txt"
+    )]
     Needs { library: String },
 }
 
@@ -210,6 +222,7 @@ impl Rule {
             | UnknownTop { .. }
             | UnknownPlatform { .. }
             | NotPng
+            | NoBuildDescription
             | NoIndex
             | ExtraName { .. }
             | Needs { .. } => Severity::Warning,
@@ -218,10 +231,13 @@ impl Rule {
         }
     }
 
-    fn section(&self) -> &'static str {
-        match self {
-            Self::NoFunction { .. } => "FMI 2.0, section 2.1; FMI 3.0, section 2.2",
-            _ => "FMI 2.0, section 2.3; FMI 3.0, section 2.5",
+    fn section(&self, version: Option<FmiVersion>) -> &'static str {
+        match (version, matches!(self, Self::NoFunction { .. })) {
+            (Some(FmiVersion::V2), true) => "FMI 2.0, section 2.1",
+            (Some(FmiVersion::V3), true) => "FMI 3.0, section 2.2",
+            (Some(FmiVersion::V2), false) => "FMI 2.0, section 2.3",
+            (Some(FmiVersion::V3), false) => "FMI 3.0, section 2.5",
+            (None, _) => "FMI 2.0, section 2.3; FMI 3.0, section 2.5",
         }
     }
 }

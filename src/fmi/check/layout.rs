@@ -17,25 +17,26 @@ const SYSTEMS: [&str; 3] = ["darwin", "linux", "windows"];
 
 /// All that is wrong with the files beside the description.
 pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Vec<Finding> {
+    let version = Some(description.fmi_version);
     let files: Vec<String> = archive.files().map(str::to_owned).collect();
     let mut findings = tops(&files, description.fmi_version);
     findings.extend(platforms(&files, description.fmi_version));
     findings.extend(libraries(&files, description));
     findings.extend(sources(&files, description));
-    findings.extend(extras(&files));
+    findings.extend(extras(&files, version));
     let has = |name: &str| files.iter().any(|file| file == name);
     let has_documentation = files.iter().any(|file| file.starts_with("documentation/"));
     if has_documentation && !has("documentation/index.html") {
-        findings.push(Finding::file("documentation/", Rule::NoIndex));
+        findings.push(Finding::file(version, "documentation/", Rule::NoIndex));
     }
     for picture in ["model.png", "terminalsAndIcons/icon.png"] {
         let is_png = |bytes: Vec<u8>| bytes.starts_with(b"\x89PNG\r\n\x1a\n");
         if has(picture) && !archive.read(picture).is_ok_and(is_png) {
-            findings.push(Finding::file(picture, Rule::NotPng));
+            findings.push(Finding::file(version, picture, Rule::NotPng));
         }
     }
     for file in files.iter().filter(|f| is_xml_of_the_standard(f)) {
-        findings.extend(well_formed(archive, file));
+        findings.extend(well_formed(archive, version, file));
     }
     findings
 }
@@ -49,7 +50,7 @@ fn is_xml_of_the_standard(file: &str) -> bool {
     .contains(&file)
 }
 
-fn well_formed(archive: &mut Archive, file: &str) -> Option<Finding> {
+fn well_formed(archive: &mut Archive, version: Option<FmiVersion>, file: &str) -> Option<Finding> {
     let bytes = archive.read(file).ok()?;
     let why = match std::str::from_utf8(&bytes) {
         Err(error) => error.to_string(),
@@ -58,7 +59,7 @@ fn well_formed(archive: &mut Archive, file: &str) -> Option<Finding> {
             Ok(_) => return None,
         },
     };
-    Some(Finding::file(file, Rule::NotXml { why }))
+    Some(Finding::file(version, file, Rule::NotXml { why }))
 }
 
 /// What stands at the top of the archive.
@@ -79,7 +80,7 @@ fn tops(files: &[String], version: FmiVersion) -> Vec<Finding> {
     let found: BTreeSet<String> = files.iter().map(top).collect();
     (found.into_iter())
         .filter(|name| !known.contains(&name.as_str()))
-        .map(|name| Finding::archive(Rule::UnknownTop { name }))
+        .map(|name| Finding::archive(Some(version), Rule::UnknownTop { name }))
         .collect()
 }
 
@@ -89,11 +90,13 @@ fn folders(files: &[String]) -> BTreeSet<&str> {
 }
 
 fn platforms(files: &[String], version: FmiVersion) -> Vec<Finding> {
-    let is_known = |name: &str| {
-        (version == FmiVersion::V2 && PLATFORMS_2.contains(&name)) || is_tuple(name)
-    };
-    let (version, expected) = match version {
-        FmiVersion::V2 => ("2.0", "win64, linux64, darwin64 or a tuple as aarch64-linux"),
+    let is_known =
+        |name: &str| (version == FmiVersion::V2 && PLATFORMS_2.contains(&name)) || is_tuple(name);
+    let (number, expected) = match version {
+        FmiVersion::V2 => (
+            "2.0",
+            "win64, linux64, darwin64 or a tuple as aarch64-linux",
+        ),
         FmiVersion::V3 => ("3.0", "a tuple as x86_64-linux or aarch64-darwin"),
     };
     (folders(files).into_iter())
@@ -101,10 +104,10 @@ fn platforms(files: &[String], version: FmiVersion) -> Vec<Finding> {
         .map(|name| {
             let rule = Rule::UnknownPlatform {
                 name: name.to_owned(),
-                version,
+                version: number,
                 expected,
             };
-            Finding::file(&format!("binaries/{name}/"), rule)
+            Finding::file(Some(version), &format!("binaries/{name}/"), rule)
         })
         .collect()
 }
@@ -144,6 +147,7 @@ pub(super) fn identifiers(description: &ModelDescription) -> BTreeSet<&str> {
 }
 
 fn libraries(files: &[String], description: &ModelDescription) -> Vec<Finding> {
+    let version = Some(description.fmi_version);
     let mut findings = Vec::new();
     for folder in folders(files) {
         let Some(extension) = extension(folder) else {
@@ -161,39 +165,46 @@ fn libraries(files: &[String], description: &ModelDescription) -> Vec<Finding> {
                     expected,
                     found: beside.join(", "),
                 };
-                findings.push(Finding::file(&prefix, rule));
+                findings.push(Finding::file(version, &prefix, rule));
             }
         }
     }
     let has_source = files.iter().any(|file| file.starts_with("sources/"));
     if folders(files).is_empty() && !has_source {
-        findings.push(Finding::archive(Rule::NothingToRun));
+        findings.push(Finding::archive(version, Rule::NothingToRun));
     }
     findings
 }
 
 fn sources(files: &[String], description: &ModelDescription) -> Vec<Finding> {
+    let version = Some(description.fmi_version);
     let has = |name: &str| files.iter().any(|file| file == name);
-    let cs = description.co_simulation.iter().flat_map(|e| &e.source_files);
-    let me = description.model_exchange.iter().flat_map(|e| &e.source_files);
+    let cs = description
+        .co_simulation
+        .iter()
+        .flat_map(|e| &e.source_files);
+    let me = description
+        .model_exchange
+        .iter()
+        .flat_map(|e| &e.source_files);
     let named: BTreeSet<&String> = cs.chain(me).collect();
     let mut findings: Vec<Finding> = (named.into_iter())
         .filter(|name| !has(&format!("sources/{name}")))
-        .map(|name| Finding::file("sources/", Rule::NoSource { name: name.clone() }))
+        .map(|name| Finding::file(version, "sources/", Rule::NoSource { name: name.clone() }))
         .collect();
     let has_source = files.iter().any(|file| file.starts_with("sources/"));
     let build = "sources/buildDescription.xml";
     if description.fmi_version == FmiVersion::V3 && has_source && !has(build) {
-        findings.push(Finding::file("sources/", Rule::NoBuildDescription));
+        findings.push(Finding::file(version, "sources/", Rule::NoBuildDescription));
     }
     findings
 }
 
-fn extras(files: &[String]) -> Vec<Finding> {
+fn extras(files: &[String], version: Option<FmiVersion>) -> Vec<Finding> {
     let name = |file: &String| Some(file.strip_prefix("extra/")?.split('/').next()?.to_owned());
     let names: BTreeSet<String> = files.iter().filter_map(name).collect();
     (names.into_iter())
         .filter(|name| !name.contains('.'))
-        .map(|name| Finding::file("extra/", Rule::ExtraName { name }))
+        .map(|name| Finding::file(version, "extra/", Rule::ExtraName { name }))
         .collect()
 }

@@ -19,7 +19,7 @@ pub mod trial;
 pub use finding::{Finding, Rule};
 
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
-use super::description::{self, ModelDescription, Severity};
+use super::description::{self, FmiVersion, ModelDescription, Severity};
 use std::fs;
 use std::path::Path;
 
@@ -58,7 +58,7 @@ pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
     let version = checked.description.as_ref().map(|d| d.fmi_version);
     let mut findings = directory::check(&bytes, version);
     findings.append(&mut checked.findings);
-    findings.extend(unreadable_entries(&mut archive));
+    findings.extend(unreadable_entries(&mut archive, version));
     if let Some(description) = &checked.description {
         findings.extend(layout::check(&mut archive, description));
         findings.extend(binaries::check(&mut archive, description));
@@ -71,9 +71,12 @@ pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
 fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
     let mut findings = directory::check(bytes, None);
     if !findings.iter().any(|f| f.severity == Severity::Error) {
-        findings.push(Finding::archive(Rule::Refused {
-            why: finding::chain(&error),
-        }));
+        findings.push(Finding::archive(
+            None,
+            Rule::Refused {
+                why: finding::chain(&error),
+            },
+        ));
     }
     Checked {
         findings,
@@ -84,7 +87,7 @@ fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
 /// The findings of the description alone.
 fn described(archive: &mut Archive) -> Checked {
     let refused = |why: String| Checked {
-        findings: vec![Finding::file(DESCRIPTION, Rule::Refused { why })],
+        findings: vec![Finding::file(None, DESCRIPTION, Rule::Refused { why })],
         description: None,
     };
     let bytes = match archive.read(DESCRIPTION) {
@@ -103,11 +106,12 @@ fn described(archive: &mut Archive) -> Checked {
 }
 
 /// Entries that cannot be unpacked: damaged, encrypted, or of a method that FMI does not allow.
-fn unreadable_entries(archive: &mut Archive) -> Vec<Finding> {
+fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec<Finding> {
     let names: Vec<String> = archive.files().map(str::to_owned).collect();
     let damaged = |name: &String| {
         let error = archive.read(name).err()?;
         Some(Finding::file(
+            version,
             name,
             Rule::Refused {
                 why: finding::chain(&error),

@@ -4,6 +4,7 @@
 //! that a caller who runs it in another process knows where one ended that crashed or hung.
 
 mod derivatives;
+mod exchange;
 mod repeats;
 mod subject;
 mod values;
@@ -12,6 +13,7 @@ use super::{Finding, finding};
 use crate::fmi::description::ModelDescription;
 use crate::fmi::fmu::Library;
 use crate::fmi::{CallError, Fmu, FmuError, Kind};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
@@ -232,7 +234,8 @@ impl Teller<'_> {
         self.description = fmu.description().clone();
         self.stage("loading");
         let library = fmu.load()?;
-        if let Some(unresolved) = library.binding().unresolved() {
+        let unresolved = library.bindings().find_map(|binding| binding.unresolved());
+        if let Some(unresolved) = unresolved.filter(|_| trial.what == What::Load) {
             self.warn(format!(
                 "a symbol is missing, calling it would end the process: {unresolved}"
             ));
@@ -296,18 +299,24 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// Messages are of declared categories.
+    /// Messages are of declared categories and carry the instance's name (FMI 2.0.5, section 2.1.5).
     fn messages(&mut self, subject: &mut Subject) {
+        let messages = subject.messages();
         let declared = &subject.description.log_categories;
-        let mut odd: Vec<String> = (subject.messages().into_iter())
-            .map(|message| message.category)
-            .filter(|c| !c.is_empty() && !declared.iter().any(|known| known.name == *c))
+        let is_odd = |c: &&String| !c.is_empty() && !declared.iter().any(|known| known.name == **c);
+        let categories: BTreeSet<&String> = (messages.iter().map(|m| &m.category))
+            .filter(is_odd)
             .collect();
-        odd.sort();
-        odd.dedup();
-        for category in odd {
+        for category in categories {
             self.warn(format!(
                 "it logs under the category `{category}`, which <LogCategories> does not declare"
+            ));
+        }
+        let names = messages.iter().filter_map(|m| m.instance_name.as_ref());
+        let others: BTreeSet<&String> = names.filter(|name| **name != subject.name).collect();
+        for name in others {
+            self.warn(format!(
+                "it logs under the instance name `{name}`, not under that which it was given"
             ));
         }
     }

@@ -18,7 +18,11 @@ impl Teller<'_> {
         subject.initialize(self)?;
         self.stage("stepping after a reset");
         let second = subject.trace(STEPS, self)?;
-        self.compare(&first, &second, "after fmi2Reset, the same simulation gives other outputs");
+        self.compare(
+            &first,
+            &second,
+            "after fmi2Reset, the same simulation gives other outputs",
+        );
         Ok(())
     }
 
@@ -35,7 +39,11 @@ impl Teller<'_> {
         subject.restore(&point)?;
         self.stage("stepping from a restored state");
         let second = subject.trace(STEPS, self)?;
-        self.compare(&first, &second, "from a restored state, the same steps give other outputs");
+        self.compare(
+            &first,
+            &second,
+            "from a restored state, the same steps give other outputs",
+        );
         if subject.facts.can_serialize {
             self.stage("serializing the state");
             let bytes = subject.instance.serialize(point.saved)?;

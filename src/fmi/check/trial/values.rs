@@ -46,7 +46,11 @@ impl Teller<'_> {
     /// Every variable can be read, and what is no variable cannot.
     pub(super) fn read_all(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         let description = subject.description.clone();
-        for variable in description.variables.iter().filter(|v| v.dimensions.is_empty()) {
+        for variable in description
+            .variables
+            .iter()
+            .filter(|v| v.dimensions.is_empty())
+        {
             if let Err(error) = read(subject, variable) {
                 let name = &variable.name;
                 let what = format!("`{name}` cannot be read: {error}");
