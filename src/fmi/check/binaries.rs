@@ -52,7 +52,7 @@ fn library(
     description: &ModelDescription,
     beside: &BTreeSet<&str>,
 ) -> Vec<Rule> {
-    let file = match thin(bytes, folder).and_then(|thin| Ok(object::File::parse(thin)?)) {
+    let file = match thin(bytes, folder).and_then(object::File::parse) {
         Ok(file) => file,
         Err(error) => {
             let why = format!("it is not a shared library: {error}");

@@ -112,8 +112,8 @@ impl Teller<'_> {
         for ((unknown, slope), found) in unknowns.iter().zip(slopes).zip(found) {
             let difference = (found - slope.value).abs();
             let allowed = TOLERANCE * slope.value.abs().max(slope.scale);
-            // Written so that NaN differs too.
-            if slope.is_smooth && !(difference <= allowed) {
+            let differs = difference.is_nan() || difference > allowed;
+            if slope.is_smooth && differs {
                 let (y, u) = (&unknown.name, &known.name);
                 let what = format!(
                     "the directional derivative of `{y}` by `{u}` is {found}, differences give {}",

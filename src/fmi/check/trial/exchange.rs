@@ -32,8 +32,7 @@ impl Subject {
         let mut nominals = vec![1.0; states];
         self.instance.get_nominals(&mut nominals)?;
         for (i, nominal) in nominals.iter().enumerate() {
-            // Written so that NaN is told too.
-            if !(*nominal > 0.0) {
+            if nominal.is_nan() || *nominal <= 0.0 {
                 teller.warn(format!("the nominal value of state {} is {nominal}", i + 1));
             }
         }

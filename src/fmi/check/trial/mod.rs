@@ -181,11 +181,15 @@ pub enum Told {
     Finding(Finding),
 }
 
-/// Why a trial ended early: the first is a finding too, the second is told by [`super::check`].
+/// Why a trial ended early.
 #[derive(Debug)]
 enum Stop {
+    /// A call failed.
     Call(CallError),
+    /// The FMU cannot be loaded or instantiated.
     Fmu(FmuError),
+    /// The reason was told.
+    Told,
 }
 
 impl From<CallError> for Stop {
@@ -212,6 +216,7 @@ pub fn run(path: &Path, trial: Trial, tell: &mut dyn FnMut(Told)) {
         let why = match &stop {
             Stop::Call(error) => finding::chain(error),
             Stop::Fmu(error) => finding::chain(error),
+            Stop::Told => return,
         };
         let what = format!("while {}: {why}", teller.stage);
         teller.error(what);
