@@ -3,7 +3,7 @@
 use super::{Failure, Outcome, terminal};
 use crate::fmi::Fmu;
 use crate::fmi::description::{
-    CoSimulation, DefaultExperiment, ModelDescription, ScalarVariable, VariableKind,
+    CoSimulation, DefaultExperiment, FmiVersion, ModelDescription, ScalarVariable, VariableKind,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -33,8 +33,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 /// Names of the capability flags that are true.
-fn capabilities(cs: &CoSimulation) -> Vec<&'static str> {
-    let flags = cs.flags().into_iter();
+fn capabilities(cs: &CoSimulation, version: FmiVersion) -> Vec<&'static str> {
+    let flags = cs.flags(version).into_iter();
     flags.filter(|(_, on)| *on).map(|(name, _)| name).collect()
 }
 
@@ -51,15 +51,21 @@ fn interfaces(description: &ModelDescription) -> Vec<&'static str> {
     co_simulation.into_iter().chain(model_exchange).collect()
 }
 
-/// The start value as it would be given to `--set`.
+/// The start value as it would be given to `--set`; a list for an array.
 fn start(variable: &ScalarVariable) -> Value {
-    match &variable.kind {
-        VariableKind::Real(real) => json!(real.start),
+    let mut values: Vec<Value> = match &variable.kind {
+        VariableKind::Real(real) => real.start.iter().map(|v| json!(v)).collect(),
         VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
-            json!(start)
+            start.iter().map(|v| json!(v)).collect()
         }
-        VariableKind::Boolean { start, .. } => json!(start),
-        VariableKind::String { start, .. } => json!(start),
+        VariableKind::Boolean { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::String { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::Binary { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::Clock { .. } => Vec::new(),
+    };
+    match variable.dimensions.is_empty() {
+        true => values.pop().unwrap_or_default(),
+        false => Value::Array(values),
     }
 }
 
@@ -70,7 +76,7 @@ fn to_json(fmu: &Fmu) -> Value {
             json!({
                 "name": v.name,
                 "valueReference": v.value_reference,
-                "type": v.kind.base_type().to_string(),
+                "type": v.kind.base_type().name(d.fmi_version),
                 "causality": v.causality.as_str(),
                 "variability": v.variability.as_str(),
                 "unit": d.unit_of(v),
@@ -88,7 +94,7 @@ fn to_json(fmu: &Fmu) -> Value {
         "generationTool": d.generation_tool,
         "generationDateAndTime": d.generation_date_and_time,
         "interfaces": interfaces(d),
-        "capabilities": d.co_simulation.as_ref().map(capabilities),
+        "capabilities": d.co_simulation.as_ref().map(|cs| capabilities(cs, d.fmi_version)),
         "platforms": fmu.platforms(),
         "defaultExperiment": {
             "startTime": experiment.start_time,
@@ -107,7 +113,7 @@ fn to_text(fmu: &Fmu) -> String {
         ("about", d.description.clone().unwrap_or_default()),
         (
             "interfaces",
-            format!("FMI 2.0, {}", interfaces(d).join(" and ")),
+            format!("FMI {}, {}", d.fmi_version, interfaces(d).join(" and ")),
         ),
         ("made by", d.generation_tool.clone().unwrap_or_default()),
         (
@@ -122,7 +128,7 @@ fn to_text(fmu: &Fmu) -> String {
         ),
     ];
     if let Some(cs) = &d.co_simulation {
-        lines.push(("capabilities", capabilities(cs).join(" ")));
+        lines.push(("capabilities", capabilities(cs, d.fmi_version).join(" ")));
     }
     let mut text = format!("{}\n", fmu.path().display());
     for (name, value) in lines.iter().filter(|(_, value)| !value.is_empty()) {
@@ -163,7 +169,7 @@ fn table(d: &ModelDescription) -> String {
             v.name.clone(),
             v.causality.to_string(),
             v.variability.to_string(),
-            v.kind.base_type().to_string(),
+            v.kind.base_type().name(d.fmi_version).to_owned(),
             d.unit_of(v).unwrap_or("").to_owned(),
             start,
             v.description.clone().unwrap_or_default(),

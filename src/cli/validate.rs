@@ -4,7 +4,7 @@
 
 use super::{Failure, Outcome, terminal};
 use crate::fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
-use crate::fmi::description::{BaseType, Causality, Finding, Severity, read, validate};
+use crate::fmi::description::{BaseType, Causality, Finding, Precision, Severity, read, validate};
 use crate::fmi::{Fmu, Step};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -224,7 +224,10 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
         .filter(|&h| h > 0.0)
         .unwrap_or((stop - start) / 100.0);
     let outputs: Vec<u32> = (description.variables.iter())
-        .filter(|v| v.causality == Causality::Output && v.kind.base_type() == BaseType::Real)
+        .filter(|v| {
+            v.causality == Causality::Output
+                && v.kind.base_type() == BaseType::Real(Precision::Double)
+        })
         .map(|v| v.value_reference)
         .collect();
     let mut values = vec![0.0; outputs.len()];

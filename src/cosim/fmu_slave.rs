@@ -161,10 +161,10 @@ fn fed_by(unknown: Option<Unknown>, inputs: &[usize]) -> Vec<usize> {
 
 fn kind(variable: &ScalarVariable) -> Kind {
     match variable.kind.base_type() {
-        BaseType::Real => Kind::Real,
-        BaseType::Integer => Kind::Integer,
-        BaseType::Boolean => Kind::Boolean,
-        BaseType::String => Kind::String,
+        BaseType::Real(_) => Kind::Real,
+        BaseType::Integer(_) => Kind::Integer,
+        BaseType::Boolean | BaseType::Clock => Kind::Boolean,
+        BaseType::String | BaseType::Binary => Kind::String,
         BaseType::Enumeration => Kind::Enumeration,
     }
 }
@@ -174,7 +174,10 @@ fn role(variable: &ScalarVariable) -> Role {
         Causality::Parameter => Role::Parameter,
         Causality::Input => Role::Input,
         Causality::Output => Role::Output,
-        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Role::Local,
+        Causality::CalculatedParameter
+        | Causality::Local
+        | Causality::Independent
+        | Causality::StructuralParameter => Role::Local,
     }
 }
 

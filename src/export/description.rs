@@ -102,6 +102,7 @@ fn unit(unit: &Unit) -> fmi::Unit {
         name: name.into(),
         factor,
         offset: 0.0,
+        inverse: false,
     };
     fmi::Unit {
         name: unit.name.clone(),
@@ -147,7 +148,7 @@ fn variable(reference: u32, variable: &Variable) -> fmi::ScalarVariable {
     };
     let kind = fmi::VariableKind::Real(fmi::RealVariable {
         attributes,
-        start: variable.start,
+        start: variable.start.into_iter().collect(),
         ..fmi::RealVariable::default()
     });
     fmi::ScalarVariable {

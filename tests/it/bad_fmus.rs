@@ -226,12 +226,12 @@ fn descriptions() {
         (
             "FMI 1",
             with("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""),
-            "a.fmu: this is an FMU of FMI 1.0; only FMI 2.0 can be used",
+            "a.fmu: FMI 1.0 is not supported: export the model as FMI 2.0 or FMI 3.0",
         ),
         (
             "FMI 3",
-            with("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""),
-            "a.fmu: this is an FMU of FMI 3.0; only FMI 2.0 can be used",
+            with("fmiVersion=\"2.0\"", "fmiVersion=\"4.0\""),
+            "a.fmu: this is an FMU of FMI 4.0; FMI 2.0 and FMI 3.0 can be used",
         ),
         (
             "no version",

@@ -1,6 +1,6 @@
 //! What is wrong with a description: findings, each by its rule of the standard.
 
-use super::{BaseType, Causality, DependencyKind, Initial, Place, Variability};
+use super::{Causality, DependencyKind, FmiVersion, Initial, Place, Variability};
 use thiserror::Error;
 
 /// How bad a [`Finding`] is.
@@ -23,8 +23,10 @@ impl std::fmt::Display for Severity {
 
 /// One thing that is wrong, and where.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{severity}: {place}: {rule} (FMI 2.0, section {section})", severity = self.severity(), section = self.section())]
+#[error("{severity}: {place}: {rule} (FMI {version}, section {section})", severity = self.severity(), section = self.section())]
 pub struct Finding {
+    /// The version of the standard that the file follows.
+    pub version: FmiVersion,
     /// Where in modelDescription.xml.
     pub place: Place,
     /// Name of the variable it is about.
@@ -124,8 +126,8 @@ pub enum Rule {
     #[error("<{element}> is empty: leave it out")]
     EmptyElement { element: String },
 
-    #[error("fmiVersion=\"{found}\", expected \"2.0\"")]
-    FmiVersion { found: String },
+    #[error("fmiVersion=\"{found}\", expected \"{expected}\"")]
+    FmiVersion { found: String, expected: FmiVersion },
     #[error("generationDateAndTime=\"{found}\" is not of the form YYYY-MM-DDThh:mm:ssZ")]
     DateFormat { found: String },
     #[error("the guid is empty")]
@@ -160,13 +162,13 @@ pub enum Rule {
     #[error("declaredType=\"{name}\" is of base type {found}, expected {expected}")]
     WrongType {
         name: String,
-        found: BaseType,
-        expected: BaseType,
+        found: &'static str,
+        expected: &'static str,
     },
     #[error("enumeration `{name}` has the item {item} twice")]
     DuplicateItem { name: String, item: String },
     #[error("start={start} is not an item of the enumeration `{name}`")]
-    NotAnItem { start: i32, name: String },
+    NotAnItem { start: i128, name: String },
     #[error("log category `{name}` is defined twice")]
     DuplicateCategory { name: String },
     #[error("stopTime={stop} is before startTime={start}")]
@@ -181,7 +183,7 @@ pub enum Rule {
     #[error(
         "variability=\"continuous\" is for reals, not for {base}: say `discrete`, `fixed` or `tunable` (the default is `continuous`)"
     )]
-    ContinuousNotReal { base: BaseType },
+    ContinuousNotReal { base: &'static str },
     #[error("causality=\"{causality}\" does not go with variability=\"{variability}\"")]
     CausalityVariability {
         causality: Causality,
@@ -208,11 +210,18 @@ pub enum Rule {
     #[error("a second independent variable; the first is `{first}`")]
     SecondIndependent { first: String },
     #[error("the independent variable is of base type {base}, expected Real")]
-    IndependentNotReal { base: BaseType },
+    IndependentNotReal { base: &'static str },
     #[error("reinit is for continuous-time states of Model Exchange")]
     Reinit,
     #[error("canHandleMultipleSetPerTimeInstant is for inputs of Model Exchange")]
     MultipleSet,
+    #[error("{attribute} refers to valueReference {reference}, which no variable has")]
+    NoSuchReference {
+        attribute: &'static str,
+        reference: u32,
+    },
+    #[error("<Dimension> needs one of `start` and `valueReference`")]
+    DimensionSize,
     #[error("derivative=\"{index}\" is not the index of another continuous real (1 to {count})")]
     BadDerivative { index: u32, count: usize },
     #[error("shares valueReference {reference} with `{other}`: only one of them may be settable")]
@@ -299,7 +308,11 @@ impl Rule {
     pub(super) fn leaves_value_unknown(&self) -> bool {
         matches!(
             self,
-            Self::MissingAttribute { .. } | Self::BadValue { .. } | Self::MissingElement { .. }
+            Self::MissingAttribute { .. }
+                | Self::BadValue { .. }
+                | Self::MissingElement { .. }
+                | Self::NoSuchReference { .. }
+                | Self::DimensionSize
         )
     }
 }

@@ -5,7 +5,7 @@ use super::*;
 /// Base types that have value references of their own.
 fn reference_space(variable: &ScalarVariable) -> BaseType {
     match variable.kind.base_type() {
-        BaseType::Enumeration => BaseType::Integer,
+        BaseType::Enumeration => BaseType::Integer(IntegerType::Int32),
         base => base,
     }
 }

@@ -44,6 +44,7 @@ struct Checker<'r> {
 impl Checker<'_> {
     fn report(&mut self, place: Place, rule: Rule) {
         self.findings.push(Finding {
+            version: self.description.fmi_version,
             place,
             variable: None,
             rule,
@@ -54,6 +55,7 @@ impl Checker<'_> {
     fn report_variable(&mut self, index: usize, rule: Rule) {
         let place = self.places.variables.get(index);
         self.findings.push(Finding {
+            version: self.description.fmi_version,
             place: place.copied().unwrap_or(self.places.root),
             variable: Some(self.description.variables[index].name.clone()),
             rule,
@@ -80,11 +82,13 @@ impl Checker<'_> {
     fn interfaces(&mut self) {
         if let Some(me) = &self.description.model_exchange {
             let place = self.places.model_exchange;
-            self.interface(place, &me.model_identifier, &me.flags());
+            let flags = me.flags(self.description.fmi_version);
+            self.interface(place, &me.model_identifier, &flags);
         }
         if let Some(cs) = &self.description.co_simulation {
             let place = self.places.co_simulation;
-            self.interface(place, &cs.model_identifier, &cs.flags());
+            let flags = cs.flags(self.description.fmi_version);
+            self.interface(place, &cs.model_identifier, &flags);
         }
     }
 

@@ -29,18 +29,23 @@ impl Checker<'_> {
                 self.report(place, Rule::TypeNamedAsVariable { name });
             }
             match &simple.kind {
-                TypeKind::Real(real) => {
+                TypeKind::Real {
+                    attributes: real, ..
+                } => {
                     let rules = self.unit_rules(real);
                     rules.into_iter().for_each(|rule| self.report(place, rule));
                     let limits = (real.min, real.max);
                     self.limits(place, limits);
                 }
-                TypeKind::Integer(integer) => {
-                    let limits = (integer.min.map(f64::from), integer.max.map(f64::from));
+                TypeKind::Integer {
+                    attributes: integer,
+                    ..
+                } => {
+                    let limits = (integer.min.map(|v| v as f64), integer.max.map(|v| v as f64));
                     self.limits(place, limits);
                 }
                 TypeKind::Enumeration { items, .. } => self.items(place, &simple.name, items),
-                TypeKind::Boolean | TypeKind::String => {}
+                _ => {}
             }
         }
     }

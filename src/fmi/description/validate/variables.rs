@@ -15,7 +15,7 @@ impl Checker<'_> {
                 let name = variable.name.clone();
                 rules.push(Rule::NotStructured { name });
             }
-            rules.extend(combination(variable));
+            rules.extend(combination(variable, description.fmi_version));
             rules.extend(start_presence(variable));
             rules.extend(self.declared_type(variable));
             rules.extend(self.values(variable));
@@ -58,7 +58,8 @@ impl Checker<'_> {
             }
             first.get_or_insert(&variable.name);
             let base = variable.kind.base_type();
-            if base != BaseType::Real {
+            if !base.is_real() {
+                let base = base.name(self.description.fmi_version);
                 self.report_variable(index, Rule::IndependentNotReal { base });
             }
         }
@@ -76,18 +77,12 @@ impl Checker<'_> {
         let Some(kind) = self.type_definition(name) else {
             return Some(Rule::UnknownType { name: name_owned });
         };
-        let found = match kind {
-            TypeKind::Real(_) => BaseType::Real,
-            TypeKind::Integer(_) => BaseType::Integer,
-            TypeKind::Boolean => BaseType::Boolean,
-            TypeKind::String => BaseType::String,
-            TypeKind::Enumeration { .. } => BaseType::Enumeration,
-        };
-        let expected = variable.kind.base_type();
+        let version = self.description.fmi_version;
+        let (found, expected) = (kind.base_type(), variable.kind.base_type());
         (found != expected).then_some(Rule::WrongType {
             name: name_owned,
-            found,
-            expected,
+            found: found.name(version),
+            expected: expected.name(version),
         })
     }
 
@@ -95,20 +90,25 @@ impl Checker<'_> {
     fn values(&self, variable: &ScalarVariable) -> Vec<Rule> {
         let declared = variable.kind.declared_type();
         let declared = declared.and_then(|name| self.type_definition(name));
-        let whole = |a: &IntegerAttributes| (a.min.map(f64::from), a.max.map(f64::from));
-        let (own, start) = match &variable.kind {
-            VariableKind::Real(real) => ((real.attributes.min, real.attributes.max), real.start),
+        let whole = |a: &IntegerAttributes| (a.min.map(|v| v as f64), a.max.map(|v| v as f64));
+        let (own, starts) = match &variable.kind {
+            VariableKind::Real(real) => (
+                (real.attributes.min, real.attributes.max),
+                real.start.clone(),
+            ),
             VariableKind::Integer {
                 attributes, start, ..
             }
             | VariableKind::Enumeration {
                 attributes, start, ..
-            } => (whole(attributes), start.map(f64::from)),
-            VariableKind::Boolean { .. } | VariableKind::String { .. } => return Vec::new(),
+            } => (whole(attributes), start.iter().map(|&v| v as f64).collect()),
+            _ => return Vec::new(),
         };
         let inherited = match declared {
-            Some(TypeKind::Real(real)) => (real.min, real.max),
-            Some(TypeKind::Integer(integer)) => whole(integer),
+            Some(TypeKind::Real { attributes, .. }) => (attributes.min, attributes.max),
+            Some(
+                TypeKind::Integer { attributes, .. } | TypeKind::Enumeration { attributes, .. },
+            ) => whole(attributes),
             _ => (None, None),
         };
         let min = own.0.or(inherited.0).unwrap_or(f64::NEG_INFINITY);
@@ -116,7 +116,7 @@ impl Checker<'_> {
         let mut rules = Vec::new();
         if min > max {
             rules.push(Rule::MinAboveMax { min, max });
-        } else if let Some(start) = start.filter(|s| *s < min || *s > max) {
+        } else if let Some(start) = starts.into_iter().find(|s| *s < min || *s > max) {
             rules.push(Rule::StartOutside { start, min, max });
         }
         rules.extend(not_an_item(variable, declared));
@@ -142,7 +142,7 @@ impl Checker<'_> {
             let state = (of as usize).checked_sub(1).and_then(|i| variables.get(i));
             let is_good = of as usize != index + 1
                 && state.is_some_and(|s| {
-                    s.variability == Variability::Continuous && s.kind.base_type() == BaseType::Real
+                    s.variability == Variability::Continuous && s.kind.base_type().is_real()
                 });
             if !is_good {
                 rules.push(Rule::BadDerivative {
@@ -158,7 +158,13 @@ impl Checker<'_> {
     fn with_declared_unit(&self, real: &RealVariable) -> RealAttributes {
         let mut attributes = real.attributes.clone();
         let declared = real.declared_type.as_ref();
-        if let (None, Some(TypeKind::Real(declared))) = (
+        if let (
+            None,
+            Some(TypeKind::Real {
+                attributes: declared,
+                ..
+            }),
+        ) = (
             &attributes.unit,
             declared.and_then(|n| self.type_definition(n)),
         ) {
@@ -172,19 +178,23 @@ impl Checker<'_> {
 }
 
 /// The table of allowed combinations of causality, variability and initial.
-fn combination(variable: &ScalarVariable) -> Option<Rule> {
+fn combination(variable: &ScalarVariable, version: FmiVersion) -> Option<Rule> {
     use Causality as C;
     use Initial as I;
     use Variability as V;
     let (causality, variability) = (variable.causality, variable.variability);
     let base = variable.kind.base_type();
-    if variability == V::Continuous && base != BaseType::Real {
+    if variability == V::Continuous && !base.is_real() {
+        let base = base.name(version);
         return Some(Rule::ContinuousNotReal { base });
     }
     let allowed: &[I] = match (causality, variability) {
-        (C::Parameter, V::Fixed | V::Tunable) => &[I::Exact],
+        (C::Parameter | C::StructuralParameter, V::Fixed | V::Tunable) => &[I::Exact],
         (C::CalculatedParameter, V::Fixed | V::Tunable) => &[I::Calculated, I::Approx],
-        (C::Input, V::Discrete | V::Continuous) => &[],
+        (C::Input, V::Discrete | V::Continuous) => match version {
+            FmiVersion::V2 => &[],
+            FmiVersion::V3 => &[I::Exact],
+        },
         (C::Output | C::Local, V::Constant) => &[I::Exact],
         (C::Output | C::Local, V::Discrete | V::Continuous) => {
             &[I::Calculated, I::Exact, I::Approx]
@@ -233,7 +243,7 @@ fn start_presence(variable: &ScalarVariable) -> Option<Rule> {
 fn not_an_item(variable: &ScalarVariable, declared: Option<&TypeKind>) -> Option<Rule> {
     let VariableKind::Enumeration {
         declared_type,
-        start: Some(start),
+        start,
         ..
     } = &variable.kind
     else {
@@ -242,7 +252,9 @@ fn not_an_item(variable: &ScalarVariable, declared: Option<&TypeKind>) -> Option
     let Some(TypeKind::Enumeration { items, .. }) = declared else {
         return None;
     };
-    (!items.iter().any(|i| i.value == *start)).then(|| Rule::NotAnItem {
+    let is_item = |start: &&i128| items.iter().any(|i| i128::from(i.value) == **start);
+    let start = start.iter().find(|start| !is_item(start))?;
+    Some(Rule::NotAnItem {
         start: *start,
         name: declared_type.clone(),
     })

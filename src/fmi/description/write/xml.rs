@@ -4,6 +4,7 @@ use quick_xml::Writer;
 use quick_xml::events::attributes::Attribute;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 use quick_xml::name::QName;
+use std::fmt::{Display, LowerExp};
 
 /// An XML document under construction.
 pub(super) struct Xml {
@@ -70,12 +71,12 @@ impl Xml {
     /// An `xs:double` attribute that may be absent.
     pub(super) fn real_if(&mut self, name: &str, value: Option<f64>) {
         if let Some(value) = value {
-            self.text(name, &xs_double(value));
+            self.text(name, &xs_float(value));
         }
     }
 
     /// An integer attribute that may be absent.
-    pub(super) fn int_if(&mut self, name: &str, value: Option<impl Into<i64>>) {
+    pub(super) fn int_if(&mut self, name: &str, value: Option<impl Into<i128>>) {
         if let Some(value) = value {
             self.text(name, &value.into().to_string());
         }
@@ -115,14 +116,15 @@ impl Xml {
     }
 }
 
-/// `value` as `xs:double`: `INF`, `-INF`, `NaN`, else the shortest decimal that reads back as the
-/// same number.
-pub(super) fn xs_double(value: f64) -> String {
-    if value.is_nan() {
+/// `value` as `xs:double` or `xs:float`: `INF`, `-INF`, `NaN`, else the shortest decimal that reads
+/// back as the same number of its type.
+pub(super) fn xs_float<T: Copy + Into<f64> + Display + LowerExp>(value: T) -> String {
+    let wide: f64 = value.into();
+    if wide.is_nan() {
         "NaN".to_owned()
-    } else if value.is_infinite() {
-        if value > 0.0 { "INF" } else { "-INF" }.to_owned()
-    } else if value != 0.0 && !(1e-5..1e16).contains(&value.abs()) {
+    } else if wide.is_infinite() {
+        if wide > 0.0 { "INF" } else { "-INF" }.to_owned()
+    } else if wide != 0.0 && !(1e-5..1e16).contains(&wide.abs()) {
         format!("{value:e}")
     } else {
         format!("{value}")
