@@ -201,7 +201,7 @@ mod tests {
                 .parameter("mass", "kg", self.0, "Mass")
                 .output_state("x", "m", 0.0, "Place")
                 .state("v", "m/s", 0.0, "Velocity")
-                .indicator()
+                .indicator("gap", "m", "Distance to the wall")
         }
 
         fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
@@ -209,7 +209,7 @@ mod tests {
             dx[1] = (at.u[0] - at.x[0]) / at.p[0];
         }
 
-        fn indicators(&self, at: At<f64>, z: &mut [f64]) {
+        fn indicators<T: Scalar>(&self, at: At<T>, z: &mut [T]) {
             z[0] = at.x[0] + 1.0;
         }
     }

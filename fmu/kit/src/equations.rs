@@ -41,7 +41,7 @@ pub trait Equations: Sized {
 
     /// Writes as many event indicators as the table declares: an event is where one of them changes
     /// between positive and not positive.
-    fn indicators(&self, at: At<f64>, z: &mut [f64]) {
+    fn indicators<T: Scalar>(&self, at: At<T>, z: &mut [T]) {
         let _ = (at, z);
     }
 

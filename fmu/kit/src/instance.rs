@@ -393,7 +393,7 @@ impl<E: Equations> Instance<E> {
         let index = |reference: &u32| {
             let (index, variable) = self.variable(*reference)?;
             let unknown = match variable.role {
-                Role::Output | Role::Derivative => true,
+                Role::Output | Role::Derivative | Role::Indicator => true,
                 Role::State => phase == Phase::Start,
                 _ => false,
             };

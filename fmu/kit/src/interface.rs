@@ -17,8 +17,6 @@ pub struct Interface {
     pub variables: Vec<Variable>,
     /// Index of each state's variable, in the order of the states.
     pub states: Vec<usize>,
-    /// Number of event indicators.
-    pub indicators: usize,
     /// What depends on what.
     pub structure: Structure,
 }
@@ -33,14 +31,15 @@ impl Interface {
             description: table.description().to_owned(),
             guid: table.guid(),
             states: table.states().collect(),
-            indicators: table.n_indicators(),
             variables: table.variables().to_vec(),
         }
     }
 
-    /// Index of the derivative of each state.
-    pub fn derivatives(&self) -> std::ops::Range<usize> {
-        self.variables.len() - self.states.len()..self.variables.len()
+    /// Index of the state whose derivative the variable is.
+    pub fn state_of(&self, derivative: usize) -> Option<usize> {
+        let list = &self.structure.derivatives;
+        let state = list.iter().position(|d| d.index == derivative)?;
+        self.states.get(state).copied()
     }
 
     /// As JSON: what the library of a model tells `pilotage pack`.
@@ -59,9 +58,9 @@ impl Interface {
                 "states",
                 json::array(self.states.iter().map(usize::to_string)),
             ),
-            ("indicators", self.indicators.to_string()),
             ("outputs", unknowns(&self.structure.outputs)),
             ("derivatives", unknowns(&self.structure.derivatives)),
+            ("indicators", unknowns(&self.structure.indicators)),
             ("initial", unknowns(&self.structure.initial)),
         ])
     }

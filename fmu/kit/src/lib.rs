@@ -16,7 +16,7 @@
 //!             .parameter("e", "1", 0.7, "Restitution")
 //!             .output_state("h", "m", 1.0, "Height")
 //!             .output_state("v", "m/s", 0.0, "Velocity")
-//!             .indicator()
+//!             .indicator("gap", "m", "Distance to the ground")
 //!     }
 //!
 //!     fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
@@ -24,7 +24,7 @@
 //!         dx[1] = -at.p[0];
 //!     }
 //!
-//!     fn indicators(&self, at: At<f64>, z: &mut [f64]) {
+//!     fn indicators<T: Scalar>(&self, at: At<T>, z: &mut [T]) {
 //!         z[0] = at.x[0];
 //!     }
 //!

@@ -34,11 +34,13 @@ pub struct Unknown {
 /// FMI's ModelStructure, indices from 0.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Structure {
-    /// All outputs, on inputs and states.
+    /// All outputs, on inputs, states and time.
     pub outputs: Vec<Unknown>,
-    /// All derivatives, on inputs and states.
+    /// All derivatives, on inputs, states and time.
     pub derivatives: Vec<Unknown>,
-    /// Outputs, states and derivatives by ascending index, on inputs, parameters and start values.
+    /// All event indicators, on inputs, states and time.
+    pub indicators: Vec<Unknown>,
+    /// Outputs, states and derivatives by ascending index, on inputs, parameters, start values and time.
     pub initial: Vec<Unknown>,
 }
 
@@ -46,16 +48,18 @@ impl Structure {
     /// The structure of a model.
     pub fn of<E: Equations>(equations: &E, table: &Table) -> Self {
         let mut unknowns: Vec<usize> = table.outputs().chain(table.locals()).collect();
-        unknowns.extend(table.derivatives());
+        unknowns.extend(table.derivatives().chain(table.indicators()));
         let states: Vec<usize> = table.states().collect();
         let inputs: Vec<usize> = table.inputs().collect();
         // While the simulation runs, the states are known: theirs are the columns of the start values.
         let running: Vec<_> = (inputs.iter().map(|&i| (i, i)))
             .chain(table.starts().zip(states.iter().copied()))
+            .chain([(table.time(), table.time())])
             .collect();
         let initial: Vec<_> = (inputs.iter().copied())
             .chain(table.parameters())
             .chain(table.starts())
+            .chain([table.time()])
             .map(|i| (i, i))
             .collect();
         let tracer = Tracer::new(equations, table);
@@ -91,14 +95,19 @@ impl Structure {
         Self {
             outputs: part(Role::Output),
             derivatives: part(Role::Derivative),
-            initial: of(&initial),
+            indicators: part(Role::Indicator),
+            initial: {
+                let mut initial = of(&initial);
+                initial.retain(|u| u.index < table.indicators().start);
+                initial
+            },
         }
     }
 
     /// What a variable depends on while the simulation runs; `None` for what is no unknown.
     pub fn unknown(&self, index: usize) -> Option<&Unknown> {
-        let mut all = self.outputs.iter().chain(&self.derivatives);
-        all.find(|u| u.index == index)
+        let all = [&self.outputs, &self.derivatives, &self.indicators];
+        all.into_iter().flatten().find(|u| u.index == index)
     }
 }
 
@@ -127,6 +136,8 @@ pub fn evaluate<E: Equations, T: Scalar>(
         all[index] = *x;
     }
     equations.derivative(at, &mut all[table.derivatives()]);
+    equations.indicators(at, &mut all[table.indicators()]);
+    all[table.time()] = time;
     all
 }
 
@@ -212,9 +223,12 @@ impl<'e, E: Equations> Tracer<'e, E> {
 
     fn run(&self, point: &[f64], known: usize, part: f64) -> Vec<f64> {
         let mut values: Vec<Dual64> = point.iter().map(|&v| Dual64::from_re(v)).collect();
-        values[known].eps = part;
+        let mut time = Dual64::from_re(0.0);
+        match values.get_mut(known) {
+            Some(value) => value.eps = part,
+            None => time.eps = part,
+        }
         let states = values[self.table.starts()].to_vec();
-        let time = Dual64::from_re(0.0);
         evaluate(self.equations, self.table, time, &values, &states)
             .iter()
             .map(|v| v.eps)

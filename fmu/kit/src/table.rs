@@ -5,7 +5,7 @@ use crate::{Unit, guid, json};
 use std::ops::Range;
 
 /// The variables of a model, in the order of their value references: inputs, outputs, parameters, start
-/// values of the states, the states that are no outputs, derivatives.
+/// values of the states, the states that are no outputs, derivatives, event indicators, time.
 ///
 /// It is built by one call for each variable; within each group the order of the calls is kept:
 ///
@@ -15,9 +15,9 @@ use std::ops::Range;
 ///     .parameter("e", "1", 0.7, "Restitution")
 ///     .output_state("h", "m", 1.0, "Height")
 ///     .state("v", "m/s", 0.0, "Velocity")
-///     .indicator();
+///     .indicator("gap", "m", "Distance to the ground");
 /// let names: Vec<_> = table.variables().iter().map(|v| v.name.as_str()).collect();
-/// assert_eq!(names, ["h", "e", "h_start", "v_start", "v", "der(h)", "der(v)"]);
+/// assert_eq!(names, ["h", "e", "h_start", "v_start", "v", "der(h)", "der(v)", "gap", "time"]);
 /// ```
 ///
 /// # Panics
@@ -43,7 +43,7 @@ impl Table {
         Self {
             name: name.to_owned(),
             description: description.to_owned(),
-            variables: Vec::new(),
+            variables: vec![Variable::calculated("time", Unit::of("s"), Role::Time, "Time")],
             inputs: 0,
             outputs: 0,
             parameters: 0,
@@ -96,7 +96,10 @@ impl Table {
     }
 
     /// Adds an event indicator: see [`indicators`](crate::Equations::indicators).
-    pub fn indicator(mut self) -> Self {
+    pub fn indicator(mut self, name: &str, unit: &str, description: &str) -> Self {
+        let unit = Unit::of(unit);
+        let variable = Variable::calculated(name, unit, Role::Indicator, description);
+        self.insert(self.time(), variable);
         self.indicators += 1;
         self
     }
@@ -107,7 +110,7 @@ impl Table {
             Role::Input => self.inputs().end,
             Role::Output => self.outputs().end,
             Role::Fixed | Role::Tunable => self.parameters().end,
-            Role::State | Role::Derivative => panic!("{} is a state", variable.name),
+            role => panic!("{} is a {}", variable.name, role.name()),
         };
         match variable.role {
             Role::Input => self.inputs += 1,
@@ -141,7 +144,7 @@ impl Table {
             &format!("Initial {lowered}"),
         );
         let (starts, locals) = (self.starts().end, self.locals().end);
-        self.insert(self.variables.len(), rate);
+        self.insert(self.derivatives().end, rate);
         if variable.role == Role::Output {
             self.insert(starts, start);
             let at = self.outputs().end;
@@ -236,7 +239,18 @@ impl Table {
 
     /// Indices of the derivatives.
     pub fn derivatives(&self) -> Range<usize> {
-        self.variables.len() - self.states.len()..self.variables.len()
+        let end = self.indicators().start;
+        end - self.states.len()..end
+    }
+
+    /// Indices of the event indicators.
+    pub fn indicators(&self) -> Range<usize> {
+        self.time() - self.indicators..self.time()
+    }
+
+    /// Index of time.
+    pub fn time(&self) -> usize {
+        self.variables.len() - 1
     }
 
     /// Index of each state's variable, in the order of the states.

@@ -40,13 +40,18 @@ impl Unit {
     /// # Panics
     /// When it has another form or a symbol that is not known; the message lists those that are.
     pub fn of(name: &str) -> Self {
-        let factors = parse(name).unwrap_or_else(|| {
+        Self::parse(name).unwrap_or_else(|| {
             let known: Vec<_> = SYMBOLS.iter().map(|(symbol, ..)| *symbol).collect();
             panic!(
                 "unit \"{name}\" cannot be read; write it as in m/s2 or 1/(m.s), with the symbols {}",
                 known.join(", ")
             )
-        });
+        })
+    }
+
+    /// As [`of`](Self::of), `None` where that panics.
+    pub fn parse(name: &str) -> Option<Self> {
+        let factors = factors(name)?;
         let mut exponents = [0; 4];
         let mut factor = 1.0;
         for ((_, dimension, size), power) in &factors {
@@ -61,12 +66,12 @@ impl Unit {
             "krad/s" => Some(("rpm", 1e3 * 60.0 / (2.0 * PI))),
             _ => None,
         };
-        Self {
+        Some(Self {
             name: name.to_owned(),
             exponents,
             factor,
             display: display.map(|(name, factor)| (name.to_owned(), factor)),
-        }
+        })
     }
 
     /// `1`, dimensionless.
@@ -152,10 +157,10 @@ impl Unit {
     /// The unit of the time derivative: `m/s` of `m`, `m.s` of `m.s2`.
     pub fn rate(&self) -> Self {
         // Every name was parsed once, in `of`.
-        let mut factors = parse(&self.name).unwrap_or_default();
+        let mut factors = factors(&self.name).unwrap_or_default();
         match factors.iter_mut().find(|((symbol, ..), _)| *symbol == "s") {
             Some((_, power)) => *power -= 1,
-            None => factors.extend(parse("1/s").unwrap_or_default()),
+            None => factors.extend(product("s", -1).unwrap_or_default()),
         }
         let list = |sign: i32| -> Vec<String> {
             let those = factors.iter().filter(|(_, power)| power * sign > 0);
@@ -199,7 +204,7 @@ impl Unit {
 }
 
 /// The symbols of a name with their exponents.
-fn parse(name: &str) -> Option<Vec<(Symbol, i32)>> {
+fn factors(name: &str) -> Option<Vec<(Symbol, i32)>> {
     let (above, below) = match name.split_once('/') {
         Some((above, below)) => (above, Some(below)),
         None => (name, None),
@@ -284,7 +289,7 @@ mod tests {
         assert_eq!(of("km/h").0, [0, 1, -1, 0]);
         assert!((of("km/h").1 - 1.0 / 3.6).abs() < 1e-15);
         for wrong in ["", "m/s/s", "furlong", "m^2", "1/m.s", "m.", "m2x"] {
-            assert!(parse(wrong).is_none(), "{wrong}");
+            assert!(Unit::parse(wrong).is_none(), "{wrong}");
         }
     }
 

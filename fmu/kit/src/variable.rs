@@ -17,17 +17,23 @@ pub enum Role {
     State,
     /// The time derivative of a state.
     Derivative,
+    /// What tells of an event by its sign.
+    Indicator,
+    /// Time itself.
+    Time,
 }
 
 impl Role {
     /// All roles with their names.
-    pub const NAMES: [(Self, &str); 6] = [
+    pub const NAMES: [(Self, &str); 8] = [
         (Self::Input, "input"),
         (Self::Output, "output"),
         (Self::Fixed, "parameter"),
         (Self::Tunable, "tunable parameter"),
         (Self::State, "state"),
         (Self::Derivative, "derivative"),
+        (Self::Indicator, "event indicator"),
+        (Self::Time, "time"),
     ];
 
     /// What tables call it.
@@ -104,9 +110,9 @@ impl Variable {
         self.role == Role::Output
     }
 
-    /// True for what is calculated: outputs, states and derivatives.
+    /// True for what cannot be set: neither an input nor a parameter.
     pub fn is_calculated(&self) -> bool {
-        matches!(self.role, Role::Output | Role::State | Role::Derivative)
+        !matches!(self.role, Role::Input | Role::Fixed | Role::Tunable)
     }
 
     /// `name [unit]`, as tables and plots show it.

@@ -94,6 +94,8 @@ enum Slot {
     /// Position among the outputs that the equations compute.
     Output(usize),
     Derivative(usize),
+    Indicator(usize),
+    Time,
 }
 
 /// Space for one step's numbers.
@@ -219,6 +221,12 @@ impl<E: Equations> Simulation<E> {
                     }
                     slopes[state]
                 }
+                Slot::Indicator(position) => {
+                    let mut indicators = vec![0.0; self.table.n_indicators()];
+                    self.indicators(&mut indicators);
+                    indicators[position]
+                }
+                Slot::Time => self.now.time,
             };
         }
     }
@@ -246,6 +254,8 @@ impl<E: Equations> Simulation<E> {
         let role = match variable.role {
             Role::Output => "an output",
             Role::Derivative => "a derivative",
+            Role::Indicator => "an event indicator",
+            Role::Time => "no parameter",
             _ => "a state",
         };
         let hint = match variable.role == Role::State && self.table.index(&start).is_some() {
@@ -337,6 +347,10 @@ fn slots(table: &Table) -> Vec<Slot> {
     for (state, index) in table.derivatives().enumerate() {
         slots[index] = Slot::Derivative(state);
     }
+    for (position, index) in table.indicators().enumerate() {
+        slots[index] = Slot::Indicator(position);
+    }
+    slots[table.time()] = Slot::Time;
     slots
 }
 
