@@ -1,32 +1,46 @@
 //! A variable is declared once: the XML, value references, listings and plot labels derive from it.
 
-use crate::Unit;
+use crate::{Unit, json};
 
-/// What a variable is for (FMI 2.0.5, section 2.2.7), and what goes with that.
-#[derive(Debug, Clone, PartialEq)]
+/// What a variable is for (FMI 2.0.5, section 2.2.7).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Provided by another model; continuous.
     Input,
-    /// For other models; continuous, calculated from the states.
-    Output {
-        /// What it depends on at any instant, apart from the states: inputs, by index.
-        dependencies: Vec<Dependency>,
-        /// What its first value depends on: inputs and parameters, by index.
-        initial_dependencies: Vec<Dependency>,
-    },
-    /// Constant in time.
+    /// For other models; continuous, calculated from states and inputs, or itself a state.
+    Output,
+    /// A parameter, constant in time.
     Fixed,
     /// A parameter that may be set between communication points.
     Tunable,
+    /// A continuous state that is no output.
+    State,
+    /// The time derivative of a state.
+    Derivative,
+    /// What tells of an event by its sign.
+    Indicator,
+    /// Time itself.
+    Time,
 }
 
-/// That an unknown depends on a known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Dependency {
-    /// Index of the known in the table.
-    pub index: usize,
-    /// True when it enters linearly, with a factor that never changes.
-    pub constant: bool,
+impl Role {
+    /// All roles with their names.
+    pub const NAMES: [(Self, &str); 8] = [
+        (Self::Input, "input"),
+        (Self::Output, "output"),
+        (Self::Fixed, "parameter"),
+        (Self::Tunable, "tunable parameter"),
+        (Self::State, "state"),
+        (Self::Derivative, "derivative"),
+        (Self::Indicator, "event indicator"),
+        (Self::Time, "time"),
+    ];
+
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        let found = Self::NAMES.iter().find(|(role, _)| *role == self);
+        found.map_or("", |(_, name)| name)
+    }
 }
 
 /// One real variable of a model. Its value reference is its index in the model's table.
@@ -38,7 +52,7 @@ pub struct Variable {
     pub unit: Unit,
     /// What it is for.
     pub role: Role,
-    /// Value before anything is set; `None` for outputs, which are calculated.
+    /// Value before anything is set; `None` for what is calculated.
     pub start: Option<f64>,
     /// Smallest allowed value.
     pub min: Option<f64>,
@@ -51,54 +65,32 @@ pub struct Variable {
 }
 
 impl Variable {
-    fn new(name: String, unit: Unit, role: Role, start: Option<f64>, description: String) -> Self {
+    fn new(name: &str, unit: Unit, role: Role, start: Option<f64>, description: &str) -> Self {
         Self {
-            name,
+            name: name.to_owned(),
             unit,
             role,
             start,
             min: None,
             max: None,
             nominal: None,
-            description,
+            description: description.to_owned(),
         }
     }
 
     /// An input that is 0 until it is set.
     pub fn input(name: &str, unit: Unit, description: &str) -> Self {
-        Self::new(
-            name.into(),
-            unit,
-            Role::Input,
-            Some(0.0),
-            description.into(),
-        )
+        Self::new(name, unit, Role::Input, Some(0.0), description)
     }
 
-    /// An output with what it depends on: [`Role::Output`].
-    pub fn output(
-        name: &str,
-        unit: Unit,
-        dependencies: Vec<Dependency>,
-        initial_dependencies: Vec<Dependency>,
-        description: &str,
-    ) -> Self {
-        let role = Role::Output {
-            dependencies,
-            initial_dependencies,
-        };
-        Self::new(name.into(), unit, role, None, description.into())
+    /// An output, or a state or derivative.
+    pub fn calculated(name: &str, unit: Unit, role: Role, description: &str) -> Self {
+        Self::new(name, unit, role, None, description)
     }
 
     /// A parameter, [`Role::Fixed`] or [`Role::Tunable`].
-    pub fn parameter(
-        name: impl Into<String>,
-        unit: Unit,
-        role: Role,
-        start: f64,
-        description: impl Into<String>,
-    ) -> Self {
-        Self::new(name.into(), unit, role, Some(start), description.into())
+    pub fn parameter(name: &str, unit: Unit, role: Role, start: f64, description: &str) -> Self {
+        Self::new(name, unit, role, Some(start), description)
     }
 
     /// Sets the allowed range.
@@ -115,7 +107,12 @@ impl Variable {
 
     /// True for an output.
     pub fn is_output(&self) -> bool {
-        matches!(self.role, Role::Output { .. })
+        self.role == Role::Output
+    }
+
+    /// True for what cannot be set: neither an input nor a parameter.
+    pub fn is_calculated(&self) -> bool {
+        !matches!(self.role, Role::Input | Role::Fixed | Role::Tunable)
     }
 
     /// `name [unit]`, as tables and plots show it.
@@ -124,6 +121,19 @@ impl Variable {
             "" => self.name.clone(),
             symbol => format!("{} [{symbol}]", self.name),
         }
+    }
+
+    pub(crate) fn to_json(&self) -> String {
+        json::object([
+            ("name", json::string(&self.name)),
+            ("unit", json::string(&self.unit.name)),
+            ("role", json::string(self.role.name())),
+            ("start", json::number(self.start)),
+            ("min", json::number(self.min)),
+            ("max", json::number(self.max)),
+            ("nominal", json::number(self.nominal)),
+            ("description", json::string(&self.description)),
+        ])
     }
 
     /// Refuses a value that this variable cannot have.

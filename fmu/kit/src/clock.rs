@@ -35,6 +35,11 @@ impl Clock {
         }
     }
 
+    /// The clock at another time, with the same end.
+    pub fn moved_to(&self, time: f64) -> Self {
+        Self::new(time, self.stop)
+    }
+
     /// Checks a step from `time` by `step`. Gives the step to integrate, and the clock after it.
     ///
     /// Importers reach equal communication points by sums, products or differences, whose rounding

@@ -1,13 +1,13 @@
-//! Exact steps of a linear time-invariant system `ẋ = A x + b u` whose input is a straight line in
+//! Exact steps of a linear time-invariant system `ẋ = A x + B u` whose inputs are straight lines in
 //! time within the step: `u(τ) = u_0 + u̇ τ`.
 //!
-//! With the input and its slope appended to the state, the step is one matrix exponential (C. F. Van
+//! With the inputs and their slopes appended to the state, the step is one matrix exponential (C. F. Van
 //! Loan, "Computing integrals involving the matrix exponential", IEEE Trans. Automatic Control 23(3),
 //! 1978):
 //!
 //! ```text
-//!     ⎡A b 0⎤
-//! exp ⎢0 0 1⎥ h  =  ⎡Φ Γ_0 Γ_1⎤      x(t+h) = Φ x(t) + Γ_0 u_0 + Γ_1 u̇
+//!     ⎡A B 0⎤
+//! exp ⎢0 0 I⎥ h  =  ⎡Φ Γ_0 Γ_1⎤      x(t+h) = Φ x(t) + Γ_0 u_0 + Γ_1 u̇
 //!     ⎣0 0 0⎦       ⎣    ⋯    ⎦
 //! ```
 
@@ -16,10 +16,11 @@ use nalgebra::DMatrix;
 /// Largest `‖A h‖` (1-norm of the augmented matrix): beyond it the exponential has no digits left.
 pub const MAX_NORM: f64 = 1e8;
 
-/// One step of fixed size of a linear system with one input.
+/// One step of fixed size of a linear system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transition {
     order: usize,
+    inputs: usize,
     /// Rows `[Φ Γ_0 Γ_1]`, one after the other.
     rows: Vec<f64>,
 }
@@ -47,17 +48,17 @@ pub enum TransitionError {
 }
 
 impl Transition {
-    /// The transition over `h` seconds of the system of that order whose derivative `f(x, u, dx)`
-    /// writes `A x + b u` into `dx`.
+    /// The transition over `h` seconds of the system with that number of states and inputs whose
+    /// derivative `f(x, u, dx)` writes `A x + B u` into `dx`.
     ///
     /// # Errors
     /// When `A h` is too large, or its exponential not finite.
     pub fn new(
-        order: usize,
+        [order, inputs]: [usize; 2],
         h: f64,
-        derivative: impl Fn(&[f64], f64, &mut [f64]),
+        derivative: impl Fn(&[f64], &[f64], &mut [f64]),
     ) -> Result<Self, TransitionError> {
-        let exponent = augmented(order, derivative) * h;
+        let exponent = augmented(order, inputs, derivative) * h;
         let norm = exponent
             .column_iter()
             .map(|column| column.lp_norm(1))
@@ -73,37 +74,45 @@ impl Transition {
         let rows = exponential.rows(0, order).transpose();
         Ok(Self {
             order,
+            inputs,
             rows: rows.iter().copied().collect(),
         })
     }
 
-    /// Writes the state after the step into `next`; `x` is the state before it, `u` the input at its
-    /// beginning and `slope` the input's time derivative.
-    pub fn apply(&self, x: &[f64], u: f64, slope: f64, next: &mut [f64]) {
-        let n = self.order;
-        for (next, row) in next.iter_mut().zip(self.rows.chunks_exact(n + 2)) {
-            let forced = row[n] * u + row[n + 1] * slope;
-            *next = row[..n].iter().zip(x).fold(forced, |s, (a, x)| s + a * x);
+    /// Writes the states after the step into `next`; `x` are the states before it, `u` the inputs at its
+    /// beginning and `slopes` the inputs' time derivatives.
+    pub fn apply(&self, x: &[f64], u: &[f64], slopes: &[f64], next: &mut [f64]) {
+        let (n, m) = (self.order, self.inputs);
+        let product = |row: &[f64], x: &[f64], sum| row.iter().zip(x).fold(sum, |s, (a, x)| s + a * x);
+        for (next, row) in next.iter_mut().zip(self.rows.chunks_exact(n + 2 * m)) {
+            let (states, forced) = row.split_at(n);
+            let held = product(&forced[..m], u, 0.0);
+            *next = product(states, x, product(&forced[m..], slopes, held));
         }
     }
 }
 
-/// The matrix of the system with input and slope appended to the state.
-fn augmented(order: usize, derivative: impl Fn(&[f64], f64, &mut [f64])) -> DMatrix<f64> {
-    let mut matrix = DMatrix::zeros(order + 2, order + 2);
-    let mut unit = vec![0.0; order];
+/// The matrix of the system with inputs and slopes appended to the states.
+fn augmented(
+    order: usize,
+    inputs: usize,
+    derivative: impl Fn(&[f64], &[f64], &mut [f64]),
+) -> DMatrix<f64> {
+    let size = order + 2 * inputs;
+    let mut matrix = DMatrix::zeros(size, size);
+    let mut unit = vec![0.0; order + inputs];
     let mut column = vec![0.0; order];
-    for j in 0..=order {
+    for j in 0..order + inputs {
         unit.fill(0.0);
-        if let Some(x) = unit.get_mut(j) {
-            *x = 1.0;
-        }
-        derivative(&unit, f64::from(j == order), &mut column);
+        unit[j] = 1.0;
+        derivative(&unit[..order], &unit[order..], &mut column);
         matrix
             .column_mut(j)
             .rows_mut(0, order)
             .copy_from_slice(&column);
     }
-    matrix[(order, order + 1)] = 1.0;
+    for j in order..order + inputs {
+        matrix[(j, j + inputs)] = 1.0;
+    }
     matrix
 }

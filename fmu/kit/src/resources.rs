@@ -1,22 +1,20 @@
-//! From the resource location to the model.
+//! From the resource location to files of the FMU's folder `resources`.
 
-use pilotage_models::Model;
-use pilotage_models::model::ModelFileError;
 use std::path::{Path, PathBuf};
 
-/// Name of the model file in the FMU's `resources`.
-const MODEL_FILE: &str = "model.toml";
-
-/// Why the model cannot be had.
+/// Why a file of the resources cannot be had.
 #[derive(Debug, thiserror::Error)]
 pub enum ResourceError {
     /// No folder has the file.
     #[error(
-        "{MODEL_FILE} was not found{}; fmuResourceLocation = {location}. Pass the URI of the folder \
-         \"resources\" of the unzipped FMU, such as file:///tmp/fmu/resources",
+        "{file} was not found{}; the resource location is {location}. Pass that of the folder \
+         \"resources\" of the unzipped FMU, such as file:///tmp/fmu/resources (FMI 2.0) or \
+         /tmp/fmu/resources/ (FMI 3.0)",
         places(tried)
     )]
     NotFound {
+        /// Name of the file.
+        file: String,
         /// As passed.
         location: String,
         /// Where it was looked for.
@@ -30,15 +28,10 @@ pub enum ResourceError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is not what was exported.
-    #[error("{}: {source}; export the FMU again", file.display())]
-    Model {
-        /// The file.
-        file: PathBuf,
-        /// Why.
-        source: ModelFileError,
-    },
 }
+
+/// Why a model cannot be had.
+pub type LoadError = Box<dyn std::error::Error + Send + Sync>;
 
 fn places(paths: &[PathBuf]) -> String {
     paths
@@ -48,27 +41,32 @@ fn places(paths: &[PathBuf]) -> String {
         .join(" or")
 }
 
-/// Reads the model from the resource location, or, where that leads nowhere, from the folder beside
-/// this library's (`binaries/<platform>/x.so`, `resources`).
-pub fn model(location: Option<&str>) -> Result<Model, ResourceError> {
+/// Path and text of a file of the resources. It is looked for at the resource location (a URI or a path)
+/// and, where that leads nowhere, in the folder beside this library's (`binaries/<platform>/x.so`,
+/// `resources`).
+///
+/// # Errors
+/// When there is no such file, or it cannot be read.
+pub fn read(location: Option<&str>, file: &str) -> Result<(PathBuf, String), ResourceError> {
     let folders: Vec<_> = location
         .and_then(path_of_uri)
         .into_iter()
         .chain(own_resources())
         .collect();
-    let file = folders
+    let path = folders
         .iter()
-        .map(|folder| folder.join(MODEL_FILE))
-        .find(|file| file.is_file())
+        .map(|folder| folder.join(file))
+        .find(|path| path.is_file())
         .ok_or_else(|| ResourceError::NotFound {
+            file: file.to_owned(),
             location: location.unwrap_or("NULL").to_owned(),
             tried: folders,
         })?;
-    let text = std::fs::read_to_string(&file).map_err(|source| ResourceError::Unreadable {
-        file: file.clone(),
+    let text = std::fs::read_to_string(&path).map_err(|source| ResourceError::Unreadable {
+        file: path.clone(),
         source,
     })?;
-    Model::from_file(&text).map_err(|source| ResourceError::Model { file, source })
+    Ok((path, text))
 }
 
 /// The path of a `file` URI (RFC 8089): `file:///a`, `file:/a`, `file://localhost/a`, `file:///C:/a`;
@@ -153,7 +151,6 @@ fn own_resources() -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pilotage_models::Quadcopter;
 
     #[test]
     fn uris_of_all_kinds() {
@@ -172,25 +169,25 @@ mod tests {
         }
     }
 
+    /// FMI rule 19: every spelling of the location.
     #[test]
-    fn model_is_read_with_and_without_a_slash_at_the_end() {
+    fn files_are_read_with_and_without_a_slash_at_the_end() {
         let folder = tempfile::tempdir().expect("a folder");
-        let expected = Model::quadcopter(&Quadcopter::default());
-        std::fs::write(folder.path().join(MODEL_FILE), expected.to_file()).expect("written");
+        std::fs::write(folder.path().join("model.toml"), "text").expect("written");
         for slash in ["", "/"] {
             let uri = format!("file://{}{slash}", folder.path().display());
-            assert_eq!(model(Some(&uri)).expect("it is there"), expected);
+            let (_, text) = read(Some(&uri), "model.toml").expect("it is there");
+            assert_eq!(text, "text");
         }
     }
 
     #[test]
     fn what_is_missing_is_named() {
-        let message = |location| model(location).expect_err("nothing is there").to_string();
+        let message = |location| {
+            let error = read(location, "model.toml").expect_err("nothing is there");
+            error.to_string()
+        };
         assert!(message(Some("file:///nowhere")).contains("/nowhere"));
-        assert!(message(None).contains("fmuResourceLocation = NULL"));
-        let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join(MODEL_FILE), "format = 1\n").expect("written");
-        let location = folder.path().display().to_string();
-        assert!(message(Some(&location)).contains("model is missing; export the FMU again"));
+        assert!(message(None).contains("location is NULL"));
     }
 }
