@@ -17,7 +17,8 @@ macro_rules! export {
         #[unsafe(no_mangle)]
         pub extern "C" fn pilotage_interface() -> *const ::std::ffi::c_char {
             static TEXT: ::std::sync::OnceLock<::std::ffi::CString> = ::std::sync::OnceLock::new();
-            TEXT.get_or_init($crate::interface::text_of::<$model>).as_ptr()
+            TEXT.get_or_init($crate::interface::text_of::<$model>)
+                .as_ptr()
         }
     };
     ($model:ty, $load:expr) => {

@@ -213,7 +213,9 @@ impl<'e, E: Equations> Tracer<'e, E> {
                 if mark.is_nan() || *slope != 0.0 {
                     *entry = Some(entry.unwrap_or(true));
                 }
-                if slope.to_bits() != first.to_bits() {
+                // 0 and -0 are one slope; NaN is none.
+                let is_zero = *slope == 0.0 && *first == 0.0;
+                if slope.to_bits() != first.to_bits() && !is_zero {
                     *entry = Some(false);
                 }
             }

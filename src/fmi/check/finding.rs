@@ -68,15 +68,15 @@ impl Finding {
         }
     }
 
-    /// About the description.
-    pub(super) fn description(finding: &description::Finding) -> Self {
+    /// About the description of an FMU of that version.
+    pub(super) fn description(version: FmiVersion, finding: &description::Finding) -> Self {
         Self {
             severity: finding.severity(),
             file: DESCRIPTION.to_owned(),
             place: Some(finding.place),
             variable: finding.variable.clone(),
             message: finding.rule.to_string(),
-            section: format!("FMI 2.0, section {}", finding.section()),
+            section: format!("FMI {version}, section {}", finding.section()),
         }
     }
 }

@@ -98,7 +98,7 @@ fn described(archive: &mut Archive) -> Checked {
         Err(error) => refused(finding::chain(&error)),
         Ok(reading) => Checked {
             findings: (description::validate(&reading).iter())
-                .map(Finding::description)
+                .map(|f| Finding::description(reading.description.fmi_version, f))
                 .collect(),
             description: reading.into_usable().ok(),
         },

@@ -4,6 +4,7 @@
 use crate::command::Folder;
 use crate::foreign::{self, archive};
 use pilotage::fmi::platform;
+use rayon::prelude::*;
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -167,18 +168,16 @@ fn validated(content: &[u8]) -> (i32, Vec<String>) {
 
 /// Each fault gives the expected finding, and the exit code fits its severity.
 fn check(cases: &[(&str, Vec<u8>, &str)]) {
-    let mut wrong = Vec::new();
-    for (what, content, expected) in cases {
-        let (code, findings) = validated(content);
-        let is_error = findings.iter().any(|f| f.starts_with("error"));
-        let is_found = findings.iter().any(|f| f.starts_with(expected));
-        if !is_found || code != i32::from(is_error) {
-            wrong.push(format!(
-                "{what}: code {code}, expected {expected}\n  {}",
-                findings.join("\n  ")
-            ));
-        }
-    }
+    let wrong: Vec<String> = (cases.par_iter())
+        .filter_map(|(what, content, expected)| {
+            let (code, findings) = validated(content);
+            let is_error = findings.iter().any(|f| f.starts_with("error"));
+            let is_found = findings.iter().any(|f| f.starts_with(expected));
+            let is_right = is_found && code == i32::from(is_error);
+            let found = findings.join("\n  ");
+            (!is_right).then(|| format!("{what}: code {code}, expected {expected}\n  {found}"))
+        })
+        .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

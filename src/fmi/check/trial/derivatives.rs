@@ -76,14 +76,15 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// What changes with a known must declare it.
+    /// What changes with a known must declare it: in initialization mode, where the knowns are inputs,
+    /// among the initial unknowns if it is listed there (FMI 2.0.5, section 2.2.8).
     fn undeclared(&mut self, subject: &Subject, known: &Place, unknown: &Place, slope: Slope) {
         let structure = &subject.description.structure;
-        let mut lists = (structure.outputs.iter())
-            .chain(&structure.derivatives)
-            .chain(&structure.initial_unknowns)
+        let initial = (structure.initial_unknowns.iter())
+            .filter(|entry| known.state.is_none() && entry.index == unknown.index);
+        let running = (structure.outputs.iter().chain(&structure.derivatives))
             .filter(|entry| entry.index == unknown.index);
-        let is_declared = lists.all(|entry| {
+        let is_declared = initial.chain(running).all(|entry| {
             let names = entry.dependencies.as_ref();
             names.is_none_or(|names| names.contains(&known.index))
         });
