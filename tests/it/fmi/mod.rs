@@ -1,5 +1,7 @@
 //! Reading, checking and calling FMUs.
 
+mod faults2;
+mod faults3;
 mod findings;
 mod instance;
 mod round_trip;
