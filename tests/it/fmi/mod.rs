@@ -2,6 +2,7 @@
 
 mod faults2;
 mod faults3;
+mod faults;
 mod findings;
 mod instance;
 mod round_trip;
