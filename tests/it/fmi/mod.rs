@@ -1,5 +1,7 @@
 //! Reading, checking and calling FMUs.
 
+mod faults2;
+mod faults3;
 mod faults;
 mod findings;
 mod instance;
