@@ -8,6 +8,7 @@
 //! | [`binary`] | a look into the binary before it is loaded |
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
+//! | [`simulate`] | a model exchange instance, integrated in time |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
 //! What FMUs say goes to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, where a call
@@ -22,6 +23,7 @@ pub mod fmu;
 pub mod instance;
 mod logger;
 pub mod platform;
+pub mod simulate;
 mod version;
 
 pub use description::FmiVersion;
@@ -29,4 +31,5 @@ pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, Options, Step};
 pub use logger::Message;
+pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
 pub use version::{Function, Kind, State};

@@ -2,4 +2,5 @@
 
 mod findings;
 mod instance;
+mod model_exchange;
 mod round_trip;
