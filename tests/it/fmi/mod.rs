@@ -2,5 +2,6 @@
 
 mod findings;
 mod instance;
+mod instance3;
 mod model_exchange;
 mod round_trip;

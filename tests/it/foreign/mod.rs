@@ -108,6 +108,8 @@ binaries! {
     binary_of_fmi3: "fmu.rs", ["--cfg", "fmi3"];
     /// Models for model exchange.
     binary_of_model_exchange: "me.rs", [];
+    /// All kinds of FMI 3.0.
+    binary3: "fmi3.rs", [];
     /// It uses `tanh` and is linked with nothing.
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
@@ -147,6 +149,14 @@ pub fn file(folder: &Path, behaviour: &str) -> PathBuf {
     let path = folder.join("foreign.fmu");
     std::fs::write(&path, fmu(behaviour)).unwrap();
     path
+}
+
+/// The foreign FMU of FMI 3.0 with that behaviour.
+pub fn fmu3(behaviour: &str) -> Vec<u8> {
+    let good = "instantiationToken=\"good\"";
+    let description = include_str!("fmi3.xml");
+    let token = format!("instantiationToken=\"{behaviour}\"");
+    fmu_of(&description.replace(good, &token), binary3())
 }
 
 /// An FMU for model exchange of `me.rs`: which model, with how many states and event indicators.
