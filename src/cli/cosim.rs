@@ -3,8 +3,9 @@
 use super::{Failure, Outcome, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
+    Algorithm, Clock, CsvRecorder, Ending, MasterError, Recorder, Run, System, fmu_slave,
 };
+use crate::fmi::Kind;
 use crate::output::Output;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -57,6 +58,9 @@ pub struct Args {
     /// How the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
     /// Relative tolerance for FMUs with error control [default: each FMU's own].
     #[arg(long, value_name = "NUMBER", value_parser = positive)]
     tolerance: Option<f64>,
@@ -76,6 +80,24 @@ enum AlgorithmName {
     Jacobi,
     /// One FMU after another, in the order of their dependencies, each with the newest values.
     GaussSeidel,
+}
+
+/// [`Kind`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Kind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
 }
 
 /// `a=b`, split at the first `=`.
@@ -142,7 +164,10 @@ fn build(args: &Args) -> Result<System, Failure> {
     let mut system = System::new();
     for argument in &args.fmus {
         let (name, file) = instance(argument);
-        system.add(&name, Box::new(FmuSlave::open(&file, &name)?))?;
+        system.add(
+            &name,
+            fmu_slave::open(&file, &name, args.kind.map(Kind::from))?,
+        )?;
     }
     for (from, to) in &args.connect {
         system.connect(from, to)?;

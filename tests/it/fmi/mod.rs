@@ -5,4 +5,6 @@ mod faults3;
 mod faults;
 mod findings;
 mod instance;
+mod instance3;
+mod model_exchange;
 mod round_trip;
