@@ -1,10 +1,11 @@
 //! Reading, checking and calling FMUs.
 
+mod faults;
 mod faults2;
 mod faults3;
-mod faults;
 mod findings;
 mod instance;
 mod instance3;
 mod model_exchange;
+mod peers;
 mod round_trip;
