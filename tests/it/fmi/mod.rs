@@ -1,5 +1,6 @@
 //! Reading, checking and calling FMUs.
 
+mod archives;
 mod findings;
 mod instance;
 mod instance3;
