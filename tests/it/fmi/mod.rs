@@ -2,6 +2,7 @@
 
 mod archives;
 mod findings;
+mod fuzz;
 mod instance;
 mod instance3;
 mod model_exchange;
