@@ -127,6 +127,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         Failure::new(format!("cannot write {}: {error}", args.output.display()))
     })?;
     let open_inputs = system.open_inputs();
+    let converted = system.converted();
     let started = Instant::now();
     let mut recorder = WithProgress::new(CsvRecorder::new(BufWriter::new(output)), clock.steps());
     let run = crate::cosim::run(system, &clock, args.tolerance, algorithm, &mut recorder);
@@ -137,9 +138,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let text = match args.json {
         true => format!(
             "{:#}\n",
-            to_json(&args, algorithm, &run, started.elapsed(), &ending)
+            to_json(
+                &args,
+                algorithm,
+                &run,
+                started.elapsed(),
+                &ending,
+                &converted
+            )
         ),
-        false => to_text(&args, algorithm, &run, &open_inputs),
+        false => to_text(&args, algorithm, &run, &open_inputs, &converted),
     };
     terminal::print(&text)?;
     if let Some(message) = ending.message {
@@ -266,9 +274,15 @@ fn to_json(
     run: &Run,
     elapsed: Duration,
     ending: &EndingWords,
+    converted: &[[String; 4]],
 ) -> serde_json::Value {
     let signals: Vec<_> = (run.signals.iter())
         .map(|signal| json!({ "name": signal.name, "unit": signal.unit }))
+        .collect();
+    let conversions: Vec<_> = (converted.iter())
+        .map(|[from, from_unit, to, to_unit]| {
+            json!({ "from": from, "fromUnit": from_unit, "to": to, "toUnit": to_unit })
+        })
         .collect();
     json!({
         "status": ending.status,
@@ -281,11 +295,18 @@ fn to_json(
         "seconds": elapsed.as_secs_f64(),
         "signals": signals,
         "unrecorded": run.unrecorded,
+        "conversions": conversions,
         "output": args.output.display().to_string(),
     })
 }
 
-fn to_text(args: &Args, algorithm: Algorithm, run: &Run, open_inputs: &[String]) -> String {
+fn to_text(
+    args: &Args,
+    algorithm: Algorithm,
+    run: &Run,
+    open_inputs: &[String],
+    converted: &[[String; 4]],
+) -> String {
     let order = match algorithm {
         Algorithm::Jacobi => String::new(),
         Algorithm::GaussSeidel => format!(", in the order {}", run.order.join(", ")),
@@ -300,6 +321,9 @@ fn to_text(args: &Args, algorithm: Algorithm, run: &Run, open_inputs: &[String])
         run.signals.len(),
         args.output.display()
     );
+    for [from, from_unit, to, to_unit] in converted {
+        text += &format!("note: `{from}` [{from_unit}] is converted for `{to}` [{to_unit}]\n");
+    }
     for input in open_inputs {
         text += &format!("note: nothing feeds `{input}`; it keeps its start value\n");
     }

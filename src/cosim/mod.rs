@@ -33,5 +33,5 @@ pub use fmu_slave::{FmuSlave, ModelExchangeSlave};
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
-pub use slave::{Base, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
+pub use slave::{Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
 pub use system::{System, SystemError};

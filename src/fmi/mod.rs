@@ -8,6 +8,7 @@
 //! | [`binary`] | a look into the binary before it is loaded |
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
+//! | [`check`] | an FMU against the standard: archive, files, binaries, behaviour |
 //! | [`simulate`] | a model exchange instance, integrated in time |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
@@ -17,6 +18,7 @@
 pub mod archive;
 pub mod binary;
 pub mod binding;
+pub mod check;
 pub mod description;
 mod environment;
 pub mod fmu;

@@ -21,21 +21,22 @@ const LONGEST: usize = 4096;
 /// Strings are NULL or end with a NUL; `values` fits the format, as the FMU vouches.
 unsafe extern "C" fn receive(
     environment: ComponentEnvironment,
-    _instance_name: *const Char,
+    instance_name: *const Char,
     status: Status,
     category: *const Char,
     format: *const Char,
     values: *mut c_void,
 ) {
     // SAFETY: handed on from the caller.
-    let (category, text) = unsafe {
+    let (instance_name, category, text) = unsafe {
         let category = owned(category).unwrap_or_default();
-        (category, expand(format, values))
+        (owned(instance_name), category, expand(format, values))
     };
     environment::deliver(
         environment,
         Message {
             status,
+            instance_name,
             category,
             text: printable(&text),
         },

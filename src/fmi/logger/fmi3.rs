@@ -25,6 +25,7 @@ unsafe extern "C" fn receive(
         environment,
         Message {
             status: fmi2::Status(status.0),
+            instance_name: None,
             category,
             text: printable(&text),
         },

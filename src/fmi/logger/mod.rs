@@ -10,6 +10,8 @@ use pilotage_abi::fmi2::Status;
 pub struct Message {
     /// How bad it is; FMI 3.0 gives the numbers the same meaning.
     pub status: Status,
+    /// The name by which the FMU calls its instance (FMI 2.0 alone), which should be the given one.
+    pub instance_name: Option<String>,
     /// Category, one of the description's `LogCategories` if the FMU keeps to the standard.
     pub category: String,
     /// The text, control characters escaped.

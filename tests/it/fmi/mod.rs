@@ -1,6 +1,9 @@
 //! Reading, checking and calling FMUs.
 
 mod archives;
+mod faults;
+mod faults2;
+mod faults3;
 mod findings;
 mod fuzz;
 mod instance;

@@ -106,6 +106,12 @@ binaries! {
     binary_without_do_step: "fmu.rs", ["--cfg", "without_do_step"];
     /// It says that it is of FMI 3.0.
     binary_of_fmi3: "fmu.rs", ["--cfg", "fmi3"];
+    /// One fault each, for co-simulation and model exchange.
+    faulty: "faulty.rs", [];
+    /// `fmi2DoStep` is missing.
+    faulty_without_do_step: "faulty.rs", ["--cfg", "without_do_step"];
+    /// `fmi2CancelStep` is missing.
+    faulty_without_cancel_step: "faulty.rs", ["--cfg", "without_cancel_step"];
     /// Models for model exchange.
     binary_of_model_exchange: "me.rs", [];
     /// All kinds of FMI 3.0.
