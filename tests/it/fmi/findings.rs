@@ -65,7 +65,7 @@ fn a_state_has_one_derivative() {
     assert_eq!(
         findings(&second),
         [
-            "error: line 37, column 3: <ContinuousStateDerivative> has two derivatives of `x`: `der(x)` and `z` (FMI 3.0, section 2.4.8)"
+            "error: line 44, column 5: <ContinuousStateDerivative> has two derivatives of `x`: `der(x)` and `z` (FMI 3.0, section 2.4.8)"
         ]
     );
 }
