@@ -3,5 +3,6 @@
 mod faults2;
 mod faults3;
 mod findings;
+mod hostile;
 mod instance;
 mod round_trip;

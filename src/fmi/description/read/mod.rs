@@ -5,6 +5,7 @@
 
 mod element;
 mod interface;
+mod limits;
 mod references;
 mod structure;
 mod types;
@@ -21,6 +22,7 @@ use element::{Context, Element};
 /// If it is no XML, or of another version than FMI 2.0 or 3.0. All else is in [`Reading::findings`].
 pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     let (text, foreign_encoding) = decode(bytes)?;
+    limits::check(&text)?;
     let document = roxmltree::Document::parse(&text)?;
     let root = document.root_element();
     let (version, is_exact) = version(root)?;
