@@ -26,7 +26,8 @@ pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     let document = roxmltree::Document::parse(&text)?;
     let root = document.root_element();
     let (version, is_exact) = version(root)?;
-    let context = Context::new(&text, version);
+    let namespace = root.tag_name().namespace().map(str::to_owned);
+    let context = Context::new(&text, version, namespace.clone());
     let root = context.element(root);
     if root.name() != "fmiModelDescription" {
         return Err(ReadError::WrongRoot {
@@ -37,8 +38,7 @@ pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     if let Some(encoding) = foreign_encoding {
         root.report(Rule::NotUtf8 { encoding });
     }
-    if let Some(namespace) = root.namespace() {
-        let namespace = namespace.to_owned();
+    if let Some(namespace) = namespace {
         root.report(Rule::Namespace { namespace });
     }
     let mut places = Places::new(root.place());
