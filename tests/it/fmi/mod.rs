@@ -6,6 +6,7 @@ mod faults2;
 mod faults3;
 mod findings;
 mod fuzz;
+mod hostile;
 mod instance;
 mod instance3;
 mod model_exchange;
