@@ -9,14 +9,17 @@ use std::cell::RefCell;
 /// What reading gathers besides the values.
 pub(super) struct Context<'t> {
     pub(super) version: FmiVersion,
+    /// Namespace of the root, and so of all that belongs to the standard; there should be none.
+    pub(super) namespace: Option<String>,
     pub(super) lines: LineIndex<'t>,
     pub(super) findings: RefCell<Vec<Finding>>,
 }
 
 impl<'t> Context<'t> {
-    pub(super) fn new(text: &'t str, version: FmiVersion) -> Self {
+    pub(super) fn new(text: &'t str, version: FmiVersion, namespace: Option<String>) -> Self {
         Self {
             version,
+            namespace,
             lines: LineIndex::new(text),
             findings: RefCell::new(Vec::new()),
         }
@@ -42,18 +45,12 @@ pub(super) struct Element<'c, 't> {
 impl<'c, 't> Element<'c, 't> {
     /// Name of the element; empty, which nothing expects, if its namespace is not the root's.
     pub(super) fn name(&self) -> &'t str {
-        let root = self.node.document().root_element();
-        let is_ours = self.node.tag_name().namespace() == root.tag_name().namespace();
-        if is_ours {
-            self.node.tag_name().name()
+        let tag = self.node.tag_name();
+        if tag.namespace() == self.context.namespace.as_deref() {
+            tag.name()
         } else {
             ""
         }
-    }
-
-    /// Namespace of the element; the standard's elements have none.
-    pub(super) fn namespace(&self) -> Option<&'c str> {
-        self.node.tag_name().namespace()
     }
 
     /// Version of the standard that the file follows.
