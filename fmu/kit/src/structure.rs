@@ -213,7 +213,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
                 if mark.is_nan() || *slope != 0.0 {
                     *entry = Some(entry.unwrap_or(true));
                 }
-                if slope.to_bits() != first.to_bits() {
+                if slope != first {
                     *entry = Some(false);
                 }
             }
