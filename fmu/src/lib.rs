@@ -4,4 +4,7 @@
 //! One library serves every model: which one, and with which start values, stands in the FMU's
 //! `resources/model.toml`, so that exporting needs no compiler. All else is [`pilotage_kit`]'s.
 
-pilotage_kit::export!(pilotage_models::Model, pilotage_models::Model::from_resources);
+pilotage_kit::export!(
+    pilotage_models::Model,
+    pilotage_models::Model::from_resources
+);

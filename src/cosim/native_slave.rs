@@ -54,11 +54,19 @@ impl NativeSlave {
 }
 
 /// A model's variable as the master sees it.
-fn seen(variable: &variable::Variable, handle: u32, model: &Model, structure: &Structure) -> Variable {
+fn seen(
+    variable: &variable::Variable,
+    handle: u32,
+    model: &Model,
+    structure: &Structure,
+) -> Variable {
     let inputs = model.inputs();
     let fed_by = |unknowns: &[Unknown]| {
         let unknown = unknowns.iter().find(|u| u.index == handle as usize);
-        let indices = unknown.iter().flat_map(|u| &u.dependencies).map(|d| d.index);
+        let indices = unknown
+            .iter()
+            .flat_map(|u| &u.dependencies)
+            .map(|d| d.index);
         indices.filter(|index| inputs.contains(index)).collect()
     };
     let role = match variable.role {

@@ -38,8 +38,7 @@ pub fn description(
         license: provenance.license.clone(),
         generation_tool: Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")).into()),
         naming_convention: fmi::NamingConvention::Structured,
-        number_of_event_indicators: (!newer)
-            .then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
+        number_of_event_indicators: (!newer).then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
         model_exchange: Some(model_exchange(interface, newer)),
         co_simulation: Some(co_simulation(interface, newer)),
         units: units(&interface.variables),

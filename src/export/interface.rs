@@ -21,10 +21,7 @@ pub fn read(text: &str) -> Option<Interface> {
             .iter()
             .map(variable)
             .collect::<Option<_>>()?,
-        states: list("states")?
-            .iter()
-            .map(number)
-            .collect::<Option<_>>()?,
+        states: list("states")?.iter().map(number).collect::<Option<_>>()?,
         structure: Structure {
             outputs: unknowns("outputs")?,
             derivatives: unknowns("derivatives")?,

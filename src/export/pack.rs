@@ -23,7 +23,12 @@ const INTERFACE: &CStr = c"pilotageInterface";
 /// When there is no cargo, the crate cannot be built, or makes no library of type `cdylib`.
 pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
     let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(["build", "--release", "--message-format", "json-render-diagnostics"])
+        .args([
+            "build",
+            "--release",
+            "--message-format",
+            "json-render-diagnostics",
+        ])
         .args(["--config", "profile.release.panic=\"unwind\""])
         .args(["--config", "profile.release.strip=\"symbols\""])
         .args(["--config", "profile.release.lto=\"fat\""])
@@ -38,12 +43,11 @@ pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
             messages: String::from_utf8_lossy(&output.stderr).into_owned(),
         });
     }
-    let manifest = std::fs::canonicalize(folder.join("Cargo.toml")).map_err(|source| {
-        ExportError::Read {
+    let manifest =
+        std::fs::canonicalize(folder.join("Cargo.toml")).map_err(|source| ExportError::Read {
             path: folder.join("Cargo.toml"),
             source,
-        }
-    })?;
+        })?;
     let built = String::from_utf8_lossy(&output.stdout)
         .lines()
         .filter_map(|line| serde_json::from_str::<Value>(line).ok())

@@ -18,7 +18,8 @@ macro_rules! export {
         #[allow(non_snake_case)]
         pub extern "C" fn pilotageInterface() -> *const ::std::ffi::c_char {
             static TEXT: ::std::sync::OnceLock<::std::ffi::CString> = ::std::sync::OnceLock::new();
-            TEXT.get_or_init($crate::interface::text_of::<$model>).as_ptr()
+            TEXT.get_or_init($crate::interface::text_of::<$model>)
+                .as_ptr()
         }
     };
     ($model:ty, $load:expr) => {

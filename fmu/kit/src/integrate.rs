@@ -248,7 +248,12 @@ impl Integrator {
         }
         let mut sum = 0.0;
         for i in 0..n {
-            let delta: f64 = self.slopes.iter().zip(E).map(|(slope, e)| e * slope[i]).sum();
+            let delta: f64 = self
+                .slopes
+                .iter()
+                .zip(E)
+                .map(|(slope, e)| e * slope[i])
+                .sum();
             let size = x[i].abs().max(self.next[i].abs());
             let scale = relative * (self.absolute[i] + size);
             sum += (step * delta / scale).powi(2);

@@ -93,4 +93,3 @@ pub fn compiled_in<E: Equations + Default>(
 ) -> Result<E, crate::resources::LoadError> {
     Ok(E::default())
 }
-

@@ -83,7 +83,8 @@ impl Transition {
     /// beginning and `slopes` the inputs' time derivatives.
     pub fn apply(&self, x: &[f64], u: &[f64], slopes: &[f64], next: &mut [f64]) {
         let (n, m) = (self.order, self.inputs);
-        let product = |row: &[f64], x: &[f64], sum| row.iter().zip(x).fold(sum, |s, (a, x)| s + a * x);
+        let product =
+            |row: &[f64], x: &[f64], sum| row.iter().zip(x).fold(sum, |s, (a, x)| s + a * x);
         for (next, row) in next.iter_mut().zip(self.rows.chunks_exact(n + 2 * m)) {
             let (states, forced) = row.split_at(n);
             let held = product(&forced[..m], u, 0.0);

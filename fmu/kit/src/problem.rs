@@ -89,7 +89,9 @@ pub enum Problem {
         last: usize,
     },
     /// All variables are real.
-    #[error("this FMU has no {base_type} variables, {count} asked for; use the functions for {used}")]
+    #[error(
+        "this FMU has no {base_type} variables, {count} asked for; use the functions for {used}"
+    )]
     NoSuchType {
         /// The base type.
         base_type: &'static str,
@@ -138,7 +140,9 @@ pub enum Problem {
         name: String,
     },
     /// Unknowns are outputs and derivatives, and in initialization mode states.
-    #[error("{name} is not an unknown in state \"{state}\"; pass outputs and derivatives of states")]
+    #[error(
+        "{name} is not an unknown in state \"{state}\"; pass outputs and derivatives of states"
+    )]
     NoUnknown {
         /// The variable.
         name: String,

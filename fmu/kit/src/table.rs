@@ -39,11 +39,19 @@ pub struct Table {
 impl Table {
     /// A table without variables. The name is a C identifier: FMI's `modelIdentifier`.
     pub fn new(name: &str, description: &str) -> Self {
-        assert!(is_identifier(name), "model name \"{name}\" is no identifier");
+        assert!(
+            is_identifier(name),
+            "model name \"{name}\" is no identifier"
+        );
         Self {
             name: name.to_owned(),
             description: description.to_owned(),
-            variables: vec![Variable::calculated("time", Unit::of("s"), Role::Time, "Time")],
+            variables: vec![Variable::calculated(
+                "time",
+                Unit::of("s"),
+                Role::Time,
+                "Time",
+            )],
             inputs: 0,
             outputs: 0,
             parameters: 0,
@@ -161,10 +169,13 @@ impl Table {
 
     fn insert(&mut self, at: usize, variable: Variable) {
         let name = &variable.name;
-        let plain = name.strip_prefix("der(").map_or(name.as_str(), |n| {
-            n.strip_suffix(')').unwrap_or_default()
-        });
-        assert!(is_identifier(plain), "variable name \"{name}\" is no identifier");
+        let plain = name
+            .strip_prefix("der(")
+            .map_or(name.as_str(), |n| n.strip_suffix(')').unwrap_or_default());
+        assert!(
+            is_identifier(plain),
+            "variable name \"{name}\" is no identifier"
+        );
         assert!(self.index(name).is_none(), "{name} is declared twice");
         if let Some(Err(error)) = variable.start.map(|start| variable.check(start)) {
             panic!("{error}");

@@ -63,7 +63,13 @@ pub unsafe fn fmi2DoStep<E: Equations>(
 /// `fmi2CancelStep`: never legal, since no step is asynchronous.
 pub unsafe fn fmi2CancelStep<E: Equations>(component: Component) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { call(component, Function::CancelStep, |_: &mut Guarded<E, Fmi2>| Ok(())) }
+    unsafe {
+        call(
+            component,
+            Function::CancelStep,
+            |_: &mut Guarded<E, Fmi2>| Ok(()),
+        )
+    }
 }
 
 fn no_status<T>(kind: StatusKind) -> Result<T, Problem> {

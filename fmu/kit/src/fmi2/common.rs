@@ -1,10 +1,10 @@
 //! Values, FMU states and directional derivatives (FMI 2.0.5, sections 2.1.7 to 2.1.9).
 
 use super::Fmi2;
+use crate::Equations;
 use crate::abi::fmi2::Function;
 use crate::abi::fmi2::types::*;
 use crate::shared::{self, Direction, Partial};
-use crate::Equations;
 
 /// `fmi2GetReal`.
 pub unsafe fn fmi2GetReal<E: Equations>(

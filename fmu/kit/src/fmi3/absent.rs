@@ -78,7 +78,8 @@ unsafe fn refuse<E: Equations>(
     unsafe { call(instance, function, body) }
 }
 
-const NO_STRUCTURE: &str = "this FMU has no structural parameters, so there is nothing to configure";
+const NO_STRUCTURE: &str =
+    "this FMU has no structural parameters, so there is nothing to configure";
 
 /// `fmi3EnterConfigurationMode`.
 pub unsafe fn fmi3EnterConfigurationMode<E: Equations>(instance: Instance) -> Status {

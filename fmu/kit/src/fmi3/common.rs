@@ -68,11 +68,7 @@ pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
             (
                 array_mut(dependent_elements, count, "elementIndicesOfDependent")?,
                 array_mut(independents, count, "independents")?,
-                array_mut(
-                    independent_elements,
-                    count,
-                    "elementIndicesOfIndependents",
-                )?,
+                array_mut(independent_elements, count, "elementIndicesOfIndependents")?,
                 array_mut(kinds, count, "dependencyKinds")?,
             )
         };
@@ -211,8 +207,6 @@ pub unsafe fn fmi3GetOutputDerivatives<E: Equations>(
     }
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
     unsafe {
-        shared::output_derivatives::<E, Fmi3>(
-            instance, function, references, count, orders, values,
-        )
+        shared::output_derivatives::<E, Fmi3>(instance, function, references, count, orders, values)
     }
 }

@@ -87,8 +87,10 @@ impl<E: Equations> Simulation<E> {
     /// When the step cannot be done; what was reached is kept.
     pub fn advance(&mut self, h: f64, stop_at_event: bool) -> Result<Reached, StepError> {
         if self.equations.is_linear() {
-            self.step_exactly(h)
-                .map_err(|fault| StepError { fault, reached: 0.0 })?;
+            self.step_exactly(h).map_err(|fault| StepError {
+                fault,
+                reached: 0.0,
+            })?;
             self.arrive(h);
             return Ok(Reached {
                 time: h,

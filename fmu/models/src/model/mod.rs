@@ -200,4 +200,3 @@ fn clipped<T: Scalar>(value: T, limit: T) -> T {
         value
     }
 }
-
