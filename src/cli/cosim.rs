@@ -3,8 +3,9 @@
 use super::{Failure, Outcome, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run, System,
+    Algorithm, Clock, CsvRecorder, Ending, MasterError, Recorder, Run, System, fmu_slave,
 };
+use crate::fmi::Kind;
 use crate::output::Output;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -57,6 +58,9 @@ pub struct Args {
     /// How the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
     /// Relative tolerance for FMUs with error control [default: each FMU's own].
     #[arg(long, value_name = "NUMBER", value_parser = positive)]
     tolerance: Option<f64>,
@@ -76,6 +80,24 @@ enum AlgorithmName {
     Jacobi,
     /// One FMU after another, in the order of their dependencies, each with the newest values.
     GaussSeidel,
+}
+
+/// [`Kind`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Kind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
 }
 
 /// `a=b`, split at the first `=`.
@@ -105,6 +127,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         Failure::new(format!("cannot write {}: {error}", args.output.display()))
     })?;
     let open_inputs = system.open_inputs();
+    let converted = system.converted();
     let started = Instant::now();
     let mut recorder = WithProgress::new(CsvRecorder::new(BufWriter::new(output)), clock.steps());
     let run = crate::cosim::run(system, &clock, args.tolerance, algorithm, &mut recorder);
@@ -115,9 +138,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let text = match args.json {
         true => format!(
             "{:#}\n",
-            to_json(&args, algorithm, &run, started.elapsed(), &ending)
+            to_json(
+                &args,
+                algorithm,
+                &run,
+                started.elapsed(),
+                &ending,
+                &converted
+            )
         ),
-        false => to_text(&args, algorithm, &run, &open_inputs),
+        false => to_text(&args, algorithm, &run, &open_inputs, &converted),
     };
     terminal::print(&text)?;
     if let Some(message) = ending.message {
@@ -134,7 +164,10 @@ fn build(args: &Args) -> Result<System, Failure> {
     let mut system = System::new();
     for argument in &args.fmus {
         let (name, file) = instance(argument);
-        system.add(&name, Box::new(FmuSlave::open(&file, &name)?))?;
+        system.add(
+            &name,
+            fmu_slave::open(&file, &name, args.kind.map(Kind::from))?,
+        )?;
     }
     for (from, to) in &args.connect {
         system.connect(from, to)?;
@@ -241,9 +274,15 @@ fn to_json(
     run: &Run,
     elapsed: Duration,
     ending: &EndingWords,
+    converted: &[[String; 4]],
 ) -> serde_json::Value {
     let signals: Vec<_> = (run.signals.iter())
         .map(|signal| json!({ "name": signal.name, "unit": signal.unit }))
+        .collect();
+    let conversions: Vec<_> = (converted.iter())
+        .map(|[from, from_unit, to, to_unit]| {
+            json!({ "from": from, "fromUnit": from_unit, "to": to, "toUnit": to_unit })
+        })
         .collect();
     json!({
         "status": ending.status,
@@ -256,11 +295,18 @@ fn to_json(
         "seconds": elapsed.as_secs_f64(),
         "signals": signals,
         "unrecorded": run.unrecorded,
+        "conversions": conversions,
         "output": args.output.display().to_string(),
     })
 }
 
-fn to_text(args: &Args, algorithm: Algorithm, run: &Run, open_inputs: &[String]) -> String {
+fn to_text(
+    args: &Args,
+    algorithm: Algorithm,
+    run: &Run,
+    open_inputs: &[String],
+    converted: &[[String; 4]],
+) -> String {
     let order = match algorithm {
         Algorithm::Jacobi => String::new(),
         Algorithm::GaussSeidel => format!(", in the order {}", run.order.join(", ")),
@@ -275,6 +321,9 @@ fn to_text(args: &Args, algorithm: Algorithm, run: &Run, open_inputs: &[String])
         run.signals.len(),
         args.output.display()
     );
+    for [from, from_unit, to, to_unit] in converted {
+        text += &format!("note: `{from}` [{from_unit}] is converted for `{to}` [{to_unit}]\n");
+    }
     for input in open_inputs {
         text += &format!("note: nothing feeds `{input}`; it keeps its start value\n");
     }

@@ -112,7 +112,7 @@ impl Variable {
 pub enum Kind {
     /// Floating point.
     Real,
-    /// 32-bit integer.
+    /// Integer, of 32 bits in FMI 2.0.
     Integer,
     /// True or false.
     Boolean,
@@ -178,12 +178,45 @@ pub struct Base {
     pub offset: f64,
 }
 
+/// How a value in one unit becomes one in another: `factor·value + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conversion {
+    /// Factor.
+    pub factor: f64,
+    /// Offset, in the second unit.
+    pub offset: f64,
+}
+
+impl Conversion {
+    /// The same unit.
+    pub const NONE: Self = Self {
+        factor: 1.0,
+        offset: 0.0,
+    };
+
+    /// The value in the second unit; unchanged bits if both are the same.
+    pub fn apply(self, value: f64) -> f64 {
+        match self == Self::NONE {
+            true => value,
+            false => self.factor * value + self.offset,
+        }
+    }
+}
+
 impl Unit {
-    /// Whether values in both units mean the same: by their meaning where both define it, else by name.
-    pub fn is_same(&self, other: &Self) -> bool {
+    /// How values in this unit become values in `other` (FMI 2.0.5, section 2.2.2); `None` if they
+    /// mean different things, or one has no definition and the names differ.
+    pub fn conversion(&self, other: &Self) -> Option<Conversion> {
         match (&self.base, &other.base) {
-            (Some(a), Some(b)) => a == b,
-            _ => self.name == other.name,
+            (Some(from), Some(to)) if from.exponents == to.exponents => Some(match from == to {
+                true => Conversion::NONE,
+                false => Conversion {
+                    factor: from.factor / to.factor,
+                    offset: (from.offset - to.offset) / to.factor,
+                },
+            }),
+            (Some(_), Some(_)) => None,
+            _ => (self.name == other.name).then_some(Conversion::NONE),
         }
     }
 }
@@ -194,7 +227,7 @@ pub enum Value {
     /// Of a real.
     Real(f64),
     /// Of an integer or an enumeration.
-    Integer(i32),
+    Integer(i64),
     /// Of a boolean.
     Boolean(bool),
     /// Of a string.
@@ -220,7 +253,7 @@ impl Value {
     pub fn as_number(&self) -> f64 {
         match self {
             Self::Real(value) => *value,
-            Self::Integer(value) => f64::from(*value),
+            Self::Integer(value) => *value as f64,
             Self::Boolean(value) => f64::from(u8::from(*value)),
             Self::String(_) => f64::NAN,
         }

@@ -336,7 +336,7 @@ fn binaries() {
     let xml = ("modelDescription.xml", DESCRIPTION.as_bytes());
     let at = format!("a.fmu: `{entry}` cannot be");
     let cases = [
-        ("Model Exchange only", with("<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\"", "<ModelExchange modelIdentifier=\"foreign\""), "a.fmu is an FMU for Model Exchange only; co-simulation needs <CoSimulation>".to_owned()),
+        ("no function of model exchange", with("<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\"", "<ModelExchange modelIdentifier=\"foreign\""), format!("a.fmu: `{entry}` cannot be used: it has no function `fmi2NewDiscreteStates`")),
         ("another platform", archive(&[xml, ("binaries/win99/foreign.dll", b"")]), no_platform),
         ("no binaries", archive(&[xml]), no_binaries),
         ("another name", archive(&[xml, (&other, binary)]), no_library),

@@ -26,6 +26,8 @@ mod recovery;
 mod schemes;
 mod sqp_problems;
 mod starts;
+mod third_party;
 mod threads;
 mod trials;
+mod valgrind;
 mod vehicle;

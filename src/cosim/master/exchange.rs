@@ -3,7 +3,7 @@
 use super::{Ending, MasterError, Stage};
 use crate::cosim::algorithms::Algorithm;
 use crate::cosim::recorder::Signal;
-use crate::cosim::slave::{Kind, Progress, Role, Slave, SlaveError, Value};
+use crate::cosim::slave::{Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
 use crate::cosim::system::System;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -21,6 +21,8 @@ pub(super) struct Wired {
     inputs: Vec<u32>,
     input_slots: Vec<usize>,
     input_values: Vec<f64>,
+    /// Which of these values come in another unit.
+    conversions: Vec<(usize, Conversion)>,
     /// Handles of the other inputs that are fed, and slots in `others`.
     other_inputs: Vec<(u32, usize)>,
 }
@@ -86,6 +88,10 @@ impl Exchange {
             };
             match variable.kind {
                 Kind::Real => {
+                    if connection.conversion != Conversion::NONE {
+                        let position = target.inputs.len();
+                        target.conversions.push((position, connection.conversion));
+                    }
                     target.inputs.push(variable.handle);
                     target.input_slots.push(slot);
                     target.input_values.push(0.0);
@@ -137,6 +143,7 @@ impl Exchange {
             inputs: Vec::new(),
             input_slots: Vec::new(),
             input_values: Vec::new(),
+            conversions: Vec::new(),
             other_inputs: Vec::new(),
         });
     }
@@ -185,6 +192,10 @@ impl Exchange {
         let wired = &mut self.wired[i];
         for (value, &slot) in wired.input_values.iter_mut().zip(&wired.input_slots) {
             *value = self.row[slot];
+        }
+        for &(position, conversion) in &wired.conversions {
+            let value = &mut wired.input_values[position];
+            *value = conversion.apply(*value);
         }
         let mut result = Ok(());
         if !wired.inputs.is_empty() {

@@ -112,7 +112,10 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
     };
     let source = &mut system.instances[connection.from.slave];
     let got = source.slave.get(from_handle, kind);
-    let value = got.map_err(failed.clone()(&source.name))?;
+    let value = match got.map_err(failed.clone()(&source.name))? {
+        Value::Real(value) => Value::Real(connection.conversion.apply(value)),
+        other => other,
+    };
     let target = &mut system.instances[connection.to.slave];
     let set = target.slave.set(to_handle, &value);
     set.map_err(failed(&target.name))?;

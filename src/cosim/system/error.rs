@@ -86,7 +86,7 @@ pub enum SystemError {
     },
     /// The ends are of different units.
     #[error(
-        "`{from}` is in {from_unit} and `{to}` is in {to_unit}: a connection does not convert units"
+        "`{from}` is in {from_unit} and `{to}` is in {to_unit}: one cannot be converted into the other"
     )]
     UnitMismatch {
         /// Where the connection begins.

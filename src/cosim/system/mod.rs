@@ -4,7 +4,7 @@ mod error;
 
 pub use error::SystemError;
 
-use super::slave::{Role, Slave, Value, Variable};
+use super::slave::{Conversion, Role, Slave, Value, Variable};
 use crate::nearest::nearest;
 
 /// A variable of one of the slaves, by positions.
@@ -17,12 +17,14 @@ pub struct Port {
 }
 
 /// A wire from an output to an input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Connection {
     /// The output.
     pub from: Port,
     /// The input.
     pub to: Port,
+    /// From the output's unit to the input's.
+    pub conversion: Conversion,
 }
 
 /// A slave by its name.
@@ -65,17 +67,19 @@ impl System {
         Ok(())
     }
 
-    /// Wires an output to an input, both as `instance.variable`.
+    /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
+    /// of both ends differ but mean the same quantity.
     ///
     /// # Errors
     /// If a name is wrong, or causality, type or unit do not fit, or the input is fed already.
     pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        let (output, input) = (self.resolve(from)?, self.resolve(to)?);
+        self.check_roles(output, input)?;
         let connection = Connection {
-            from: self.resolve(from)?,
-            to: self.resolve(to)?,
+            from: output,
+            to: input,
+            conversion: self.check_types(output, input)?,
         };
-        self.check_roles(connection)?;
-        self.check_types(connection)?;
         let fed = self.connections.iter().find(|c| c.to == connection.to);
         if let Some(first) = fed {
             return Err(SystemError::FedTwice {
@@ -120,6 +124,21 @@ impl System {
         })?;
         self.settings.push((port, value));
         Ok(())
+    }
+
+    /// Connections whose values are converted: output, its unit, input, its unit.
+    pub fn converted(&self) -> Vec<[String; 4]> {
+        let unit = |port| match &self.variable(port).unit {
+            Some(unit) => unit.name.clone(),
+            None => String::new(),
+        };
+        (self.connections.iter())
+            .filter(|c| c.conversion != Conversion::NONE)
+            .map(|c| {
+                let (from, to) = (self.port_name(c.from), self.port_name(c.to));
+                [from, unit(c.from), to, unit(c.to)]
+            })
+            .collect()
     }
 
     /// Names of the slaves, in the order in which they were added.
@@ -198,8 +217,7 @@ impl System {
         }
     }
 
-    fn check_roles(&self, connection: Connection) -> Result<(), SystemError> {
-        let (from, to) = (connection.from, connection.to);
+    fn check_roles(&self, from: Port, to: Port) -> Result<(), SystemError> {
         let (from_role, to_role) = (self.variable(from).role, self.variable(to).role);
         if from_role != Role::Output {
             return Err(SystemError::NotAnOutput {
@@ -219,14 +237,9 @@ impl System {
         Ok(())
     }
 
-    fn check_types(&self, connection: Connection) -> Result<(), SystemError> {
-        let (from, to) = (self.variable(connection.from), self.variable(connection.to));
-        let names = || {
-            (
-                self.port_name(connection.from),
-                self.port_name(connection.to),
-            )
-        };
+    fn check_types(&self, output: Port, input: Port) -> Result<Conversion, SystemError> {
+        let (from, to) = (self.variable(output), self.variable(input));
+        let names = || (self.port_name(output), self.port_name(input));
         if from.kind != to.kind {
             let (from_name, to_name) = names();
             return Err(SystemError::KindMismatch {
@@ -236,18 +249,18 @@ impl System {
                 to_kind: to.kind,
             });
         }
-        match (&from.unit, &to.unit) {
-            (Some(a), Some(b)) if !a.is_same(b) => {
-                let (from, to) = names();
-                Err(SystemError::UnitMismatch {
-                    from,
-                    to,
-                    from_unit: a.name.clone(),
-                    to_unit: b.name.clone(),
-                })
+        // A slave that does not say its unit cannot be checked.
+        let (Some(a), Some(b)) = (&from.unit, &to.unit) else {
+            return Ok(Conversion::NONE);
+        };
+        a.conversion(b).ok_or_else(|| {
+            let (from, to) = names();
+            SystemError::UnitMismatch {
+                from,
+                to,
+                from_unit: a.name.clone(),
+                to_unit: b.name.clone(),
             }
-            // A slave that does not say its unit cannot be checked.
-            _ => Ok(()),
-        }
+        })
     }
 }

@@ -10,6 +10,7 @@ mod kind;
 mod model;
 mod read;
 mod reading;
+mod rule;
 mod structure;
 mod text;
 mod units;
@@ -21,7 +22,7 @@ pub use enums::{
     Causality, DependencyKind, FmiVersion, Initial, IntegerType, IntervalVariability,
     NamingConvention, Precision, Variability,
 };
-pub use finding::{Finding, Rule, Severity};
+pub use finding::{Finding, Severity};
 pub use interface::{CoSimulation, ModelExchange, ScheduledExecution};
 pub use kind::{
     BaseType, BinaryAttributes, ClockAttributes, IntegerAttributes, RealAttributes, RealVariable,
@@ -30,6 +31,7 @@ pub use kind::{
 pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
 pub use read::read;
 pub use reading::{Places, ReadError, Reading};
+pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};

@@ -2,8 +2,8 @@
 
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Algorithm, Clock, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave, System, Value,
-    Variable, run,
+    Algorithm, Clock, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave, System, Unit,
+    Value, Variable, run,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -52,6 +52,13 @@ impl Linear {
 
     pub fn from(mut self, x: f64) -> Self {
         self.x = x;
+        self
+    }
+
+    /// Units of input and output.
+    pub fn in_units(mut self, u: Unit, y: Unit) -> Self {
+        self.variables[0].unit = Some(u);
+        self.variables[1].unit = Some(y);
         self
     }
 

@@ -1,9 +1,9 @@
 //! Wrong wires and values: the exact message of each.
 
-use super::slaves::Linear;
+use super::slaves::{Linear, simulate};
 use pilotage::cosim::slave::SlaveError;
+use pilotage::cosim::{Algorithm, Experiment, Progress, Value};
 use pilotage::cosim::{Base, Kind, NativeSlave, Role, Slave, System, Unit, Variable};
-use pilotage::cosim::{Experiment, Progress, Value};
 use pilotage::models::{Model, Quadcopter};
 
 /// A slave that has variables and does nothing.
@@ -132,17 +132,12 @@ fn wires_that_do_not_fit() {
         (
             "pilot.error",
             "quadcopter.stick",
-            "`pilot.error` is in m and `quadcopter.stick` is in 1: a connection does not convert units",
+            "`pilot.error` is in m and `quadcopter.stick` is in 1: one cannot be converted into the other",
         ),
         (
             "quadcopter.v",
             "pilot.position",
-            "`quadcopter.v` is in m/s and `pilot.position` is in m: a connection does not convert units",
-        ),
-        (
-            "table.1.feet",
-            "pilot.position",
-            "`table.1.feet` is in ft and `pilot.position` is in m: a connection does not convert units",
+            "`quadcopter.v` is in m/s and `pilot.position` is in m: one cannot be converted into the other",
         ),
         (
             "table.1.n",
@@ -161,6 +156,55 @@ fn wires_that_do_not_fit() {
         ),
     ] {
         assert_eq!(system().connect(from, to).unwrap_err().to_string(), message);
+    }
+}
+
+/// Two integrators that hold each other's output, with units of a temperature and a length: what the
+/// second gets is what the units' definitions say.
+#[test]
+fn values_are_converted_between_units_of_one_quantity() {
+    let unit = |name: &str, exponents, factor, offset| Unit {
+        name: name.to_owned(),
+        base: Some(Base {
+            exponents,
+            factor,
+            offset,
+        }),
+    };
+    let temperature = [0, 0, 0, 0, 1, 0, 0, 0];
+    let length = [0, 1, 0, 0, 0, 0, 0, 0];
+    let kelvin = || unit("K", temperature, 1.0, 0.0);
+    let celsius = || unit("degC", temperature, 1.0, 273.15);
+    let fahrenheit = || unit("degF", temperature, 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0);
+    let (foot, inch) = (
+        unit("ft", length, 0.3048, 0.0),
+        unit("in", length, 0.0254, 0.0),
+    );
+    for (from, to, value, expected) in [
+        (celsius(), kelvin(), 20.0, 293.15),
+        (celsius(), fahrenheit(), 100.0, 212.0),
+        (kelvin(), celsius(), 0.0, -273.15),
+        (foot, inch, 2.0, 24.0),
+    ] {
+        // The source keeps its value; the sink passes its input on at once.
+        let source = Linear::new(0.0, 0.0, 1.0, 0.0)
+            .from(value)
+            .in_units(to.clone(), from.clone());
+        let sink = Linear::new(0.0, 0.0, 0.0, 1.0).in_units(to.clone(), to.clone());
+        let mut system = System::new();
+        system.add("source", Box::new(source)).unwrap();
+        system.add("sink", Box::new(sink)).unwrap();
+        system.connect("source.y", "sink.u").unwrap();
+        let converted = ["source.y", &from.name, "sink.u", &to.name].map(str::to_owned);
+        assert_eq!(system.converted(), [converted]);
+        let (run, recorder) = simulate(system, 1.0, 0.5, Algorithm::GaussSeidel);
+        assert_eq!(run.steps, 2);
+        let found = &recorder.series.column("sink.y").unwrap().values;
+        // The first row stands for the initialization, the others for the steps.
+        assert_eq!(found.len(), 3);
+        for found in found {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
     }
 }
 

@@ -40,9 +40,20 @@ pub(super) struct Element<'c, 't> {
 }
 
 impl<'c, 't> Element<'c, 't> {
-    /// Name of the element.
+    /// Name of the element; empty, which nothing expects, if its namespace is not the root's.
     pub(super) fn name(&self) -> &'t str {
-        self.node.tag_name().name()
+        let root = self.node.document().root_element();
+        let is_ours = self.node.tag_name().namespace() == root.tag_name().namespace();
+        if is_ours {
+            self.node.tag_name().name()
+        } else {
+            ""
+        }
+    }
+
+    /// Namespace of the element; the standard's elements have none.
+    pub(super) fn namespace(&self) -> Option<&'c str> {
+        self.node.tag_name().namespace()
     }
 
     /// Version of the standard that the file follows.
@@ -94,6 +105,7 @@ impl<'c, 't> Element<'c, 't> {
     /// Child elements of these names. Those of one group may stand in any order, each group after the
     /// one before; elements that stand elsewhere and those of other names are reported.
     pub(super) fn children_in_order(&self, groups: &[&[&'static str]]) -> Vec<Element<'c, 't>> {
+        self.no_text();
         let mut last = (0, "");
         let mut children = Vec::new();
         for child in self.children() {
@@ -134,8 +146,20 @@ impl<'c, 't> Element<'c, 't> {
         let parent = self.node.parent_element();
         self.report(Rule::UnexpectedElement {
             parent: parent.map_or("", |p| p.tag_name().name()).to_owned(),
-            element: self.name().to_owned(),
+            element: self.node.tag_name().name().to_owned(),
         });
+    }
+
+    /// Reports text between the tags, which none of the standard's elements has.
+    fn no_text(&self) {
+        let text = self.node.children().filter(Node::is_text);
+        let words = text.filter_map(|node| words(node.text().unwrap_or_default()).next());
+        if let Some(word) = words.into_iter().next() {
+            self.report(Rule::UnexpectedText {
+                element: self.name().to_owned(),
+                text: word.chars().take(20).collect(),
+            });
+        }
     }
 
     /// The attribute as it stands.
@@ -252,17 +276,35 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// Reports the attributes that nobody took. Attributes of other namespaces are nobody's business.
+    /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema.
     pub(super) fn finish(&self) {
-        let taken = self.taken.borrow();
-        for attribute in self.node.attributes() {
-            if attribute.namespace().is_none() && !taken.contains(&attribute.name()) {
-                self.report(Rule::UnknownAttribute {
-                    element: self.name().to_owned(),
-                    attribute: attribute.name().to_owned(),
-                });
-            }
+        for attribute in self.unknown_attributes() {
+            self.report(Rule::UnknownAttribute {
+                element: self.name().to_owned(),
+                attribute,
+            });
         }
+    }
+
+    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass.
+    pub(super) fn finish_open(&self) {
+        for attribute in self.unknown_attributes() {
+            self.report(Rule::UnknownCapability {
+                element: self.name().to_owned(),
+                attribute,
+            });
+        }
+    }
+
+    fn unknown_attributes(&self) -> Vec<String> {
+        const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
+        let taken = self.taken.borrow();
+        let is_unknown = |attribute: &roxmltree::Attribute| match attribute.namespace() {
+            None => !taken.contains(&attribute.name()),
+            Some(namespace) => namespace != XSI,
+        };
+        let unknown = self.node.attributes().filter(is_unknown);
+        unknown.map(|a| a.name().to_owned()).collect()
     }
 
     /// Whether the attribute is there.

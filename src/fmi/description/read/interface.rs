@@ -19,7 +19,7 @@ pub(super) fn co_simulation(e: &Element) -> CoSimulation {
             skip_annotations(e);
         }
     }
-    e.finish();
+    finish(e);
     value
 }
 
@@ -36,7 +36,7 @@ pub(super) fn model_exchange(e: &Element) -> ModelExchange {
             skip_annotations(e);
         }
     }
-    e.finish();
+    finish(e);
     value
 }
 
@@ -47,8 +47,16 @@ pub(super) fn scheduled_execution(e: &Element) -> ScheduledExecution {
     };
     value.set_flags(e.version(), |name| e.flag(name));
     skip_annotations(e);
-    e.finish();
+    finish(e);
     value
+}
+
+/// The schema of FMI 3.0 lets other standards add attributes here.
+fn finish(e: &Element) {
+    match e.version() {
+        FmiVersion::V2 => e.finish(),
+        FmiVersion::V3 => e.finish_open(),
+    }
 }
 
 fn source_files(parent: &Element) -> Vec<String> {

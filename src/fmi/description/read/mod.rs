@@ -20,7 +20,7 @@ use element::{Context, Element};
 /// # Errors
 /// If it is no XML, or of another version than FMI 2.0 or 3.0. All else is in [`Reading::findings`].
 pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
-    let text = decode(bytes)?;
+    let (text, foreign_encoding) = decode(bytes)?;
     let document = roxmltree::Document::parse(&text)?;
     let root = document.root_element();
     let (version, is_exact) = version(root)?;
@@ -31,6 +31,13 @@ pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
             place: root.place(),
             found: root.name().to_owned(),
         });
+    }
+    if let Some(encoding) = foreign_encoding {
+        root.report(Rule::NotUtf8 { encoding });
+    }
+    if let Some(namespace) = root.namespace() {
+        let namespace = namespace.to_owned();
+        root.report(Rule::Namespace { namespace });
     }
     let mut places = Places::new(root.place());
     let mut description = read_root(&root, is_exact, &mut places);

@@ -56,12 +56,14 @@ fn display_unit(e: &Element) -> DisplayUnit {
 
 /// `<SimpleType>` of FMI 2.0.
 pub(super) fn simple_type(e: &Element) -> SimpleType {
+    const KINDS: &[&str] = &["Real", "Integer", "Boolean", "String", "Enumeration"];
     let mut kind = None;
-    for child in e.children() {
-        match kind2(&child) {
-            Some(read) if kind.is_none() => kind = Some(read),
-            _ => child.unexpected(),
+    for child in e.children_in_order(&[KINDS]) {
+        if kind.is_some() {
+            child.unexpected();
+            continue;
         }
+        kind = Some(kind2(&child));
         child.finish();
     }
     if kind.is_none() {
@@ -77,11 +79,11 @@ pub(super) fn simple_type(e: &Element) -> SimpleType {
     }
 }
 
-fn kind2(e: &Element) -> Option<TypeKind> {
+fn kind2(e: &Element) -> TypeKind {
     if e.name() != "Enumeration" {
         e.children_in_order(&[]);
     }
-    Some(match e.name() {
+    match e.name() {
         "Real" => TypeKind::Real {
             precision: Precision::Double,
             attributes: real_attributes(e, Precision::Double),
@@ -91,7 +93,6 @@ fn kind2(e: &Element) -> Option<TypeKind> {
             attributes: integer_attributes(e, IntegerType::Int32),
         },
         "Boolean" => TypeKind::Boolean,
-        "String" => TypeKind::String,
         "Enumeration" => TypeKind::Enumeration {
             attributes: IntegerAttributes {
                 quantity: e.text("quantity"),
@@ -99,8 +100,8 @@ fn kind2(e: &Element) -> Option<TypeKind> {
             },
             items: items(e, &e.children_named("Item")),
         },
-        _ => return None,
-    })
+        _ => TypeKind::String,
+    }
 }
 
 /// The type definitions of FMI 3.0.

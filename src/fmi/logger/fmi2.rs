@@ -1,104 +1,19 @@
-//! What an FMU's logger callback receives.
+//! What the logger callback of FMI 2.0 receives.
 //!
 //! The message is a `printf` format with values (FMI 2.0, section 2.1.5), so that the callback has a
 //! variable number of arguments. Stable Rust cannot define such a function. On x86-64 with the
 //! System V calling convention (Linux, macOS) an assembly entry makes a `va_list` of the registers and
 //! the C library formats; elsewhere the format is shown as it came, with the values left out.
 
-use super::binding::owned;
+use super::{Message, printable};
+use crate::fmi::binding::owned;
+use crate::fmi::environment;
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
-use std::collections::{BTreeMap, VecDeque};
 use std::ffi::c_void;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-/// A message of an FMU.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
-    /// How bad it is.
-    pub status: Status,
-    /// Category, one of the description's `LogCategories` if the FMU keeps to the standard.
-    pub category: String,
-    /// The text, control characters escaped.
-    pub text: String,
-}
-
-/// How many messages of one instance are kept: the newest.
-const KEPT: usize = 200;
 
 /// How long a formatted message may be [bytes].
 #[cfg(all(target_arch = "x86_64", unix))]
 const LONGEST: usize = 4096;
-
-type Messages = Arc<Mutex<VecDeque<Message>>>;
-
-/// Where messages go, by the number that an instance's FMU got as environment. Looking it up here
-/// rather than trusting a pointer keeps a confused FMU from taking the process with it.
-static MAILBOXES: Mutex<BTreeMap<usize, Messages>> = Mutex::new(BTreeMap::new());
-
-/// Collects the messages of one instance.
-#[derive(Debug)]
-pub(super) struct Mailbox {
-    number: usize,
-    messages: Messages,
-}
-
-impl Mailbox {
-    pub(super) fn new() -> Self {
-        static NEXT: AtomicUsize = AtomicUsize::new(1);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let messages = Messages::default();
-        lock(&MAILBOXES).insert(number, messages.clone());
-        Self { number, messages }
-    }
-
-    /// A number that no other mailbox of this process has or had.
-    pub(super) fn number(&self) -> usize {
-        self.number
-    }
-
-    /// What the FMU gets as its environment: a number, never to be followed as a pointer.
-    pub(super) fn environment(&self) -> ComponentEnvironment {
-        std::ptr::without_provenance_mut(self.number)
-    }
-
-    /// Takes the messages out.
-    pub(super) fn take(&self) -> Vec<Message> {
-        lock(&self.messages).drain(..).collect()
-    }
-}
-
-impl Drop for Mailbox {
-    fn drop(&mut self) {
-        lock(&MAILBOXES).remove(&self.number);
-    }
-}
-
-/// A poisoned lock is used as it is: the values behind these are always whole.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn deliver(environment: ComponentEnvironment, message: Message) {
-    let messages = lock(&MAILBOXES).get(&environment.addr()).cloned();
-    if let Some(messages) = messages {
-        let mut messages = lock(&messages);
-        if messages.len() == KEPT {
-            messages.pop_front();
-        }
-        messages.push_back(message);
-    }
-}
-
-/// Text for a terminal: no trailing newline, control characters escaped.
-fn printable(text: &str) -> String {
-    let escape = |c: char| match c {
-        '\n' | '\t' => c.to_string(),
-        c if c.is_control() => c.escape_default().to_string(),
-        c => c.to_string(),
-    };
-    text.trim_end().chars().map(escape).collect()
-}
 
 /// Notes a message; `values` is NULL or the `va_list` of the values.
 ///
@@ -106,21 +21,22 @@ fn printable(text: &str) -> String {
 /// Strings are NULL or end with a NUL; `values` fits the format, as the FMU vouches.
 unsafe extern "C" fn receive(
     environment: ComponentEnvironment,
-    _instance_name: *const Char,
+    instance_name: *const Char,
     status: Status,
     category: *const Char,
     format: *const Char,
     values: *mut c_void,
 ) {
     // SAFETY: handed on from the caller.
-    let (category, text) = unsafe {
+    let (instance_name, category, text) = unsafe {
         let category = owned(category).unwrap_or_default();
-        (category, expand(format, values))
+        (owned(instance_name), category, expand(format, values))
     };
-    deliver(
+    environment::deliver(
         environment,
         Message {
             status,
+            instance_name,
             category,
             text: printable(&text),
         },
@@ -141,7 +57,7 @@ mod sys_v {
     ///
     /// Five arguments have names, so that the first value is in the sixth register, r9.
     #[unsafe(naked)]
-    pub(in super::super) unsafe extern "C" fn entry(
+    pub(super) unsafe extern "C" fn entry(
         environment: ComponentEnvironment,
         instance_name: *const Char,
         status: Status,
@@ -269,7 +185,7 @@ unsafe fn expand(format: *const Char, _values: *mut c_void) -> String {
 }
 
 /// The logger callback with the type that the standard gives it.
-pub(super) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
+pub(in crate::fmi) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
     let entry: unsafe extern "C" fn(
         ComponentEnvironment,
         *const Char,
