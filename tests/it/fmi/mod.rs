@@ -1,11 +1,13 @@
 //! Reading, checking and calling FMUs.
 
+mod faults;
 mod faults2;
 mod faults3;
-mod faults;
 mod findings;
 mod hostile;
 mod instance;
 mod instance3;
 mod model_exchange;
+mod others;
 mod round_trip;
+mod rules;
