@@ -4,9 +4,10 @@ use super::cosim_report as report;
 use super::{Failure, Outcome, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, Control, Coupling, CsvRecorder, Ending, FmuSlave, MasterError, Recorder, Run,
-    System,
+    Algorithm, Clock, Control, Coupling, CsvRecorder, Ending, MasterError, Recorder, Run, System,
+    fmu_slave,
 };
+use crate::fmi::Kind;
 use crate::output::Output;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -59,6 +60,9 @@ pub struct Args {
     /// How the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
     /// Degree of the polynomials that stand for outputs not known yet [default: 0, values are held].
     #[arg(long, value_name = "0..2", value_parser = clap::value_parser!(u8).range(0..=2))]
     extrapolation: Option<u8>,
@@ -102,6 +106,24 @@ enum AlgorithmName {
     /// Steps are repeated from saved states until the outputs at their ends fit the inputs: no lag,
     /// second order.
     Strong,
+}
+
+/// [`Kind`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Kind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
 }
 
 /// `a=b`, split at the first `=`.
@@ -183,7 +205,10 @@ fn build(args: &Args) -> Result<System, Failure> {
     let mut system = System::new();
     for argument in &args.fmus {
         let (name, file) = instance(argument);
-        system.add(&name, Box::new(FmuSlave::open(&file, &name)?))?;
+        system.add(
+            &name,
+            fmu_slave::open(&file, &name, args.kind.map(Kind::from))?,
+        )?;
     }
     for (from, to) in &args.connect {
         system.connect(from, to)?;

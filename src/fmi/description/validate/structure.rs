@@ -1,237 +1,226 @@
-//! The model structure (FMI 2.0, section 2.2.8).
+//! Whether the lists of the model structure hold just what they must (FMI 2.0, section 2.2.8; FMI 3.0,
+//! section 2.4.8).
 
+use super::states::{derivative_of, is_continuous_real};
+use super::unknowns::List;
 use super::*;
-use std::collections::BTreeSet;
-
-/// The lists of `<ModelStructure>`.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum List {
-    Outputs,
-    Derivatives,
-    InitialUnknowns,
-}
-
-impl List {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Outputs => "Outputs",
-            Self::Derivatives => "Derivatives",
-            Self::InitialUnknowns => "InitialUnknowns",
-        }
-    }
-}
+use std::collections::BTreeMap;
 
 impl Checker<'_> {
     pub(super) fn structure(&mut self) {
         let structure = &self.description.structure;
         let places = self.places;
-        self.list(List::Outputs, &structure.outputs, &places.outputs);
-        self.list(
-            List::Derivatives,
-            &structure.derivatives,
-            &places.derivatives,
-        );
-        self.list(
-            List::InitialUnknowns,
-            &structure.initial_unknowns,
-            &places.initial_unknowns,
-        );
-        self.members();
-    }
-
-    fn list(&mut self, list: List, unknowns: &[Unknown], places: &[Place]) {
-        let count = self.description.variables.len();
-        let mut seen = BTreeSet::new();
-        let mut previous = 0;
-        for (unknown, &place) in unknowns.iter().zip(places) {
-            let index = unknown.index;
-            if index == 0 || index as usize > count {
-                self.report(place, no_such_index(list, index, count));
-                continue;
-            }
-            if !seen.insert(index) {
-                let list = list.name();
-                self.report(place, Rule::DuplicateUnknown { list, index });
-            } else if list == List::InitialUnknowns && index < previous {
-                self.report(place, Rule::UnorderedUnknowns { index, previous });
-            }
-            previous = previous.max(index);
-            self.dependencies(list, unknown, place);
+        for (list, unknowns, places) in [
+            (List::Outputs, &structure.outputs, &places.outputs),
+            (
+                List::Derivatives,
+                &structure.derivatives,
+                &places.derivatives,
+            ),
+            (
+                List::ClockedStates,
+                &structure.clocked_states,
+                &places.clocked_states,
+            ),
+            (
+                List::InitialUnknowns,
+                &structure.initial_unknowns,
+                &places.initial_unknowns,
+            ),
+            (
+                List::EventIndicators,
+                &structure.event_indicators,
+                &places.event_indicators,
+            ),
+        ] {
+            self.unknowns(list, unknowns, places);
         }
-        let undeclared = unknowns.iter().filter(|u| u.dependencies.is_none());
-        let undeclared = undeclared.count();
-        if undeclared > 0 {
-            let rule = Rule::DependenciesNotDeclared {
-                list: list.name(),
-                count: undeclared,
-            };
-            self.report(places[0], rule);
-        }
-    }
-
-    fn dependencies(&mut self, list: List, unknown: &Unknown, place: Place) {
-        let index = unknown.index;
-        for &kind in unknown.dependencies_kind.iter().flatten() {
-            let allowed = [DependencyKind::Dependent, DependencyKind::Constant];
-            if list == List::InitialUnknowns && !allowed.contains(&kind) {
-                self.report(place, Rule::InitialKind { kind });
-            }
-        }
-        let Some(dependencies) = &unknown.dependencies else {
-            if unknown.dependencies_kind.is_some() {
-                self.report(place, Rule::KindsWithoutDependencies { index });
-            }
-            return;
-        };
-        if let Some(kinds) = &unknown.dependencies_kind
-            && kinds.len() != dependencies.len()
-        {
-            let rule = Rule::KindCount {
-                index,
-                dependencies: dependencies.len(),
-                kinds: kinds.len(),
-            };
+        let mut rules = self.outputs();
+        rules.extend(self.initial_unknowns());
+        rules.extend(self.derivatives());
+        rules.extend(self.clocked_states());
+        rules.extend(self.event_indicators());
+        for (place, rule) in rules {
             self.report(place, rule);
         }
-        if !dependencies.is_sorted() {
-            self.report(place, Rule::UnsortedDependencies { index });
-        }
-        let mut seen = BTreeSet::new();
-        for &known in dependencies {
-            if !seen.insert(known) {
-                self.report(place, Rule::DuplicateKnown { index, known });
-            }
-            let rule = self.bad_known(list, index, known);
-            rule.into_iter().for_each(|rule| self.report(place, rule));
+    }
+
+    /// Name of a list in the XML.
+    pub(super) fn list_name(&self, list: List) -> &'static str {
+        list.name(self.version)
+    }
+
+    /// How the XML refers to the variable of that index (from 1).
+    pub(super) fn handle(&self, index: u32) -> Handle {
+        match (self.version, self.at(index)) {
+            (FmiVersion::V3, Some(variable)) => Handle::Reference(variable.value_reference),
+            _ => Handle::Index(index),
         }
     }
 
-    /// Knowns of outputs and derivatives are inputs, continuous states and time; those of initial
-    /// unknowns are inputs, variables with initial exact and time.
-    fn bad_known(&self, list: List, index: u32, known: u32) -> Option<Rule> {
-        let variables = &self.description.variables;
-        let position = (known as usize).checked_sub(1);
-        let Some(variable) = position.and_then(|p| variables.get(p)) else {
-            return Some(no_such_index(list, known, variables.len()));
-        };
-        let is_known = match variable.causality {
-            Causality::Input | Causality::Independent => true,
-            _ if list == List::InitialUnknowns => {
-                variable.effective_initial() == Some(Initial::Exact)
+    /// Compares a list with what it must hold: `required` says of a variable whether it must be
+    /// listed, `None` that it may be; `wrong` makes the rule for one that must not.
+    fn compare(
+        &self,
+        list: List,
+        listed: &BTreeMap<u32, Place>,
+        required: impl Fn(u32, &ScalarVariable) -> Option<bool>,
+        wrong: impl Fn(Handle, &ScalarVariable) -> Rule,
+    ) -> Vec<(Place, Rule)> {
+        let rule = |(index, variable): (u32, &ScalarVariable)| {
+            let handle = self.handle(index);
+            match (required(index, variable)?, listed.get(&index)) {
+                (true, None) => {
+                    let rule = Rule::MissingUnknown {
+                        list: self.list_name(list),
+                        variable: handle,
+                        name: variable.name.clone(),
+                    };
+                    Some((self.places.structure, rule))
+                }
+                (false, Some(&place)) => Some((place, wrong(handle, variable))),
+                _ => None,
             }
-            _ => self.states.contains(&known),
         };
-        (!is_known).then(|| Rule::BadKnown {
-            index,
-            known,
-            name: variable.name.clone(),
-            causality: variable.causality,
-        })
+        let variables = (1..).zip(&self.description.variables);
+        variables.filter_map(rule).collect()
     }
 
-    /// Whether each list holds just what it must.
-    fn members(&mut self) {
-        let structure = &self.description.structure;
-        let place = self.places.structure;
-        let required = self.required_initial_unknowns();
-        let listed =
-            |unknowns: &[Unknown]| -> BTreeSet<u32> { unknowns.iter().map(|u| u.index).collect() };
-        let outputs = listed(&structure.outputs);
-        let initial = listed(&structure.initial_unknowns);
-        let mut rules = Vec::new();
-        for (position, variable) in self.description.variables.iter().enumerate() {
-            let (index, name) = (position as u32 + 1, &variable.name);
-            let is_output = variable.causality == Causality::Output;
-            let missing = |list: List| Rule::MissingUnknown {
-                list: list.name(),
-                index,
-                name: name.clone(),
-            };
-            match (is_output, outputs.contains(&index)) {
-                (true, false) => rules.push(missing(List::Outputs)),
-                (false, true) => rules.push(Rule::NotAnOutput {
-                    index,
-                    name: name.clone(),
-                    causality: variable.causality,
-                }),
-                _ => {}
-            }
-            match (required.contains(&index), initial.contains(&index)) {
-                (true, false) => rules.push(missing(List::InitialUnknowns)),
-                (false, true) => rules.push(Rule::NotInitial {
-                    index,
-                    name: name.clone(),
-                }),
-                _ => {}
-            }
-        }
-        for unknown in &structure.derivatives {
-            let position = (unknown.index as usize).checked_sub(1);
-            let variable = position.and_then(|p| self.description.variables.get(p));
-            if let (Some(variable), None) =
-                (variable, derivative_of(self.description, unknown.index))
-            {
-                rules.push(Rule::NotADerivative {
-                    index: unknown.index,
-                    name: variable.name.clone(),
-                });
-            }
-        }
-        for rule in rules {
-            self.report(place, rule);
-        }
+    fn outputs(&self) -> Vec<(Place, Rule)> {
+        let listed = listed(&self.description.structure.outputs, &self.places.outputs);
+        let list = self.list_name(List::Outputs);
+        self.compare(
+            List::Outputs,
+            &listed,
+            |_, variable| Some(variable.causality == Causality::Output),
+            |handle, variable| Rule::NotAnOutput {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+                causality: variable.causality,
+            },
+        )
     }
 
     /// Outputs, states and derivatives with initial approx or calculated, and calculated parameters.
-    fn required_initial_unknowns(&self) -> BTreeSet<u32> {
-        let mut candidates = self.states.clone();
-        candidates.extend(
-            self.description
-                .structure
-                .derivatives
-                .iter()
-                .map(|u| u.index),
-        );
-        let is_required = |(position, variable): (usize, &ScalarVariable)| {
-            let index = position as u32 + 1;
-            let computed = matches!(
+    /// In FMI 3.0 clocked variables and clocks may be listed, or not.
+    fn initial_unknowns(&self) -> Vec<(Place, Rule)> {
+        let structure = &self.description.structure;
+        let places = &self.places.initial_unknowns;
+        let listed_here = listed(&structure.initial_unknowns, places);
+        let derivatives = listed(&structure.derivatives, &self.places.derivatives);
+        let list = self.list_name(List::InitialUnknowns);
+        let required = |index: u32, variable: &ScalarVariable| {
+            let is_clock = variable.kind.base_type() == BaseType::Clock;
+            if !variable.clocks.is_empty() || is_clock {
+                return None;
+            }
+            let is_computed = matches!(
                 variable.effective_initial(),
                 Some(Initial::Approx | Initial::Calculated)
             );
-            let listed = match variable.causality {
-                Causality::Output => computed,
+            Some(match variable.causality {
+                Causality::Output => is_computed,
                 Causality::CalculatedParameter => true,
-                _ => computed && candidates.contains(&index),
-            };
-            listed.then_some(index)
+                _ => {
+                    let is_state = self.states.contains(&index);
+                    is_computed && (is_state || derivatives.contains_key(&index))
+                }
+            })
         };
-        let variables = self.description.variables.iter().enumerate();
-        variables.filter_map(is_required).collect()
+        self.compare(
+            List::InitialUnknowns,
+            &listed_here,
+            required,
+            |handle, variable| Rule::NotInitial {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+            },
+        )
+    }
+
+    fn derivatives(&self) -> Vec<(Place, Rule)> {
+        let list = self.list_name(List::Derivatives);
+        let mut rules = Vec::new();
+        let mut first: HashMap<u32, u32> = HashMap::new();
+        let unknowns = self.description.structure.derivatives.iter();
+        for (unknown, &place) in unknowns.zip(&self.places.derivatives) {
+            let Some(variable) = self.at(unknown.index) else {
+                continue;
+            };
+            let (handle, name) = (self.handle(unknown.index), variable.name.clone());
+            let Some(state) = derivative_of(variable) else {
+                let rule = Rule::NotADerivative {
+                    list,
+                    variable: handle,
+                    name,
+                };
+                rules.push((place, rule));
+                continue;
+            };
+            if !is_continuous_real(variable) {
+                let rule = Rule::NotContinuous {
+                    list,
+                    variable: handle,
+                    name: name.clone(),
+                };
+                rules.push((place, rule));
+            }
+            let before = *first.entry(state).or_insert(unknown.index);
+            if let (true, Some(other), Some(state)) =
+                (before != unknown.index, self.at(before), self.at(state))
+            {
+                let rule = Rule::TwoDerivatives {
+                    list,
+                    state: state.name.clone(),
+                    first: other.name.clone(),
+                    second: name,
+                };
+                rules.push((place, rule));
+            }
+        }
+        rules
+    }
+
+    fn clocked_states(&self) -> Vec<(Place, Rule)> {
+        let unknowns = &self.description.structure.clocked_states;
+        let listed = listed(unknowns, &self.places.clocked_states);
+        let list = self.list_name(List::ClockedStates);
+        self.compare(
+            List::ClockedStates,
+            &listed,
+            |_, variable| Some(variable.previous.is_some()),
+            |handle, variable| Rule::NotAClockedState {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+            },
+        )
+    }
+
+    fn event_indicators(&self) -> Vec<(Place, Rule)> {
+        let unknowns = &self.description.structure.event_indicators;
+        let listed = listed(unknowns, &self.places.event_indicators);
+        let list = self.list_name(List::EventIndicators);
+        self.compare(
+            List::EventIndicators,
+            &listed,
+            |_, variable| (!is_continuous_real(variable)).then_some(false),
+            |handle, variable| Rule::NotContinuous {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+            },
+        )
     }
 }
 
-/// Indices (from 1) of the continuous states: what the listed derivatives are derivatives of.
-pub(super) fn states(description: &ModelDescription) -> BTreeSet<u32> {
-    let derivatives = &description.structure.derivatives;
-    derivatives
-        .iter()
-        .filter_map(|u| derivative_of(description, u.index))
-        .collect()
-}
-
-/// The attribute `derivative` of the variable of that index (from 1).
-fn derivative_of(description: &ModelDescription, index: u32) -> Option<u32> {
-    let position = (index as usize).checked_sub(1)?;
-    match &description.variables.get(position)?.kind {
-        VariableKind::Real(real) => real.derivative,
-        _ => None,
+/// Indices of the variables in a list, and where each stands first.
+fn listed(unknowns: &[Unknown], places: &[Place]) -> BTreeMap<u32, Place> {
+    let mut listed = BTreeMap::new();
+    for (unknown, &place) in unknowns.iter().zip(places) {
+        listed.entry(unknown.index).or_insert(place);
     }
-}
-
-fn no_such_index(list: List, index: u32, count: usize) -> Rule {
-    Rule::NoSuchIndex {
-        list: list.name(),
-        index,
-        count,
-    }
+    listed
 }
