@@ -55,10 +55,10 @@ pub fn bare_loop(folder: &Path) -> Command {
 
 fn pack(path: &Path, name: &str, library: &[u8], outputs: usize) {
     let mut zip = zip::ZipWriter::new(File::create(path).expect("a file"));
-    let binary = format!(
-        "binaries/{}/{name}.so",
-        pilotage::fmi::platform::folders()[0]
-    );
+    // The name of FMI 2.0, which all tools know, is the last.
+    let folders = pilotage::fmi::platform::folders();
+    let folder = folders.last().expect("a platform");
+    let binary = format!("binaries/{folder}/{name}.so");
     for (entry, bytes) in [
         (
             "modelDescription.xml",
