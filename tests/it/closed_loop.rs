@@ -3,9 +3,11 @@
 use crate::command::Folder;
 use crate::python;
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, FmuSlave, NativeSlave, SeriesRecorder, Slave, System, run,
+    Algorithm, Clock, Control, Coupling, Ending, FmuSlave, NativeSlave, SeriesRecorder, Slave,
+    System, fmu_slave, run,
 };
 use pilotage::export::{Provenance, export};
+use pilotage::fmi::Kind;
 use pilotage::models::{Model, Quadcopter};
 
 /// A pilot who brings the vehicle to its target.
@@ -132,6 +134,36 @@ fn fmus_and_native_slaves_give_the_same_bits() {
             }
         }
     }
+}
+
+/// The same FMUs for model exchange, solved by the master's side: strong coupling goes back and repeats
+/// there too, and comes to what the FMUs for co-simulation come to.
+#[test]
+fn model_exchange_is_coupled_as_tightly() {
+    let folder = folder_with_fmus();
+    let z = |kind| {
+        let mut system = System::new();
+        for name in ["pilot", "quadcopter"] {
+            let path = folder.path(&format!("{name}.fmu"));
+            system
+                .add(name, fmu_slave::open(&path, name, Some(kind)).unwrap())
+                .unwrap();
+        }
+        system.connect("pilot.stick", "quadcopter.stick").unwrap();
+        system.connect("quadcopter.z", "pilot.position").unwrap();
+        system.set("pilot.target", "10").unwrap();
+        let clock = Clock::new(0.0, 5.0, 0.05).unwrap();
+        let mut recorder = SeriesRecorder::default();
+        let run = run(system, &clock, Some(1e-9), Algorithm::Strong, &mut recorder).unwrap();
+        assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+        assert_eq!(run.report.irrevocable, Vec::<String>::new());
+        assert_eq!(run.report.steps.unconverged, 0);
+        recorder.series.column("quadcopter.z").unwrap().values[100]
+    };
+    let (exchange, co_simulation) = (z(Kind::ModelExchange), z(Kind::CoSimulation));
+    // Without the outputs' derivatives, the inputs go straight through the step: second order.
+    let difference = (exchange - co_simulation).abs();
+    assert!(difference < 5e-3, "{exchange} {co_simulation}");
 }
 
 #[test]

@@ -2,11 +2,13 @@
 
 use super::access::Access;
 use super::variables::variables;
-use crate::cosim::slave::{Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
-use crate::fmi::simulate::RunWork;
+use crate::cosim::slave::{
+    Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable,
+};
+use crate::fmi::simulate::{RunWork, SavedRun};
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
-/// An instance of an FMU for model exchange with a solver. Inputs are held during a step.
+/// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
 #[derive(Debug)]
 pub struct ModelExchangeSlave {
     run: ModelExchangeRun,
@@ -16,6 +18,10 @@ pub struct ModelExchangeSlave {
     tolerance: Option<f64>,
     start: f64,
     has_begun: bool,
+    can_save: bool,
+    saved: Vec<Option<SavedRun>>,
+    /// Inputs as they were set last.
+    last: Vec<f64>,
 }
 
 impl ModelExchangeSlave {
@@ -33,6 +39,10 @@ impl ModelExchangeSlave {
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
             has_begun: false,
+            can_save: (description.model_exchange.as_ref())
+                .is_some_and(|me| me.can_get_and_set_fmu_state),
+            saved: Vec::new(),
+            last: Vec::new(),
         })
     }
 
@@ -71,6 +81,8 @@ impl Slave for ModelExchangeSlave {
 
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
         if self.has_begun && !self.access.has_singles() {
+            self.last.clear();
+            self.last.extend_from_slice(values);
             return Ok(self.run.set_inputs(handles, values, None)?);
         }
         let instance = match self.has_begun {
@@ -107,5 +119,34 @@ impl Slave for ModelExchangeSlave {
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.run.instance().terminate()?)
+    }
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: self.can_save,
+            variable_steps: true,
+            input_derivatives: !self.access.has_singles(),
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        if self.saved.len() <= place {
+            self.saved.resize(place + 1, None);
+        }
+        let old = self.saved[place].take();
+        self.saved[place] = Some(self.run.save(old)?);
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        match self.saved.get(place) {
+            Some(Some(saved)) => Ok(self.run.restore(saved)?),
+            _ => Err(format!("no state is saved in place {place}").into()),
+        }
+    }
+
+    /// Of the inputs that were set last.
+    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        Ok(self.run.set_inputs(handles, &self.last, Some(slopes))?)
     }
 }

@@ -10,9 +10,9 @@ mod model;
 
 pub use error::RunError;
 
-use self::model::Model;
+use self::model::{Inputs, Model};
 use super::description::ModelDescription;
-use super::instance::Instance;
+use super::instance::{Instance, Saved};
 use super::version::State;
 use crate::integrate::{self, Advance, Method, Solver};
 use pilotage_abi::{fmi2, fmi3};
@@ -62,6 +62,18 @@ pub struct RunWork {
     pub step_events: u64,
     /// Events where inputs jumped.
     pub input_events: u64,
+}
+
+/// What [`ModelExchangeRun::save`] keeps; valid for the run that made it.
+#[derive(Debug, Clone)]
+pub struct SavedRun {
+    instance: Saved,
+    time: f64,
+    x: Vec<f64>,
+    inputs: Inputs,
+    next_time: Option<f64>,
+    is_over: bool,
+    cluster: (f64, u32),
 }
 
 /// A model exchange instance on its way through time. Outputs may be read whenever it stands.
@@ -160,6 +172,37 @@ impl ModelExchangeRun {
             self.event_mode()?;
             self.model.set_inputs(t)?;
         }
+        Ok(())
+    }
+
+    /// Saves all that changes, to go back to any number of times; over `old` if there is one.
+    pub fn save(&mut self, old: Option<SavedRun>) -> Result<SavedRun, RunError> {
+        let (solver, instance) = (&self.solver, &mut self.model.instance);
+        let (mut x, saved) = match old {
+            Some(old) => (old.x, instance.save_into(old.instance)?),
+            None => (Vec::new(), instance.save()?),
+        };
+        x.clear();
+        x.extend_from_slice(solver.state());
+        Ok(SavedRun {
+            instance: saved,
+            time: solver.time(),
+            x,
+            inputs: self.model.inputs(),
+            next_time: self.next_time,
+            is_over: self.is_over,
+            cluster: self.cluster,
+        })
+    }
+
+    /// Goes back to where it was saved.
+    pub fn restore(&mut self, saved: &SavedRun) -> Result<(), RunError> {
+        self.model.instance.restore(saved.instance)?;
+        self.model.set_back(&saved.inputs);
+        self.x.copy_from_slice(&saved.x);
+        self.solver.restart(saved.time, &self.x, false);
+        (self.next_time, self.is_over) = (saved.next_time, saved.is_over);
+        self.cluster = saved.cluster;
         Ok(())
     }
 

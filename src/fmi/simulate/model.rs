@@ -17,8 +17,8 @@ pub(super) struct Model {
 }
 
 /// Real inputs: `value + slope·(t - since)`.
-#[derive(Debug, Default)]
-struct Inputs {
+#[derive(Debug, Clone, Default)]
+pub(super) struct Inputs {
     positions: HashMap<u32, usize>,
     references: Vec<u32>,
     values: Vec<f64>,
@@ -64,6 +64,15 @@ impl Model {
             inputs: Inputs::default(),
             jacobian,
         }
+    }
+
+    /// The inputs as functions of time.
+    pub(super) fn inputs(&self) -> Inputs {
+        self.inputs.clone()
+    }
+
+    pub(super) fn set_back(&mut self, inputs: &Inputs) {
+        self.inputs.clone_from(inputs);
     }
 
     /// Takes inputs from time `t` on. Says whether one of them jumps.
