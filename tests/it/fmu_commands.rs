@@ -171,7 +171,7 @@ fn validate_tells_the_verdict_first() {
     let (code, lines) = validated(&foreign::fmu_of(&description, foreign::binary()));
     assert_eq!(code, 1);
     assert!(
-        lines[0].starts_with("a.fmu: not valid (1 error, "),
+        lines[0].starts_with("a.fmu: not valid (1 error"),
         "{}",
         lines[0]
     );
