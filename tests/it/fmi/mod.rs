@@ -11,4 +11,7 @@ mod hostile;
 mod instance;
 mod instance3;
 mod model_exchange;
+mod others;
+mod peers;
 mod round_trip;
+mod rules;

@@ -275,33 +275,32 @@ impl<'c, 't> Element<'c, 't> {
 
     /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema.
     pub(super) fn finish(&self) {
-        for attribute in self.unknown_attributes() {
-            self.report(Rule::UnknownAttribute {
-                element: self.name().to_owned(),
-                attribute,
-            });
-        }
-    }
-
-    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass.
-    pub(super) fn finish_open(&self) {
-        for attribute in self.unknown_attributes() {
-            self.report(Rule::UnknownCapability {
-                element: self.name().to_owned(),
-                attribute,
-            });
-        }
-    }
-
-    fn unknown_attributes(&self) -> Vec<String> {
         const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
         let taken = self.taken.borrow();
         let is_unknown = |attribute: &roxmltree::Attribute| match attribute.namespace() {
             None => !taken.contains(&attribute.name()),
             Some(namespace) => namespace != XSI,
         };
-        let unknown = self.node.attributes().filter(is_unknown);
-        unknown.map(|a| a.name().to_owned()).collect()
+        for attribute in self.node.attributes().filter(is_unknown) {
+            self.report(Rule::UnknownAttribute {
+                element: self.name().to_owned(),
+                attribute: attribute.name().to_owned(),
+            });
+        }
+    }
+
+    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass. It is there
+    /// for those of other standards, in a namespace; others are likely to be misspelled.
+    pub(super) fn finish_open(&self) {
+        let taken = self.taken.borrow();
+        let plain = self.node.attributes().filter(|a| a.namespace().is_none());
+        for attribute in plain.map(|a| a.name()).filter(|name| !taken.contains(name)) {
+            let attribute = attribute.to_owned();
+            self.report(Rule::UnknownCapability {
+                element: self.name().to_owned(),
+                attribute,
+            });
+        }
     }
 
     /// Whether the attribute is there.
