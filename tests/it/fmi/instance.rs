@@ -282,7 +282,7 @@ fn categories_are_chosen() {
     let mut instance = capable("good");
     let mut categories = |on: bool, names: &[&str]| {
         instance.set_debug_logging(on, names).unwrap();
-        instance.get_integer(1).unwrap()
+        instance.get_integer(2).unwrap()
     };
     assert_eq!(categories(true, &["logStatusError"]), 1);
     assert_eq!(categories(true, &[]), 0);

@@ -32,7 +32,7 @@ struct Values {
     k: f64,
     /// Tolerance, start and stop time as they were given.
     experiment: [f64; 3],
-    integer: [c_int; 2],
+    integer: [c_int; 3],
     boolean: [c_int; 2],
     string: [CString; 2],
     time: f64,
@@ -94,7 +94,7 @@ unsafe extern "C" fn fmi2Instantiate(
             y: 0.0,
             k: 1.0,
             experiment: [0.0; 3],
-            integer: [0; 2],
+            integer: [0; 3],
             boolean: [0; 2],
             string: [c"".into(), c"".into()],
             time: f64::NAN,
@@ -338,14 +338,14 @@ extern "C" fn fmi2GetIntegerStatus(_c: *mut c_void, _kind: c_int, _to: *mut c_in
     DISCARD
 }
 
-/// The number of categories that were asked for is in integer 1, or -1 for off.
+/// The number of categories that were asked for is in integer 2, or -1 for off.
 #[unsafe(no_mangle)]
 extern "C" fn fmi2SetDebugLogging(c: *mut c_void, on: c_int, n: usize, categories: *const *const c_char) -> c_int {
     let known = |i: usize| unsafe { CStr::from_ptr(*categories.add(i)) } == c"logStatusError";
     if !(0..n).all(known) {
         return ERROR;
     }
-    of(c).values.integer[1] = if on == 0 { -1 } else { n as c_int };
+    of(c).values.integer[2] = if on == 0 { -1 } else { n as c_int };
     OK
 }
 
