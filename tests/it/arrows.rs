@@ -28,7 +28,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("integrate", &[]),
     ("fmi", &["abi", "nearest", "integrate"]),
-    ("export", &["models", "fmi", "output"]),
+    ("export", &["abi", "kit", "models", "fmi", "output"]),
     ("cosim", &["series", "nearest"]),
     ("cosim/fmu_slave", &["series", "fmi", "nearest"]),
     ("cosim/native_slave", &["series", "models", "nearest"]),
@@ -180,6 +180,7 @@ fn the_fmu_drags_in_no_toolkit() {
     for manifest in [
         "fmu/Cargo.toml",
         "fmu/abi/Cargo.toml",
+        "fmu/kit/Cargo.toml",
         "fmu/models/Cargo.toml",
     ] {
         let text = fs::read_to_string(root.join(manifest)).unwrap();
