@@ -148,7 +148,7 @@ impl<'c, 't> Element<'c, 't> {
     }
 
     /// Reports text between the tags, which none of the standard's elements has.
-    fn no_text(&self) {
+    pub(super) fn no_text(&self) {
         let text = self.node.children().filter(Node::is_text);
         let words = text.filter_map(|node| words(node.text().unwrap_or_default()).next());
         if let Some(word) = words.into_iter().next() {
