@@ -379,6 +379,11 @@ pub(super) fn parse_integer(text: &str, integer: IntegerType) -> Option<i128> {
     integer.range().contains(&value).then_some(value)
 }
 
+/// Parses an `xs:unsignedInt`.
+pub(super) fn parse_unsigned(text: &str) -> Option<u32> {
+    u32::try_from(parse_integer(text, IntegerType::UInt32)?).ok()
+}
+
 /// Parses an `xs:hexBinary`.
 pub(super) fn parse_hex(text: &str) -> Option<Vec<u8>> {
     let digit = |byte: u8| char::from(byte).to_digit(16);
