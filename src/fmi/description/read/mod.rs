@@ -5,6 +5,7 @@
 
 mod element;
 mod interface;
+mod lexical;
 mod limits;
 mod references;
 mod structure;

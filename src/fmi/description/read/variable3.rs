@@ -1,9 +1,10 @@
 //! Reads the variables of FMI 3.0. Where they refer to others, the fields hold value references until
 //! [`references`] makes indices of them.
 
-use super::element::{
-    BOOLEAN, Element, integer_name, parse_boolean, parse_hex, parse_integer, parse_real,
-    parse_unsigned, real_name,
+use super::element::Element;
+use super::lexical::{
+    BOOLEAN, integer_name, parse_boolean, parse_hex, parse_integer, parse_real, parse_unsigned,
+    real_name,
 };
 use super::types::{binary_attributes, clock_attributes, integer_attributes, real_attributes};
 use super::*;
