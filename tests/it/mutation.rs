@@ -132,10 +132,15 @@ impl Mutator {
         start..start + self.below(longest + 1)
     }
 
-    /// One to eight mutations, some with parts of `other`.
+    /// One to six mutations: of bytes, some with parts of `other`; or, half of the time, such as leave XML
+    /// well-formed.
     pub fn mutate(&mut self, bytes: &mut Vec<u8>, other: &[u8]) {
-        for _ in 0..=self.below(8) {
-            self.once(bytes, other);
+        let is_rough = self.below(2) == 0;
+        for _ in 0..=self.below(6) {
+            match is_rough {
+                true => self.once(bytes, other),
+                false => self.tidily(bytes, other),
+            }
             // Repetitions of repetitions would only fill the memory.
             bytes.truncate(1 << 20);
         }
@@ -143,7 +148,7 @@ impl Mutator {
 
     fn once(&mut self, bytes: &mut Vec<u8>, other: &[u8]) {
         let range = self.range(bytes.len());
-        match self.below(9) {
+        match self.below(8) {
             0 => {
                 let at = self.below(bytes.len());
                 let bit = 1 << self.below(8);
@@ -174,19 +179,39 @@ impl Mutator {
                 let token = TOKENS[self.below(TOKENS.len())];
                 bytes.splice(range.start..range.start, token.bytes());
             }
-            7 => {
-                if let Some(value) = quoted(bytes, range.start) {
+            _ => self.tidily(bytes, other),
+        }
+    }
+
+    /// Values between quotes and whole lines.
+    fn tidily(&mut self, bytes: &mut Vec<u8>, other: &[u8]) {
+        let (from, to) = (self.below(bytes.len()), self.below(bytes.len()));
+        match self.below(5) {
+            0 | 1 => {
+                if let Some(value) = quoted(bytes, to) {
                     let token = TOKENS[self.below(TOKENS.len())];
                     bytes.splice(value, token.bytes());
                 }
             }
-            _ => {
+            2 => {
                 // One value in the place of another one.
-                let at = self.below(bytes.len());
-                if let (Some(from), Some(to)) = (quoted(bytes, at), quoted(bytes, range.start)) {
+                if let (Some(from), Some(to)) = (quoted(bytes, from), quoted(bytes, to)) {
                     let copy = bytes[from].to_vec();
                     bytes.splice(to, copy);
                 }
+            }
+            3 => {
+                let line = line(bytes, from);
+                bytes.drain(line);
+            }
+            _ => {
+                let at = self.below(other.len());
+                let copy = match self.below(2) {
+                    0 => bytes[line(bytes, from)].to_vec(),
+                    _ => other[line(other, at)].to_vec(),
+                };
+                let end = line(bytes, to).end;
+                bytes.splice(end..end, copy);
             }
         }
     }
@@ -215,6 +240,17 @@ fn quoted(bytes: &[u8], from: usize) -> Option<Range<usize>> {
     let next = |from: usize| Some(from + bytes.get(from..)?.iter().position(|&b| b == b'"')?);
     let start = next(from)? + 1;
     Some(start..next(start)?)
+}
+
+/// The line that holds a place, with its end.
+fn line(bytes: &[u8], at: usize) -> Range<usize> {
+    let is_end = |byte: &u8| *byte == b'\n';
+    let start = bytes[..at]
+        .iter()
+        .rposition(is_end)
+        .map_or(0, |end| end + 1);
+    let end = bytes[at..].iter().position(is_end);
+    start..end.map_or(bytes.len(), |end| at + end + 1)
 }
 
 /// An FMU around a description, without a binary that could be loaded.

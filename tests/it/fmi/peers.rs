@@ -10,7 +10,20 @@ use std::path::Path;
 fn write(folder: &Path, good: &str, faults: &[(&str, &str)]) {
     std::fs::create_dir(folder).unwrap();
     let faulty = faults.iter().map(|(from, to)| good.replace(from, to));
-    for (k, xml) in std::iter::once(good.to_owned()).chain(faulty).enumerate() {
+    // fmpy does not read <ClockType>, and takes an output clock for an initial unknown.
+    let known = |xml: String| {
+        xml.replace(r#" declaredType="Sampling""#, r#" intervalDecimal="0.1""#)
+            .replace(
+                r#"valueReference="13" causality="output""#,
+                r#"valueReference="13""#,
+            )
+            .replace(r#"<Output valueReference="13" dependencies="12"/>"#, "")
+    };
+    for (k, xml) in std::iter::once(good.to_owned())
+        .chain(faulty)
+        .map(known)
+        .enumerate()
+    {
         let bytes = archive(&[("modelDescription.xml", xml.as_bytes())]);
         std::fs::write(folder.join(format!("{k:03}.fmu")), bytes).unwrap();
     }
