@@ -1,7 +1,9 @@
 //! The library inside exported FMUs, called as C would call it.
 
+mod fmi3;
 mod legality;
 mod misuse;
+mod model_exchange;
 mod raw;
 mod states;
 
