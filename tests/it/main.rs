@@ -20,6 +20,7 @@ mod fmpy;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
+mod mutation;
 mod python;
 mod random_collocation;
 mod recovery;
