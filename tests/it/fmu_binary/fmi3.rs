@@ -203,7 +203,10 @@ impl Instance<'_> {
             &raw mut next
         );
         assert_eq!(status, Status::OK);
-        assert_eq!((needed, terminate, nominals, defined), (false, false, false, false));
+        assert_eq!(
+            (needed, terminate, nominals, defined),
+            (false, false, false, false)
+        );
         values
     }
 }
@@ -317,7 +320,12 @@ fn dependencies_are_those_of_the_description() {
         for unknown in structure.outputs.iter().chain(&structure.derivatives) {
             let (reference, mut n) = (unknown.index as u32, 99);
             assert_eq!(
-                call!(instance, GetNumberOfVariableDependencies, reference, &raw mut n),
+                call!(
+                    instance,
+                    GetNumberOfVariableDependencies,
+                    reference,
+                    &raw mut n
+                ),
                 Status::OK
             );
             let mut elements = [vec![9_usize; n], vec![9_usize; n]];
@@ -364,7 +372,18 @@ fn adjoint_derivatives_are_the_transpose_of_directional_ones() {
         .map(|i| {
             let (seed, mut column) = (unit(nk, i), vec![f64::NAN; nu]);
             let (s, r) = (seed.as_ptr(), column.as_mut_ptr());
-            let status = call!(instance, GetDirectionalDerivative, u, nu, k, nk, s, nk, r, nu);
+            let status = call!(
+                instance,
+                GetDirectionalDerivative,
+                u,
+                nu,
+                k,
+                nk,
+                s,
+                nk,
+                r,
+                nu
+            );
             assert_eq!(status, Status::OK);
             column
         })
@@ -384,7 +403,10 @@ fn adjoint_derivatives_are_the_transpose_of_directional_ones() {
 fn states_repeat_to_the_last_bit_and_belong_to_their_version() {
     let raw = Raw::new(quadcopter());
     let messages = super::Messages::default();
-    let (instance, other) = (instantiate(&raw, CO_SIMULATION), instantiate(&raw, CO_SIMULATION));
+    let (instance, other) = (
+        instantiate(&raw, CO_SIMULATION),
+        instantiate(&raw, CO_SIMULATION),
+    );
     assert_eq!(instance.set("stick", -0.4), Status::OK);
     instance.initialize();
     instance.step(0.0, 0.2);
@@ -433,7 +455,12 @@ fn a_step_that_fails_says_how_far_it_came() {
 
 /// Calls a function with arguments that are right wherever it is allowed; `None` for those that make
 /// instances or need none.
-fn poke(instance: &Instance, function: Function, state: FmuState, saved: &mut [u8]) -> Option<Status> {
+fn poke(
+    instance: &Instance,
+    function: Function,
+    state: FmuState,
+    saved: &mut [u8],
+) -> Option<Status> {
     use Function as F;
     let mut flags = [true; 5];
     let [a, b, c, d, e] = flags.each_mut().map(std::ptr::from_mut);
@@ -458,7 +485,15 @@ fn poke(instance: &Instance, function: Function, state: FmuState, saved: &mut [u
         Some(match function {
             F::SetDebugLogging => call!(instance, SetDebugLogging, true, 0, null()),
             F::EnterInitializationMode => {
-                call!(instance, EnterInitializationMode, false, 0.0, 0.0, false, 0.0)
+                call!(
+                    instance,
+                    EnterInitializationMode,
+                    false,
+                    0.0,
+                    0.0,
+                    false,
+                    0.0
+                )
             }
             F::ExitInitializationMode => call!(instance, ExitInitializationMode),
             F::EnterEventMode => call!(instance, EnterEventMode),
@@ -479,29 +514,85 @@ fn poke(instance: &Instance, function: Function, state: FmuState, saved: &mut [u
             F::FreeFmuState => call!(instance, FreeFmuState, &raw mut copy),
             F::SerializedFmuStateSize => call!(instance, SerializedFmuStateSize, state, n),
             F::SerializeFmuState => {
-                call!(instance, SerializeFmuState, state, saved.as_mut_ptr(), saved.len())
+                call!(
+                    instance,
+                    SerializeFmuState,
+                    state,
+                    saved.as_mut_ptr(),
+                    saved.len()
+                )
             }
             F::DeserializeFmuState => {
                 let bytes = saved.as_ptr();
-                call!(instance, DeserializeFmuState, bytes, saved.len(), &raw mut copy)
+                call!(
+                    instance,
+                    DeserializeFmuState,
+                    bytes,
+                    saved.len(),
+                    &raw mut copy
+                )
             }
             F::GetDirectionalDerivative => {
                 let v = null_mut();
-                call!(instance, GetDirectionalDerivative, nothing, 0, nothing, 0, null(), 0, v, 0)
+                call!(
+                    instance,
+                    GetDirectionalDerivative,
+                    nothing,
+                    0,
+                    nothing,
+                    0,
+                    null(),
+                    0,
+                    v,
+                    0
+                )
             }
             F::GetAdjointDerivative => {
                 let v = null_mut();
-                call!(instance, GetAdjointDerivative, nothing, 0, nothing, 0, null(), 0, v, 0)
+                call!(
+                    instance,
+                    GetAdjointDerivative,
+                    nothing,
+                    0,
+                    nothing,
+                    0,
+                    null(),
+                    0,
+                    v,
+                    0
+                )
             }
             F::GetIntervalDecimal => {
-                call!(instance, GetIntervalDecimal, nothing, 0, null_mut(), null_mut())
+                call!(
+                    instance,
+                    GetIntervalDecimal,
+                    nothing,
+                    0,
+                    null_mut(),
+                    null_mut()
+                )
             }
             F::GetIntervalFraction => {
                 let v = null_mut();
-                call!(instance, GetIntervalFraction, nothing, 0, null_mut(), null_mut(), v)
+                call!(
+                    instance,
+                    GetIntervalFraction,
+                    nothing,
+                    0,
+                    null_mut(),
+                    null_mut(),
+                    v
+                )
             }
             F::GetShiftFraction => {
-                call!(instance, GetShiftFraction, nothing, 0, null_mut(), null_mut())
+                call!(
+                    instance,
+                    GetShiftFraction,
+                    nothing,
+                    0,
+                    null_mut(),
+                    null_mut()
+                )
             }
             F::SetIntervalFraction => {
                 call!(instance, SetIntervalFraction, nothing, 0, null(), null())
@@ -511,7 +602,15 @@ fn poke(instance: &Instance, function: Function, state: FmuState, saved: &mut [u
             F::UpdateDiscreteStates => call!(instance, UpdateDiscreteStates, a, b, c, d, e, x),
             F::EnterStepMode => call!(instance, EnterStepMode),
             F::GetOutputDerivatives => {
-                call!(instance, GetOutputDerivatives, nothing, 0, null(), null_mut(), 0)
+                call!(
+                    instance,
+                    GetOutputDerivatives,
+                    nothing,
+                    0,
+                    null(),
+                    null_mut(),
+                    0
+                )
             }
             F::DoStep => call!(instance, DoStep, 0.0, 1e-3, true, a, b, c, x),
             F::EnterContinuousTimeMode => call!(instance, EnterContinuousTimeMode),
@@ -545,7 +644,15 @@ fn reach(instance: &Instance, state: State) {
         return;
     }
     assert_eq!(
-        call!(instance, EnterInitializationMode, false, 0.0, 0.0, false, 0.0),
+        call!(
+            instance,
+            EnterInitializationMode,
+            false,
+            0.0,
+            0.0,
+            false,
+            0.0
+        ),
         Status::OK
     );
     if state == State::InitializationMode {

@@ -246,6 +246,7 @@ fn the_table_of_legal_states_is_obeyed() {
     assert_eq!((allowed, refused, foreign), (236, 220, 24));
 }
 
+/// FMI rule 25: a step that cannot be done is discarded.
 #[test]
 fn a_discarded_step_tells_how_far_it_came_and_changes_nothing() {
     let raw = Raw::new(unstable());

@@ -79,7 +79,10 @@ fn integrate(instance: &Instance, stop: f64, steps: usize) {
         }
         let (mut enter, mut terminate) = (7, 7);
         let (e, t) = (&raw mut enter, &raw mut terminate);
-        assert_eq!(call!(instance, CompletedIntegratorStep, 1, e, t), Status::OK);
+        assert_eq!(
+            call!(instance, CompletedIntegratorStep, 1, e, t),
+            Status::OK
+        );
         assert_eq!((enter, terminate), (0, 0));
     }
     derivatives(instance, stop, &x);
@@ -121,7 +124,9 @@ fn directional_derivatives_agree_with_differences() {
         let unknowns: Vec<u32> = (table.outputs().chain(table.derivatives()))
             .map(reference)
             .collect();
-        let x: Vec<f64> = (0..table.n_states()).map(|i| 0.03 * i as f64 + 0.01).collect();
+        let x: Vec<f64> = (0..table.n_states())
+            .map(|i| 0.03 * i as f64 + 0.01)
+            .collect();
         let all = |x: &[f64]| {
             derivatives(&instance, 0.0, x);
             instance.values()
@@ -147,7 +152,10 @@ fn directional_derivatives_agree_with_differences() {
                 let i = *unknown as usize;
                 let difference = 2.0 * (plus[i] - minus[i]) / (2.0 * h);
                 let tolerance = 1e-7 * exact.abs().max(1.0);
-                assert!((difference - exact).abs() < tolerance, "{difference} {exact}");
+                assert!(
+                    (difference - exact).abs() < tolerance,
+                    "{difference} {exact}"
+                );
             }
         }
     }
@@ -241,6 +249,9 @@ fn what_the_solver_does_wrong_is_told() {
         assert!(logged.ends_with(expected), "{logged}\n{expected}");
     }
     nan[0] = 0.0;
-    let silent = message(&|i| call!(i, SetContinuousStates, nan.as_ptr(), 1), Status::OK);
+    let silent = message(
+        &|i| call!(i, SetContinuousStates, nan.as_ptr(), 1),
+        Status::OK,
+    );
     assert_eq!(silent, "");
 }
