@@ -21,6 +21,7 @@ mod fmu_binary;
 mod fmu_commands;
 mod foreign;
 mod mutation;
+mod pack;
 mod python;
 mod random_collocation;
 mod recovery;
