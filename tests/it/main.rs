@@ -20,6 +20,7 @@ mod fmpy;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
+mod libcosim;
 mod mutation;
 mod pack;
 mod python;
