@@ -3,6 +3,8 @@
 use crate::command::Folder;
 use pilotage::export::{Options, Platform, Provenance, binary, interface, package_as};
 use pilotage::fmi::description::FmiVersion;
+use pilotage::fmi::instance::{self, Step};
+use pilotage::fmi::{Fmu, Kind};
 use pilotage::models::{Model, Quadcopter};
 use std::path::{Path, PathBuf};
 
@@ -158,4 +160,72 @@ fn the_interface_survives_its_way_through_the_library() {
     assert_eq!(interface::read(&found.to_json()), Some(found.clone()));
     assert_eq!((found.name.as_str(), found.states.len()), ("drone", 7));
     assert_eq!(found.structure.indicators.len(), 2);
+}
+
+/// Co-simulation of FMI 3.0 with an importer that handles events: each step ends at the bounce, which is
+/// then handled in event mode; in the end all is as where the FMU handles it.
+#[test]
+fn events_end_steps_for_importers_that_handle_them() {
+    let folder = Folder::new();
+    let options = Options {
+        version: FmiVersion::V3,
+        ..Options::default()
+    };
+    let (library, _) = pilotage::export::pack::build(&example()).unwrap();
+    let path = folder.path("drone.fmu");
+    let path = pilotage::export::pack::pack(&library, &Provenance::default(), &options, |_| path);
+    let mut fmu = Fmu::open(&path.unwrap()).unwrap();
+    let library = fmu.load().unwrap();
+    let reference = |name: &str| {
+        let (_, variable) = library.description().variable(name).unwrap();
+        variable.value_reference
+    };
+    let (height, landed) = (reference("height"), reference("landed"));
+    let run = |handles: bool| {
+        let options = instance::Options {
+            event_mode_used: handles,
+            early_return_allowed: handles,
+            ..instance::Options::default()
+        };
+        let kind = Kind::CoSimulation;
+        let mut drone = library.instantiate_with("drone", kind, options).unwrap();
+        drone.setup_experiment(None, 0.0, None).unwrap();
+        drone.enter_initialization_mode().unwrap();
+        drone.exit_initialization_mode().unwrap();
+        if handles {
+            assert!(!drone.update_discrete_states().unwrap().states_changed);
+            drone.enter_step_mode().unwrap();
+        }
+        let (mut time, mut events) = (0.0, Vec::new());
+        while time < 2.5 {
+            match drone.do_step(time, 2.5 - time).unwrap() {
+                Step::Done => time = 2.5,
+                Step::Stopped {
+                    reached, is_event, ..
+                } => {
+                    assert!(is_event && reached < 2.5);
+                    time = reached;
+                    events.push(time);
+                    drone.enter_event_mode().unwrap();
+                    assert!(drone.update_discrete_states().unwrap().states_changed);
+                    drone.enter_step_mode().unwrap();
+                }
+                discarded => panic!("{discarded:?}"),
+            }
+        }
+        let mut values = [f64::NAN; 2];
+        drone.get_real(&[height, landed], &mut values).unwrap();
+        (values, events)
+    };
+    let (inside, none) = run(false);
+    let (outside, events) = run(true);
+    assert_eq!((none.len(), inside), (0, [0.0, 1.0]));
+    assert_eq!(outside, inside);
+    // It falls for sqrt(2/g), then each flight is half as long as the one before.
+    let fall = (2.0 / 9.80665_f64).sqrt();
+    assert!(events.len() > 4, "{events:?}");
+    for (k, found) in events.iter().enumerate() {
+        let exact = fall * (1.0 + 2.0 * (1.0 - 0.5_f64.powi(k as i32)));
+        assert!((found - exact).abs() < 1e-9, "{found} {exact}");
+    }
 }

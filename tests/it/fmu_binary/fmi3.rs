@@ -671,7 +671,7 @@ fn reach(instance: &Instance, state: State) {
     }
 }
 
-/// FMI rules 20 and 24: every function is there, and is allowed where the table says.
+/// FMI rule 20: every function is there, and is allowed where the table says (rule 24).
 #[test]
 fn the_table_of_legal_states_is_obeyed() {
     let raw = Raw::new(Model::pilot(&[1.0, 1.0], 1.0));

@@ -27,7 +27,8 @@ fn misuse(raw: &Raw, initialized: bool, wrong: impl FnOnce(&Instance) -> Status)
     logged[0].clone()
 }
 
-/// FMI rules 21, 25 and 26: wrong pointers, references, values and times are errors that say what to do.
+/// FMI rule 26: wrong references, pointers, values and times are errors that say what to do (rules 21 and
+/// 25 too).
 #[test]
 fn wrong_calls_are_told_what_to_do() {
     let raw = Raw::new(pilot());
@@ -277,7 +278,7 @@ fn logging_can_be_switched_and_missing_loggers_do_no_harm() {
     }
 }
 
-/// FMI rules 22 and 23: callbacks and name are copied.
+/// FMI rule 22: callbacks and name are copied (rule 23 too).
 #[test]
 fn the_callbacks_struct_and_the_name_are_copied() {
     let raw = Raw::new(pilot());

@@ -205,7 +205,8 @@ fn what_the_solver_does_wrong_is_told() {
     };
     let (mut two, mut nan) = ([0.0; 2], [f64::NAN]);
     let two = two.as_mut_ptr();
-    let errors: [(&dyn Fn(&Instance) -> Status, Status, &str); 7] = [
+    type Wrong<'w> = (&'w dyn Fn(&Instance) -> Status, Status, &'w str);
+    let errors: [Wrong; 7] = [
         (
             &|i| call!(i, SetTime, -1.0),
             Status::ERROR,
