@@ -166,6 +166,61 @@ fn model_exchange_is_coupled_as_tightly() {
     assert!(difference < 5e-3, "{exchange} {co_simulation}");
 }
 
+/// What `--report` says in words; times and errors are numbers that the tests of the master check.
+#[test]
+fn the_report_tells_lag_error_calls_and_times() {
+    let folder = folder_with_fmus();
+    let report = |arguments: &[&str]| {
+        let mut all = vec!["cosim", "pilot.fmu", "quadcopter.fmu"];
+        all.extend(["--connect", "pilot.stick=quadcopter.stick"]);
+        all.extend([
+            "--connect",
+            "quadcopter.z=pilot.position",
+            "--set",
+            "pilot.target=10",
+        ]);
+        all.extend([
+            "--stop-time",
+            "1",
+            "--step",
+            "0.05",
+            "-o",
+            "result.csv",
+            "--report",
+        ]);
+        all.extend(arguments);
+        let ended = folder.pilotage(&all);
+        assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+        ended.stdout
+    };
+    let text = report(&[]);
+    for line in [
+        "20 communication steps of 0.050000 to 0.050000 s, 0 rejected, 0 corrections, 0 matrices",
+        "pilot.stick -> quadcopter.stick: held, lag 0.025000 s, error ",
+        "quadcopter.z -> pilot.position: held, lag 0.025000 s, error ",
+        "pilot: 20 set, 20 step, 21 get, 0 save, 0 restore, ",
+        "master and recorder: ",
+    ] {
+        assert!(text.contains(line), "no `{line}` in\n{text}");
+    }
+    let text = report(&["--algorithm", "strong", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let report = &json["report"];
+    assert_eq!(report["steps"]["accepted"], 20);
+    assert_eq!(report["steps"]["unconverged"], 0);
+    assert_eq!(report["irrevocable"].as_array().unwrap().len(), 0);
+    for connection in report["connections"].as_array().unwrap() {
+        assert_eq!(connection["transfer"], "interpolated");
+        assert_eq!(connection["lag"], 0.0);
+        assert!(
+            connection["error"]["max"].as_f64().unwrap() < 1e-3,
+            "{connection}"
+        );
+    }
+    let restores = &report["slaves"][0]["calls"]["restore"];
+    assert!(restores.as_u64().unwrap() > 20, "{report}");
+}
+
 #[test]
 fn exported_fmus_are_valid_and_run() {
     let folder = folder_with_fmus();
