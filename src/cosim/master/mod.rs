@@ -9,6 +9,7 @@ mod lu;
 mod stepper;
 mod strong;
 mod summary;
+mod travel;
 mod wired;
 
 use self::exchange::Exchange;
