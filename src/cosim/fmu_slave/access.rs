@@ -57,15 +57,25 @@ impl Access {
     }
 
     /// Sets reals; those of 64 bits in one call.
+    #[inline]
     pub(super) fn set_reals(
         &self,
         instance: &mut Instance,
         handles: &[u32],
         values: &[f64],
     ) -> Result<(), CallError> {
-        if !self.has_singles {
-            return instance.set_real(handles, values);
+        match self.has_singles {
+            false => instance.set_real(handles, values),
+            true => self.set_each_real(instance, handles, values),
         }
+    }
+
+    fn set_each_real(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &[f64],
+    ) -> Result<(), CallError> {
         for (&handle, &value) in handles.iter().zip(values) {
             match self.is_single(handle) {
                 true => instance.set(&[handle], &[value as f32])?,
@@ -76,15 +86,25 @@ impl Access {
     }
 
     /// Gets reals; those of 64 bits in one call.
+    #[inline]
     pub(super) fn get_reals(
         &self,
         instance: &mut Instance,
         handles: &[u32],
         values: &mut [f64],
     ) -> Result<(), CallError> {
-        if !self.has_singles {
-            return instance.get_real(handles, values);
+        match self.has_singles {
+            false => instance.get_real(handles, values),
+            true => self.get_each_real(instance, handles, values),
         }
+    }
+
+    fn get_each_real(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &mut [f64],
+    ) -> Result<(), CallError> {
         for (&handle, value) in handles.iter().zip(values) {
             if self.is_single(handle) {
                 let mut single = [0f32];

@@ -182,6 +182,13 @@ impl Wired {
     /// Gives the inputs that are no reals their values.
     #[inline]
     pub(super) fn set_others(&mut self, others: &[Value]) -> Result<(), Failure> {
+        match self.other_inputs.is_empty() {
+            true => Ok(()),
+            false => self.set_each_other(others),
+        }
+    }
+
+    fn set_each_other(&mut self, others: &[Value]) -> Result<(), Failure> {
         for k in 0..self.other_inputs.len() {
             let (handle, slot) = self.other_inputs[k];
             self.calls.sets += 1;
@@ -224,9 +231,13 @@ impl Wired {
     /// Reads the derivatives of the fed outputs.
     #[inline]
     fn get_slopes(&mut self, values: &mut Values) -> Result<(), Failure> {
-        if self.sloped.is_empty() {
-            return Ok(());
+        match self.sloped.is_empty() {
+            true => Ok(()),
+            false => self.get_each_slope(values),
         }
+    }
+
+    fn get_each_slope(&mut self, values: &mut Values) -> Result<(), Failure> {
         self.calls.gets += 1;
         let (handles, room) = (&self.sloped, &mut self.slope_values);
         let got = timed(&mut self.time, || {
@@ -242,6 +253,13 @@ impl Wired {
     /// Reads the outputs that are no reals.
     #[inline]
     pub(super) fn get_others(&mut self, values: &mut Values) -> Result<(), Failure> {
+        match self.other_outputs.is_empty() {
+            true => Ok(()),
+            false => self.get_each_other(values),
+        }
+    }
+
+    fn get_each_other(&mut self, values: &mut Values) -> Result<(), Failure> {
         for k in 0..self.other_outputs.len() {
             let (handle, kind, slot) = self.other_outputs[k];
             self.calls.gets += 1;

@@ -104,11 +104,13 @@ impl Instance {
     ///
     /// # Panics
     /// FMI 2.0: if there are not as many values as references, here and in the calls below.
+    #[inline]
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallError> {
         f64::set(self, references, values)
     }
 
     /// `fmi2GetReal`, `fmi3GetFloat64`.
+    #[inline]
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), CallError> {
         f64::get(self, references, values)
     }
