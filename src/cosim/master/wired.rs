@@ -102,13 +102,18 @@ impl Failure {
 pub(super) fn timed<T>(time: &mut Option<Duration>, call: impl FnOnce() -> T) -> T {
     match time {
         None => call(),
-        Some(time) => {
-            let started = Instant::now();
-            let result = call();
-            *time += started.elapsed();
-            result
-        }
+        Some(time) => measured(time, call),
     }
+}
+
+/// Kept out of the way of calls that are not measured.
+#[cold]
+#[inline(never)]
+fn measured<T>(time: &mut Duration, call: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = call();
+    *time += started.elapsed();
+    result
 }
 
 impl Wired {
@@ -161,6 +166,8 @@ impl Wired {
         !self.abilities.input_derivatives && self.feeds_through && !self.abilities.rollback
     }
 
+    #[cold]
+    #[inline(never)]
     pub(super) fn failure(&self, stage: Stage, source: SlaveError) -> Failure {
         Failure {
             instance: self.name.clone(),
