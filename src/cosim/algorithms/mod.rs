@@ -124,4 +124,8 @@ impl Control {
             max_step: clock.step(),
         }
     }
+    /// Whether some step and some error are within the bounds.
+    pub(super) fn is_possible(&self) -> bool {
+        self.tolerance > 0.0 && self.min_step > 0.0 && self.min_step <= self.max_step
+    }
 }

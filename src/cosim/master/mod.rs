@@ -16,7 +16,7 @@ use self::exchange::Exchange;
 use self::initialize::initialize;
 use self::stepper::Stepper;
 use self::summary::Wires;
-use super::algorithms::{Algorithm, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
+use super::algorithms::{Algorithm, Control, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
 use super::clock::Clock;
 use super::recorder::{Recorder, Signal};
 use super::report::Report;
@@ -69,6 +69,16 @@ pub enum MasterError {
     FixedSteps {
         /// Name of the slave.
         instance: String,
+    },
+    /// Bounds of step-size control that no step and no error can keep.
+    #[error(
+        "step-size control with a tolerance of {} and steps from {} s to {} s; expected a positive \
+         tolerance, and a shortest step that is positive and no longer than the longest",
+        control.tolerance, control.min_step, control.max_step
+    )]
+    Control {
+        /// As given.
+        control: Control,
     },
     /// A degree of extrapolation that there is not.
     #[error("extrapolation of degree {degree}; the highest is {MAX_EXTRAPOLATION}")]
@@ -201,6 +211,9 @@ pub fn run(
     let coupling = coupling.into();
     if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
         return Err(MasterError::Extrapolation { degree });
+    }
+    if let Some(control) = coupling.control.filter(|control| !control.is_possible()) {
+        return Err(MasterError::Control { control });
     }
     let order = match coupling.algorithm {
         Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),

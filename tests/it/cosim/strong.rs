@@ -265,3 +265,36 @@ fn slaves_of_fixed_steps_are_refused_under_control() {
          run without a tolerance"
     );
 }
+
+#[test]
+fn couplings_that_cannot_be_are_refused() {
+    let refused = |coupling: Coupling| {
+        let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+        let system = controller_and_integrator(Linear::revocable);
+        let mut recorder = SeriesRecorder::default();
+        let result = run(system, &clock, None, coupling, &mut recorder);
+        result.unwrap_err().to_string()
+    };
+    let extrapolation = Coupling {
+        extrapolation: Some(3),
+        ..Algorithm::Jacobi.into()
+    };
+    assert_eq!(
+        refused(extrapolation),
+        "extrapolation of degree 3; the highest is 2"
+    );
+    let control = Control {
+        tolerance: 1e-3,
+        min_step: 1.0,
+        max_step: 0.1,
+    };
+    let bounds = Coupling {
+        control: Some(control),
+        ..Algorithm::Strong.into()
+    };
+    assert_eq!(
+        refused(bounds),
+        "step-size control with a tolerance of 0.001 and steps from 1 s to 0.1 s; expected a positive \
+         tolerance, and a shortest step that is positive and no longer than the longest"
+    );
+}
