@@ -17,6 +17,9 @@
 //! | [`algorithms`] | Jacobi and Gauss-Seidel, and the order that dependencies give |
 //! | [`master`] | initialization and the stepping loop |
 //! | [`recorder`] | where the rows go |
+//! | [`selection`] | which signals are recorded, and how often |
+//! | [`source`] | signals over time, from a table |
+//! | [`unit_names`] | what the units in a table's header mean |
 
 pub mod algorithms;
 pub mod clock;
@@ -24,8 +27,11 @@ pub mod fmu_slave;
 pub mod master;
 pub mod native_slave;
 pub mod recorder;
+pub mod selection;
 pub mod slave;
+pub mod source;
 pub mod system;
+pub mod unit_names;
 
 pub use algorithms::Algorithm;
 pub use clock::Clock;
@@ -33,5 +39,7 @@ pub use fmu_slave::FmuSlave;
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
+pub use selection::{Selection, SelectionError, Thinned};
 pub use slave::{Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable};
+pub use source::{Source, SourceError};
 pub use system::{System, SystemError};

@@ -8,6 +8,7 @@ mod closed_loop;
 mod command;
 mod condensed;
 mod cosim;
+mod cosim_command;
 mod curvature;
 mod demo;
 mod derivatives;

@@ -4,7 +4,7 @@ use super::{Ending, MasterError, Stage};
 use crate::cosim::algorithms::Algorithm;
 use crate::cosim::recorder::Signal;
 use crate::cosim::slave::{Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
-use crate::cosim::system::System;
+use crate::cosim::system::{Instance, System};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -78,7 +78,7 @@ impl Exchange {
         // Slot of each output: in the row for reals, in `others` for the rest.
         let mut slots = HashMap::new();
         for (slave, instance) in system.instances.into_iter().enumerate() {
-            exchange.add(slave, instance.name, instance.slave, &mut slots);
+            exchange.add(slave, instance, &mut slots);
         }
         for connection in &system.connections {
             let target = &mut exchange.wired[connection.to.slave];
@@ -102,26 +102,33 @@ impl Exchange {
         exchange
     }
 
-    /// Takes in a slave; gives each of its outputs a slot.
+    /// Takes in a slave; gives each of its outputs, and what else is to be recorded, a slot.
     fn add(
         &mut self,
         position: usize,
-        name: String,
-        slave: Box<dyn Slave>,
+        instance: Instance,
         slots: &mut HashMap<(usize, usize), usize>,
     ) {
+        let Instance {
+            name,
+            slave,
+            observed,
+        } = instance;
         let first = self.row.len();
         let (mut outputs, mut other_outputs) = (Vec::new(), Vec::new());
-        let all = || slave.variables().iter().enumerate();
-        let is_output = |role| role == Role::Output;
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind == Kind::Real) {
+        let is_read = |index, role| role == Role::Output || observed.contains(&index);
+        let all = || {
+            let variables = slave.variables().iter().enumerate();
+            variables.filter(|(index, variable)| is_read(*index, variable.role))
+        };
+        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
             slots.insert((position, index), self.row.len());
             outputs.push(variable.handle);
             let unit = variable.unit.as_ref();
             self.add_signal(&name, &variable.name, unit.map_or("", |u| &u.name));
         }
         let output_slots = first..self.row.len();
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind != Kind::Real) {
+        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
             let slot = self.others.len();
             slots.insert((position, index), slot);
             other_outputs.push((variable.handle, variable.kind, slot));

@@ -88,6 +88,11 @@ impl std::fmt::Display for Stage {
 pub enum Ending {
     /// At the stop time.
     Completed,
+    /// The recorder asked for the end ([`Recorder::is_stop_asked`]), for the user.
+    Stopped {
+        /// Where the slaves stand [s].
+        time: f64,
+    },
     /// A slave asked for the end.
     EndRequested {
         /// Name of the slave.
@@ -174,7 +179,8 @@ pub fn run(
                 steps += 1;
                 let time = clock.time(steps);
                 recorder.row(time, &exchange.row).map_err(record(time))?;
-                None
+                (steps < clock.steps() && recorder.is_stop_asked())
+                    .then_some(Ending::Stopped { time })
             }
             Err(stop) => Some(stop),
         };

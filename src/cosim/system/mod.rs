@@ -31,6 +31,8 @@ pub struct Connection {
 pub(super) struct Instance {
     pub(super) name: String,
     pub(super) slave: Box<dyn Slave>,
+    /// Positions of variables that are read at each communication point though they are no outputs.
+    pub(super) observed: Vec<usize>,
 }
 
 /// Slaves, connections and start values.
@@ -63,7 +65,11 @@ impl System {
         if self.instances.iter().any(|i| i.name == name) {
             return Err(SystemError::DuplicateInstance { name });
         }
-        self.instances.push(Instance { name, slave });
+        self.instances.push(Instance {
+            name,
+            slave,
+            observed: Vec::new(),
+        });
         Ok(())
     }
 
@@ -139,6 +145,29 @@ impl System {
                 [from, unit(c.from), to, unit(c.to)]
             })
             .collect()
+    }
+
+    /// What `instance.variable` is.
+    ///
+    /// # Errors
+    /// If there is no such instance, or it has no such variable.
+    pub fn find(&self, name: &str) -> Result<&Variable, SystemError> {
+        Ok(self.variable(self.resolve(name)?))
+    }
+
+    /// The output that feeds an input, and how its values are converted.
+    pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
+        let connection = self.connections.iter().find(|c| c.to == input)?;
+        Some((connection.from, connection.conversion))
+    }
+
+    /// Has a variable read at each communication point, as outputs are anyway.
+    pub(super) fn observe(&mut self, port: Port) {
+        let is_output = self.variable(port).role == Role::Output;
+        let observed = &mut self.instances[port.slave].observed;
+        if !is_output && !observed.contains(&port.variable) {
+            observed.push(port.variable);
+        }
     }
 
     /// Names of the slaves, in the order in which they were added.
