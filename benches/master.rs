@@ -114,7 +114,7 @@ struct Bare {
 
 impl Bare {
     fn new(library: &fmu::Library) -> Self {
-        let path = library.binding().path();
+        let path = library.bindings().next().expect("a binary").path();
         // SAFETY: the library is loaded already and is our own.
         let own = unsafe { Library::new(path) }.expect("it loads again");
         let description = library.description();

@@ -10,6 +10,7 @@ pub mod document;
 pub mod export;
 pub mod fmi;
 pub mod identification;
+pub mod integrate;
 pub mod nearest;
 pub mod output;
 pub mod report;

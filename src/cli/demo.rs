@@ -146,7 +146,7 @@ impl Demo {
     fn validate(&self) -> Result<bool, Failure> {
         let mut valid = true;
         for file in ["pilot.fmu", "quadcopter.fmu"] {
-            let report = validate::check(&self.path(file), true)?;
+            let report = validate::check(&self.path(file), Some(validate::TIME_LIMIT))?;
             valid &= report.is_valid();
             if !report.is_clean() {
                 terminal::print(&validate::to_text(&report))?;

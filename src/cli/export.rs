@@ -2,7 +2,8 @@
 
 use super::{Failure, Outcome, terminal};
 use crate::document;
-use crate::export::{self, Provenance};
+use crate::export::{self, Options, Platform, Provenance};
+use crate::fmi::description::FmiVersion;
 use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
@@ -37,6 +38,8 @@ enum Command {
         /// Export the best iterate of a fit that did not converge, marked as such.
         #[arg(long)]
         allow_unconverged: bool,
+        #[command(flatten)]
+        fmu: FmuArgs,
     },
     /// Write a quadcopter as an FMU.
     #[command(after_help = "Examples:\n  \
@@ -48,7 +51,53 @@ enum Command {
         /// The FMU to write.
         #[arg(short, long, default_value = "quadcopter.fmu")]
         output: PathBuf,
+        #[command(flatten)]
+        fmu: FmuArgs,
     },
+}
+
+/// Which FMU to make.
+#[derive(Debug, clap::Args)]
+pub struct FmuArgs {
+    /// Version of FMI; each with co-simulation and model exchange.
+    #[arg(long, default_value = "2")]
+    fmi: Version,
+    /// A library that was built elsewhere, for another platform (win64, aarch64-darwin, ...); may be
+    /// repeated.
+    #[arg(long, value_name = "PLATFORM=FILE")]
+    binary: Vec<String>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Version {
+    /// FMI 2.0.
+    #[value(name = "2")]
+    V2,
+    /// FMI 3.0.
+    #[value(name = "3")]
+    V3,
+}
+
+impl FmuArgs {
+    /// What was asked for, libraries read.
+    pub fn options(&self) -> Result<Options, Failure> {
+        let read = |argument: &String| {
+            let Some((platform, file)) = argument.split_once('=') else {
+                let message = format!("--binary {argument} has no file");
+                return Err(Failure::new(message).hint("write --binary win64=model.dll"));
+            };
+            let bytes = std::fs::read(file)
+                .map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
+            Ok((Platform::named(platform)?, bytes))
+        };
+        Ok(Options {
+            version: match self.fmi {
+                Version::V2 => FmiVersion::V2,
+                Version::V3 => FmiVersion::V3,
+            },
+            binaries: self.binary.iter().map(read).collect::<Result<_, _>>()?,
+        })
+    }
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -69,14 +118,19 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             preset,
             output,
             allow_unconverged,
+            fmu,
         } => {
             let (model, provenance) = match (pilot, preset) {
                 (Some(file), _) => fitted(&file, allow_unconverged)?,
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
             };
-            write(&model, &provenance, &output)
+            write(&model, &provenance, &fmu.options()?, &output)
         }
-        Command::Quadcopter { vehicle, output } => {
+        Command::Quadcopter {
+            vehicle,
+            output,
+            fmu,
+        } => {
             let (vehicle, source) = match &vehicle {
                 Some(file) => (vehicle::read(file)?, Some(document::read(file)?)),
                 None => (Quadcopter::default(), None),
@@ -85,7 +139,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             if !PitchLoop::of(&vehicle).is_stable() {
                 provenance.caveat = Some(UNSTABLE.into());
             }
-            write(&Model::quadcopter(&vehicle), &provenance, &output)
+            let model = Model::quadcopter(&vehicle);
+            write(&model, &provenance, &fmu.options()?, &output)
         }
     }
 }
@@ -116,8 +171,13 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
     ))
 }
 
-fn write(model: &Model, provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
-    export::export(model, provenance, output)?;
+fn write(
+    model: &Model,
+    provenance: &Provenance,
+    options: &Options,
+    output: &Path,
+) -> Result<Outcome, Failure> {
+    export::export_as(model, provenance, options, output)?;
     let mut text = format!("wrote {}\n", output.display());
     if let Some(caveat) = &provenance.caveat {
         text += &format!("note: {caveat}\n");

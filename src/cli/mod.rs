@@ -11,6 +11,7 @@ mod folder;
 mod format;
 mod info;
 mod interrupt;
+mod pack;
 mod progress;
 mod terminal;
 mod trials;
@@ -41,8 +42,10 @@ enum Command {
     Fit(Box<fit::Args>),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
-    /// Write a pilot or a quadcopter as an FMU (FMI 2.0 co-simulation).
+    /// Write a pilot or a quadcopter as an FMU.
     Export(export::Args),
+    /// Make an FMU of a model of your own.
+    Pack(pack::Args),
     /// Wire FMUs together and simulate them.
     Cosim(cosim::Args),
     /// Check FMUs against the standard, and try them.
@@ -62,6 +65,7 @@ pub fn main() -> ExitCode {
         Command::Fit(args) => fit::run(*args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Export(args) => export::run(args),
+        Command::Pack(args) => pack::run(args),
         Command::Cosim(args) => cosim::run(args),
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),

@@ -52,3 +52,36 @@ fn bar(starts: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:20} start {pos} of {len}, {msg}");
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
+
+/// What is being done, for work of unknown length.
+pub struct Spinner {
+    begin: Instant,
+    bar: ProgressBar,
+}
+
+impl Spinner {
+    /// Starts the clock.
+    pub fn new() -> Self {
+        Self {
+            begin: Instant::now(),
+            bar: ProgressBar::hidden(),
+        }
+    }
+
+    /// Says what is being done now.
+    pub fn show(&mut self, what: String) {
+        if self.begin.elapsed() > PATIENCE {
+            if self.bar.is_hidden() {
+                let target = ProgressDrawTarget::stderr_with_hz(5);
+                self.bar = ProgressBar::with_draw_target(None, target);
+                self.bar.enable_steady_tick(Duration::from_millis(200));
+            }
+            self.bar.set_message(what);
+        }
+    }
+
+    /// Wipes it.
+    pub fn clear(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -6,7 +6,7 @@ use super::slave::{
 use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
 };
-use crate::fmi::{Fmu, FmuError, Instance, Step, fmu};
+use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
 use std::path::Path;
 
 /// An instance of an FMU.
@@ -34,7 +34,7 @@ impl FmuSlave {
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
         Ok(Self {
-            instance: library.instantiate(name)?,
+            instance: library.instantiate(name, fmi::Kind::CoSimulation)?,
             variables: variables(description),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
         })
@@ -105,6 +105,13 @@ impl Slave for FmuSlave {
                     false => Progress::Discarded { reached },
                 }
             }
+            Step::Stopped {
+                reached,
+                is_end_requested: true,
+                ..
+            } => Progress::EndRequested { reached },
+            // Neither early return nor event mode was allowed.
+            Step::Stopped { .. } => Progress::Done,
         })
     }
 
@@ -161,10 +168,10 @@ fn fed_by(unknown: Option<Unknown>, inputs: &[usize]) -> Vec<usize> {
 
 fn kind(variable: &ScalarVariable) -> Kind {
     match variable.kind.base_type() {
-        BaseType::Real => Kind::Real,
-        BaseType::Integer => Kind::Integer,
-        BaseType::Boolean => Kind::Boolean,
-        BaseType::String => Kind::String,
+        BaseType::Real(_) => Kind::Real,
+        BaseType::Integer(_) => Kind::Integer,
+        BaseType::Boolean | BaseType::Clock => Kind::Boolean,
+        BaseType::String | BaseType::Binary => Kind::String,
         BaseType::Enumeration => Kind::Enumeration,
     }
 }
@@ -174,7 +181,10 @@ fn role(variable: &ScalarVariable) -> Role {
         Causality::Parameter => Role::Parameter,
         Causality::Input => Role::Input,
         Causality::Output => Role::Output,
-        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Role::Local,
+        Causality::CalculatedParameter
+        | Causality::Local
+        | Causality::Independent
+        | Causality::StructuralParameter => Role::Local,
     }
 }
 

@@ -4,6 +4,7 @@
 use super::slave::{
     Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
+use pilotage_models::structure::{Structure, Unknown};
 use pilotage_models::{Model, Simulation, variable};
 use thiserror::Error;
 
@@ -34,10 +35,11 @@ pub struct NativeSlave {
 impl NativeSlave {
     /// The model at its start values.
     pub fn new(model: Model) -> Self {
+        let structure = Structure::of(&model, model.variable_table());
         let variables = model.variables().iter().zip(0..);
         Self {
             variables: variables
-                .map(|(variable, handle)| seen(variable, handle, &model))
+                .map(|(variable, handle)| seen(variable, handle, &model, &structure))
                 .collect(),
             simulation: Simulation::new(model),
         }
@@ -52,25 +54,30 @@ impl NativeSlave {
 }
 
 /// A model's variable as the master sees it.
-fn seen(variable: &variable::Variable, handle: u32, model: &Model) -> Variable {
+fn seen(
+    variable: &variable::Variable,
+    handle: u32,
+    model: &Model,
+    structure: &Structure,
+) -> Variable {
     let inputs = model.inputs();
-    let among_inputs = |list: &[variable::Dependency]| {
-        let indices = list.iter().map(|d| d.index);
+    let fed_by = |unknowns: &[Unknown]| {
+        let unknown = unknowns.iter().find(|u| u.index == handle as usize);
+        let indices = unknown
+            .iter()
+            .flat_map(|u| &u.dependencies)
+            .map(|d| d.index);
         indices.filter(|index| inputs.contains(index)).collect()
     };
-    let (role, feedthrough, initial_feedthrough) = match &variable.role {
-        variable::Role::Input => (Role::Input, Vec::new(), Vec::new()),
-        variable::Role::Fixed | variable::Role::Tunable => {
-            (Role::Parameter, Vec::new(), Vec::new())
-        }
-        variable::Role::Output {
-            dependencies,
-            initial_dependencies,
-        } => (
-            Role::Output,
-            among_inputs(dependencies),
-            among_inputs(initial_dependencies),
-        ),
+    let role = match variable.role {
+        variable::Role::Input => Role::Input,
+        variable::Role::Output => Role::Output,
+        variable::Role::Fixed | variable::Role::Tunable => Role::Parameter,
+        _ => Role::Local,
+    };
+    let (feedthrough, initial_feedthrough) = match role {
+        Role::Output => (fed_by(&structure.outputs), fed_by(&structure.initial)),
+        _ => (Vec::new(), Vec::new()),
     };
     let [kg, m, s, rad] = variable.unit.exponents;
     let unit = Unit {

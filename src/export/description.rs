@@ -3,10 +3,10 @@
 
 use super::Provenance;
 use crate::fmi::description as fmi;
-use crate::models::model::LOG_CATEGORIES;
-use crate::models::simulation::DEFAULT_TOLERANCE;
-use crate::models::variable::{Dependency, Role};
-use crate::models::{Kind, Model, Unit, Variable};
+use pilotage_kit::log::LOG_CATEGORIES;
+use pilotage_kit::simulation::DEFAULT_TOLERANCE;
+use pilotage_kit::structure::Unknown;
+use pilotage_kit::{Interface, Role, Unit, Variable};
 
 /// Stop time that a simulation takes if the user says nothing: that of the paper's runs [s].
 const STOP_TIME: f64 = 15.0;
@@ -15,22 +15,33 @@ const STOP_TIME: f64 = 15.0;
 const STEP_SIZE: f64 = 0.05;
 
 /// The description of a model's FMU.
-pub fn description(model: &Model, provenance: &Provenance) -> fmi::ModelDescription {
+pub fn description(
+    interface: &Interface,
+    provenance: &Provenance,
+    version: fmi::FmiVersion,
+) -> fmi::ModelDescription {
     let caveat = provenance.caveat.iter().map(String::as_str);
-    let about: Vec<_> = [headline(model.kind()).as_str(), &provenance.origin]
+    let about: Vec<_> = [interface.description.as_str(), &provenance.origin]
         .into_iter()
         .chain(caveat)
+        .filter(|sentence| !sentence.is_empty())
         .map(str::to_owned)
         .collect();
+    let indicators = interface.structure.indicators.len();
     fmi::ModelDescription {
-        model_name: model.kind().name().into(),
-        guid: model.guid(),
+        fmi_version: version,
+        model_name: interface.name.clone(),
+        guid: interface.guid.clone(),
         description: Some(about.join(" ")),
         version: Some(env!("CARGO_PKG_VERSION").into()),
-        license: Some("MIT OR Apache-2.0".into()),
+        license: provenance.license.clone(),
         generation_tool: Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")).into()),
-        co_simulation: Some(co_simulation(model.kind().name())),
-        units: units(model.variables()),
+        naming_convention: fmi::NamingConvention::Structured,
+        number_of_event_indicators: (version == fmi::FmiVersion::V2)
+            .then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
+        model_exchange: Some(model_exchange(interface)),
+        co_simulation: Some(co_simulation(interface)),
+        units: units(&interface.variables),
         log_categories: log_categories(),
         default_experiment: Some(fmi::DefaultExperiment {
             start_time: Some(0.0),
@@ -38,32 +49,32 @@ pub fn description(model: &Model, provenance: &Provenance) -> fmi::ModelDescript
             tolerance: Some(DEFAULT_TOLERANCE),
             step_size: Some(STEP_SIZE),
         }),
-        variables: (0..)
-            .zip(model.variables())
-            .map(|(reference, v)| variable(reference, v))
+        variables: (0..interface.variables.len())
+            .map(|index| variable(interface, index))
             .collect(),
-        structure: structure(model.variables()),
+        structure: structure(interface, version),
         ..fmi::ModelDescription::default()
     }
 }
 
-/// One sentence: what the model is.
-pub(super) fn headline(kind: Kind) -> String {
-    match kind {
-        Kind::Pilot(pilot) => format!(
-            "Human pilot as a linear system of order {}, from the error that it sees to the stick.",
-            pilot.order
-        ),
-        Kind::Quadcopter => {
-            "Pitch axis of a quadcopter with its attitude controller, from the stick to the position."
-                .into()
-        }
+fn model_exchange(interface: &Interface) -> fmi::ModelExchange {
+    fmi::ModelExchange {
+        model_identifier: interface.name.clone(),
+        completed_integrator_step_not_needed: true,
+        can_not_use_memory_management_functions: true,
+        can_get_and_set_fmu_state: true,
+        can_serialize_fmu_state: true,
+        provides_directional_derivative: true,
+        provides_adjoint_derivatives: true,
+        provides_per_element_dependencies: true,
+        ..fmi::ModelExchange::default()
     }
 }
 
-fn co_simulation(model_identifier: &str) -> fmi::CoSimulation {
+fn co_simulation(interface: &Interface) -> fmi::CoSimulation {
+    let events = !interface.structure.indicators.is_empty();
     fmi::CoSimulation {
-        model_identifier: model_identifier.into(),
+        model_identifier: interface.name.clone(),
         can_handle_variable_communication_step_size: true,
         can_interpolate_inputs: true,
         max_output_derivative_order: 1,
@@ -71,6 +82,10 @@ fn co_simulation(model_identifier: &str) -> fmi::CoSimulation {
         can_get_and_set_fmu_state: true,
         can_serialize_fmu_state: true,
         provides_directional_derivative: true,
+        provides_adjoint_derivatives: true,
+        provides_per_element_dependencies: true,
+        has_event_mode: true,
+        might_return_early_from_do_step: events,
         ..fmi::CoSimulation::default()
     }
 }
@@ -98,10 +113,11 @@ fn units(variables: &[Variable]) -> Vec<fmi::Unit> {
 
 fn unit(unit: &Unit) -> fmi::Unit {
     let [kg, m, s, rad] = unit.exponents;
-    let display = |(name, factor): (&str, f64)| fmi::DisplayUnit {
-        name: name.into(),
-        factor,
+    let display = |(name, factor): &(String, f64)| fmi::DisplayUnit {
+        name: name.clone(),
+        factor: *factor,
         offset: 0.0,
+        inverse: false,
     };
     fmi::Unit {
         name: unit.name.clone(),
@@ -113,43 +129,41 @@ fn unit(unit: &Unit) -> fmi::Unit {
             factor: unit.factor,
             ..fmi::BaseUnit::default()
         }),
-        display_units: unit.display.map(display).into_iter().collect(),
+        display_units: unit.display.iter().map(display).collect(),
     }
 }
 
-fn variable(reference: u32, variable: &Variable) -> fmi::ScalarVariable {
-    use fmi::{Causality, Initial, Variability};
+fn variable(interface: &Interface, index: usize) -> fmi::ScalarVariable {
+    use fmi::{Causality as C, Initial as I, Variability as V};
+    let variable = &interface.variables[index];
     let (causality, variability, initial) = match variable.role {
-        Role::Input => (Causality::Input, Variability::Continuous, None),
-        Role::Output { .. } => (
-            Causality::Output,
-            Variability::Continuous,
-            Some(Initial::Calculated),
-        ),
-        Role::Fixed => (
-            Causality::Parameter,
-            Variability::Fixed,
-            Some(Initial::Exact),
-        ),
-        Role::Tunable => (
-            Causality::Parameter,
-            Variability::Tunable,
-            Some(Initial::Exact),
-        ),
+        Role::Input => (C::Input, V::Continuous, None),
+        Role::Output => (C::Output, V::Continuous, Some(I::Calculated)),
+        Role::Fixed => (C::Parameter, V::Fixed, Some(I::Exact)),
+        Role::Tunable => (C::Parameter, V::Tunable, Some(I::Exact)),
+        Role::State | Role::Derivative | Role::Indicator => {
+            (C::Local, V::Continuous, Some(I::Calculated))
+        }
+        Role::Time => (C::Independent, V::Continuous, None),
     };
     let attributes = fmi::RealAttributes {
         unit: Some(variable.unit.name.clone()),
-        display_unit: variable.unit.display.map(|(name, _)| name.into()),
+        display_unit: variable.unit.display.as_ref().map(|(name, _)| name.clone()),
         min: variable.min,
         max: variable.max,
         nominal: variable.nominal,
         ..fmi::RealAttributes::default()
     };
+    // Only events make states jump.
+    let jumps = interface.states.contains(&index) && !interface.structure.indicators.is_empty();
     let kind = fmi::VariableKind::Real(fmi::RealVariable {
         attributes,
-        start: variable.start,
+        start: variable.start.into_iter().collect(),
+        derivative: interface.state_of(index).map(number),
+        reinit: jumps,
         ..fmi::RealVariable::default()
     });
+    let reference = u32::try_from(index).unwrap_or(u32::MAX);
     fmi::ScalarVariable {
         description: Some(variable.description.clone()),
         initial,
@@ -157,36 +171,36 @@ fn variable(reference: u32, variable: &Variable) -> fmi::ScalarVariable {
     }
 }
 
-/// Outputs and initial unknowns with what they depend on. FMI counts variables from 1 here.
-fn structure(variables: &[Variable]) -> fmi::ModelStructure {
-    let mut structure = fmi::ModelStructure::default();
-    for (index, variable) in (1..).zip(variables) {
-        if let Role::Output {
-            dependencies,
-            initial_dependencies,
-        } = &variable.role
-        {
-            structure.outputs.push(unknown(index, dependencies));
-            structure
-                .initial_unknowns
-                .push(unknown(index, initial_dependencies));
-        }
+/// Outputs, derivatives, initial unknowns and, in FMI 3.0, event indicators with what they depend on.
+fn structure(interface: &Interface, version: fmi::FmiVersion) -> fmi::ModelStructure {
+    let list = |unknowns: &[Unknown]| unknowns.iter().map(unknown).collect();
+    let structure = &interface.structure;
+    fmi::ModelStructure {
+        outputs: list(&structure.outputs),
+        derivatives: list(&structure.derivatives),
+        initial_unknowns: list(&structure.initial),
+        event_indicators: match version {
+            fmi::FmiVersion::V2 => Vec::new(),
+            fmi::FmiVersion::V3 => list(&structure.indicators),
+        },
+        ..fmi::ModelStructure::default()
     }
-    structure
 }
 
-fn unknown(index: u32, dependencies: &[Dependency]) -> fmi::Unknown {
-    let mut sorted = dependencies.to_vec();
-    sorted.sort_unstable();
-    let kind = |d: &Dependency| match d.constant {
+fn unknown(unknown: &Unknown) -> fmi::Unknown {
+    let on = &unknown.dependencies;
+    let kind = |constant: bool| match constant {
         true => fmi::DependencyKind::Constant,
         false => fmi::DependencyKind::Dependent,
     };
-    // A table has some dozen variables.
-    let number = |d: &Dependency| u32::try_from(d.index + 1).unwrap_or(u32::MAX);
     fmi::Unknown {
-        index,
-        dependencies: Some(sorted.iter().map(number).collect()),
-        dependencies_kind: (!sorted.is_empty()).then(|| sorted.iter().map(kind).collect()),
+        index: number(unknown.index),
+        dependencies: Some(on.iter().map(|d| number(d.index)).collect()),
+        dependencies_kind: (!on.is_empty()).then(|| on.iter().map(|d| kind(d.constant)).collect()),
     }
+}
+
+/// FMI counts variables from 1 here; there are some dozen.
+fn number(index: usize) -> u32 {
+    u32::try_from(index + 1).unwrap_or(u32::MAX)
 }

@@ -1,31 +1,29 @@
 //! documentation/index.html: what a user of the FMU must know, in one page.
 
-use super::description::headline;
+use super::package::Contents;
 use super::{EXTRA, Provenance};
-use crate::models::variable::Role;
-use crate::models::{Kind, Model, Variable};
+use crate::fmi::description::FmiVersion;
+use pilotage_kit::{Interface, Variable};
 
 const APACHE: &str = include_str!("licenses/Apache-2.0.txt");
 const LICENSES: &str = include_str!("licenses/README.txt");
 const STYLE: &str = include_str!("style.css");
-const PILOT: &str = include_str!("pilot.html");
-const QUADCOPTER: &str = include_str!("quadcopter.html");
 
 /// The files of `documentation/`: name and text.
-pub(super) fn files(model: &Model, provenance: &Provenance) -> Vec<(&'static str, String)> {
+pub(super) fn files(contents: &Contents<'_>) -> Vec<(&'static str, String)> {
     vec![
-        ("index.html", page(model, provenance)),
+        ("index.html", page(contents)),
         ("licenses/license.txt", LICENSES.into()),
         ("licenses/Apache-2.0.txt", APACHE.into()),
     ]
 }
 
 /// The text of `provenance.txt` in [`EXTRA`].
-pub(super) fn provenance(model: &Model, provenance: &Provenance) -> String {
+pub(super) fn provenance(interface: &Interface, provenance: &Provenance) -> String {
     let mut lines = vec![
         format!("tool: pilotage {}", env!("CARGO_PKG_VERSION")),
-        format!("model: {}", model.kind().name()),
-        format!("guid: {}", model.guid()),
+        format!("model: {}", interface.name),
+        format!("guid: {}", interface.guid),
         format!("origin: {}", provenance.origin),
     ];
     lines.extend(provenance.caveat.iter().map(|c| format!("caveat: {c}")));
@@ -38,8 +36,24 @@ pub(super) fn provenance(model: &Model, provenance: &Provenance) -> String {
     lines.join("\n") + "\n"
 }
 
-fn page(model: &Model, provenance: &Provenance) -> String {
-    let name = model.kind().name();
+fn page(contents: &Contents<'_>) -> String {
+    let Contents {
+        interface,
+        provenance,
+        version,
+        about,
+        picture,
+        ..
+    } = contents;
+    let name = &interface.name;
+    let place = match version {
+        FmiVersion::V2 => "../model.png",
+        FmiVersion::V3 => "model.png",
+    };
+    let picture = match picture {
+        Some(_) => format!("<img src=\"{place}\" alt=\"\" width=\"480\"/>\n"),
+        None => String::new(),
+    };
     let caveat = match &provenance.caveat {
         Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", escaped(caveat)),
         None => String::new(),
@@ -52,21 +66,16 @@ fn page(model: &Model, provenance: &Provenance) -> String {
         ),
         None => String::new(),
     };
-    let about = match model.kind() {
-        Kind::Pilot(_) => PILOT,
-        Kind::Quadcopter => QUADCOPTER,
-    };
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <title>{name}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <h1>{name}</h1>\n<p>{}</p>\n{caveat}\
-         <img src=\"../model.png\" alt=\"\" width=\"480\"/>\n{about}\
+         <h1>{name}</h1>\n<p>{}</p>\n{caveat}{picture}{about}\
          <h2>Variables</h2>\n{}\
          <h2>Where the numbers come from</h2>\n<p>{}</p>\n{source}\
          <p>Exported by pilotage {}. Licences: <a href=\"licenses/license.txt\">licenses</a>.</p>\n\
          </body>\n</html>\n",
-        escaped(&headline(model.kind())),
-        table(model.variables()),
+        escaped(&interface.description),
+        table(&interface.variables),
         escaped(&provenance.origin),
         env!("CARGO_PKG_VERSION"),
     )
@@ -82,7 +91,7 @@ fn table(variables: &[Variable]) -> String {
             reference.to_string(),
             format!("<code>{}</code>", v.name),
             v.unit.symbol(),
-            kind(&v.role).to_owned(),
+            v.role.name().to_owned(),
             v.start.map_or(String::new(), |start| start.to_string()),
             range(v),
             escaped(&v.description),
@@ -90,15 +99,6 @@ fn table(variables: &[Variable]) -> String {
         html += &format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"));
     }
     html + "</table>\n"
-}
-
-fn kind(role: &Role) -> &'static str {
-    match role {
-        Role::Input => "input",
-        Role::Output { .. } => "output",
-        Role::Fixed => "parameter",
-        Role::Tunable => "tunable parameter",
-    }
 }
 
 fn range(variable: &Variable) -> String {

@@ -1,29 +1,44 @@
-//! Our models as FMUs: FMI 2.0 co-simulation, ready for any tool.
+//! Models as FMUs: FMI 2.0 and FMI 3.0, each with co-simulation and model exchange, ready for any tool.
 //!
-//! No compiler is needed: one library serves every model and is part of this crate ([`binary`]); what
-//! differs between FMUs is text.
+//! For our own models no compiler is needed: one library serves them all and is part of this crate
+//! ([`binary`]); what differs between FMUs is text. A user's model is a library of its own ([`pack`]).
 //!
 //! | module | what it makes |
 //! | --- | --- |
-//! | [`binary`] | the library, and the folders that it goes into |
-//! | [`description`](mod@description) | modelDescription.xml, from the model's table of variables |
+//! | [`binary`], [`platform`] | the library of our models; platforms and the folders that libraries go into |
+//! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
+//! | [`interface`] | what a library says of its model |
+//! | [`pack`] | FMUs of a user's models |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `picture` | model.png |
-//! | `package` | the archive: the same input gives the same bytes |
+//! | [`package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
 pub mod description;
 mod documentation;
-mod package;
+mod error;
+pub mod interface;
+pub mod pack;
+pub mod package;
 mod picture;
+pub mod platform;
 
 pub use description::description;
-pub use package::{ExportError, package};
+pub use error::ExportError;
+pub use package::Contents;
+pub use platform::Platform;
 
+use crate::fmi::description::FmiVersion;
+use crate::models::model::MODEL_FILE;
 use crate::models::pilot::PAPER_THETA;
-use crate::models::{Model, Quadcopter};
+use crate::models::{Kind, Model, Quadcopter};
 use crate::output;
+use pilotage_kit::Interface;
+use std::collections::BTreeMap;
 use std::path::Path;
+
+const PILOT: &str = include_str!("pilot.html");
+const QUADCOPTER: &str = include_str!("quadcopter.html");
 
 /// The folder of our own files in an FMU (FMI 2.0.5, section 2.3: reverse domain name).
 pub const EXTRA: &str = "extra/org.pilotage";
@@ -38,7 +53,12 @@ pub struct Provenance {
     pub caveat: Option<String>,
     /// The file that the numbers were read from: its name in the FMU and its text, kept as it was.
     pub source: Option<(&'static str, String)>,
+    /// Licence of the model, in SPDX's words.
+    pub license: Option<String>,
 }
+
+/// Licence of our own models.
+const LICENSE: &str = "MIT OR Apache-2.0";
 
 impl Provenance {
     /// A pilot identified from flights; `file` is the text of the result file, `converged` what it says.
@@ -48,6 +68,7 @@ impl Provenance {
             caveat: (!converged)
                 .then(|| "The fit did NOT converge: θ is its best iterate, not a solution.".into()),
             source: Some(("pilot.toml", file)),
+            license: Some(LICENSE.into()),
         }
     }
 
@@ -64,6 +85,7 @@ impl Provenance {
                     .into(),
             ),
             source: None,
+            license: Some(LICENSE.into()),
         }
     }
 
@@ -80,6 +102,7 @@ impl Provenance {
             origin: origin.into(),
             caveat: None,
             source: file.map(|text| ("vehicle.toml", text)),
+            license: Some(LICENSE.into()),
         }
     }
 }
@@ -121,13 +144,74 @@ pub fn export_quadcopter(
     export(&Model::quadcopter(vehicle), provenance, path)
 }
 
-/// Writes the FMU of a model, completely or not at all.
+/// Which FMU to make of a model.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// The version of the standard.
+    pub version: FmiVersion,
+    /// Libraries that were built elsewhere, besides that for this platform.
+    pub binaries: Vec<(Platform, Vec<u8>)>,
+}
+
+/// Writes the FMU of a model (FMI 2.0), completely or not at all.
 ///
 /// # Errors
 /// When a start value is not finite or out of range, or the file cannot be written.
 pub fn export(model: &Model, provenance: &Provenance, path: &Path) -> Result<(), ExportError> {
-    let bytes = package(model, provenance)?;
-    output::write(path, &bytes).map_err(|source| ExportError::Write {
+    export_as(model, provenance, &Options::default(), path)
+}
+
+/// As [`export()`], with options.
+///
+/// # Errors
+/// When a start value is not finite or out of range, a library is not for its platform, or the file
+/// cannot be written.
+pub fn export_as(
+    model: &Model,
+    provenance: &Provenance,
+    options: &Options,
+    path: &Path,
+) -> Result<(), ExportError> {
+    let bytes = package_as(model, provenance, options)?;
+    write(path, &bytes)
+}
+
+/// The bytes of a model's FMU (FMI 2.0).
+///
+/// # Errors
+/// When a start value is not finite or out of range.
+pub fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, ExportError> {
+    package_as(model, provenance, &Options::default())
+}
+
+/// As [`package()`], with options.
+///
+/// # Errors
+/// When a start value is not finite or out of range, or a library is not for its platform.
+pub fn package_as(
+    model: &Model,
+    provenance: &Provenance,
+    options: &Options,
+) -> Result<Vec<u8>, ExportError> {
+    model.check()?;
+    let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
+    let given = options.binaries.iter().cloned();
+    package::archive(&Contents {
+        interface: &Interface::of(model),
+        provenance,
+        version: options.version,
+        binaries: given.chain(own).collect(),
+        about: match model.kind() {
+            Kind::Pilot(_) => PILOT,
+            Kind::Quadcopter => QUADCOPTER,
+        },
+        picture: Some(picture::png(model)),
+        resources: BTreeMap::from([(MODEL_FILE.to_owned(), model.to_file().into_bytes())]),
+    })
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {
+    output::write(path, bytes).map_err(|source| ExportError::Write {
         path: path.to_owned(),
         source,
     })

@@ -1,46 +1,40 @@
-//! The archive (FMI 2.0.5, section 2.3).
+//! The archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
 
-use super::{EXTRA, Provenance, binary, description, documentation, picture};
-use crate::models::{Model, ValueError};
+use super::{EXTRA, ExportError, Platform, Provenance, description, documentation};
+use crate::fmi::description::FmiVersion;
+use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
-use std::path::PathBuf;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Why an FMU could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum ExportError {
-    /// A start value that its variable cannot have.
-    #[error("the model cannot be exported")]
-    Value(#[from] ValueError),
-    /// The archive cannot be built.
-    #[error("the archive cannot be built at {entry}")]
-    Archive {
-        /// The entry at which it failed.
-        entry: String,
-        /// Why.
-        source: zip::result::ZipError,
-    },
-    /// The file cannot be written.
-    #[error("{} cannot be written", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+/// Everything of an FMU but the text that is made from it.
+#[derive(Debug, Clone)]
+pub struct Contents<'c> {
+    /// What the model is.
+    pub interface: &'c Interface,
+    /// Where it comes from.
+    pub provenance: &'c Provenance,
+    /// The version of the standard.
+    pub version: FmiVersion,
+    /// A library for each platform.
+    pub binaries: Vec<(Platform, Vec<u8>)>,
+    /// Equations and advice for the documentation, as HTML.
+    pub about: &'c str,
+    /// The picture for the model's block, as PNG.
+    pub picture: Option<Vec<u8>>,
+    /// Files for `resources`.
+    pub resources: BTreeMap<String, Vec<u8>>,
 }
 
-/// The bytes of a model's FMU. Entries are sorted and have one fixed time, so that equal models and
-/// provenance give equal bytes.
+/// The bytes of an FMU. Entries are sorted and have one fixed time, so that equal contents give equal
+/// bytes.
 ///
 /// # Errors
-/// When a start value is not finite or out of range.
-pub fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, ExportError> {
-    model.check()?;
+/// When a library is not for its platform, or the same platform is there twice.
+pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, content) in entries(model, provenance) {
+    for (name, content) in entries(contents)? {
         let mode = if name.starts_with("binaries/") {
             0o755
         } else {
@@ -66,31 +60,55 @@ pub fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, Export
 }
 
 /// All files by name.
-fn entries(model: &Model, provenance: &Provenance) -> BTreeMap<String, Vec<u8>> {
-    let description = description(model, provenance);
+fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let Contents {
+        interface,
+        provenance,
+        version,
+        ..
+    } = *contents;
+    let description = description(interface, provenance, version);
     let mut entries = BTreeMap::from([
         (
             "modelDescription.xml".to_owned(),
             description.to_xml().into_bytes(),
         ),
         (
-            "resources/model.toml".to_owned(),
-            model.to_file().into_bytes(),
-        ),
-        ("model.png".to_owned(), picture::png(model)),
-        (
             format!("{EXTRA}/provenance.txt"),
-            documentation::provenance(model, provenance).into_bytes(),
+            documentation::provenance(interface, provenance).into_bytes(),
         ),
     ]);
-    for path in binary::paths(model.kind().name()) {
-        entries.insert(path, binary::LIBRARY.to_vec());
+    let mut aliases = Vec::new();
+    for (platform, bytes) in &contents.binaries {
+        platform.check(bytes, version)?;
+        let mut paths = platform.paths(version, &interface.name).into_iter();
+        if let Some(path) = paths.next()
+            && entries.insert(path.clone(), bytes.clone()).is_some()
+        {
+            return Err(ExportError::TwoBinaries { path });
+        }
+        aliases.extend(paths.map(|path| (path, bytes)));
     }
-    for (name, text) in documentation::files(model, provenance) {
-        entries.insert(format!("documentation/{name}"), text.into_bytes());
+    // A library made for the folder has precedence.
+    for (path, bytes) in aliases {
+        entries.entry(path).or_insert_with(|| bytes.clone());
+    }
+    for (name, content) in documentation::files(contents) {
+        entries.insert(format!("documentation/{name}"), content.into_bytes());
+    }
+    for (name, content) in &contents.resources {
+        entries.insert(format!("resources/{name}"), content.clone());
+    }
+    if let Some(picture) = &contents.picture {
+        // FMI 3.0 has no place for it without a file that describes terminals (section 2.5.2).
+        let path = match version {
+            FmiVersion::V2 => "model.png",
+            FmiVersion::V3 => "documentation/model.png",
+        };
+        entries.insert(path.to_owned(), picture.clone());
     }
     if let Some((name, text)) = &provenance.source {
         entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());
     }
-    entries
+    Ok(entries)
 }

@@ -3,13 +3,16 @@
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use super::binary::{self, BinaryError};
 use super::binding::{Binding, BindingError};
+use super::description::FmiVersion;
 use super::description::{self, ModelDescription, ReadError};
-use super::instance::{CallError, Instance, Loaded};
+use super::instance::{CallError, Instance, Loaded, Options};
 use super::platform;
+use super::version::Kind;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tempfile::TempDir;
 use thiserror::Error;
 
 /// Why an FMU cannot be used.
@@ -26,11 +29,19 @@ pub enum FmuError {
         /// Why.
         source: ReadError,
     },
-    /// It is for Model Exchange only.
-    #[error("{} is an FMU for Model Exchange only; co-simulation needs <CoSimulation>", path.display())]
-    NotCoSimulation {
+    /// It is for nothing: neither co-simulation nor model exchange nor scheduled execution.
+    #[error("{} has neither <CoSimulation> nor <ModelExchange> nor <ScheduledExecution>", path.display())]
+    NoKind {
         /// The FMU.
         path: PathBuf,
+    },
+    /// It is not for this kind of instances.
+    #[error("{} is no FMU for {kind}: it has no <{}>", path.display(), kind.element())]
+    OtherKind {
+        /// The FMU.
+        path: PathBuf,
+        /// What it should be for.
+        kind: Kind,
     },
     /// No binary for this machine.
     #[error("{} has no binary for this machine (looked in {}); it has {}", path.display(), wanted.join(", "), all_of(present))]
@@ -148,45 +159,58 @@ impl Fmu {
         present.into_iter().map(str::to_owned).collect()
     }
 
-    /// Unpacks the FMU, looks into its binary and loads it. Each call loads a copy of its own.
+    /// The version of FMI that the description is written in.
+    pub fn version(&self) -> FmiVersion {
+        self.description.fmi_version
+    }
+
+    /// What the FMU is for, and the modelIdentifier of each.
+    pub fn kinds(&self) -> Vec<(Kind, &str)> {
+        let cs = self.description.co_simulation.as_ref();
+        let me = self.description.model_exchange.as_ref();
+        let se = self.description.scheduled_execution.as_ref();
+        let cs = cs.map(|cs| (Kind::CoSimulation, cs.model_identifier.as_str()));
+        let me = me.map(|me| (Kind::ModelExchange, me.model_identifier.as_str()));
+        let se = se.map(|se| (Kind::ScheduledExecution, se.model_identifier.as_str()));
+        cs.into_iter().chain(me).chain(se).collect()
+    }
+
+    /// Unpacks the FMU, looks into its binaries (most often one for all kinds) and loads them. Each call
+    /// loads copies of its own.
     ///
     /// # Errors
     /// If there is no binary for this machine, or it is damaged, or not what the standard asks for.
     pub fn load(&mut self) -> Result<Library, FmuError> {
-        let entry = self.find_library()?;
-        let folder = self.archive.unpack()?;
-        let library = folder.path().join(&entry);
-        let path = || self.path().to_owned();
-        let bytes = fs::read(&library).map_err(|source| FmuError::Read {
-            path: path(),
-            entry: entry.clone(),
-            source,
-        })?;
-        binary::check(&bytes).map_err(|source| FmuError::Binary {
-            path: path(),
-            entry: entry.clone(),
-            source,
-        })?;
-        // SAFETY: whoever asks to load an FMU trusts its code; the file's structure was checked.
-        let binding = unsafe { Binding::load(&library) };
-        let binding = binding.map_err(|source| FmuError::Binding {
-            path: path(),
-            entry,
-            source,
-        })?;
-        Ok(Library {
-            path: path(),
-            loaded: Arc::new(Loaded { binding, folder }),
-            description: self.description.clone(),
-        })
+        let path = self.path().to_owned();
+        let mut groups: Vec<(String, Vec<Kind>)> = Vec::new();
+        for (kind, identifier) in self.kinds() {
+            match groups.iter_mut().find(|(name, _)| name == identifier) {
+                Some((_, kinds)) => kinds.push(kind),
+                None => groups.push((identifier.to_owned(), vec![kind])),
+            }
+        }
+        let entries = groups.iter().map(|(name, _)| self.find_library(name));
+        let entries: Vec<String> = entries.collect::<Result<_, _>>()?;
+        let folder = Arc::new(self.archive.unpack()?);
+        let mut loaded = Vec::new();
+        for ((_, kinds), entry) in groups.into_iter().zip(entries) {
+            let binding = bind(&path, &folder, entry, self.version(), &kinds)?;
+            let folder = folder.clone();
+            loaded.push((kinds, Arc::new(Loaded { binding, folder })));
+        }
+        match loaded.is_empty() {
+            true => Err(FmuError::NoKind { path }),
+            false => Ok(Library {
+                path,
+                loaded,
+                description: self.description.clone(),
+            }),
+        }
     }
 
     /// Name of the binary for this machine in the archive.
-    fn find_library(&self) -> Result<String, FmuError> {
+    fn find_library(&self, identifier: &str) -> Result<String, FmuError> {
         let path = || self.path().to_owned();
-        let Some(cs) = &self.description.co_simulation else {
-            return Err(FmuError::NotCoSimulation { path: path() });
-        };
         let present = self.platforms();
         let wanted = platform::folders();
         let Some(folder) = wanted.iter().find(|folder| present.contains(folder)) else {
@@ -196,7 +220,7 @@ impl Fmu {
                 present,
             });
         };
-        let name = platform::library_name(&cs.model_identifier);
+        let name = platform::library_name(identifier);
         let entry = format!("binaries/{folder}/{name}");
         if self.archive.files().any(|file| file == entry) {
             return Ok(entry);
@@ -206,38 +230,93 @@ impl Fmu {
         Err(FmuError::NoLibrary {
             path: path(),
             expected: entry,
-            identifier: cs.model_identifier.clone(),
+            identifier: identifier.to_owned(),
             found: beside.map(str::to_owned).collect(),
         })
     }
 }
 
-/// An FMU's binary, loaded. Its instances keep it loaded.
+/// Looks into an unpacked binary and loads it.
+fn bind(
+    path: &Path,
+    folder: &TempDir,
+    entry: String,
+    version: FmiVersion,
+    kinds: &[Kind],
+) -> Result<Binding, FmuError> {
+    let library = folder.path().join(&entry);
+    let bytes = fs::read(&library).map_err(|source| FmuError::Read {
+        path: path.to_owned(),
+        entry: entry.clone(),
+        source,
+    })?;
+    binary::check(&bytes).map_err(|source| FmuError::Binary {
+        path: path.to_owned(),
+        entry: entry.clone(),
+        source,
+    })?;
+    // SAFETY: whoever asks to load an FMU trusts its code; the file's structure was checked.
+    let binding = unsafe { Binding::load(&library, version, kinds) };
+    binding.map_err(|source| FmuError::Binding {
+        path: path.to_owned(),
+        entry,
+        source,
+    })
+}
+
+/// An FMU's binaries, loaded. Their instances keep them loaded.
 #[derive(Debug, Clone)]
 pub struct Library {
     path: PathBuf,
-    loaded: Arc<Loaded>,
+    /// Each binary, and what it is for; never empty.
+    loaded: Vec<(Vec<Kind>, Arc<Loaded>)>,
     description: Arc<ModelDescription>,
 }
 
 impl Library {
-    /// Makes an instance for co-simulation.
+    /// Makes an instance of a kind, without window, event mode or early return.
     ///
     /// # Errors
-    /// If the FMU refuses.
-    pub fn instantiate(&self, name: &str) -> Result<Instance, FmuError> {
-        let instance = Instance::new(self.loaded.clone(), &self.description, name);
+    /// If the FMU is not for this kind, or refuses.
+    pub fn instantiate(&self, name: &str, kind: Kind) -> Result<Instance, FmuError> {
+        self.instantiate_with(name, kind, Options::default())
+    }
+
+    /// Makes an instance of a kind.
+    ///
+    /// # Errors
+    /// If the FMU is not for this kind, or refuses.
+    pub fn instantiate_with(
+        &self,
+        name: &str,
+        kind: Kind,
+        options: Options,
+    ) -> Result<Instance, FmuError> {
+        let path = || self.path.clone();
+        let loaded = self
+            .of(kind)
+            .ok_or_else(|| FmuError::OtherKind { path: path(), kind })?;
+        let instance = Instance::new(loaded.clone(), &self.description, name, kind, options);
         instance.map_err(|source| FmuError::Instantiate {
-            path: self.path.clone(),
+            path: path(),
             source,
         })
     }
 
-    /// Whether the FMU makes an instance though the GUID is another one, which it should refuse.
-    pub fn accepts_wrong_guid(&self) -> bool {
+    /// Whether the FMU makes an instance though the GUID (instantiation token) is another one, which it
+    /// should refuse.
+    pub fn accepts_wrong_guid(&self, kind: Kind) -> bool {
         let mut other = ModelDescription::clone(&self.description);
         other.guid.push('!');
-        Instance::new(self.loaded.clone(), &other, "wrong guid").is_ok()
+        self.of(kind).is_some_and(|loaded| {
+            let options = Options::default();
+            Instance::new(loaded.clone(), &other, "wrong guid", kind, options).is_ok()
+        })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// The description.
@@ -245,8 +324,13 @@ impl Library {
         &self.description
     }
 
-    /// The loaded library.
-    pub fn binding(&self) -> &Binding {
-        &self.loaded.binding
+    /// The loaded binaries: one, unless kinds have different modelIdentifiers.
+    pub fn bindings(&self) -> impl Iterator<Item = &Binding> {
+        self.loaded.iter().map(|(_, loaded)| &loaded.binding)
+    }
+
+    fn of(&self, kind: Kind) -> Option<&Arc<Loaded>> {
+        let found = self.loaded.iter().find(|(kinds, _)| kinds.contains(&kind));
+        found.map(|(_, loaded)| loaded)
     }
 }

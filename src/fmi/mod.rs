@@ -1,4 +1,4 @@
-//! FMI 2.0: anybody's FMU, read, checked, loaded and called.
+//! FMI 2.0 and 3.0: anybody's FMU, read, checked, loaded and called.
 //!
 //! | module | what it does |
 //! | --- | --- |
@@ -8,17 +8,27 @@
 //! | [`binary`] | a look into the binary before it is loaded |
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
+//! | [`check`] | an FMU against the standard: archive, files, binaries, behaviour |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
+//!
+//! What FMUs say goes to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, where a call
+//! fails, into its error.
 
 pub mod archive;
 pub mod binary;
 pub mod binding;
+pub mod check;
 pub mod description;
+mod environment;
 pub mod fmu;
 pub mod instance;
 mod logger;
 pub mod platform;
+mod version;
 
+pub use description::FmiVersion;
+pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
-pub use instance::{CallError, Instance, Step};
+pub use instance::{CallError, Instance, Options, Step};
 pub use logger::Message;
+pub use version::{Function, Kind, State};

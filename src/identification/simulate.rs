@@ -53,13 +53,15 @@ fn advance(
     let pilot = joint.pilot;
     let steps = (duration / MAX_STEP).ceil().max(1.0);
     let h = duration / steps;
-    let transition = Transition::new(pilot.order, h, |x, u, dx| pilot.derivative(x, u, theta, dx))?;
+    let transition = Transition::new([pilot.order, 1], h, |x, u, dx| {
+        pilot.derivative(x, u[0], theta, dx);
+    })?;
     let mut next = vec![0.0; pilot.order];
     let (x_v, x_p) = x.split_at_mut(N_STATES);
     for _ in 0..steps as usize {
         let before = pilot.output(x_p, theta);
         let (error, slope) = error_ahead(&joint.vehicle, target, x_v, before, h);
-        transition.apply(x_p, error, slope, &mut next);
+        transition.apply(x_p, &[error], &[slope], &mut next);
         x_p.copy_from_slice(&next);
         fly(&joint.vehicle, x_v, before, pilot.output(x_p, theta), h);
     }

@@ -310,8 +310,10 @@ fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
         let h = time[k] - time[k - 1];
         let known = last.take_if(|(step, _)| (*step - h).abs() < SAME_STEP * h);
         let step = known.map(|(_, step)| step).or_else(|| {
-            let derivative = |x: &[f64], u: f64, dx: &mut [f64]| pilot.derivative(x, u, theta, dx);
-            Transition::new(pilot.order, h, derivative).ok()
+            let derivative = |x: &[f64], u: &[f64], dx: &mut [f64]| {
+                pilot.derivative(x, u[0], theta, dx);
+            };
+            Transition::new([pilot.order, 1], h, derivative).ok()
         });
         let Some(step) = step else {
             break;
@@ -319,8 +321,8 @@ fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
         let (done, next) = out.split_at_mut(k);
         step.apply(
             &done[k - 1],
-            error[k - 1],
-            (error[k] - error[k - 1]) / h,
+            &[error[k - 1]],
+            &[(error[k] - error[k - 1]) / h],
             &mut next[0],
         );
         last = Some((h, step));

@@ -226,12 +226,12 @@ fn descriptions() {
         (
             "FMI 1",
             with("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""),
-            "a.fmu: this is an FMU of FMI 1.0; only FMI 2.0 can be used",
+            "a.fmu: FMI 1.0 is not supported: export the model as FMI 2.0 or FMI 3.0",
         ),
         (
             "FMI 3",
-            with("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\""),
-            "a.fmu: this is an FMU of FMI 3.0; only FMI 2.0 can be used",
+            with("fmiVersion=\"2.0\"", "fmiVersion=\"4.0\""),
+            "a.fmu: this is an FMU of FMI 4.0; FMI 2.0 and FMI 3.0 can be used",
         ),
         (
             "no version",
@@ -336,7 +336,7 @@ fn binaries() {
     let xml = ("modelDescription.xml", DESCRIPTION.as_bytes());
     let at = format!("a.fmu: `{entry}` cannot be");
     let cases = [
-        ("Model Exchange only", with("<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\"", "<ModelExchange modelIdentifier=\"foreign\""), "a.fmu is an FMU for Model Exchange only; co-simulation needs <CoSimulation>".to_owned()),
+        ("no function of model exchange", with("<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\"", "<ModelExchange modelIdentifier=\"foreign\""), format!("a.fmu: `{entry}` cannot be used: it has no function `fmi2NewDiscreteStates`")),
         ("another platform", archive(&[xml, ("binaries/win99/foreign.dll", b"")]), no_platform),
         ("no binaries", archive(&[xml]), no_binaries),
         ("another name", archive(&[xml, (&other, binary)]), no_library),

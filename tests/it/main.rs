@@ -27,6 +27,7 @@ mod recovery;
 mod schemes;
 mod sqp_problems;
 mod starts;
+mod third_party;
 mod threads;
 mod trials;
 mod vehicle;

@@ -1,5 +1,6 @@
 //! The vehicle's coefficients as data: name, unit, range and meaning of each field of [`Quadcopter`].
 
+use crate::quadcopter::N_COEFFICIENTS;
 use crate::{Quadcopter, Unit};
 
 /// One coefficient of the vehicle. Files, parameters of the FMU and their checks derive from it.
@@ -34,7 +35,7 @@ macro_rules! coefficient {
 
 /// The coefficients, in the order of the fields of [`Quadcopter`].
 #[rustfmt::skip]
-pub const COEFFICIENTS: [Coefficient; 10] = [
+pub const COEFFICIENTS: [Coefficient; N_COEFFICIENTS] = [
     coefficient!(mass, kilogram, 1e-3, 1e4, "mass m"),
     coefficient!(arm_length, metre, 1e-3, 100.0, "arm length ℓ, from the centre to a motor"),
     coefficient!(inertia, kilogram_metre_squared, 1e-9, 1e6, "pitch moment of inertia I_yy"),

@@ -16,9 +16,13 @@
 //! ```
 
 use crate::Scalar;
+use std::ops::Mul;
 
 /// Number of states of the vehicle.
 pub const N_STATES: usize = 6;
+
+/// Number of coefficients of the vehicle.
+pub const N_COEFFICIENTS: usize = 10;
 
 /// Names of the states in their order, as the FMU and the tables show them.
 pub const STATE_NAMES: [&str; N_STATES] = ["z", "phi", "v", "q", "omega_f", "omega_b"];
@@ -69,24 +73,34 @@ impl Default for Quadcopter {
 }
 
 impl Quadcopter {
-    /// Thrust of one motor `T(ω)` [N] at the rotor-speed perturbation `omega` [krad/s].
-    pub fn thrust<T: Scalar>(&self, omega: T) -> T {
-        let relative = omega * (1.0 / self.hover_speed) + 1.0;
-        relative * relative * (self.mass * self.gravity / 4.0)
-    }
-
     /// Writes `f_v(x, u)` into `dx` (both of length [`N_STATES`]); `u` is the stick [-1, 1].
     pub fn derivative<T: Scalar>(&self, x: &[T], u: T, dx: &mut [T]) {
-        let (phi, v, q, omega_f, omega_b) = (x[1], x[2], x[3], x[4], x[5]);
-        let (front, back) = (self.thrust(omega_f), self.thrust(omega_b));
-        let throttle = (u * self.max_pitch - phi) * self.attitude_gain - q * self.rate_gain;
-        let torque_gain = std::f64::consts::SQRT_2 * self.arm_length / self.inertia;
-        dx[0] = v;
-        dx[1] = q;
-        dx[2] = (front + back) * phi.sin() * (-2.0 / self.mass);
-        dx[3] = (front - back) * torque_gain;
-        dx[4] = throttle * self.propeller_gain - omega_f * self.propeller_lag;
-        dx[5] = -throttle * self.propeller_gain - omega_b * self.propeller_lag;
+        derivative(self.coefficients(), x, u, dx);
+    }
+
+    /// Thrust of one motor `T(ω)` [N] at the rotor-speed perturbation `omega` [krad/s].
+    pub fn thrust(&self, omega: f64) -> f64 {
+        thrust(
+            1.0 / self.hover_speed,
+            self.mass * self.gravity / 4.0,
+            omega,
+        )
+    }
+
+    /// The coefficients in the order of the fields.
+    fn coefficients(&self) -> [f64; N_COEFFICIENTS] {
+        [
+            self.mass,
+            self.arm_length,
+            self.inertia,
+            self.gravity,
+            self.hover_speed,
+            self.propeller_lag,
+            self.propeller_gain,
+            self.attitude_gain,
+            self.rate_gain,
+            self.max_pitch,
+        ]
     }
 
     /// The controlled output `y_v = h_v(x, u)`: the position `z` [m].
@@ -117,4 +131,50 @@ impl Quadcopter {
             self.propeller_lag,
         ]
     }
+}
+
+/// Writes `f_v(x, u)` into `dx`, with the coefficients in the order of the fields of [`Quadcopter`]: numbers,
+/// or dual numbers where derivatives with respect to them are wanted.
+pub fn derivative<T, C>(coefficients: [C; N_COEFFICIENTS], x: &[T], u: T, dx: &mut [T])
+where
+    T: Scalar + Mul<C, Output = T>,
+    C: Scalar,
+{
+    let [
+        mass,
+        arm_length,
+        inertia,
+        gravity,
+        hover_speed,
+        propeller_lag,
+        propeller_gain,
+        attitude_gain,
+        rate_gain,
+        max_pitch,
+    ] = coefficients;
+    let times = |x: T, c: C| <T as Mul<C>>::mul(x, c);
+    let (slowness, weight) = (hover_speed.recip(), mass * gravity / C::from(4.0));
+    let (phi, v, q, omega_f, omega_b) = (x[1], x[2], x[3], x[4], x[5]);
+    let (front, back) = (
+        thrust(slowness, weight, omega_f),
+        thrust(slowness, weight, omega_b),
+    );
+    let throttle = times(times(u, max_pitch) - phi, attitude_gain) - times(q, rate_gain);
+    let torque_gain = C::from(std::f64::consts::SQRT_2) * arm_length / inertia;
+    dx[0] = v;
+    dx[1] = q;
+    dx[2] = times((front + back) * phi.sin(), C::from(-2.0) / mass);
+    dx[3] = times(front - back, torque_gain);
+    dx[4] = times(throttle, propeller_gain) - times(omega_f, propeller_lag);
+    dx[5] = times(-throttle, propeller_gain) - times(omega_b, propeller_lag);
+}
+
+/// `T(ω)` of one motor; `slowness` is `1/ω_0` and `weight` `m g / 4`.
+fn thrust<T, C>(slowness: C, weight: C, omega: T) -> T
+where
+    T: Scalar + Mul<C, Output = T>,
+    C: Scalar,
+{
+    let relative = <T as Mul<C>>::mul(omega, slowness) + 1.0;
+    <T as Mul<C>>::mul(relative * relative, weight)
 }

@@ -1,4 +1,4 @@
-//! The enumerated attributes of variables and dependencies.
+//! The enumerated attributes, and the versions of the standard.
 
 /// Declares an enum whose variants are spelled in XML as given, with both conversions.
 macro_rules! xml_enum {
@@ -47,6 +47,18 @@ xml_enum! {
         Local = "local",
         /// The independent variable, usually time.
         Independent = "independent",
+        /// FMI 3.0: a parameter that may size arrays; set in configuration mode.
+        StructuralParameter = "structuralParameter",
+    }
+}
+
+impl Causality {
+    /// The values that a version of the standard knows.
+    pub fn all(version: FmiVersion) -> &'static [Self] {
+        match version {
+            FmiVersion::V2 => &Self::ALL[..Self::ALL.len() - 1],
+            FmiVersion::V3 => Self::ALL,
+        }
     }
 }
 
@@ -101,6 +113,105 @@ xml_enum! {
         Tunable = "tunable",
         /// Linear with a factor that changes at events.
         Discrete = "discrete",
+    }
+}
+
+xml_enum! {
+    /// What sets the interval of a clock (FMI 3.0, section 2.2.8.3, table of clock types).
+    IntervalVariability {
+        /// Periodic, the interval is in the description.
+        Constant = "constant",
+        /// Periodic, the interval may be set until initialization ends.
+        Fixed = "fixed",
+        /// Periodic, the interval may be set at events.
+        Tunable = "tunable",
+        /// The FMU gives the next interval at each tick.
+        Changing = "changing",
+        /// The FMU gives the interval at events.
+        Countdown = "countdown",
+        /// Ticks at events, without an interval.
+        Triggered = "triggered",
+    }
+}
+
+xml_enum! {
+    /// The integer types; FMI 2.0 has `Int32` alone and calls it `Integer`.
+    IntegerType {
+        /// 8 bits, signed.
+        Int8 = "Int8",
+        /// 8 bits, unsigned.
+        UInt8 = "UInt8",
+        /// 16 bits, signed.
+        Int16 = "Int16",
+        /// 16 bits, unsigned.
+        UInt16 = "UInt16",
+        /// 32 bits, signed.
+        Int32 = "Int32",
+        /// 32 bits, unsigned.
+        UInt32 = "UInt32",
+        /// 64 bits, signed.
+        Int64 = "Int64",
+        /// 64 bits, unsigned.
+        UInt64 = "UInt64",
+    }
+}
+
+impl IntegerType {
+    /// The values that fit.
+    pub fn range(self) -> std::ops::RangeInclusive<i128> {
+        match self {
+            Self::Int8 => i8::MIN.into()..=i8::MAX.into(),
+            Self::UInt8 => 0..=u8::MAX.into(),
+            Self::Int16 => i16::MIN.into()..=i16::MAX.into(),
+            Self::UInt16 => 0..=u16::MAX.into(),
+            Self::Int32 => i32::MIN.into()..=i32::MAX.into(),
+            Self::UInt32 => 0..=u32::MAX.into(),
+            Self::Int64 => i64::MIN.into()..=i64::MAX.into(),
+            Self::UInt64 => 0..=u64::MAX.into(),
+        }
+    }
+}
+
+xml_enum! {
+    /// The floating-point types; FMI 2.0 has `Float64` alone and calls it `Real`.
+    Precision {
+        /// 64 bits.
+        Double = "Float64",
+        /// 32 bits.
+        Single = "Float32",
+    }
+}
+
+/// A version of the standard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub enum FmiVersion {
+    /// FMI 2.0 and its maintenance releases, which all write `2.0`.
+    #[default]
+    V2,
+    /// FMI 3.0 and later minor versions.
+    V3,
+}
+
+impl std::fmt::Display for FmiVersion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::V2 => "2.0",
+            Self::V3 => "3.0",
+        })
+    }
+}
+
+impl Default for Precision {
+    /// The type that both versions have.
+    fn default() -> Self {
+        Self::Double
+    }
+}
+
+impl Default for IntegerType {
+    /// The type that both versions have.
+    fn default() -> Self {
+        Self::Int32
     }
 }
 

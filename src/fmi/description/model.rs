@@ -1,18 +1,25 @@
 //! The root element and what describes the FMU as a whole.
 
 use super::{
-    ModelStructure, NamingConvention, ScalarVariable, SimpleType, TypeKind, Unit, VariableKind,
+    CoSimulation, Dimension, FmiVersion, ModelExchange, ModelStructure, NamingConvention,
+    ScalarVariable, ScheduledExecution, SimpleType, TypeKind, Unit, VariableKind,
 };
 
-/// A modelDescription.xml (FMI 2.0, section 2.2.1).
+/// A modelDescription.xml (FMI 2.0, section 2.2.1; FMI 3.0, section 2.4.1).
 ///
 /// An optional attribute is an `Option`; a boolean attribute whose default is `false` is a `bool`.
-/// `fmiVersion` is always `2.0` and therefore no field.
+/// What only one version has is said so; in a description of the other one it keeps its default and
+/// is not written.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ModelDescription {
+    /// The version of the standard that it follows.
+    pub fmi_version: FmiVersion,
+    /// `fmiVersion` as written, if it is another text than `2.0` or `3.0`: `3.0.1`, say.
+    pub fmi_release: Option<String>,
     /// Name of the model as the modelling tool used it.
     pub model_name: String,
-    /// Fingerprint of the interface; `fmi2Instantiate` compares it with the binary's.
+    /// Fingerprint of the interface, which the binary compares with its own when it is instantiated:
+    /// `guid` in FMI 2.0, `instantiationToken` in FMI 3.0.
     pub guid: String,
     /// One-line description.
     pub description: Option<String>,
@@ -30,12 +37,15 @@ pub struct ModelDescription {
     pub generation_date_and_time: Option<String>,
     /// How variable names are built.
     pub naming_convention: NamingConvention,
-    /// Number of event indicators (Model Exchange).
+    /// FMI 2.0: number of event indicators (Model Exchange). FMI 3.0 lists them in
+    /// [`ModelStructure::event_indicators`].
     pub number_of_event_indicators: Option<u32>,
     /// Present if the FMU can do Model Exchange.
     pub model_exchange: Option<ModelExchange>,
     /// Present if the FMU can do Co-Simulation.
     pub co_simulation: Option<CoSimulation>,
+    /// FMI 3.0: present if the FMU can do Scheduled Execution.
+    pub scheduled_execution: Option<ScheduledExecution>,
     /// The units used below.
     pub units: Vec<Unit>,
     /// Named types that variables may refer to.
@@ -44,7 +54,7 @@ pub struct ModelDescription {
     pub log_categories: Vec<LogCategory>,
     /// Suggested start, stop, tolerance and step.
     pub default_experiment: Option<DefaultExperiment>,
-    /// Annotations of tools.
+    /// Annotations of tools: `<VendorAnnotations>` in FMI 2.0, `<Annotations>` in FMI 3.0.
     pub vendor_annotations: Vec<Tool>,
     /// The variables; their order is what [`ModelStructure`] counts, from 1.
     pub variables: Vec<ScalarVariable>,
@@ -69,63 +79,29 @@ impl ModelDescription {
         real.attributes.unit.as_deref().or_else(|| {
             let name = real.declared_type.as_deref()?;
             match &self.types.iter().find(|t| t.name == name)?.kind {
-                TypeKind::Real(declared) => declared.unit.as_deref(),
+                TypeKind::Real { attributes, .. } => attributes.unit.as_deref(),
                 _ => None,
             }
         })
     }
-}
 
-/// Attributes of `<CoSimulation>` (FMI 2.0, section 4.3.1).
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct CoSimulation {
-    /// Stem of the binary's file name; a C identifier.
-    pub model_identifier: String,
-    /// A tool must be installed for the FMU to run.
-    pub needs_execution_tool: bool,
-    /// The communication step may vary.
-    pub can_handle_variable_communication_step_size: bool,
-    /// `fmi2SetRealInputDerivatives` works.
-    pub can_interpolate_inputs: bool,
-    /// Highest order that `fmi2GetRealOutputDerivatives` returns.
-    pub max_output_derivative_order: u32,
-    /// `fmi2DoStep` may return `fmi2Pending`. The schema spells it `canRunAsynchronuously`.
-    pub can_run_asynchronously: bool,
-    /// Only one instance for each process.
-    pub can_be_instantiated_only_once_per_process: bool,
-    /// The FMU does not use the memory callbacks.
-    pub can_not_use_memory_management_functions: bool,
-    /// `fmi2GetFMUstate` and the like work.
-    pub can_get_and_set_fmu_state: bool,
-    /// `fmi2SerializeFMUstate` and the like work.
-    pub can_serialize_fmu_state: bool,
-    /// `fmi2GetDirectionalDerivative` works.
-    pub provides_directional_derivative: bool,
-    /// C files under `sources/` to be compiled.
-    pub source_files: Vec<String>,
-}
-
-/// Attributes of `<ModelExchange>` (FMI 2.0, section 3.3.1).
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct ModelExchange {
-    /// Stem of the binary's file name; a C identifier.
-    pub model_identifier: String,
-    /// A tool must be installed for the FMU to run.
-    pub needs_execution_tool: bool,
-    /// `fmi2CompletedIntegratorStep` need not be called.
-    pub completed_integrator_step_not_needed: bool,
-    /// Only one instance for each process.
-    pub can_be_instantiated_only_once_per_process: bool,
-    /// The FMU does not use the memory callbacks.
-    pub can_not_use_memory_management_functions: bool,
-    /// `fmi2GetFMUstate` and the like work.
-    pub can_get_and_set_fmu_state: bool,
-    /// `fmi2SerializeFMUstate` and the like work.
-    pub can_serialize_fmu_state: bool,
-    /// `fmi2GetDirectionalDerivative` works.
-    pub provides_directional_derivative: bool,
-    /// C files under `sources/` to be compiled.
-    pub source_files: Vec<String>,
+    /// Number of values that a variable has at the start: 1 for a scalar, for an array the product of
+    /// its dimensions. `None` if a dimension's size is not known or the product is too large.
+    pub fn size(&self, variable: &ScalarVariable) -> Option<u64> {
+        let sizes = variable.dimensions.iter().map(|dimension| match dimension {
+            Dimension::Fixed(size) => Some(*size),
+            Dimension::Variable(index) => {
+                let position = (*index as usize).checked_sub(1)?;
+                match &self.variables.get(position)?.kind {
+                    VariableKind::Integer { start, .. } => u64::try_from(*start.first()?).ok(),
+                    _ => None,
+                }
+            }
+        });
+        sizes
+            .into_iter()
+            .try_fold(1, |product: u64, size| product.checked_mul(size?))
+    }
 }
 
 /// A log category (FMI 2.0, section 2.2.4).
@@ -150,67 +126,12 @@ pub struct DefaultExperiment {
     pub step_size: Option<f64>,
 }
 
-/// Annotation of one tool (FMI 2.0, section 2.2.6): free XML.
+/// Annotation of one tool (FMI 2.0, section 2.2.6, `<Tool>`; FMI 3.0, section 2.4, `<Annotation>`):
+/// free XML.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tool {
-    /// Name of the tool that reads it.
+    /// Name of the tool that reads it; in FMI 3.0 `type`, a domain in reverse.
     pub name: String,
-    /// The XML between `<Tool>` and `</Tool>`, as it stands.
+    /// The XML between its tags, as it stands.
     pub content: String,
-}
-
-impl CoSimulation {
-    /// The boolean attributes by their names in XML.
-    pub fn flags(&self) -> [(&'static str, bool); 9] {
-        [
-            ("needsExecutionTool", self.needs_execution_tool),
-            (
-                "canHandleVariableCommunicationStepSize",
-                self.can_handle_variable_communication_step_size,
-            ),
-            ("canInterpolateInputs", self.can_interpolate_inputs),
-            ("canRunAsynchronuously", self.can_run_asynchronously),
-            (
-                "canBeInstantiatedOnlyOncePerProcess",
-                self.can_be_instantiated_only_once_per_process,
-            ),
-            (
-                "canNotUseMemoryManagementFunctions",
-                self.can_not_use_memory_management_functions,
-            ),
-            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
-            ("canSerializeFMUstate", self.can_serialize_fmu_state),
-            (
-                "providesDirectionalDerivative",
-                self.provides_directional_derivative,
-            ),
-        ]
-    }
-}
-
-impl ModelExchange {
-    /// The boolean attributes by their names in XML.
-    pub fn flags(&self) -> [(&'static str, bool); 7] {
-        [
-            ("needsExecutionTool", self.needs_execution_tool),
-            (
-                "completedIntegratorStepNotNeeded",
-                self.completed_integrator_step_not_needed,
-            ),
-            (
-                "canBeInstantiatedOnlyOncePerProcess",
-                self.can_be_instantiated_only_once_per_process,
-            ),
-            (
-                "canNotUseMemoryManagementFunctions",
-                self.can_not_use_memory_management_functions,
-            ),
-            ("canGetAndSetFMUstate", self.can_get_and_set_fmu_state),
-            ("canSerializeFMUstate", self.can_serialize_fmu_state),
-            (
-                "providesDirectionalDerivative",
-                self.provides_directional_derivative,
-            ),
-        ]
-    }
 }

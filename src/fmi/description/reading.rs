@@ -48,8 +48,11 @@ pub enum ReadError {
         /// Its name.
         found: String,
     },
+    /// FMI 1.0, of which nothing is read.
+    #[error("FMI 1.0 is not supported: export the model as FMI 2.0 or FMI 3.0")]
+    Fmi1,
     /// Another version of FMI.
-    #[error("this is an FMU of FMI {found}; only FMI 2.0 can be used")]
+    #[error("this is an FMU of FMI {found}; FMI 2.0 and FMI 3.0 can be used")]
     WrongVersion {
         /// As written.
         found: String,
@@ -80,24 +83,30 @@ pub struct Places {
     pub model_exchange: Place,
     /// `<CoSimulation>`, else the root.
     pub co_simulation: Place,
+    /// `<ScheduledExecution>`, else the root.
+    pub scheduled_execution: Place,
     /// `<DefaultExperiment>`, else the root.
     pub default_experiment: Place,
     /// `<ModelStructure>`, else the root.
     pub structure: Place,
     /// Each `<Unit>`.
     pub units: Vec<Place>,
-    /// Each `<SimpleType>`.
+    /// Each `<SimpleType>` or other type definition.
     pub types: Vec<Place>,
     /// Each log `<Category>`.
     pub log_categories: Vec<Place>,
-    /// Each `<ScalarVariable>`.
+    /// Each variable.
     pub variables: Vec<Place>,
-    /// Each `<Unknown>` of `<Outputs>`.
+    /// Each output in `<ModelStructure>`.
     pub outputs: Vec<Place>,
-    /// Each `<Unknown>` of `<Derivatives>`.
+    /// Each state derivative there.
     pub derivatives: Vec<Place>,
-    /// Each `<Unknown>` of `<InitialUnknowns>`.
+    /// Each clocked state there.
+    pub clocked_states: Vec<Place>,
+    /// Each initial unknown there.
     pub initial_unknowns: Vec<Place>,
+    /// Each event indicator there.
+    pub event_indicators: Vec<Place>,
 }
 
 impl Places {
@@ -106,6 +115,7 @@ impl Places {
             root,
             model_exchange: root,
             co_simulation: root,
+            scheduled_execution: root,
             default_experiment: root,
             structure: root,
             units: Vec::new(),
@@ -114,7 +124,9 @@ impl Places {
             variables: Vec::new(),
             outputs: Vec::new(),
             derivatives: Vec::new(),
+            clocked_states: Vec::new(),
             initial_unknowns: Vec::new(),
+            event_indicators: Vec::new(),
         }
     }
 }

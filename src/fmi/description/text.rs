@@ -21,8 +21,9 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Decodes UTF-8 (with or without byte order mark), UTF-16 with one, ISO-8859-1 and US-ASCII.
-pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, ReadError> {
+/// Decodes UTF-8 (with or without byte order mark), UTF-16 with one, ISO-8859-1 and US-ASCII. Also
+/// returns the encoding's name if it is not the one that the standard wants.
+pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<&'static str>), ReadError> {
     if bytes.len() > MAX_BYTES {
         return Err(ReadError::TooLarge {
             bytes: bytes.len(),
@@ -30,12 +31,17 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, ReadError> {
         });
     }
     match bytes {
-        [0xef, 0xbb, 0xbf, rest @ ..] => utf8(rest),
-        [0xff, 0xfe, rest @ ..] => utf16(rest, u16::from_le_bytes),
-        [0xfe, 0xff, rest @ ..] => utf16(rest, u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, rest @ ..] => Ok((utf8(rest)?, None)),
+        [0xff, 0xfe, rest @ ..] => Ok((utf16(rest, u16::from_le_bytes)?, Some("UTF-16"))),
+        [0xfe, 0xff, rest @ ..] => Ok((utf16(rest, u16::from_be_bytes)?, Some("UTF-16"))),
         _ => match declared_encoding(bytes).as_deref() {
-            None | Some("utf-8" | "utf8" | "us-ascii" | "ascii") => utf8(bytes),
-            Some("iso-8859-1" | "latin1") => Ok(bytes.iter().map(|&b| char::from(b)).collect()),
+            None | Some("utf-8" | "utf8") => Ok((utf8(bytes)?, None)),
+            // Its bytes are those of UTF-8.
+            Some("us-ascii" | "ascii") => Ok((utf8(bytes)?, None)),
+            Some("iso-8859-1" | "latin1") => {
+                let text = bytes.iter().map(|&b| char::from(b)).collect();
+                Ok((text, Some("ISO-8859-1")))
+            }
             Some(other) => Err(ReadError::UnknownEncoding {
                 encoding: other.to_owned(),
             }),
@@ -78,28 +84,73 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(name.to_ascii_lowercase())
 }
 
-/// Where lines begin, so that many offsets become places quickly.
+/// Bytes between two marks of [`LineIndex`].
+const BLOCK: usize = 1024;
+
+/// Where lines begin and how many characters there were at each block of bytes, so that an offset
+/// becomes a place in a time that depends on no line's length.
 pub(super) struct LineIndex<'t> {
     text: &'t str,
     starts: Vec<usize>,
+    /// Characters before each multiple of [`BLOCK`]; those that begin there are not counted.
+    characters: Vec<usize>,
 }
 
 impl<'t> LineIndex<'t> {
     pub(super) fn new(text: &'t str) -> Self {
         let after_breaks = text.match_indices('\n').map(|(i, _)| i + 1);
+        let mut total = 0;
+        let mut characters = vec![0];
+        for block in text.as_bytes().chunks(BLOCK) {
+            total += starts_of_characters(block);
+            characters.push(total);
+        }
         Self {
             text,
             starts: std::iter::once(0).chain(after_breaks).collect(),
+            characters,
         }
     }
 
     /// The place of a byte offset.
     pub(super) fn place(&self, offset: usize) -> Place {
         let line = self.starts.partition_point(|&start| start <= offset) - 1;
-        let before = self.text.get(self.starts[line]..offset).unwrap_or("");
+        let column = self.characters_before(offset) - self.characters_before(self.starts[line]);
         Place {
             line: line as u32 + 1,
-            column: before.chars().count() as u32 + 1,
+            column: column as u32 + 1,
         }
+    }
+
+    fn characters_before(&self, offset: usize) -> usize {
+        let offset = offset.min(self.text.len());
+        let block = offset / BLOCK;
+        self.characters[block] + starts_of_characters(&self.text.as_bytes()[block * BLOCK..offset])
+    }
+}
+
+/// Number of characters of UTF-8 that begin in these bytes.
+fn starts_of_characters(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|&&byte| byte & 0xc0 != 0x80).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_count_lines_and_characters() {
+        let text = format!("{}\näß{}中\n\nx", "é".repeat(700), "a".repeat(3000));
+        let index = LineIndex::new(&text);
+        let (mut line, mut column) = (1, 1);
+        for (offset, c) in text.char_indices() {
+            assert_eq!(index.place(offset), Place { line, column });
+            (line, column) = if c == '\n' {
+                (line + 1, 1)
+            } else {
+                (line, column + 1)
+            };
+        }
+        assert_eq!(index.place(text.len()), Place { line, column });
     }
 }

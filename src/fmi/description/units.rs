@@ -1,8 +1,11 @@
 //! Units and named types.
 
-use super::variable::{IntegerAttributes, RealAttributes};
+use super::{
+    BaseType, BinaryAttributes, ClockAttributes, IntegerAttributes, IntegerType, Precision,
+    RealAttributes,
+};
 
-/// A unit (FMI 2.0, section 2.2.2).
+/// A unit (FMI 2.0, section 2.2.2; FMI 3.0, section 2.4.3).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Unit {
     /// Name as variables refer to it, for example `m/s`.
@@ -72,7 +75,7 @@ impl BaseUnit {
     }
 }
 
-/// A unit for showing values: `displayed = factor·value + offset`.
+/// A unit for showing values: `displayed = factor·value + offset`, or `factor/value` if inverse.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayUnit {
     /// Name, for example `deg`.
@@ -81,9 +84,12 @@ pub struct DisplayUnit {
     pub factor: f64,
     /// Offset from the unit to the display unit.
     pub offset: f64,
+    /// FMI 3.0: the reciprocal is shown.
+    pub inverse: bool,
 }
 
-/// A named type that variables may refer to by `declaredType` (FMI 2.0, section 2.2.3).
+/// A named type that variables may refer to by `declaredType` (FMI 2.0, section 2.2.3; FMI 3.0,
+/// section 2.4.4).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimpleType {
     /// Name, different from every variable's.
@@ -98,20 +104,49 @@ pub struct SimpleType {
 #[derive(Debug, Clone, PartialEq)]
 pub enum TypeKind {
     /// Floating point.
-    Real(RealAttributes),
-    /// 32-bit integer.
-    Integer(IntegerAttributes),
+    Real {
+        /// Size of its values.
+        precision: Precision,
+        /// Quantity, units and limits.
+        attributes: RealAttributes,
+    },
+    /// Integer.
+    Integer {
+        /// Size and sign.
+        integer: IntegerType,
+        /// Quantity and limits.
+        attributes: IntegerAttributes,
+    },
     /// True or false.
     Boolean,
     /// Text.
     String,
+    /// FMI 3.0: bytes.
+    Binary(BinaryAttributes),
     /// Integer with names for its values.
     Enumeration {
-        /// Physical quantity.
-        quantity: Option<String>,
+        /// Quantity; limits in FMI 3.0 alone.
+        attributes: IntegerAttributes,
         /// The values.
         items: Vec<EnumerationItem>,
     },
+    /// FMI 3.0: clock.
+    Clock(ClockAttributes),
+}
+
+impl TypeKind {
+    /// The base type.
+    pub fn base_type(&self) -> BaseType {
+        match self {
+            Self::Real { precision, .. } => BaseType::Real(*precision),
+            Self::Integer { integer, .. } => BaseType::Integer(*integer),
+            Self::Boolean => BaseType::Boolean,
+            Self::String => BaseType::String,
+            Self::Binary(_) => BaseType::Binary,
+            Self::Enumeration { .. } => BaseType::Enumeration,
+            Self::Clock(_) => BaseType::Clock,
+        }
+    }
 }
 
 /// One value of an enumeration.
@@ -119,8 +154,8 @@ pub enum TypeKind {
 pub struct EnumerationItem {
     /// Name of the value.
     pub name: String,
-    /// The value.
-    pub value: i32,
+    /// The value: 32 bits in FMI 2.0, 64 in FMI 3.0.
+    pub value: i64,
     /// What it means.
     pub description: Option<String>,
 }

@@ -1,17 +1,27 @@
 //! What a call of an FMU can end with.
 
+use crate::fmi::description::FmiVersion;
 use crate::fmi::logger::Message;
-use pilotage_abi::fmi2::{Function, State, Status};
+use crate::fmi::version::{Function, Kind, State};
+use pilotage_abi::fmi2::Status;
 use thiserror::Error;
 
 /// What a call of an FMU can end with.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CallError {
-    /// `fmi2Instantiate` returned NULL.
-    #[error("fmi2Instantiate refused{}", said(messages))]
+    /// The function that makes an instance returned NULL.
+    #[error("{} refused{}", function.name(), said(messages))]
     NotInstantiated {
+        /// The function.
+        function: Function,
         /// What the FMU said.
         messages: Vec<Message>,
+    },
+    /// The description has no element for this kind.
+    #[error("it is no FMU for {kind}: its description has no <{}>", kind.element())]
+    OtherKind {
+        /// What was asked for.
+        kind: Kind,
     },
     /// A name that C cannot hold.
     #[error("{text:?} contains a NUL, which C strings cannot hold")]
@@ -27,6 +37,14 @@ pub enum CallError {
         /// The state that the instance is in.
         state: State,
     },
+    /// A call that the FMU's version of the standard does not have.
+    #[error("the FMU is of FMI {version}, which has nothing like {}", function.name())]
+    OtherVersion {
+        /// The function.
+        function: Function,
+        /// The FMU's version.
+        version: FmiVersion,
+    },
     /// The binary lacks the function.
     #[error("the FMU's binary has no function `{}`", function.name())]
     MissingFunction {
@@ -36,27 +54,19 @@ pub enum CallError {
     /// The FMU says in its description that it cannot do this.
     #[error("the FMU declares {flag}=\"false\"")]
     NotCapable {
-        /// The attribute of `<CoSimulation>`.
+        /// The attribute of `<CoSimulation>`, `<ModelExchange>` or `<ScheduledExecution>`.
         flag: &'static str,
     },
     /// The call was made and failed.
-    #[error("{} returned {}{}", function.name(), name_of(*status), said(messages))]
+    #[error("{} returned {}{}", function.name(), function.name_of(*status), said(messages))]
     Failed {
         /// The function.
         function: Function,
-        /// What it returned.
+        /// What it returned; FMI 3.0 gives the numbers the same meaning.
         status: Status,
         /// What the FMU said.
         messages: Vec<Message>,
     },
-}
-
-/// The status's name, or its number if FMI defines none.
-fn name_of(status: Status) -> String {
-    match status.name() {
-        Some(name) => name.to_owned(),
-        None => format!("{}, which is no fmi2Status", status.0),
-    }
 }
 
 /// The last messages, to be put behind an error.

@@ -1,22 +1,44 @@
-//! An instance of an FMU for co-simulation, safe to call in any order.
+//! An instance of an FMU of FMI 2.0 or 3.0, safe to call in any order.
+//!
+//! | file | functions |
+//! | --- | --- |
+//! | `start` | instantiation |
+//! | `mod` | experiment, initialization, termination, reset, configuration mode, debug logging |
+//! | `values` | getting and setting variables |
+//! | `stepping` | `doStep`, asynchronous steps |
+//! | `events` | event mode, continuous-time mode and all else of model exchange |
+//! | `derivatives` | directional, adjoint, of inputs and outputs with respect to time |
+//! | `clocks` | intervals and shifts of clocks, model partitions, dependencies (FMI 3.0) |
+//! | `states` | saving and restoring |
 
+mod call;
+mod clocks;
+mod derivatives;
 mod error;
+mod events;
+mod start;
 mod states;
 mod stepping;
 mod values;
 
+pub use clocks::{Dependency, Fraction, Interval};
 pub use error::CallError;
-pub use states::Saved;
+pub use events::{EventUpdate, IntegratorStep};
+pub use start::Options;
+pub use states::{Saved, Serialized};
 pub use stepping::Step;
+pub use values::Number;
 
-use super::binding::Binding;
-use super::description::ModelDescription;
-use super::logger::{self, Mailbox, Message};
-use pilotage_abi::fmi2::{
-    CallbackFunctions, Component, FALSE, FmuState, Function, State, Status, TRUE, Type,
-};
+use self::call::call;
+use self::start::Facts;
+use super::binding::{Binding, Functions};
+use super::description::FmiVersion;
+use super::environment::Registered;
+use super::logger::Message;
+use super::version::{Kind, State};
+use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
+use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char, c_void};
-use std::path::Path;
 use std::sync::Arc;
 use tempfile::TempDir;
 
@@ -25,260 +47,214 @@ use tempfile::TempDir;
 pub(super) struct Loaded {
     // Unloaded before its folder goes: fields drop in this order.
     pub(super) binding: Binding,
-    pub(super) folder: TempDir,
+    pub(super) folder: Arc<TempDir>,
 }
 
 /// An instance of an FMU.
 ///
-/// Calls are checked against the standard's state machine (FMI 2.0, section 4.2.4) before they are
-/// made. After `fmi2Fatal` nothing is called any more, not even `fmi2FreeInstance`.
+/// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0,
+/// sections 2.3, 3.3, 4.3 and 5.3) before they are made. After a fatal error nothing is called any more,
+/// not even the function that frees the instance.
 #[derive(Debug)]
 pub struct Instance {
     loaded: Arc<Loaded>,
-    component: Component,
+    component: *mut c_void,
     /// The FMU may keep the address until it is freed.
-    _callbacks: Box<CallbackFunctions>,
-    mailbox: Mailbox,
+    _callbacks: Option<Box<CallbackFunctions>>,
+    environment: Registered,
+    kind: Kind,
     state: State,
-    can_save: bool,
+    facts: Facts,
+    /// Where initialization and reconfiguration lead to (FMI 3.0).
+    running: fmi3::State,
+    /// For `fmi3EnterInitializationMode`, which takes what `fmi2SetupExperiment` did.
+    experiment: Experiment,
     saved: Vec<FmuState>,
 }
 
+/// Tolerance, start and stop time.
+#[derive(Debug, Clone, Copy, Default)]
+struct Experiment {
+    tolerance: Option<f64>,
+    start: f64,
+    stop: Option<f64>,
+}
+
+// SAFETY: the standard lets an instance be called from any thread, if not from two at once (FMI 2.0,
+// section 2.1.5; FMI 3.0, section 2.2.3), which `&mut self` forbids; `&self` calls nothing.
+unsafe impl Send for Instance {}
+
 impl Instance {
-    /// Instantiates for co-simulation, without window.
-    ///
-    /// # Errors
-    /// If the FMU refuses, most often because the GUIDs of description and binary differ.
-    pub(super) fn new(
-        loaded: Arc<Loaded>,
-        description: &ModelDescription,
-        name: &str,
-    ) -> Result<Self, CallError> {
-        let mailbox = Mailbox::new();
-        let callbacks = Box::new(CallbackFunctions {
-            logger: Some(logger::callback()),
-            allocate_memory: Some(calloc),
-            free_memory: Some(free),
-            step_finished: None,
-            component_environment: mailbox.environment(),
-        });
-        let (c_name, guid) = (c_string(name)?, c_string(&description.guid)?);
-        let resources = c_string(&file_uri(&loaded.folder.path().join("resources")))?;
-        // SAFETY: all strings end with a NUL and live until the call returns; the callbacks live
-        // as long as the instance.
-        let component = unsafe {
-            (loaded.binding.instantiate)(
-                c_name.as_ptr(),
-                Type::CO_SIMULATION,
-                guid.as_ptr(),
-                resources.as_ptr(),
-                &raw const *callbacks,
-                FALSE,
-                TRUE,
-            )
-        };
-        if component.is_null() {
-            let messages = mailbox.take();
-            return Err(CallError::NotInstantiated { messages });
+    /// The version of FMI that it speaks.
+    pub fn version(&self) -> FmiVersion {
+        match self.state {
+            State::Fmi2(_) => FmiVersion::V2,
+            State::Fmi3(_) => FmiVersion::V3,
         }
-        let cs = description.co_simulation.as_ref();
-        let instance = Self {
-            loaded,
-            component,
-            _callbacks: callbacks,
-            mailbox,
-            state: State::Instantiated,
-            can_save: cs.is_some_and(|cs| cs.can_get_and_set_fmu_state),
-            saved: Vec::new(),
-        };
-        instance.log_trouble_only(description);
-        Ok(instance)
     }
 
-    /// Logging was on for `fmi2Instantiate`, so that a refusal has a reason. From now on, only the
-    /// standard's categories for trouble are asked for, those that the FMU has.
-    fn log_trouble_only(&self, description: &ModelDescription) {
-        const TROUBLE: [&str; 4] = [
-            "logStatusWarning",
-            "logStatusDiscard",
-            "logStatusError",
-            "logStatusFatal",
-        ];
-        let Some(set_debug_logging) = self.loaded.binding.set_debug_logging else {
-            return;
-        };
-        let declared = description.log_categories.iter().map(|c| c.name.as_str());
-        let wanted = declared.filter(|name| TROUBLE.contains(name));
-        let names: Vec<CString> = wanted.filter_map(|name| CString::new(name).ok()).collect();
-        let pointers: Vec<*const c_char> = names.iter().map(|n| n.as_ptr()).collect();
-        let on = if pointers.is_empty() { FALSE } else { TRUE };
-        // SAFETY: the instance is alive; the strings live until the call returns. Whether the FMU
-        // obeys is not important.
-        unsafe { set_debug_logging(self.component, on, pointers.len(), pointers.as_ptr()) };
+    /// What it was made for.
+    pub fn kind(&self) -> Kind {
+        self.kind
     }
 
-    /// The state that the instance is in.
+    /// The state that it is in.
     pub fn state(&self) -> State {
         self.state
     }
 
     /// Takes what the FMU has said since the last time.
     pub fn take_messages(&self) -> Vec<Message> {
-        self.mailbox.take()
+        self.environment.take()
     }
 
-    /// `fmi2SetupExperiment`, with a stop time.
+    /// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: which categories the FMU shall log; none for all.
     ///
     /// # Errors
     /// See [`CallError`], here and in all calls below.
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
+        let names = categories.iter().map(|name| c_string(name));
+        let names: Vec<CString> = names.collect::<Result<_, _>>()?;
+        let pointers: Vec<*const c_char> = names.iter().map(|n| n.as_ptr()).collect();
+        let (n, p) = (pointers.len(), pointers.as_ptr());
+        let on2 = if on { TRUE } else { FALSE };
+        // SAFETY: the instance is alive; there are `n` strings, which live until the call returns.
+        unsafe {
+            call!(self, fmi2 SetDebugLogging.set_debug_logging(on2, n, p),
+                        fmi3 SetDebugLogging.set_debug_logging(on, n, p))
+        }
+    }
+
+    /// `fmi2SetupExperiment`; FMI 3.0 is told when initialization begins.
     pub fn setup_experiment(
         &mut self,
         tolerance: Option<f64>,
         start: f64,
-        stop: f64,
+        stop: impl Into<Option<f64>>,
     ) -> Result<(), CallError> {
-        self.allow(Function::SetupExperiment)?;
-        let defined = if tolerance.is_some() { TRUE } else { FALSE };
-        let tolerance = tolerance.unwrap_or(0.0);
-        let call = self.loaded.binding.setup_experiment;
-        // SAFETY: the instance is alive and in a state that allows the call.
-        let status = unsafe { call(self.component, defined, tolerance, start, TRUE, stop) };
-        self.check(Function::SetupExperiment, status)
-    }
-
-    /// `fmi2EnterInitializationMode`.
-    pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
-        let call = self.loaded.binding.enter_initialization_mode;
-        self.change(
-            Function::EnterInitializationMode,
-            call,
-            State::InitializationMode,
-        )
-    }
-
-    /// `fmi2ExitInitializationMode`.
-    pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
-        let call = self.loaded.binding.exit_initialization_mode;
-        self.change(Function::ExitInitializationMode, call, State::StepComplete)
-    }
-
-    /// `fmi2Terminate`.
-    pub fn terminate(&mut self) -> Result<(), CallError> {
-        let call = self.loaded.binding.terminate;
-        self.change(Function::Terminate, call, State::Terminated)
-    }
-
-    /// `fmi2Reset`.
-    pub fn reset(&mut self) -> Result<(), CallError> {
-        let call = self.optional(Function::Reset, self.loaded.binding.reset)?;
-        self.change(Function::Reset, call, State::Instantiated)
-    }
-
-    fn optional<T>(&self, function: Function, pointer: Option<T>) -> Result<T, CallError> {
-        pointer.ok_or(CallError::MissingFunction { function })
-    }
-
-    fn allow(&self, function: Function) -> Result<(), CallError> {
-        match function.is_legal_in(self.state) {
-            true => Ok(()),
-            false => Err(CallError::NotAllowed {
-                function,
-                state: self.state,
-            }),
+        let stop = stop.into();
+        self.experiment = Experiment {
+            tolerance,
+            start,
+            stop,
+        };
+        if self.version() == FmiVersion::V3 {
+            return Ok(());
+        }
+        let defined = |value: Option<f64>| if value.is_some() { TRUE } else { FALSE };
+        // SAFETY: the instance is alive and in a state that allows the call, here and in the calls
+        // below.
+        unsafe {
+            call!(self, fmi2 SetupExperiment.setup_experiment(
+                defined(tolerance), tolerance.unwrap_or(0.0), start, defined(stop), stop.unwrap_or(0.0)))
         }
     }
 
-    /// A call without arguments that leads to another state.
-    fn change(
-        &mut self,
-        function: Function,
-        call: unsafe extern "C" fn(Component) -> Status,
-        next: State,
-    ) -> Result<(), CallError> {
-        self.allow(function)?;
-        // SAFETY: the instance is alive and in a state that allows the call.
-        let status = unsafe { call(self.component) };
-        self.check(function, status)?;
-        self.state = next;
+    /// `fmi2EnterInitializationMode`, `fmi3EnterInitializationMode`.
+    pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
+        let Experiment {
+            tolerance,
+            start,
+            stop,
+        } = self.experiment;
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 EnterInitializationMode.enter_initialization_mode(),
+                fmi3 EnterInitializationMode.enter_initialization_mode(
+                    tolerance.is_some(), tolerance.unwrap_or(0.0), start,
+                    stop.is_some(), stop.unwrap_or(0.0)))?;
+        }
+        self.enter(
+            fmi2::State::InitializationMode,
+            fmi3::State::InitializationMode,
+        );
         Ok(())
     }
 
-    /// Turns a returned status into a result and, if it is bad, into a state.
-    fn check(&mut self, function: Function, status: Status) -> Result<(), CallError> {
-        if status == Status::OK || status == Status::WARNING {
-            return Ok(());
+    /// `fmi2ExitInitializationMode`, `fmi3ExitInitializationMode`. Leads to the first communication point
+    /// (co-simulation), to event mode (model exchange, and co-simulation with
+    /// [`Options::event_mode_used`]) or to clock activation mode.
+    pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 ExitInitializationMode.exit_initialization_mode(),
+                        fmi3 ExitInitializationMode.exit_initialization_mode())?;
         }
-        match status {
-            // The value or the information is not available; the instance lives on.
-            Status::DISCARD => {}
-            Status::FATAL => self.state = State::Fatal,
-            _ => self.state = State::Error,
+        let state2 = match self.kind {
+            Kind::ModelExchange => fmi2::State::EventMode,
+            Kind::CoSimulation | Kind::ScheduledExecution => fmi2::State::StepComplete,
+        };
+        self.enter(state2, self.running);
+        Ok(())
+    }
+
+    /// `fmi3EnterConfigurationMode`: structural parameters may be set.
+    pub fn enter_configuration_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 EnterConfigurationMode.enter_configuration_mode())? };
+        if let State::Fmi3(state) = self.state {
+            if state == fmi3::State::Instantiated {
+                self.state = State::Fmi3(fmi3::State::ConfigurationMode);
+            } else {
+                self.running = state;
+                self.state = State::Fmi3(fmi3::State::ReconfigurationMode);
+            }
         }
-        Err(CallError::Failed {
-            function,
-            status,
-            messages: self.mailbox.take(),
-        })
+        Ok(())
+    }
+
+    /// `fmi3ExitConfigurationMode`: goes back to where it came from.
+    pub fn exit_configuration_mode(&mut self) -> Result<(), CallError> {
+        let is_first = self.state == State::Fmi3(fmi3::State::ConfigurationMode);
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 ExitConfigurationMode.exit_configuration_mode())? };
+        self.state = State::Fmi3(match is_first {
+            true => fmi3::State::Instantiated,
+            false => self.running,
+        });
+        Ok(())
+    }
+
+    /// `fmi2Terminate`, `fmi3Terminate`.
+    pub fn terminate(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 Terminate.terminate(), fmi3 Terminate.terminate())? };
+        self.enter(fmi2::State::Terminated, fmi3::State::Terminated);
+        Ok(())
+    }
+
+    /// `fmi2Reset`, `fmi3Reset`.
+    pub fn reset(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 Reset.reset(), fmi3 Reset.reset())? };
+        self.enter(fmi2::State::Instantiated, fmi3::State::Instantiated);
+        self.running = start::running(self.kind, self.facts.event_mode_used);
+        Ok(())
     }
 }
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        if !Function::FreeInstance.is_legal_in(self.state) {
-            return;
-        }
-        if let Some(free_state) = self.loaded.binding.free_fmu_state {
-            for state in self.saved.iter_mut().filter(|state| !state.is_null()) {
-                // SAFETY: the instance is alive and made this state.
-                unsafe { free_state(self.component, state) };
+        self.end_pending_step();
+        self.free_saved();
+        // SAFETY: the instance is alive and nobody calls it again.
+        unsafe {
+            match &self.loaded.binding.functions {
+                Functions::Fmi2(f) => {
+                    let free = self.ready(fmi2::Function::FreeInstance.into(), f.free_instance);
+                    let _ = free.map(|free| free(self.component));
+                }
+                Functions::Fmi3(f) => {
+                    let free = self.ready(fmi3::Function::FreeInstance.into(), f.free_instance);
+                    let _ = free.map(|free| free(self.component));
+                }
             }
         }
-        // SAFETY: the instance is alive and nobody calls it again.
-        unsafe { (self.loaded.binding.free_instance)(self.component) };
     }
-}
-
-unsafe extern "C" {
-    /// C library: zeroed memory, or NULL. Given to FMUs as it is.
-    fn calloc(count: usize, size: usize) -> *mut c_void;
-    /// C library: gives memory of `calloc` back. Given to FMUs as it is.
-    fn free(memory: *mut c_void);
 }
 
 fn c_string(text: &str) -> Result<CString, CallError> {
     CString::new(text).map_err(|_| CallError::Nul {
         text: text.to_owned(),
     })
-}
-
-/// `file:` URI of an absolute path (RFC 8089), everything unusual percent-encoded.
-fn file_uri(path: &Path) -> String {
-    let path = path.to_string_lossy().replace('\\', "/");
-    let slash = if path.starts_with('/') { "" } else { "/" };
-    let mut uri = format!("file://{slash}");
-    for byte in path.bytes() {
-        match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'.' | b'_' | b'~' | b':' => {
-                uri.push(char::from(byte));
-            }
-            _ => uri.push_str(&format!("%{byte:02X}")),
-        }
-    }
-    uri
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_become_uris() {
-        for (path, uri) in [
-            ("/tmp/a b/ä", "file:///tmp/a%20b/%C3%A4"),
-            ("C:\\x\\y", "file:///C:/x/y"),
-            ("/a%20b", "file:///a%2520b"),
-        ] {
-            assert_eq!(file_uri(Path::new(path)), uri);
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Instances of foreign FMUs: what real FMUs need of an importer, and what broken ones do to it.
 
 use crate::foreign;
-use pilotage::fmi::{CallError, Fmu, Instance, Step};
+use pilotage::fmi::{CallError, Fmu, Instance, Kind, Step};
 use pilotage_abi::fmi2::{Function, State, Status};
 use std::path::Path;
 use tempfile::tempdir;
@@ -11,7 +11,7 @@ fn instance_of(content: &[u8]) -> Instance {
     let path = folder.path().join("foreign.fmu");
     std::fs::write(&path, content).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    library.instantiate("here").unwrap()
+    library.instantiate("here", Kind::CoSimulation).unwrap()
 }
 
 /// An instance at the start time.
@@ -45,13 +45,14 @@ fn steps_and_values_of_every_type() {
     instance.get_real(&[3, 4, 5], &mut experiment).unwrap();
     assert_eq!(experiment, [1e-4, 0.0, 1.0]);
     instance.terminate().unwrap();
-    assert_eq!(instance.state(), State::Terminated);
+    assert_eq!(instance.state(), State::Terminated.into());
 }
 
 #[test]
 fn nothing_illegal_reaches_the_fmu() {
     let mut instance = instance_of(&foreign::fmu("good"));
-    let refused = |result: Result<(), CallError>, function, state| {
+    let refused = |result: Result<(), CallError>, function: Function, state: State| {
+        let (function, state) = (function.into(), state.into());
         assert_eq!(result, Err(CallError::NotAllowed { function, state }));
     };
     use Function::*;
@@ -87,7 +88,7 @@ fn failed_calls_carry_what_the_fmu_said() {
         error.to_string(),
         "fmi2DoStep returned fmi2Error: the solver failed"
     );
-    assert_eq!(instance.state(), State::Error);
+    assert_eq!(instance.state(), State::Error.into());
     // For debugging, values may still be read.
     assert!(y(&mut instance).is_finite());
     assert!(instance.do_step(0.1, 0.1).is_err());
@@ -110,7 +111,7 @@ fn failed_calls_carry_what_the_fmu_said() {
             ..
         })
     ));
-    assert_eq!(instance.state(), State::Fatal);
+    assert_eq!(instance.state(), State::Fatal.into());
     assert!(matches!(
         instance.reset(),
         Err(CallError::NotAllowed { .. })
@@ -214,8 +215,8 @@ fn unpacked_folders_go_with_the_last_instance() {
     let folder = tempdir().unwrap();
     let path = foreign::file(folder.path(), "good");
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    let unpacked = library.binding().path().to_owned();
-    let instance = library.instantiate("a").unwrap();
+    let unpacked = library.bindings().next().unwrap().path().to_owned();
+    let instance = library.instantiate("a", Kind::CoSimulation).unwrap();
     drop(library);
     assert!(unpacked.exists());
     drop(instance);

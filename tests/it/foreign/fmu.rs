@@ -71,6 +71,11 @@ extern "C" fn fmi2GetVersion() -> *const c_char {
 }
 
 #[unsafe(no_mangle)]
+extern "C" fn fmi2SetDebugLogging(_: *mut c_void, _: c_int, _: usize, _: *const *const c_char) -> c_int {
+    OK
+}
+
+#[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2Instantiate(
     name: *const c_char,
     kind: c_int,

@@ -106,6 +106,12 @@ binaries! {
     binary_without_do_step: "fmu.rs", ["--cfg", "without_do_step"];
     /// It says that it is of FMI 3.0.
     binary_of_fmi3: "fmu.rs", ["--cfg", "fmi3"];
+    /// One fault each, for co-simulation and model exchange.
+    faulty: "faulty.rs", [];
+    /// `fmi2DoStep` is missing.
+    faulty_without_do_step: "faulty.rs", ["--cfg", "without_do_step"];
+    /// `fmi2CancelStep` is missing.
+    faulty_without_cancel_step: "faulty.rs", ["--cfg", "without_cancel_step"];
     /// It uses `tanh` and is linked with nothing.
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.

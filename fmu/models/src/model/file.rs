@@ -87,7 +87,7 @@ impl Model {
             let _ = writeln!(text, "order = {}", pilot.order);
         }
         text += "\n[start]\n";
-        for v in &self.variables {
+        for v in self.variables() {
             if let Some(start) = v.start {
                 let _ = writeln!(text, "{} = {start:?}", v.name);
             }
@@ -106,10 +106,8 @@ impl Model {
             0 => Self::pilot(&vec![0.0; 2 * order(&mut entries)?], 1.0),
             _ => Self::quadcopter(&Quadcopter::default()),
         };
-        for v in &mut model.variables {
-            if let Some(start) = &mut v.start {
-                *start = number(&mut entries, &format!("start.{}", v.name))?;
-            }
+        for (name, start) in model.table.starts_mut() {
+            *start = number(&mut entries, &format!("start.{name}"))?;
         }
         if let Some((key, (line, _))) = entries.pop_first() {
             return Err(ModelFileError::Unknown { line, key });

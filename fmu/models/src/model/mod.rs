@@ -1,29 +1,18 @@
 //! A model as it is exported: its kind and its variables with their start values.
 
 mod file;
-mod guid;
 mod pilot;
 mod quadcopter;
 
 pub use file::ModelFileError;
-pub(crate) use quadcopter::nominals as quadcopter_nominals;
 
-use crate::{Pilot, Quadcopter, Variable};
+use crate::{Pilot, Quadcopter, Scalar, Table, Variable};
+use pilotage_kit::resources::{self, LoadError};
+use pilotage_kit::{At, Equations};
 use std::ops::Range;
 
-/// What the exported binaries log: category and meaning.
-pub const LOG_CATEGORIES: [(&str, &str); 4] = [
-    ("logStatusWarning", "Calls that had no effect"),
-    (
-        "logStatusDiscard",
-        "Steps that could not be done, and information that is not available",
-    ),
-    (
-        "logStatusError",
-        "Calls that were refused, and what to do about them",
-    ),
-    ("logStatusFatal", "Faults of the FMU itself"),
-];
+/// Name of the model file in the FMU's `resources`.
+pub const MODEL_FILE: &str = "model.toml";
 
 /// Which equations a model has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,12 +33,19 @@ impl Kind {
     }
 }
 
-/// Kind and variables of a model. In the table come inputs first, then outputs, parameters, and last
-/// one start value for each state.
+/// Kind and variables of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     kind: Kind,
-    variables: Vec<Variable>,
+    table: Table,
+}
+
+/// The file of the resources is not what was exported.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}; export the FMU again", file.display())]
+struct BadResource {
+    file: std::path::PathBuf,
+    source: ModelFileError,
 }
 
 impl Model {
@@ -68,18 +64,42 @@ impl Model {
             Self::MAX_ORDER,
             theta.len()
         );
-        Self {
+        let mut model = Self {
             kind: Kind::Pilot(Pilot { order }),
-            variables: pilot::variables(theta, stick_limit),
-        }
+            table: pilot::table(order),
+        };
+        let values = theta.iter().copied().chain([stick_limit]);
+        model.set_parameters(values);
+        model
     }
 
     /// A quadcopter at hover at the origin.
     pub fn quadcopter(vehicle: &Quadcopter) -> Self {
-        Self {
+        let mut model = Self {
             kind: Kind::Quadcopter,
-            variables: quadcopter::variables(vehicle),
+            table: quadcopter::table(),
+        };
+        model.set_parameters(crate::COEFFICIENTS.iter().map(|c| (c.get)(vehicle)));
+        model
+    }
+
+    /// Sets start values of the parameters proper. They are checked on export.
+    fn set_parameters(&mut self, values: impl Iterator<Item = f64>) {
+        let inputs = self.inputs().len();
+        let starts = self.table.starts_mut().skip(inputs);
+        for ((_, start), value) in starts.zip(values) {
+            *start = value;
         }
+    }
+
+    /// The model of a `resources` folder's [`MODEL_FILE`].
+    ///
+    /// # Errors
+    /// When the file is not there or not what was exported.
+    pub fn from_resources(location: Option<&str>) -> Result<Self, LoadError> {
+        let (file, text) = resources::read(location, MODEL_FILE)?;
+        let model = Self::from_file(&text).map_err(|source| BadResource { file, source })?;
+        Ok(model)
     }
 
     /// Which equations it has.
@@ -87,48 +107,49 @@ impl Model {
         self.kind
     }
 
+    /// The table of the variables.
+    pub fn variable_table(&self) -> &Table {
+        &self.table
+    }
+
     /// The variables; a variable's index is its value reference.
     pub fn variables(&self) -> &[Variable] {
-        &self.variables
+        self.table.variables()
     }
 
     /// Index of the variable of that name.
     pub fn index(&self, name: &str) -> Option<usize> {
-        self.variables.iter().position(|v| v.name == name)
+        self.table.index(name)
     }
 
     /// Number of states.
     pub fn n_states(&self) -> usize {
-        match self.kind {
-            Kind::Pilot(pilot) => pilot.order,
-            Kind::Quadcopter => crate::quadcopter::N_STATES,
-        }
+        self.table.n_states()
     }
 
     /// Indices of the inputs.
     pub fn inputs(&self) -> Range<usize> {
-        match self.kind {
-            Kind::Pilot(_) => 0..2,
-            Kind::Quadcopter => 0..1,
-        }
+        self.table.inputs()
     }
 
     /// Indices of the outputs.
     pub fn outputs(&self) -> Range<usize> {
-        match self.kind {
-            Kind::Pilot(_) => 2..4,
-            Kind::Quadcopter => 1..1 + crate::quadcopter::N_STATES,
-        }
+        self.table.outputs()
     }
 
     /// Indices of the parameters proper: θ and the stick limit, or the vehicle's coefficients.
     pub fn coefficients(&self) -> Range<usize> {
-        self.outputs().end..self.starts().start
+        self.table.parameters()
     }
 
     /// Indices of the states' start values.
     pub fn starts(&self) -> Range<usize> {
-        self.variables.len() - self.n_states()..self.variables.len()
+        self.table.starts()
+    }
+
+    /// FMI's `guid`: see [`Table::guid`].
+    pub fn guid(&self) -> String {
+        self.table.guid()
     }
 
     /// Refuses start values that the variables cannot have.
@@ -136,8 +157,46 @@ impl Model {
     /// # Errors
     /// Names the first variable whose start value is not finite or out of range.
     pub fn check(&self) -> Result<(), crate::ValueError> {
-        self.variables
-            .iter()
-            .try_for_each(|v| v.start.map_or(Ok(()), |start| v.check(start)))
+        self.table.check()
+    }
+}
+
+impl Equations for Model {
+    fn table(&self) -> Table {
+        self.table.clone()
+    }
+
+    fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
+        match self.kind {
+            Kind::Pilot(pilot) => pilot.derivative(at.x, at.u[0] - at.u[1], at.p, dx),
+            Kind::Quadcopter => {
+                let coefficients = std::array::from_fn(|i| at.p[i]);
+                crate::quadcopter::derivative(coefficients, at.x, at.u[0], dx);
+            }
+        }
+    }
+
+    /// Stick and error of the pilot; the quadcopter's outputs are states.
+    fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
+        if let Kind::Pilot(pilot) = self.kind {
+            let limit = at.p[pilot.n_parameters()];
+            y[0] = clipped(pilot.output(at.x, at.p), limit);
+            y[1] = at.u[0] - at.u[1];
+        }
+    }
+
+    fn is_linear(&self) -> bool {
+        matches!(self.kind, Kind::Pilot(_))
+    }
+}
+
+/// `value` within ±`limit`.
+fn clipped<T: Scalar>(value: T, limit: T) -> T {
+    if value.re() > limit.re() {
+        limit
+    } else if value.re() < -limit.re() {
+        -limit
+    } else {
+        value
     }
 }

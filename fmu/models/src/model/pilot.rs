@@ -1,40 +1,42 @@
 //! The pilot's variables.
 
-use crate::variable::{Dependency, Role, Variable};
-use crate::{Pilot, Unit};
+use crate::variable::Role;
+use crate::{Table, Unit, Variable};
 
-/// Inputs `target`, `position`; outputs `stick`, `error`; `theta1..`, `stick_limit`; `x1_start..`.
-pub(super) fn variables(theta: &[f64], stick_limit: f64) -> Vec<Variable> {
-    let pilot = Pilot {
-        order: theta.len() / 2,
-    };
-    let mut variables = vec![
-        Variable::input("target", Unit::metre(), "Position to go to, ŷ"),
-        Variable::input("position", Unit::metre(), "Position of the vehicle, y_v"),
-        stick(pilot.order),
-        error(),
-    ];
-    variables.extend(
-        theta
-            .iter()
-            .enumerate()
-            .map(|(i, &v)| parameter(pilot, i, v)),
+/// Inputs `target`, `position`; outputs `stick`, `error`; `theta1..`, `stick_limit`; `x1_start..`; states
+/// `x1..`. All parameters are 0, the limit of the stick is 1.
+pub(super) fn table(order: usize) -> Table {
+    let about = format!(
+        "Human pilot as a linear system of order {order}, from the error that it sees to the stick."
     );
     let limit = Variable::parameter(
         "stick_limit",
         Unit::one(),
         Role::Fixed,
-        stick_limit,
+        1.0,
         "Largest magnitude of the stick",
     );
-    variables.push(limit.range(Some(0.0), None));
-    variables.extend((0..pilot.order).map(|i| start(pilot.order, i)));
-    variables
+    let mut table = Table::new("pilot", &about)
+        .input("target", "m", "Position to go to, ŷ")
+        .input("position", "m", "Position of the vehicle, y_v")
+        .output("stick", "1", "Stick, y_p, within the stick limit")
+        .output(
+            "error",
+            "m",
+            "Error that the pilot sees, target minus position",
+        );
+    for i in 0..2 * order {
+        table = table.with(parameter(order, i));
+    }
+    table = table.with(limit.range(Some(0.0), None));
+    for i in 0..order {
+        table = table.state_with(state(order, i), 0.0);
+    }
+    table
 }
 
 /// θ_{i+1}, with the units that [`crate::pilot`] derives.
-fn parameter(pilot: Pilot, i: usize, value: f64) -> Variable {
-    let n = pilot.order;
+fn parameter(n: usize, i: usize) -> Variable {
     let (unit, meaning) = match i < n {
         true => (
             Unit::per_second(n - i),
@@ -46,45 +48,12 @@ fn parameter(pilot: Pilot, i: usize, value: f64) -> Variable {
         ),
     };
     let description = format!("{meaning}{}", i % n);
-    Variable::parameter(
-        format!("theta{}", i + 1),
-        unit,
-        Role::Tunable,
-        value,
-        description,
-    )
+    let name = format!("theta{}", i + 1);
+    Variable::parameter(&name, unit, Role::Tunable, 0.0, &description)
 }
 
-fn start(order: usize, i: usize) -> Variable {
-    Variable::parameter(
-        format!("x{}_start", i + 1),
-        Unit::metre_second(order - i),
-        Role::Fixed,
-        0.0,
-        format!("Initial value of the pilot's state x_{}", i + 1),
-    )
-}
-
-/// No input reaches the stick but through the states; at first they are the start values.
-fn stick(n: usize) -> Variable {
-    let outputs_at = 4;
-    let initial = (outputs_at + n..outputs_at + 3 * n + 1)
-        .map(|index| Dependency {
-            index,
-            constant: false,
-        })
-        .collect();
-    let description = "Stick, y_p, within the stick limit";
-    Variable::output("stick", Unit::one(), vec![], initial, description)
-}
-
-fn error() -> Variable {
-    let inputs: Vec<_> = (0..2)
-        .map(|index| Dependency {
-            index,
-            constant: true,
-        })
-        .collect();
-    let description = "Error that the pilot sees, target minus position";
-    Variable::output("error", Unit::metre(), inputs.clone(), inputs, description)
+fn state(n: usize, i: usize) -> Variable {
+    let name = format!("x{}", i + 1);
+    let description = format!("State x_{} of the pilot", i + 1);
+    Variable::calculated(&name, Unit::metre_second(n - i), Role::State, &description)
 }

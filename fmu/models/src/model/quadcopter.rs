@@ -2,8 +2,8 @@
 
 use crate::coefficient::COEFFICIENTS;
 use crate::quadcopter::{N_STATES, STATE_NAMES};
-use crate::variable::{Dependency, Role, Variable};
-use crate::{Quadcopter, Unit};
+use crate::variable::Role;
+use crate::{Quadcopter, Table, Unit, Variable};
 
 /// Unit, typical magnitude and meaning of a state.
 type State = (fn() -> Unit, f64, &'static str);
@@ -25,43 +25,29 @@ const STATES: [State; N_STATES] = [
     ),
 ];
 
-/// Typical magnitudes of the states, in their units.
-pub(crate) fn nominals() -> [f64; N_STATES] {
-    STATES.map(|(_, nominal, _)| nominal)
-}
-
-/// Input `stick`; the six states as outputs; the coefficients; `z_start` and the like.
-pub(super) fn variables(vehicle: &Quadcopter) -> Vec<Variable> {
-    let mut variables = vec![Variable::input(
+/// Input `stick`; the six states as outputs; the coefficients, those of the default vehicle; `z_start` and
+/// the like.
+pub(super) fn table() -> Table {
+    let mut table = Table::new(
+        "quadcopter",
+        "Pitch axis of a quadcopter with its attitude controller, from the stick to the position.",
+    )
+    .input(
         "stick",
-        Unit::one(),
+        "1",
         "Stick of the pilot, -1 to 1; forward is negative",
-    )];
-    variables.extend((0..N_STATES).map(output));
-    variables.extend(COEFFICIENTS.iter().map(|c| {
-        let (min, max) = c.range;
+    );
+    for c in &COEFFICIENTS {
+        let start = (c.get)(&Quadcopter::default());
         let meaning = capitalised(c.meaning);
-        Variable::parameter(c.name, (c.unit)(), Role::Fixed, (c.get)(vehicle), meaning)
-            .range(Some(min), Some(max))
-    }));
-    variables.extend((0..N_STATES).map(|i| {
-        let (unit, _, meaning) = STATES[i];
-        let name = format!("{}_start", STATE_NAMES[i]);
-        let description = format!("Initial {meaning}");
-        Variable::parameter(name, unit(), Role::Fixed, 0.0, description)
-    }));
-    variables
-}
-
-/// A state; no input reaches it within an instant, and at first it is its start value.
-fn output(i: usize) -> Variable {
-    let (unit, nominal, meaning) = STATES[i];
-    let start = Dependency {
-        index: 1 + N_STATES + COEFFICIENTS.len() + i,
-        constant: true,
-    };
-    let description = capitalised(meaning);
-    Variable::output(STATE_NAMES[i], unit(), vec![], vec![start], &description).nominal(nominal)
+        let parameter = Variable::parameter(c.name, (c.unit)(), Role::Fixed, start, &meaning);
+        table = table.with(parameter.range(Some(c.range.0), Some(c.range.1)));
+    }
+    for (name, (unit, nominal, meaning)) in STATE_NAMES.iter().zip(STATES) {
+        let state = Variable::calculated(name, unit(), Role::Output, &capitalised(meaning));
+        table = table.state_with(state.nominal(nominal), 0.0);
+    }
+    table
 }
 
 fn capitalised(text: &str) -> String {

@@ -5,7 +5,7 @@ use super::*;
 /// Base types that have value references of their own.
 fn reference_space(variable: &ScalarVariable) -> BaseType {
     match variable.kind.base_type() {
-        BaseType::Enumeration => BaseType::Integer,
+        BaseType::Enumeration => BaseType::Integer(IntegerType::Int32),
         base => base,
     }
 }
@@ -56,9 +56,11 @@ impl Checker<'_> {
                 };
                 rules.push((i, rule));
             }
+            let other = name(set[0]);
             if is_constant(i) != is_constant(set[0]) {
-                let other = name(set[0]);
                 rules.push((i, Rule::AliasConstant { reference, other }));
+            } else if is_constant(i) && !same_start(&all[i].kind, &all[set[0]].kind) {
+                rules.push((i, Rule::AliasValue { reference, other }));
             }
         }
         for (index, rule) in rules {
@@ -67,6 +69,28 @@ impl Checker<'_> {
     }
 
     fn unit_of(&self, index: usize) -> Option<&str> {
-        self.description.unit_of(&self.description.variables[index])
+        let variable = &self.description.variables[index];
+        let VariableKind::Real(real) = &variable.kind else {
+            return None;
+        };
+        let inherited = match self.declared(variable) {
+            Some(TypeKind::Real { attributes, .. }) => attributes.unit.as_deref(),
+            _ => None,
+        };
+        real.attributes.unit.as_deref().or(inherited)
+    }
+}
+
+/// Whether the start values are equal; integers and enumerations share value references.
+fn same_start(a: &VariableKind, b: &VariableKind) -> bool {
+    match (a, b) {
+        (VariableKind::Real(a), VariableKind::Real(b)) => a.start == b.start,
+        (
+            VariableKind::Integer { start: a, .. } | VariableKind::Enumeration { start: a, .. },
+            VariableKind::Integer { start: b, .. } | VariableKind::Enumeration { start: b, .. },
+        ) => a == b,
+        (VariableKind::Boolean { start: a, .. }, VariableKind::Boolean { start: b, .. }) => a == b,
+        (VariableKind::String { start: a, .. }, VariableKind::String { start: b, .. }) => a == b,
+        _ => true,
     }
 }

@@ -1,11 +1,20 @@
-//! Checks a description against the rules of FMI 2.0 that no schema holds.
+//! Checks a description against the rules of FMI 2.0 and FMI 3.0 that no schema holds.
 //!
-//! Every rule is checked; nothing stops at the first finding.
+//! Every rule is checked; nothing stops at the first finding. The time it takes grows with the size of
+//! the description and not faster: names and references are looked up in tables.
 
 mod aliases;
+mod arrays;
+mod clocks;
+mod combination;
+mod dates;
+mod interfaces;
 mod names;
+mod start;
+mod states;
 mod structure;
 mod units;
+mod unknowns;
 mod variables;
 
 use super::*;
@@ -13,20 +22,32 @@ use std::collections::{BTreeSet, HashMap};
 
 /// Everything that is wrong with a description, schema and rules, in the order of the file.
 pub fn validate(reading: &Reading) -> Vec<Finding> {
+    let description = &reading.description;
     let mut checker = Checker {
-        description: &reading.description,
+        description,
+        version: description.fmi_version,
         places: &reading.places,
-        states: structure::states(&reading.description),
+        units: first_of_each(description.units.iter().map(|u| (u.name.as_str(), u))),
+        types: first_of_each(description.types.iter().map(|t| (t.name.as_str(), &t.kind))),
+        states: states::states(description),
         findings: reading.findings.clone(),
     };
     checker.root();
     checker.interfaces();
     checker.experiment();
+    checker.log_categories();
     checker.units();
     checker.types();
-    checker.log_categories();
     checker.variables();
-    checker.aliases();
+    checker.states();
+    match description.fmi_version {
+        FmiVersion::V2 => checker.aliases(),
+        FmiVersion::V3 => {
+            checker.references();
+            checker.arrays();
+            checker.clocks();
+        }
+    }
     checker.structure();
     checker.findings.sort_by_key(|finding| finding.place);
     checker.findings
@@ -35,70 +56,63 @@ pub fn validate(reading: &Reading) -> Vec<Finding> {
 /// What the checks share.
 struct Checker<'r> {
     description: &'r ModelDescription,
+    version: FmiVersion,
     places: &'r Places,
+    units: HashMap<&'r str, &'r Unit>,
+    types: HashMap<&'r str, &'r TypeKind>,
     /// Indices (from 1) of the continuous states.
     states: BTreeSet<u32>,
     findings: Vec<Finding>,
 }
 
-impl Checker<'_> {
+impl<'r> Checker<'r> {
     fn report(&mut self, place: Place, rule: Rule) {
         self.findings.push(Finding {
+            version: self.version,
             place,
             variable: None,
             rule,
         });
     }
 
-    /// Notes a broken rule at the variable of that index (from 0).
-    fn report_variable(&mut self, index: usize, rule: Rule) {
-        let place = self.places.variables.get(index);
+    /// Notes a broken rule at the variable of that position (from 0).
+    fn report_variable(&mut self, position: usize, rule: Rule) {
+        let place = self.places.variables.get(position);
         self.findings.push(Finding {
+            version: self.version,
             place: place.copied().unwrap_or(self.places.root),
-            variable: Some(self.description.variables[index].name.clone()),
+            variable: Some(self.description.variables[position].name.clone()),
             rule,
         });
+    }
+
+    /// The variable of that index (from 1).
+    fn at(&self, index: u32) -> Option<&'r ScalarVariable> {
+        let position = (index as usize).checked_sub(1)?;
+        self.description.variables.get(position)
+    }
+
+    fn is_v3(&self) -> bool {
+        self.version == FmiVersion::V3
     }
 
     fn root(&mut self) {
         let description = self.description;
         let place = self.places.root;
         if description.guid.is_empty() {
-            self.report(place, Rule::EmptyGuid);
+            let attribute = match self.version {
+                FmiVersion::V2 => "guid",
+                FmiVersion::V3 => "instantiationToken",
+            };
+            self.report(place, Rule::EmptyGuid { attribute });
         }
-        if let Some(date) = &description.generation_date_and_time
-            && !is_date_time(date)
-        {
+        if let Some(date) = &description.generation_date_and_time {
             let found = date.clone();
-            self.report(place, Rule::DateFormat { found });
-        }
-        if description.model_exchange.is_none() && description.co_simulation.is_none() {
-            self.report(place, Rule::NoInterface);
-        }
-    }
-
-    fn interfaces(&mut self) {
-        if let Some(me) = &self.description.model_exchange {
-            let place = self.places.model_exchange;
-            self.interface(place, &me.model_identifier, &me.flags());
-        }
-        if let Some(cs) = &self.description.co_simulation {
-            let place = self.places.co_simulation;
-            self.interface(place, &cs.model_identifier, &cs.flags());
-        }
-    }
-
-    fn interface(&mut self, place: Place, identifier: &str, flags: &[(&str, bool)]) {
-        let is_set = |name| flags.contains(&(name, true));
-        if !names::is_c_identifier(identifier) {
-            let found = identifier.to_owned();
-            self.report(place, Rule::NotAnIdentifier { found });
-        }
-        if is_set("needsExecutionTool") {
-            self.report(place, Rule::NeedsExecutionTool);
-        }
-        if is_set("canSerializeFMUstate") && !is_set("canGetAndSetFMUstate") {
-            self.report(place, Rule::SerializeWithoutGet);
+            match dates::form(date) {
+                dates::Form::Standard => {}
+                dates::Form::Other => self.report(place, Rule::DateFormat { found }),
+                dates::Form::Wrong => self.report(place, Rule::NotADate { found }),
+            }
         }
     }
 
@@ -112,11 +126,20 @@ impl Checker<'_> {
             self.report(place, Rule::StopBeforeStart { start, stop });
         }
         for (attribute, value) in [
+            ("startTime", experiment.start_time),
+            ("stopTime", experiment.stop_time),
             ("tolerance", experiment.tolerance),
             ("stepSize", experiment.step_size),
         ] {
-            if let Some(found) = value.filter(|&v| v <= 0.0 || v.is_nan()) {
-                self.report(place, Rule::NotPositive { attribute, found });
+            let is_size = matches!(attribute, "tolerance" | "stepSize");
+            match value {
+                Some(found) if is_size && (found <= 0.0 || found.is_nan()) => {
+                    self.report(place, Rule::NotPositive { attribute, found });
+                }
+                Some(found) if !found.is_finite() => {
+                    self.report(place, Rule::NotFinite { attribute, found });
+                }
+                _ => {}
             }
         }
     }
@@ -131,6 +154,15 @@ impl Checker<'_> {
     }
 }
 
+/// A table of items by name; of those with one name the first.
+fn first_of_each<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> HashMap<&'a str, T> {
+    let mut table = HashMap::new();
+    for (name, item) in items {
+        table.entry(name).or_insert(item);
+    }
+    table
+}
+
 /// Indices of the items that were there before.
 fn duplicates<'a>(names: impl Iterator<Item = &'a str>) -> Vec<usize> {
     let mut seen = HashMap::new();
@@ -139,23 +171,4 @@ fn duplicates<'a>(names: impl Iterator<Item = &'a str>) -> Vec<usize> {
         .filter(|&(index, name)| *seen.entry(name).or_insert(index) != index)
         .map(|(index, _)| index)
         .collect()
-}
-
-/// Whether a text is `YYYY-MM-DDThh:mm:ssZ` with fields in range.
-fn is_date_time(text: &str) -> bool {
-    const SHAPE: &[u8] = b"0000-00-00T00:00:00Z";
-    let bytes = text.as_bytes();
-    let fits = |(b, shape): (&u8, &u8)| match shape {
-        b'0' => b.is_ascii_digit(),
-        _ => b == shape,
-    };
-    if bytes.len() != SHAPE.len() || !bytes.iter().zip(SHAPE).all(fits) {
-        return false;
-    }
-    let field = |from: usize| text[from..from + 2].parse().unwrap_or(0u8);
-    (1..=12).contains(&field(5))
-        && (1..=31).contains(&field(8))
-        && field(11) < 24
-        && field(14) < 60
-        && field(17) <= 60
 }

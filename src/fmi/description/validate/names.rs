@@ -1,4 +1,5 @@
-//! Names: C identifiers and the grammar of structured names (FMI 2.0, section 2.2.9).
+//! Names: C identifiers and the grammar of structured names (FMI 2.0, section 2.2.9; FMI 3.0,
+//! section 2.4.7.5.1).
 
 /// Whether `text` is an identifier of C.
 pub(super) fn is_c_identifier(text: &str) -> bool {
@@ -20,6 +21,16 @@ pub(super) fn is_structured(name: &str) -> bool {
             .is_some_and(|order| is_digits(order.trim_start())),
         None => false,
     }
+}
+
+/// The control character in a name that is not allowed under either convention.
+pub(super) fn forbidden_control(name: &str) -> Option<&'static str> {
+    name.chars().find_map(|c| match c {
+        '\t' => Some("tab"),
+        '\n' => Some("line feed"),
+        '\r' => Some("carriage return"),
+        _ => None,
+    })
 }
 
 fn is_nondigit(byte: u8) -> bool {

@@ -1,237 +1,204 @@
-//! The model structure (FMI 2.0, section 2.2.8).
+//! Whether the lists of the model structure hold just what they must (FMI 2.0, section 2.2.8; FMI 3.0,
+//! section 2.4.8).
 
+use super::states::{derivative_of, is_continuous_real};
+use super::unknowns::List;
 use super::*;
-use std::collections::BTreeSet;
-
-/// The lists of `<ModelStructure>`.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum List {
-    Outputs,
-    Derivatives,
-    InitialUnknowns,
-}
-
-impl List {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Outputs => "Outputs",
-            Self::Derivatives => "Derivatives",
-            Self::InitialUnknowns => "InitialUnknowns",
-        }
-    }
-}
 
 impl Checker<'_> {
     pub(super) fn structure(&mut self) {
         let structure = &self.description.structure;
         let places = self.places;
-        self.list(List::Outputs, &structure.outputs, &places.outputs);
-        self.list(
-            List::Derivatives,
-            &structure.derivatives,
-            &places.derivatives,
-        );
-        self.list(
-            List::InitialUnknowns,
-            &structure.initial_unknowns,
-            &places.initial_unknowns,
-        );
-        self.members();
-    }
-
-    fn list(&mut self, list: List, unknowns: &[Unknown], places: &[Place]) {
-        let count = self.description.variables.len();
-        let mut seen = BTreeSet::new();
-        let mut previous = 0;
-        for (unknown, &place) in unknowns.iter().zip(places) {
-            let index = unknown.index;
-            if index == 0 || index as usize > count {
-                self.report(place, no_such_index(list, index, count));
-                continue;
-            }
-            if !seen.insert(index) {
-                let list = list.name();
-                self.report(place, Rule::DuplicateUnknown { list, index });
-            } else if list == List::InitialUnknowns && index < previous {
-                self.report(place, Rule::UnorderedUnknowns { index, previous });
-            }
-            previous = previous.max(index);
-            self.dependencies(list, unknown, place);
+        for (list, unknowns, places) in [
+            (List::Outputs, &structure.outputs, &places.outputs),
+            (
+                List::Derivatives,
+                &structure.derivatives,
+                &places.derivatives,
+            ),
+            (
+                List::ClockedStates,
+                &structure.clocked_states,
+                &places.clocked_states,
+            ),
+            (
+                List::InitialUnknowns,
+                &structure.initial_unknowns,
+                &places.initial_unknowns,
+            ),
+            (
+                List::EventIndicators,
+                &structure.event_indicators,
+                &places.event_indicators,
+            ),
+        ] {
+            self.unknowns(list, unknowns, places);
         }
-        let undeclared = unknowns.iter().filter(|u| u.dependencies.is_none());
-        let undeclared = undeclared.count();
-        if undeclared > 0 {
-            let rule = Rule::DependenciesNotDeclared {
-                list: list.name(),
-                count: undeclared,
-            };
-            self.report(places[0], rule);
+        let mut rules = self.outputs();
+        rules.extend(self.initial_unknowns());
+        rules.extend(self.derivatives());
+        rules.extend(self.clocked_states());
+        rules.extend(self.event_indicators());
+        for rule in rules {
+            self.report(places.structure, rule);
         }
     }
 
-    fn dependencies(&mut self, list: List, unknown: &Unknown, place: Place) {
-        let index = unknown.index;
-        for &kind in unknown.dependencies_kind.iter().flatten() {
-            let allowed = [DependencyKind::Dependent, DependencyKind::Constant];
-            if list == List::InitialUnknowns && !allowed.contains(&kind) {
-                self.report(place, Rule::InitialKind { kind });
-            }
-        }
-        let Some(dependencies) = &unknown.dependencies else {
-            if unknown.dependencies_kind.is_some() {
-                self.report(place, Rule::KindsWithoutDependencies { index });
-            }
-            return;
-        };
-        if let Some(kinds) = &unknown.dependencies_kind
-            && kinds.len() != dependencies.len()
-        {
-            let rule = Rule::KindCount {
-                index,
-                dependencies: dependencies.len(),
-                kinds: kinds.len(),
-            };
-            self.report(place, rule);
-        }
-        if !dependencies.is_sorted() {
-            self.report(place, Rule::UnsortedDependencies { index });
-        }
-        let mut seen = BTreeSet::new();
-        for &known in dependencies {
-            if !seen.insert(known) {
-                self.report(place, Rule::DuplicateKnown { index, known });
-            }
-            let rule = self.bad_known(list, index, known);
-            rule.into_iter().for_each(|rule| self.report(place, rule));
+    /// Name of a list in the XML.
+    pub(super) fn list_name(&self, list: List) -> &'static str {
+        list.name(self.version)
+    }
+
+    /// How the XML refers to the variable of that index (from 1).
+    pub(super) fn handle(&self, index: u32) -> Handle {
+        match (self.version, self.at(index)) {
+            (FmiVersion::V3, Some(variable)) => Handle::Reference(variable.value_reference),
+            _ => Handle::Index(index),
         }
     }
 
-    /// Knowns of outputs and derivatives are inputs, continuous states and time; those of initial
-    /// unknowns are inputs, variables with initial exact and time.
-    fn bad_known(&self, list: List, index: u32, known: u32) -> Option<Rule> {
-        let variables = &self.description.variables;
-        let position = (known as usize).checked_sub(1);
-        let Some(variable) = position.and_then(|p| variables.get(p)) else {
-            return Some(no_such_index(list, known, variables.len()));
-        };
-        let is_known = match variable.causality {
-            Causality::Input | Causality::Independent => true,
-            _ if list == List::InitialUnknowns => {
-                variable.effective_initial() == Some(Initial::Exact)
-            }
-            _ => self.states.contains(&known),
-        };
-        (!is_known).then(|| Rule::BadKnown {
-            index,
-            known,
+    fn missing(&self, list: List, index: u32, variable: &ScalarVariable) -> Rule {
+        Rule::MissingUnknown {
+            list: self.list_name(list),
+            variable: self.handle(index),
             name: variable.name.clone(),
-            causality: variable.causality,
-        })
+        }
     }
 
-    /// Whether each list holds just what it must.
-    fn members(&mut self) {
-        let structure = &self.description.structure;
-        let place = self.places.structure;
-        let required = self.required_initial_unknowns();
-        let listed =
-            |unknowns: &[Unknown]| -> BTreeSet<u32> { unknowns.iter().map(|u| u.index).collect() };
-        let outputs = listed(&structure.outputs);
-        let initial = listed(&structure.initial_unknowns);
-        let mut rules = Vec::new();
-        for (position, variable) in self.description.variables.iter().enumerate() {
-            let (index, name) = (position as u32 + 1, &variable.name);
+    fn outputs(&self) -> Vec<Rule> {
+        let listed = indices(&self.description.structure.outputs);
+        let list = List::Outputs;
+        let rule = |(index, variable): (u32, &ScalarVariable)| {
             let is_output = variable.causality == Causality::Output;
-            let missing = |list: List| Rule::MissingUnknown {
-                list: list.name(),
-                index,
-                name: name.clone(),
-            };
-            match (is_output, outputs.contains(&index)) {
-                (true, false) => rules.push(missing(List::Outputs)),
-                (false, true) => rules.push(Rule::NotAnOutput {
-                    index,
-                    name: name.clone(),
+            match (is_output, listed.contains(&index)) {
+                (true, false) => Some(self.missing(list, index, variable)),
+                (false, true) => Some(Rule::NotAnOutput {
+                    list: self.list_name(list),
+                    variable: self.handle(index),
+                    name: variable.name.clone(),
                     causality: variable.causality,
                 }),
-                _ => {}
+                _ => None,
             }
-            match (required.contains(&index), initial.contains(&index)) {
-                (true, false) => rules.push(missing(List::InitialUnknowns)),
-                (false, true) => rules.push(Rule::NotInitial {
-                    index,
-                    name: name.clone(),
-                }),
-                _ => {}
-            }
-        }
-        for unknown in &structure.derivatives {
-            let position = (unknown.index as usize).checked_sub(1);
-            let variable = position.and_then(|p| self.description.variables.get(p));
-            if let (Some(variable), None) =
-                (variable, derivative_of(self.description, unknown.index))
-            {
-                rules.push(Rule::NotADerivative {
-                    index: unknown.index,
-                    name: variable.name.clone(),
-                });
-            }
-        }
-        for rule in rules {
-            self.report(place, rule);
-        }
+        };
+        (1..)
+            .zip(&self.description.variables)
+            .filter_map(rule)
+            .collect()
     }
 
     /// Outputs, states and derivatives with initial approx or calculated, and calculated parameters.
-    fn required_initial_unknowns(&self) -> BTreeSet<u32> {
-        let mut candidates = self.states.clone();
-        candidates.extend(
-            self.description
-                .structure
-                .derivatives
-                .iter()
-                .map(|u| u.index),
-        );
-        let is_required = |(position, variable): (usize, &ScalarVariable)| {
-            let index = position as u32 + 1;
+    /// In FMI 3.0 clocked variables may be listed, or not.
+    fn initial_unknowns(&self) -> Vec<Rule> {
+        let structure = &self.description.structure;
+        let listed = indices(&structure.initial_unknowns);
+        let derivatives = indices(&structure.derivatives);
+        let list = List::InitialUnknowns;
+        let rule = |(index, variable): (u32, &ScalarVariable)| {
+            let is_free = !variable.clocks.is_empty()
+                || (variable.kind.base_type() == BaseType::Clock
+                    && variable.causality == Causality::Output);
             let computed = matches!(
                 variable.effective_initial(),
                 Some(Initial::Approx | Initial::Calculated)
             );
-            let listed = match variable.causality {
+            let is_required = match variable.causality {
                 Causality::Output => computed,
                 Causality::CalculatedParameter => true,
-                _ => computed && candidates.contains(&index),
+                _ => computed && (self.states.contains(&index) || derivatives.contains(&index)),
             };
-            listed.then_some(index)
+            match (is_required, listed.contains(&index)) {
+                _ if is_free => None,
+                (true, false) => Some(self.missing(list, index, variable)),
+                (false, true) => Some(Rule::NotInitial {
+                    list: self.list_name(list),
+                    variable: self.handle(index),
+                    name: variable.name.clone(),
+                }),
+                _ => None,
+            }
         };
-        let variables = self.description.variables.iter().enumerate();
-        variables.filter_map(is_required).collect()
+        (1..)
+            .zip(&self.description.variables)
+            .filter_map(rule)
+            .collect()
+    }
+
+    fn derivatives(&self) -> Vec<Rule> {
+        let list = self.list_name(List::Derivatives);
+        let mut rules = Vec::new();
+        let mut first: HashMap<u32, u32> = HashMap::new();
+        for unknown in &self.description.structure.derivatives {
+            let Some(variable) = self.at(unknown.index) else {
+                continue;
+            };
+            let (handle, name) = (self.handle(unknown.index), variable.name.clone());
+            let Some(state) = derivative_of(variable) else {
+                rules.push(Rule::NotADerivative {
+                    list,
+                    variable: handle,
+                    name,
+                });
+                continue;
+            };
+            if !is_continuous_real(variable) {
+                rules.push(Rule::NotContinuous {
+                    list,
+                    variable: handle,
+                    name: name.clone(),
+                });
+            }
+            let before = *first.entry(state).or_insert(unknown.index);
+            if let (true, Some(other), Some(state)) =
+                (before != unknown.index, self.at(before), self.at(state))
+            {
+                rules.push(Rule::TwoDerivatives {
+                    list,
+                    state: state.name.clone(),
+                    first: other.name.clone(),
+                    second: name,
+                });
+            }
+        }
+        rules
+    }
+
+    fn clocked_states(&self) -> Vec<Rule> {
+        let listed = indices(&self.description.structure.clocked_states);
+        let list = List::ClockedStates;
+        let rule = |(index, variable): (u32, &ScalarVariable)| match (
+            variable.previous.is_some(),
+            listed.contains(&index),
+        ) {
+            (true, false) => Some(self.missing(list, index, variable)),
+            (false, true) => Some(Rule::NotAClockedState {
+                list: self.list_name(list),
+                variable: self.handle(index),
+                name: variable.name.clone(),
+            }),
+            _ => None,
+        };
+        (1..)
+            .zip(&self.description.variables)
+            .filter_map(rule)
+            .collect()
+    }
+
+    fn event_indicators(&self) -> Vec<Rule> {
+        let unknowns = self.description.structure.event_indicators.iter();
+        let rule = |unknown: &Unknown| {
+            let variable = self.at(unknown.index)?;
+            (!is_continuous_real(variable)).then(|| Rule::NotContinuous {
+                list: self.list_name(List::EventIndicators),
+                variable: self.handle(unknown.index),
+                name: variable.name.clone(),
+            })
+        };
+        unknowns.filter_map(rule).collect()
     }
 }
 
-/// Indices (from 1) of the continuous states: what the listed derivatives are derivatives of.
-pub(super) fn states(description: &ModelDescription) -> BTreeSet<u32> {
-    let derivatives = &description.structure.derivatives;
-    derivatives
-        .iter()
-        .filter_map(|u| derivative_of(description, u.index))
-        .collect()
-}
-
-/// The attribute `derivative` of the variable of that index (from 1).
-fn derivative_of(description: &ModelDescription, index: u32) -> Option<u32> {
-    let position = (index as usize).checked_sub(1)?;
-    match &description.variables.get(position)?.kind {
-        VariableKind::Real(real) => real.derivative,
-        _ => None,
-    }
-}
-
-fn no_such_index(list: List, index: u32, count: usize) -> Rule {
-    Rule::NoSuchIndex {
-        list: list.name(),
-        index,
-        count,
-    }
+/// Indices of the variables in a list.
+fn indices(unknowns: &[Unknown]) -> BTreeSet<u32> {
+    unknowns.iter().map(|u| u.index).collect()
 }

@@ -1,4 +1,4 @@
-//! Each variable by itself (FMI 2.0, section 2.2.7).
+//! Each variable by itself (FMI 2.0, section 2.2.7; FMI 3.0, section 2.4.7).
 
 use super::*;
 
@@ -7,243 +7,151 @@ impl Checker<'_> {
         let description = self.description;
         self.unique_names();
         self.independents();
-        for (index, variable) in description.variables.iter().enumerate() {
+        for (position, variable) in description.variables.iter().enumerate() {
             let mut rules = Vec::new();
-            if description.naming_convention == NamingConvention::Structured
-                && !names::is_structured(&variable.name)
-            {
-                let name = variable.name.clone();
-                rules.push(Rule::NotStructured { name });
+            let aliases = variable.aliases.iter().map(|alias| alias.name.as_str());
+            for name in std::iter::once(variable.name.as_str()).chain(aliases) {
+                rules.extend(self.name(name));
             }
-            rules.extend(combination(variable));
-            rules.extend(start_presence(variable));
+            rules.extend(combination::combination(variable, self.version));
+            rules.extend(combination::start_presence(variable));
             rules.extend(self.declared_type(variable));
             rules.extend(self.values(variable));
-            rules.extend(self.real(index, variable));
-            if variable.can_handle_multiple_set_per_time_instant.is_some()
-                && (description.model_exchange.is_none() || variable.causality != Causality::Input)
-            {
-                rules.push(Rule::MultipleSet);
-            }
+            rules.extend(self.units_of(variable));
+            rules.extend(self.attributes_for_causality(variable));
             for rule in rules {
-                self.report_variable(index, rule);
+                self.report_variable(position, rule);
             }
         }
     }
 
+    fn name(&self, name: &str) -> Option<Rule> {
+        let is_structured = self.description.naming_convention == NamingConvention::Structured;
+        let name_owned = || name.to_owned();
+        if name.is_empty() {
+            Some(Rule::EmptyName)
+        } else if let Some(character) = names::forbidden_control(name) {
+            Some(Rule::ControlInName {
+                name: name_owned(),
+                character,
+            })
+        } else if is_structured && !names::is_structured(name) {
+            Some(Rule::NotStructured { name: name_owned() })
+        } else {
+            None
+        }
+    }
+
+    /// Names of variables, and of their aliases in FMI 3.0.
     fn unique_names(&mut self) {
         let variables = &self.description.variables;
         let mut first = HashMap::new();
-        for (index, variable) in variables.iter().enumerate() {
-            let before = *first.entry(variable.name.as_str()).or_insert(index);
-            if before != index {
-                let rule = Rule::DuplicateVariable {
-                    name: variable.name.clone(),
-                    first: self.places.variables[before].line,
-                };
-                self.report_variable(index, rule);
+        let named = variables.iter().enumerate().flat_map(|(position, v)| {
+            let aliases = v.aliases.iter().map(|alias| alias.name.as_str());
+            let names = std::iter::once(v.name.as_str()).chain(aliases);
+            names.map(move |name| (position, name))
+        });
+        let mut twice = Vec::new();
+        for (position, name) in named {
+            match first.entry(name) {
+                std::collections::hash_map::Entry::Vacant(entry) => {
+                    entry.insert(position);
+                }
+                std::collections::hash_map::Entry::Occupied(entry) => {
+                    let rule = Rule::DuplicateVariable {
+                        name: name.to_owned(),
+                        first: self.places.variables[*entry.get()].line,
+                    };
+                    twice.push((position, rule));
+                }
             }
+        }
+        for (position, rule) in twice {
+            self.report_variable(position, rule);
         }
     }
 
     fn independents(&mut self) {
         let mut first: Option<&str> = None;
-        for (index, variable) in self.description.variables.iter().enumerate() {
+        for (position, variable) in self.description.variables.iter().enumerate() {
             if variable.causality != Causality::Independent {
                 continue;
             }
             if let Some(first) = first {
                 let first = first.to_owned();
-                self.report_variable(index, Rule::SecondIndependent { first });
+                self.report_variable(position, Rule::SecondIndependent { first });
             }
             first.get_or_insert(&variable.name);
             let base = variable.kind.base_type();
-            if base != BaseType::Real {
-                self.report_variable(index, Rule::IndependentNotReal { base });
+            if !base.is_real() {
+                let base = base.name(self.version);
+                let expected = match self.version {
+                    FmiVersion::V2 => "Real",
+                    FmiVersion::V3 => "Float64 or Float32",
+                };
+                self.report_variable(position, Rule::IndependentNotReal { base, expected });
             }
         }
-    }
-
-    fn type_definition(&self, name: &str) -> Option<&TypeKind> {
-        let mut types = self.description.types.iter();
-        types.find(|t| t.name == name).map(|t| &t.kind)
+        if self.is_v3() && first.is_none() {
+            self.report(self.places.root, Rule::NoIndependent);
+        }
     }
 
     fn declared_type(&self, variable: &ScalarVariable) -> Option<Rule> {
         // Empty: the missing attribute is already reported.
         let name = variable.kind.declared_type().filter(|n| !n.is_empty())?;
         let name_owned = name.to_owned();
-        let Some(kind) = self.type_definition(name) else {
+        let Some(kind) = self.types.get(name) else {
             return Some(Rule::UnknownType { name: name_owned });
         };
-        let found = match kind {
-            TypeKind::Real(_) => BaseType::Real,
-            TypeKind::Integer(_) => BaseType::Integer,
-            TypeKind::Boolean => BaseType::Boolean,
-            TypeKind::String => BaseType::String,
-            TypeKind::Enumeration { .. } => BaseType::Enumeration,
-        };
-        let expected = variable.kind.base_type();
+        let (found, expected) = (kind.base_type(), variable.kind.base_type());
         (found != expected).then_some(Rule::WrongType {
             name: name_owned,
-            found,
-            expected,
+            found: found.name(self.version),
+            expected: expected.name(self.version),
         })
     }
 
-    /// min, max and start against each other, with what the declared type says.
-    fn values(&self, variable: &ScalarVariable) -> Vec<Rule> {
-        let declared = variable.kind.declared_type();
-        let declared = declared.and_then(|name| self.type_definition(name));
-        let whole = |a: &IntegerAttributes| (a.min.map(f64::from), a.max.map(f64::from));
-        let (own, start) = match &variable.kind {
-            VariableKind::Real(real) => ((real.attributes.min, real.attributes.max), real.start),
-            VariableKind::Integer {
-                attributes, start, ..
-            }
-            | VariableKind::Enumeration {
-                attributes, start, ..
-            } => (whole(attributes), start.map(f64::from)),
-            VariableKind::Boolean { .. } | VariableKind::String { .. } => return Vec::new(),
-        };
-        let inherited = match declared {
-            Some(TypeKind::Real(real)) => (real.min, real.max),
-            Some(TypeKind::Integer(integer)) => whole(integer),
-            _ => (None, None),
-        };
-        let min = own.0.or(inherited.0).unwrap_or(f64::NEG_INFINITY);
-        let max = own.1.or(inherited.1).unwrap_or(f64::INFINITY);
-        let mut rules = Vec::new();
-        if min > max {
-            rules.push(Rule::MinAboveMax { min, max });
-        } else if let Some(start) = start.filter(|s| *s < min || *s > max) {
-            rules.push(Rule::StartOutside { start, min, max });
-        }
-        rules.extend(not_an_item(variable, declared));
-        rules
-    }
-
-    fn real(&self, index: usize, variable: &ScalarVariable) -> Vec<Rule> {
+    /// Its own units, else those of its declared type; and the display units of its aliases.
+    fn units_of(&self, variable: &ScalarVariable) -> Vec<Rule> {
         let VariableKind::Real(real) = &variable.kind else {
             return Vec::new();
         };
-        let mut rules = self.unit_rules(&self.with_declared_unit(real));
-        if let Some(found) = real.attributes.nominal.filter(|&n| n <= 0.0) {
-            rules.push(Rule::NominalNotPositive { found });
+        let mut unit = real.attributes.unit.as_deref();
+        let mut display_unit = real.attributes.display_unit.as_deref();
+        if let (None, Some(TypeKind::Real { attributes, .. })) = (unit, self.declared(variable)) {
+            unit = attributes.unit.as_deref();
+            display_unit = display_unit.or(attributes.display_unit.as_deref());
         }
-        if real.reinit
-            && (self.description.model_exchange.is_none()
-                || !self.states.contains(&(index as u32 + 1)))
-        {
-            rules.push(Rule::Reinit);
-        }
-        if let Some(of) = real.derivative {
-            let variables = &self.description.variables;
-            let state = (of as usize).checked_sub(1).and_then(|i| variables.get(i));
-            let is_good = of as usize != index + 1
-                && state.is_some_and(|s| {
-                    s.variability == Variability::Continuous && s.kind.base_type() == BaseType::Real
-                });
-            if !is_good {
-                rules.push(Rule::BadDerivative {
-                    index: of,
-                    count: variables.len(),
-                });
-            }
+        let mut rules = self.unit_rules(unit, display_unit);
+        for alias in variable.aliases.iter().filter(|a| a.display_unit.is_some()) {
+            rules.extend(self.unit_rules(unit, alias.display_unit.as_deref()));
         }
         rules
     }
 
-    /// The attributes with the unit that the declared type gives if the variable gives none.
-    fn with_declared_unit(&self, real: &RealVariable) -> RealAttributes {
-        let mut attributes = real.attributes.clone();
-        let declared = real.declared_type.as_ref();
-        if let (None, Some(TypeKind::Real(declared))) = (
-            &attributes.unit,
-            declared.and_then(|n| self.type_definition(n)),
-        ) {
-            attributes.unit.clone_from(&declared.unit);
-            if attributes.display_unit.is_none() {
-                attributes.display_unit.clone_from(&declared.display_unit);
-            }
-        }
-        attributes
-    }
-}
-
-/// The table of allowed combinations of causality, variability and initial.
-fn combination(variable: &ScalarVariable) -> Option<Rule> {
-    use Causality as C;
-    use Initial as I;
-    use Variability as V;
-    let (causality, variability) = (variable.causality, variable.variability);
-    let base = variable.kind.base_type();
-    if variability == V::Continuous && base != BaseType::Real {
-        return Some(Rule::ContinuousNotReal { base });
-    }
-    let allowed: &[I] = match (causality, variability) {
-        (C::Parameter, V::Fixed | V::Tunable) => &[I::Exact],
-        (C::CalculatedParameter, V::Fixed | V::Tunable) => &[I::Calculated, I::Approx],
-        (C::Input, V::Discrete | V::Continuous) => &[],
-        (C::Output | C::Local, V::Constant) => &[I::Exact],
-        (C::Output | C::Local, V::Discrete | V::Continuous) => {
-            &[I::Calculated, I::Exact, I::Approx]
-        }
-        (C::Local, V::Fixed | V::Tunable) => &[I::Calculated, I::Approx],
-        (C::Independent, V::Continuous) => &[],
-        _ => {
-            return Some(Rule::CausalityVariability {
-                causality,
-                variability,
+    fn attributes_for_causality(&self, variable: &ScalarVariable) -> Vec<Rule> {
+        let causality = variable.causality;
+        let mut rules = Vec::new();
+        let needs_model_exchange = !self.is_v3();
+        if variable.can_handle_multiple_set_per_time_instant.is_some()
+            && (causality != Causality::Input
+                || (needs_model_exchange && self.description.model_exchange.is_none()))
+        {
+            rules.push(Rule::MultipleSet {
+                model_exchange: needs_model_exchange,
             });
         }
-    };
-    let initial = variable.initial.filter(|i| !allowed.contains(i))?;
-    Some(Rule::InitialNotAllowed {
-        causality,
-        variability,
-        initial,
-    })
-}
-
-/// Whether a start value is there exactly if it must be.
-fn start_presence(variable: &ScalarVariable) -> Option<Rule> {
-    let has_start = variable.kind.has_start();
-    let causality = variable.causality;
-    let by_causality = || format!("causality=\"{causality}\"");
-    match (causality, variable.effective_initial()) {
-        (Causality::Input | Causality::Parameter, _) if !has_start => Some(Rule::MissingStart {
-            why: by_causality(),
-        }),
-        (Causality::Independent, _) if has_start => Some(Rule::ForbiddenStart {
-            why: by_causality(),
-        }),
-        (_, Some(initial @ (Initial::Exact | Initial::Approx))) if !has_start => {
-            Some(Rule::MissingStart {
-                why: format!("initial=\"{initial}\""),
-            })
+        let is_parameter = matches!(
+            causality,
+            Causality::Parameter | Causality::StructuralParameter
+        );
+        if variable.intermediate_update && is_parameter {
+            rules.push(Rule::NotForCausality {
+                attribute: "intermediateUpdate",
+                causality,
+            });
         }
-        (_, Some(initial @ Initial::Calculated)) if has_start => Some(Rule::ForbiddenStart {
-            why: format!("initial=\"{initial}\""),
-        }),
-        _ => None,
+        rules
     }
-}
-
-fn not_an_item(variable: &ScalarVariable, declared: Option<&TypeKind>) -> Option<Rule> {
-    let VariableKind::Enumeration {
-        declared_type,
-        start: Some(start),
-        ..
-    } = &variable.kind
-    else {
-        return None;
-    };
-    let Some(TypeKind::Enumeration { items, .. }) = declared else {
-        return None;
-    };
-    (!items.iter().any(|i| i.value == *start)).then(|| Rule::NotAnItem {
-        start: *start,
-        name: declared_type.clone(),
-    })
 }

@@ -1,0 +1,59 @@
+//! What a model must say to become an FMU.
+
+use crate::Table;
+
+/// The number type of the models' equations: `f64`, or a dual number that carries derivatives.
+///
+/// Implemented for everything that satisfies the bounds; never implemented by hand.
+pub trait Scalar: num_dual::DualNum<Primitive = f64> + Copy {}
+
+impl<T: num_dual::DualNum<Primitive = f64> + Copy> Scalar for T {}
+
+/// Where equations are evaluated. Each list is in the order in which the table declares it.
+#[derive(Debug, Clone, Copy)]
+pub struct At<'a, T> {
+    /// Time [s].
+    pub time: T,
+    /// The continuous states.
+    pub x: &'a [T],
+    /// The inputs.
+    pub u: &'a [T],
+    /// The parameters, without the states' start values.
+    pub p: &'a [T],
+}
+
+/// A model: its table of variables, and equations `ẋ = f(t, x, u, p)`, `y = g(t, x, u, p)`.
+///
+/// The equations are generic over [`Scalar`], so that one set of lines gives values and, with dual
+/// numbers, exact derivatives. They must depend on their arguments alone: what is to be part of an FMU's
+/// state must be a state. A quantity that changes at events only is a state whose derivative is 0.
+pub trait Equations: Sized {
+    /// The variables. It is asked for once an instance and must always be the same.
+    fn table(&self) -> Table;
+
+    /// Writes the derivative of each state, in its unit per second.
+    fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]);
+
+    /// Writes each output that the table does not declare as a state.
+    fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
+        let _ = (at, y);
+    }
+
+    /// Writes as many event indicators as the table declares: an event is where one of them changes
+    /// between positive and not positive.
+    fn indicators<T: Scalar>(&self, at: At<T>, z: &mut [T]) {
+        let _ = (at, z);
+    }
+
+    /// Handles an event: `x` holds the states and may be changed. It is called at the start of a
+    /// simulation too, and again until it changes nothing; so it must itself look at what holds.
+    fn event(&self, at: At<f64>, x: &mut [f64]) {
+        let _ = (at, x);
+    }
+
+    /// Whether the derivative is linear in states and inputs, `ẋ = A(p) x + B(p) u`, without events:
+    /// then steps of co-simulation are exact (a matrix exponential), whatever their size.
+    fn is_linear(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,95 @@
+//! What an exporter must know of a model to describe it, in memory and as text.
+
+use crate::structure::{Structure, Unknown};
+use crate::variable::Variable;
+use crate::{Equations, json};
+
+/// A model seen from outside: what stands in its modelDescription.xml.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interface {
+    /// Name: FMI's `modelIdentifier`.
+    pub name: String,
+    /// One sentence: what the model is.
+    pub description: String,
+    /// FMI's `guid` and `instantiationToken`.
+    pub guid: String,
+    /// The variables; a variable's index is its value reference.
+    pub variables: Vec<Variable>,
+    /// Index of each state's variable, in the order of the states.
+    pub states: Vec<usize>,
+    /// What depends on what.
+    pub structure: Structure,
+}
+
+impl Interface {
+    /// The interface of a model.
+    pub fn of<E: Equations>(equations: &E) -> Self {
+        let table = equations.table();
+        Self {
+            structure: Structure::of(equations, &table),
+            name: table.name().to_owned(),
+            description: table.description().to_owned(),
+            guid: table.guid(),
+            states: table.states().collect(),
+            variables: table.variables().to_vec(),
+        }
+    }
+
+    /// Index of the state whose derivative the variable is.
+    pub fn state_of(&self, derivative: usize) -> Option<usize> {
+        let list = &self.structure.derivatives;
+        let state = list.iter().position(|d| d.index == derivative)?;
+        self.states.get(state).copied()
+    }
+
+    /// As JSON: what the library of a model tells `pilotage pack`.
+    pub fn to_json(&self) -> String {
+        let unknowns = |list: &[Unknown]| json::array(list.iter().map(unknown));
+        json::object([
+            ("format", "1".to_owned()),
+            ("name", json::string(&self.name)),
+            ("description", json::string(&self.description)),
+            ("guid", json::string(&self.guid)),
+            (
+                "variables",
+                json::array(self.variables.iter().map(Variable::to_json)),
+            ),
+            (
+                "states",
+                json::array(self.states.iter().map(usize::to_string)),
+            ),
+            ("outputs", unknowns(&self.structure.outputs)),
+            ("derivatives", unknowns(&self.structure.derivatives)),
+            ("indicators", unknowns(&self.structure.indicators)),
+            ("initial", unknowns(&self.structure.initial)),
+        ])
+    }
+}
+
+fn unknown(unknown: &Unknown) -> String {
+    let on = unknown.dependencies.iter();
+    json::object([
+        ("index", unknown.index.to_string()),
+        (
+            "dependencies",
+            json::array(on.clone().map(|d| d.index.to_string())),
+        ),
+        ("constant", json::array(on.map(|d| d.constant.to_string()))),
+    ])
+}
+
+/// The text of a model's interface, for the C function that `export!` makes.
+pub fn text_of<E: Equations + Default>() -> std::ffi::CString {
+    // JSON has no zero byte: it is escaped.
+    std::ffi::CString::new(Interface::of(&E::default()).to_json()).unwrap_or_default()
+}
+
+/// Loads a model that is part of the library: see [`Load`](crate::Load).
+///
+/// # Errors
+/// Never.
+pub fn compiled_in<E: Equations + Default>(
+    _resources: Option<&str>,
+) -> Result<E, crate::resources::LoadError> {
+    Ok(E::default())
+}

@@ -1,0 +1,119 @@
+//! Exact steps of a linear time-invariant system `ẋ = A x + B u` whose inputs are straight lines in
+//! time within the step: `u(τ) = u_0 + u̇ τ`.
+//!
+//! With the inputs and their slopes appended to the state, the step is one matrix exponential (C. F. Van
+//! Loan, "Computing integrals involving the matrix exponential", IEEE Trans. Automatic Control 23(3),
+//! 1978):
+//!
+//! ```text
+//!     ⎡A B 0⎤
+//! exp ⎢0 0 I⎥ h  =  ⎡Φ Γ_0 Γ_1⎤      x(t+h) = Φ x(t) + Γ_0 u_0 + Γ_1 u̇
+//!     ⎣0 0 0⎦       ⎣    ⋯    ⎦
+//! ```
+
+use nalgebra::DMatrix;
+
+/// Largest `‖A h‖` (1-norm of the augmented matrix): beyond it the exponential has no digits left.
+pub const MAX_NORM: f64 = 1e8;
+
+/// One step of fixed size of a linear system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transition {
+    order: usize,
+    inputs: usize,
+    /// Rows `[Φ Γ_0 Γ_1]`, one after the other.
+    rows: Vec<f64>,
+}
+
+/// Why a transition cannot be computed.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TransitionError {
+    /// The exponent is too large or not a number.
+    #[error(
+        "the norm of the system matrix times the step of {step} s is {norm:e}, more than {MAX_NORM:e}; \
+         take a smaller step or smaller coefficients"
+    )]
+    TooLarge {
+        /// Step [s].
+        step: f64,
+        /// Norm of the exponent.
+        norm: f64,
+    },
+    /// The system grows beyond what a number can hold within the step.
+    #[error("the linear system overflows within a step of {step} s; take a smaller step")]
+    Overflow {
+        /// Step [s].
+        step: f64,
+    },
+}
+
+impl Transition {
+    /// The transition over `h` seconds of the system with that number of states and inputs whose
+    /// derivative `f(x, u, dx)` writes `A x + B u` into `dx`.
+    ///
+    /// # Errors
+    /// When `A h` is too large, or its exponential not finite.
+    pub fn new(
+        [order, inputs]: [usize; 2],
+        h: f64,
+        derivative: impl Fn(&[f64], &[f64], &mut [f64]),
+    ) -> Result<Self, TransitionError> {
+        let exponent = augmented(order, inputs, derivative) * h;
+        let norm = exponent
+            .column_iter()
+            .map(|column| column.lp_norm(1))
+            .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
+        // Written so that NaN is refused too.
+        if !matches!(norm.partial_cmp(&MAX_NORM), Some(o) if o.is_le()) {
+            return Err(TransitionError::TooLarge { step: h, norm });
+        }
+        let exponential = exponent.exp();
+        if exponential.iter().any(|v| !v.is_finite()) {
+            return Err(TransitionError::Overflow { step: h });
+        }
+        let rows = exponential.rows(0, order).transpose();
+        Ok(Self {
+            order,
+            inputs,
+            rows: rows.iter().copied().collect(),
+        })
+    }
+
+    /// Writes the states after the step into `next`; `x` are the states before it, `u` the inputs at its
+    /// beginning and `slopes` the inputs' time derivatives.
+    pub fn apply(&self, x: &[f64], u: &[f64], slopes: &[f64], next: &mut [f64]) {
+        let (n, m) = (self.order, self.inputs);
+        let product =
+            |row: &[f64], x: &[f64], sum| row.iter().zip(x).fold(sum, |s, (a, x)| s + a * x);
+        for (next, row) in next.iter_mut().zip(self.rows.chunks_exact(n + 2 * m)) {
+            let (states, forced) = row.split_at(n);
+            let held = product(&forced[..m], u, 0.0);
+            *next = product(states, x, product(&forced[m..], slopes, held));
+        }
+    }
+}
+
+/// The matrix of the system with inputs and slopes appended to the states.
+fn augmented(
+    order: usize,
+    inputs: usize,
+    derivative: impl Fn(&[f64], &[f64], &mut [f64]),
+) -> DMatrix<f64> {
+    let size = order + 2 * inputs;
+    let mut matrix = DMatrix::zeros(size, size);
+    let mut unit = vec![0.0; order + inputs];
+    let mut column = vec![0.0; order];
+    for j in 0..order + inputs {
+        unit.fill(0.0);
+        unit[j] = 1.0;
+        derivative(&unit[..order], &unit[order..], &mut column);
+        matrix
+            .column_mut(j)
+            .rows_mut(0, order)
+            .copy_from_slice(&column);
+    }
+    for j in order..order + inputs {
+        matrix[(j, j + inputs)] = 1.0;
+    }
+    matrix
+}

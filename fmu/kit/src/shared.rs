@@ -1,0 +1,361 @@
+//! C functions that are the same in FMI 2.0 and FMI 3.0 but for their names.
+
+use crate::Equations;
+use crate::checkpoint::Checkpoint;
+use crate::guard::{Component, Version, array, array_mut, call, place};
+use crate::problem::Problem;
+use std::ffi::c_void;
+
+type Pointer = *mut c_void;
+
+/// Values of real variables.
+///
+/// # Safety
+/// `component` as for [`call`]; the pointers are NULL or lead to `count` elements.
+pub unsafe fn get<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *mut f64,
+    n_values: usize,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (references, values) = unsafe {
+            (
+                array(references, count, "valueReferences")?,
+                array_mut(values, n_values, "values")?,
+            )
+        };
+        crate::instance::check_number("nValues", n_values, count)?;
+        c.instance.get(references, values)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Sets real variables.
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn set<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *const f64,
+    n_values: usize,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (references, values) = unsafe {
+            (
+                array(references, count, "valueReferences")?,
+                array(values, n_values, "values")?,
+            )
+        };
+        crate::instance::check_number("nValues", n_values, count)?;
+        let (phase, state) = c.phase();
+        c.instance.set(references, values, phase, state)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Variables of a type that no variable has: asking for none of them is allowed.
+///
+/// # Safety
+/// `component` as for [`call`].
+pub unsafe fn no_variables<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    count: usize,
+    [base_type, used]: [&'static str; 2],
+) -> V::Status {
+    let body = |_: &mut Component<E, V>| match count {
+        0 => Ok(()),
+        _ => Err(Problem::NoSuchType {
+            base_type,
+            used,
+            count,
+        }),
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// A vector with one element for each state or event indicator, written by the instance.
+///
+/// # Safety
+/// `component` as for [`call`]; `values` is NULL or leads to `count` elements.
+pub unsafe fn vector<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    values: *mut f64,
+    count: usize,
+    write: impl FnOnce(&crate::instance::Instance<E>, &mut [f64]) -> Result<(), Problem>,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let values = unsafe { array_mut(values, count, "values") }?;
+        write(&c.instance, values)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Model exchange: sets the states.
+///
+/// # Safety
+/// `component` as for [`call`]; `values` is NULL or leads to `count` elements.
+pub unsafe fn set_states<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    values: *const f64,
+    count: usize,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let values = unsafe { array(values, count, "x") }?;
+        c.instance.set_states(values)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Which way partial derivatives are asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// A seed for each known, a result for each unknown.
+    Forward,
+    /// A seed for each unknown, a result for each known.
+    Adjoint,
+}
+
+/// Value references of unknowns and knowns, seeds and results, each with its number.
+#[derive(Debug, Clone, Copy)]
+pub struct Partial {
+    /// The unknowns.
+    pub unknowns: (*const u32, usize),
+    /// The knowns.
+    pub knowns: (*const u32, usize),
+    /// The seed.
+    pub seed: (*const f64, usize),
+    /// Where the results go.
+    pub result: (*mut f64, usize),
+}
+
+/// Partial derivatives in the direction of a seed.
+///
+/// # Safety
+/// `component` as for [`call`]; each pointer of `partial` is NULL or leads to that number of elements.
+pub unsafe fn derivative<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    direction: Direction,
+    partial: Partial,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (unknowns, knowns, seed, result) = unsafe {
+            (
+                array(partial.unknowns.0, partial.unknowns.1, "unknowns")?,
+                array(partial.knowns.0, partial.knowns.1, "knowns")?,
+                array(partial.seed.0, partial.seed.1, "seed")?,
+                array_mut(partial.result.0, partial.result.1, "sensitivity")?,
+            )
+        };
+        let (n_seed, n_result) = match direction {
+            Direction::Forward => (knowns.len(), unknowns.len()),
+            Direction::Adjoint => (unknowns.len(), knowns.len()),
+        };
+        crate::instance::check_number("nSeed", seed.len(), n_seed)?;
+        crate::instance::check_number("nSensitivity", result.len(), n_result)?;
+        let (i, at) = (&c.instance, c.phase());
+        match direction {
+            Direction::Forward => i.directional_derivative(unknowns, knowns, seed, result, at),
+            Direction::Adjoint => i.adjoint_derivative(unknowns, knowns, seed, result, at),
+        }
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Time derivatives of outputs.
+///
+/// # Safety
+/// `component` as for [`call`]; the pointers are NULL or lead to `count` elements.
+pub unsafe fn output_derivatives<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    orders: *const i32,
+    values: *mut f64,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (references, orders, values) = unsafe {
+            (
+                array(references, count, "valueReferences")?,
+                array(orders, count, "order")?,
+                array_mut(values, count, "values")?,
+            )
+        };
+        c.instance.get_slopes(references, orders, values)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Takes a copy of an instance.
+///
+/// # Safety
+/// `component` as for [`call`]; `state` is NULL, or leads to NULL or a state of this library.
+pub unsafe fn get_state<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    state: *mut Pointer,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let slot = unsafe { place(state, "FMUstate") }?;
+        // SAFETY: by the standard it holds NULL or a state of this FMU, which is then overwritten.
+        match unsafe { slot.cast::<Checkpoint>().as_mut() } {
+            Some(checkpoint) => *checkpoint = c.checkpoint(),
+            None => *slot = Box::into_raw(Box::new(c.checkpoint())).cast(),
+        }
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Goes back to a copy.
+///
+/// # Safety
+/// `component` as for [`call`]; `state` is NULL or a state of this library.
+pub unsafe fn set_state<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    state: Pointer,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let checkpoint = unsafe { place(state.cast::<Checkpoint>(), "FMUstate") }?;
+        c.restore(checkpoint)
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Frees a copy and writes NULL back.
+///
+/// # Safety
+/// As [`get_state`]; the state is given up.
+pub unsafe fn free_state<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    state: *mut Pointer,
+) -> V::Status {
+    let body = |_: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        if let Some(slot) = unsafe { state.as_mut() }
+            && !slot.is_null()
+        {
+            // SAFETY: it came from `Box::into_raw` in `get_state` or `deserialize`.
+            drop(unsafe { Box::from_raw(slot.cast::<Checkpoint>()) });
+            *slot = std::ptr::null_mut();
+        }
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Number of bytes of a copy.
+///
+/// # Safety
+/// As [`set_state`]; `size` is NULL or a place for the number.
+pub unsafe fn state_size<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    state: Pointer,
+    size: *mut usize,
+) -> V::Status {
+    let body = |_: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (checkpoint, size) = unsafe {
+            (
+                place(state.cast::<Checkpoint>(), "FMUstate")?,
+                place(size, "size")?,
+            )
+        };
+        *size = checkpoint.to_bytes().len();
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Writes a copy as bytes.
+///
+/// # Safety
+/// As [`set_state`]; `bytes` is NULL or leads to `size` bytes.
+pub unsafe fn serialize<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    state: Pointer,
+    bytes: *mut u8,
+    size: usize,
+) -> V::Status {
+    let body = |_: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (checkpoint, target) = unsafe {
+            (
+                place(state.cast::<Checkpoint>(), "FMUstate")?,
+                array_mut(bytes, size, "serializedState")?,
+            )
+        };
+        let source = checkpoint.to_bytes();
+        let needed = source.len();
+        let target = target.get_mut(..needed).ok_or(Problem::NoSpace {
+            found: size,
+            needed,
+        })?;
+        target.copy_from_slice(&source);
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Makes a copy of bytes.
+///
+/// # Safety
+/// `component` as for [`call`]; `bytes` is NULL or leads to `size` bytes, `state` is NULL or a place.
+pub unsafe fn deserialize<E: Equations, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    bytes: *const u8,
+    size: usize,
+    state: *mut Pointer,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (bytes, slot) = unsafe {
+            (
+                array(bytes, size, "serializedState")?,
+                place(state, "FMUstate")?,
+            )
+        };
+        let table = c.instance.simulation().table();
+        let checkpoint = Checkpoint::from_bytes(bytes, table, c.instance.guid())?;
+        c.state_of(&checkpoint)?;
+        *slot = Box::into_raw(Box::new(checkpoint)).cast();
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}

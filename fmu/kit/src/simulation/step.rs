@@ -1,0 +1,349 @@
+//! Steps of co-simulation, and events.
+
+use super::{Simulation, Space};
+use crate::integrate::{End, IntegrationError, Ode};
+use crate::lti::{Transition, TransitionError};
+use crate::{At, Equations, Table};
+
+/// Events within one step beyond which it is given up: they come faster than time passes.
+const MAX_EVENTS: usize = 10_000;
+
+/// Calls of the event handler at one instant beyond which it is given up.
+const MAX_ITERATIONS: usize = 100;
+
+/// Why a step could not be done.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StepFault {
+    /// The exact step of a linear model cannot be computed.
+    #[error(transparent)]
+    Linear(#[from] TransitionError),
+    /// The integration was given up.
+    #[error(transparent)]
+    Integration(#[from] IntegrationError),
+    /// A state is no longer finite.
+    #[error("state {state} is {value} after {step} s; the model or what drives it is unstable")]
+    NotFinite {
+        /// The state's name.
+        state: String,
+        /// Its value.
+        value: f64,
+        /// The step [s].
+        step: f64,
+    },
+    /// Events come ever faster.
+    #[error(
+        "{limit} events within {step} s; the model's events follow each other without end, as those of \
+         a bouncing ball do that never comes to rest"
+    )]
+    TooManyEvents {
+        /// The limit.
+        limit: usize,
+        /// The step [s].
+        step: f64,
+    },
+    /// The event handler finds no end.
+    #[error("the event at {time} s changes the states again and again ({limit} times)")]
+    EndlessEvent {
+        /// When [s].
+        time: f64,
+        /// The limit.
+        limit: usize,
+    },
+}
+
+/// A step that ended early. The simulation then stands where it came to.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{fault}")]
+pub struct StepError {
+    /// Why.
+    pub fault: StepFault,
+    /// How far it came [s]: 0 if nothing has changed.
+    pub reached: f64,
+}
+
+/// How far a step came.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reached {
+    /// The time that passed [s].
+    pub time: f64,
+    /// Whether an event waits there to be handled.
+    pub event: bool,
+}
+
+impl<E: Equations> Simulation<E> {
+    /// Advances by `h` > 0 seconds, with inputs held or, where a slope was set, along it. Afterwards
+    /// the inputs have the values that they reached, and the slopes are 0. Events are handled.
+    ///
+    /// # Errors
+    /// When the step cannot be done; what was reached is kept.
+    pub fn step(&mut self, h: f64) -> Result<(), StepError> {
+        self.advance(h, false).map(|_| ())
+    }
+
+    /// As [`step`](Self::step), but where `stop_at_event` is set, it ends at the first event, which
+    /// [`handle_event`](Self::handle_event) is then to handle.
+    ///
+    /// # Errors
+    /// When the step cannot be done; what was reached is kept.
+    pub fn advance(&mut self, h: f64, stop_at_event: bool) -> Result<Reached, StepError> {
+        if self.equations.is_linear() {
+            self.step_exactly(h).map_err(|fault| StepError {
+                fault,
+                reached: 0.0,
+            })?;
+            self.arrive(h);
+            return Ok(Reached {
+                time: h,
+                event: false,
+            });
+        }
+        let mut elapsed = 0.0;
+        let result = self.integrate(h, stop_at_event, &mut elapsed);
+        self.arrive(elapsed);
+        match result {
+            Ok(event) => Ok(Reached {
+                time: elapsed,
+                event,
+            }),
+            Err(fault) => Err(StepError {
+                fault,
+                reached: elapsed,
+            }),
+        }
+    }
+
+    /// Handles what the event handler finds to handle now. Whether a state has changed.
+    ///
+    /// # Errors
+    /// When the handler changes the states again and again.
+    pub fn handle_event(&mut self) -> Result<bool, StepFault> {
+        let mut changed = false;
+        for _ in 0..MAX_ITERATIONS {
+            self.space.next.copy_from_slice(&self.now.states);
+            let Self {
+                equations,
+                table,
+                now,
+                space,
+                ..
+            } = self;
+            let at = At {
+                time: now.time,
+                x: &now.states,
+                u: &now.values[table.inputs()],
+                p: &now.values[table.parameters()],
+            };
+            equations.event(at, &mut space.next);
+            if let Some(i) = space.next.iter().position(|v| !v.is_finite()) {
+                return Err(not_finite(table, i, space.next[i], 0.0));
+            }
+            if self.space.next == self.now.states {
+                self.remember_signs();
+                return Ok(changed);
+            }
+            std::mem::swap(&mut self.space.next, &mut self.now.states);
+            changed = true;
+        }
+        Err(StepFault::EndlessEvent {
+            time: self.now.time,
+            limit: MAX_ITERATIONS,
+        })
+    }
+
+    fn remember_signs(&mut self) {
+        let mut indicators = std::mem::take(&mut self.space.indicators);
+        self.indicators(&mut indicators);
+        for (positive, z) in self.now.positive.iter_mut().zip(&indicators) {
+            *positive = *z > 0.0;
+        }
+        self.space.indicators = indicators;
+    }
+
+    /// Moves time and inputs to where the step ended.
+    fn arrive(&mut self, elapsed: f64) {
+        std::mem::swap(&mut self.now.travelled, &mut self.now.slopes);
+        self.now.slopes.fill(0.0);
+        for (value, slope) in self.now.values.iter_mut().zip(&self.now.travelled) {
+            *value += slope * elapsed;
+        }
+        self.now.time += elapsed;
+    }
+
+    /// The step of a linear model.
+    fn step_exactly(&mut self, h: f64) -> Result<(), StepFault> {
+        let Self {
+            equations,
+            table,
+            now,
+            ..
+        } = self;
+        let p = &now.values[table.parameters()];
+        let known = |(key, _): &(Vec<f64>, Transition)| key[0] == h && key[1..] == *p;
+        if !self.transition.as_ref().is_some_and(known) {
+            let time = now.time;
+            let size = [table.n_states(), table.inputs().len()];
+            let transition = Transition::new(size, h, |x, u, dx| {
+                equations.derivative(At { time, x, u, p }, dx);
+            })?;
+            let key = std::iter::once(h).chain(p.iter().copied());
+            self.transition = Some((key.collect(), transition));
+        }
+        if let Some((_, transition)) = &self.transition {
+            let u = &now.values[table.inputs()];
+            transition.apply(&now.states, u, &now.slopes, &mut self.space.next);
+        }
+        if let Some(i) = self.space.next.iter().position(|v| !v.is_finite()) {
+            return Err(not_finite(&self.table, i, self.space.next[i], h));
+        }
+        std::mem::swap(&mut self.now.states, &mut self.space.next);
+        Ok(())
+    }
+
+    /// Integrates over `h`, event by event; `elapsed` tells how far it came. Whether it stopped at an
+    /// event.
+    fn integrate(&mut self, h: f64, stop: bool, elapsed: &mut f64) -> Result<bool, StepFault> {
+        let (start, mut events) = (self.now.time, 0);
+        // A jump of an input may have been an event.
+        let mut event = self.with_flow(0.0, |flow, x, _| flow.crossed(0.0, x));
+        loop {
+            if event {
+                if stop {
+                    return Ok(true);
+                }
+                self.handle_event_at(start, *elapsed)?;
+                events += 1;
+                if events > MAX_EVENTS {
+                    return Err(StepFault::TooManyEvents {
+                        limit: MAX_EVENTS,
+                        step: h,
+                    });
+                }
+            }
+            let rest = h - *elapsed;
+            if rest <= 0.0 {
+                return Ok(false);
+            }
+            let tolerance = self.now.tolerance;
+            let end = self.with_flow(*elapsed, |flow, x, integrator| {
+                integrator.run(flow, x, rest, tolerance)
+            });
+            event = match end {
+                Ok(End::Interval) => {
+                    *elapsed = h;
+                    false
+                }
+                Ok(End::Event(time)) => {
+                    *elapsed = (*elapsed + time).min(h);
+                    true
+                }
+                Err(error) => {
+                    *elapsed += error.reached();
+                    return Err(error.into());
+                }
+            };
+        }
+    }
+
+    /// Handles an event within a step, with the inputs as they are there.
+    fn handle_event_at(&mut self, start: f64, elapsed: f64) -> Result<(), StepFault> {
+        let inputs = self.table.inputs();
+        let before = self.now.values[inputs.clone()].to_vec();
+        for (value, slope) in self.now.values.iter_mut().zip(&self.now.slopes) {
+            *value += slope * elapsed;
+        }
+        self.now.time = start + elapsed;
+        let result = self.handle_event();
+        self.now.values[inputs].copy_from_slice(&before);
+        self.now.time = start;
+        result.map(|_| ())
+    }
+
+    /// Runs `f` on the equations of the rest of a step, and the states.
+    fn with_flow<R>(
+        &mut self,
+        elapsed: f64,
+        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut crate::integrate::Integrator) -> R,
+    ) -> R {
+        let Self {
+            equations,
+            table,
+            now,
+            integrator,
+            space,
+            ..
+        } = self;
+        let mut flow = Flow {
+            equations,
+            start: now.time,
+            elapsed,
+            held: &now.values[table.inputs()],
+            slopes: &now.slopes,
+            p: &now.values[table.parameters()],
+            positive: &now.positive,
+            space,
+        };
+        f(&mut flow, &mut now.states, integrator)
+    }
+}
+
+/// The equations within a step.
+struct Flow<'s, E> {
+    equations: &'s E,
+    /// Time at the step's beginning [s].
+    start: f64,
+    /// Where in the step the integration begins [s].
+    elapsed: f64,
+    held: &'s [f64],
+    slopes: &'s [f64],
+    p: &'s [f64],
+    positive: &'s [bool],
+    space: &'s mut Space,
+}
+
+impl<E: Equations> Flow<'_, E> {
+    /// Moves the inputs to a time of the integration; gives the model's time.
+    fn move_inputs(&mut self, time: f64) -> f64 {
+        let passed = self.elapsed + time;
+        let along = self.held.iter().zip(self.slopes);
+        for (input, (held, slope)) in self.space.inputs.iter_mut().zip(along) {
+            *input = held + slope * passed;
+        }
+        self.start + passed
+    }
+}
+
+impl<E: Equations> Ode for Flow<'_, E> {
+    fn derivative(&mut self, time: f64, x: &[f64], dx: &mut [f64]) {
+        let at = At {
+            time: self.move_inputs(time),
+            x,
+            u: &self.space.inputs,
+            p: self.p,
+        };
+        self.equations.derivative(at, dx);
+    }
+
+    fn has_events(&self) -> bool {
+        !self.positive.is_empty()
+    }
+
+    fn crossed(&mut self, time: f64, x: &[f64]) -> bool {
+        let time = self.move_inputs(time);
+        let Space {
+            inputs, indicators, ..
+        } = &mut *self.space;
+        let (u, p) = (&inputs[..], self.p);
+        self.equations.indicators(At { time, x, u, p }, indicators);
+        let now = indicators.iter().map(|z| *z > 0.0);
+        now.ne(self.positive.iter().copied())
+    }
+}
+
+fn not_finite(table: &Table, state: usize, value: f64, step: f64) -> StepFault {
+    let index = table.states().nth(state).unwrap_or_default();
+    StepFault::NotFinite {
+        state: table.variables()[index].name.clone(),
+        value,
+        step,
+    }
+}

@@ -1,0 +1,251 @@
+//! What depends on what (FMI 2.0.5, section 2.2.8; FMI 3.0, section 2.4.8), found by running the
+//! equations.
+//!
+//! A dual number whose derivative part is NaN marks a known; every unknown that it reaches by any chain
+//! of operations has NaN as its derivative part too, even where a factor is 0. That is done at the start
+//! values and at many points around them, so that branches of the equations are taken each way. A known
+//! that enters with the same derivative at all points is `constant`.
+
+use crate::variable::Role;
+use crate::{At, Equations, Scalar, Table};
+use num_dual::Dual64;
+
+/// How many points are tried besides the start values.
+const POINTS: usize = 48;
+
+/// That an unknown depends on a known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Dependency {
+    /// Index of the known in the table.
+    pub index: usize,
+    /// True when it enters linearly, with a factor that never changes.
+    pub constant: bool,
+}
+
+/// An unknown and what it depends on, in ascending order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unknown {
+    /// Index in the table.
+    pub index: usize,
+    /// The knowns.
+    pub dependencies: Vec<Dependency>,
+}
+
+/// FMI's ModelStructure, indices from 0.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Structure {
+    /// All outputs, on inputs, states and time.
+    pub outputs: Vec<Unknown>,
+    /// All derivatives, on inputs, states and time.
+    pub derivatives: Vec<Unknown>,
+    /// All event indicators, on inputs, states and time.
+    pub indicators: Vec<Unknown>,
+    /// Outputs, states and derivatives by ascending index, on inputs, parameters, start values and time.
+    pub initial: Vec<Unknown>,
+}
+
+impl Structure {
+    /// The structure of a model.
+    pub fn of<E: Equations>(equations: &E, table: &Table) -> Self {
+        let mut unknowns: Vec<usize> = table.outputs().chain(table.locals()).collect();
+        unknowns.extend(table.derivatives().chain(table.indicators()));
+        let states: Vec<usize> = table.states().collect();
+        let inputs: Vec<usize> = table.inputs().collect();
+        // While the simulation runs, the states are known: theirs are the columns of the start values.
+        let running: Vec<_> = (inputs.iter().map(|&i| (i, i)))
+            .chain(table.starts().zip(states.iter().copied()))
+            .chain([(table.time(), table.time())])
+            .collect();
+        let initial: Vec<_> = (inputs.iter().copied())
+            .chain(table.parameters())
+            .chain(table.starts())
+            .chain([table.time()])
+            .map(|i| (i, i))
+            .collect();
+        let tracer = Tracer::new(equations, table);
+        let of = |knowns: &[(usize, usize)]| -> Vec<Unknown> {
+            let columns: Vec<_> = knowns
+                .iter()
+                .map(|&(seeded, index)| (index, tracer.column(seeded)))
+                .collect();
+            let row = |&unknown: &usize| {
+                let mut dependencies: Vec<_> = columns
+                    .iter()
+                    .filter_map(|(index, column)| {
+                        let constant = column[unknown]?;
+                        Some(Dependency {
+                            index: *index,
+                            constant,
+                        })
+                    })
+                    .collect();
+                dependencies.sort_unstable();
+                Unknown {
+                    index: unknown,
+                    dependencies,
+                }
+            };
+            unknowns.iter().map(row).collect()
+        };
+        let running = of(&running);
+        let part = |role: Role| {
+            let is = |u: &&Unknown| table.variables()[u.index].role == role;
+            running.iter().filter(is).cloned().collect()
+        };
+        Self {
+            outputs: part(Role::Output),
+            derivatives: part(Role::Derivative),
+            indicators: part(Role::Indicator),
+            initial: {
+                let mut initial = of(&initial);
+                initial.retain(|u| u.index < table.indicators().start);
+                initial
+            },
+        }
+    }
+
+    /// What a variable depends on while the simulation runs; `None` for what is no unknown.
+    pub fn unknown(&self, index: usize) -> Option<&Unknown> {
+        let all = [&self.outputs, &self.derivatives, &self.indicators];
+        all.into_iter().flatten().find(|u| u.index == index)
+    }
+}
+
+/// All variables from the settable ones: the one place that knows how a table is evaluated.
+pub fn evaluate<E: Equations, T: Scalar>(
+    equations: &E,
+    table: &Table,
+    time: T,
+    values: &[T],
+    states: &[T],
+) -> Vec<T> {
+    let at = At {
+        time,
+        x: states,
+        u: &values[table.inputs()],
+        p: &values[table.parameters()],
+    };
+    let mut all = values[..table.starts().end].to_vec();
+    all.resize(table.variables().len(), T::from(0.0));
+    let mut computed = vec![T::from(0.0); table.computed_outputs().count()];
+    equations.output(at, &mut computed);
+    for (index, y) in table.computed_outputs().zip(computed) {
+        all[index] = y;
+    }
+    for (index, x) in table.states().zip(states) {
+        all[index] = *x;
+    }
+    equations.derivative(at, &mut all[table.derivatives()]);
+    equations.indicators(at, &mut all[table.indicators()]);
+    all[table.time()] = time;
+    all
+}
+
+/// Runs the equations with one known marked.
+struct Tracer<'e, E> {
+    equations: &'e E,
+    table: &'e Table,
+    points: Vec<Vec<f64>>,
+}
+
+impl<'e, E: Equations> Tracer<'e, E> {
+    fn new(equations: &'e E, table: &'e Table) -> Self {
+        let variables = &table.variables()[..table.starts().end];
+        let mut random = Random(0x9e37_79b9_7f4a_7c15);
+        let scales = Self::scales(table);
+        let mut point = |k: usize| -> Vec<f64> {
+            let size = 10_f64.powi((k % 5) as i32 - 2);
+            variables
+                .iter()
+                .zip(&scales)
+                .map(|(v, scale)| {
+                    let start = v.start.unwrap_or(0.0);
+                    let moved = match v.role {
+                        // A mass of twice the mass is a mass; its negative would be none.
+                        Role::Fixed | Role::Tunable if start != 0.0 && *scale == 0.0 => {
+                            start * (1.0 + 0.5 * random.next())
+                        }
+                        _ => start + size * scale.max(1e-3) * random.next(),
+                    };
+                    moved.clamp(
+                        v.min.unwrap_or(f64::NEG_INFINITY),
+                        v.max.unwrap_or(f64::INFINITY),
+                    )
+                })
+                .collect()
+        };
+        let starts = variables.iter().map(|v| v.start.unwrap_or(0.0)).collect();
+        let points = std::iter::once(starts).chain((0..POINTS).map(&mut point));
+        Self {
+            equations,
+            table,
+            points: points.collect(),
+        }
+    }
+
+    /// How far inputs and states go; 0 for parameters that have a size of their own.
+    fn scales(table: &Table) -> Vec<f64> {
+        let mut scales: Vec<f64> = table.variables()[..table.starts().end]
+            .iter()
+            .map(|v| match v.role {
+                Role::Input => v.nominal.unwrap_or(1.0),
+                _ if v.start == Some(0.0) => 1.0,
+                _ => 0.0,
+            })
+            .collect();
+        for (start, nominal) in table.starts().zip(table.nominals()) {
+            scales[start] = nominal;
+        }
+        scales
+    }
+
+    /// For each variable: `None` where the known does not reach it, else whether its factor is constant.
+    fn column(&self, known: usize) -> Vec<Option<bool>> {
+        let mut column: Vec<Option<bool>> = vec![None; self.table.variables().len()];
+        let mut slopes: Option<Vec<f64>> = None;
+        for point in &self.points {
+            let marked = self.run(point, known, f64::NAN);
+            let real = self.run(point, known, 1.0);
+            let first = slopes.get_or_insert_with(|| real.clone());
+            for (entry, ((mark, slope), first)) in
+                column.iter_mut().zip(marked.iter().zip(&real).zip(&*first))
+            {
+                if mark.is_nan() || *slope != 0.0 {
+                    *entry = Some(entry.unwrap_or(true));
+                }
+                // 0 and -0 are one slope; NaN is none.
+                let is_zero = *slope == 0.0 && *first == 0.0;
+                if slope.to_bits() != first.to_bits() && !is_zero {
+                    *entry = Some(false);
+                }
+            }
+        }
+        column
+    }
+
+    fn run(&self, point: &[f64], known: usize, part: f64) -> Vec<f64> {
+        let mut values: Vec<Dual64> = point.iter().map(|&v| Dual64::from_re(v)).collect();
+        let mut time = Dual64::from_re(0.0);
+        match values.get_mut(known) {
+            Some(value) => value.eps = part,
+            None => time.eps = part,
+        }
+        let states = values[self.table.starts()].to_vec();
+        evaluate(self.equations, self.table, time, &values, &states)
+            .iter()
+            .map(|v| v.eps)
+            .collect()
+    }
+}
+
+/// Numbers in ±1, the same at every run (G. Marsaglia, "Xorshift RNGs", 2003).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}

@@ -1,0 +1,100 @@
+//! `pilotage info`: what an FMU is, which variables it has, and what depends on what.
+//!
+//! | module | what it prints |
+//! | --- | --- |
+//! | `text` | lines and tables for people |
+//! | `json` | one object for programs |
+
+mod json;
+mod text;
+
+use super::{Failure, Outcome, terminal};
+use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
+use crate::fmi::{Fmu, Kind};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Arguments of `pilotage info`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'"
+)]
+pub struct Args {
+    /// The FMU.
+    fmu: PathBuf,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let fmu = Fmu::open(&args.fmu)?;
+    let text = match args.json {
+        true => format!("{:#}\n", json::of(&fmu)),
+        false => text::of(&fmu),
+    };
+    terminal::print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// The kinds that an FMU can be used as, and for each the names of the capabilities that it has.
+fn capabilities(d: &ModelDescription) -> Vec<(Kind, Vec<&'static str>)> {
+    let version = d.fmi_version;
+    let cs = d.co_simulation.as_ref().map(|e| e.flags(version));
+    let me = d.model_exchange.as_ref().map(|e| e.flags(version));
+    let se = d.scheduled_execution.as_ref().map(|e| e.flags(version));
+    let all = [
+        (Kind::CoSimulation, cs),
+        (Kind::ModelExchange, me),
+        (Kind::ScheduledExecution, se),
+    ];
+    let names = |flags: Vec<(&'static str, bool)>| {
+        let on = flags.into_iter().filter(|(_, on)| *on);
+        on.map(|(name, _)| name).collect()
+    };
+    (all.into_iter())
+        .filter_map(|(kind, flags)| Some((kind, names(flags?))))
+        .collect()
+}
+
+/// The start value as it would be given to `--set`; a list for an array.
+fn start(variable: &ScalarVariable) -> Value {
+    let mut values: Vec<Value> = match &variable.kind {
+        VariableKind::Real(real) => real.start.iter().map(|v| json!(v)).collect(),
+        VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
+            start.iter().map(|v| json!(v)).collect()
+        }
+        VariableKind::Boolean { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::String { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::Binary { start, .. } => start.iter().map(|v| json!(v)).collect(),
+        VariableKind::Clock { .. } => Vec::new(),
+    };
+    match variable.dimensions.is_empty() {
+        true => values.pop().unwrap_or_default(),
+        false => Value::Array(values),
+    }
+}
+
+/// The lists of the model structure that have entries, by the names of their XML elements in FMI 2.0.
+fn structure(d: &ModelDescription) -> Vec<(&'static str, &[Unknown])> {
+    let s = &d.structure;
+    let lists: [(&str, &[Unknown]); 5] = [
+        ("outputs", &s.outputs),
+        ("derivatives", &s.derivatives),
+        ("clockedStates", &s.clocked_states),
+        ("eventIndicators", &s.event_indicators),
+        ("initialUnknowns", &s.initial_unknowns),
+    ];
+    lists
+        .into_iter()
+        .filter(|(_, list)| !list.is_empty())
+        .collect()
+}
+
+/// Name of the variable with that index (from 1).
+fn name_at(d: &ModelDescription, index: u32) -> &str {
+    let position = (index as usize).checked_sub(1);
+    let variable = position.and_then(|position| d.variables.get(position));
+    variable.map_or("?", |v| v.name.as_str())
+}

@@ -1,0 +1,159 @@
+//! An FMU as lines and tables.
+
+use super::{capabilities, name_at, start, structure};
+use crate::fmi::Fmu;
+use crate::fmi::description::{DefaultExperiment, ModelDescription, ScalarVariable, Unknown};
+use serde_json::Value;
+
+pub(super) fn of(fmu: &Fmu) -> String {
+    let d = fmu.description();
+    let text = |value: &Option<String>| value.clone().unwrap_or_default();
+    let capabilities = capabilities(d);
+    let kinds: Vec<String> = capabilities
+        .iter()
+        .map(|(kind, _)| kind.to_string())
+        .collect();
+    let mut lines = vec![
+        ("model", d.model_name.clone()),
+        ("about", text(&d.description)),
+        (
+            "interfaces",
+            format!("FMI {}, {}", d.fmi_version, kinds.join(" and ")),
+        ),
+        ("author", text(&d.author)),
+        ("version", text(&d.version)),
+        ("license", text(&d.license)),
+        ("made by", text(&d.generation_tool)),
+        ("made on", text(&d.generation_date_and_time)),
+        ("guid", d.guid.clone()),
+        ("platforms", fmu.platforms().join(", ")),
+        (
+            "experiment",
+            d.default_experiment.map(experiment).unwrap_or_default(),
+        ),
+        ("contains", contents(d)),
+    ];
+    for (kind, names) in &capabilities {
+        if !names.is_empty() {
+            lines.push(("capabilities", format!("{kind}: {}", names.join(" "))));
+        }
+    }
+    let mut text = format!("{}\n", fmu.path().display());
+    for (name, value) in lines.iter().filter(|(_, value)| !value.is_empty()) {
+        text += &format!("  {name:<13} {value}\n");
+    }
+    text + "\n" + &variables(d) + &dependencies(d)
+}
+
+/// How many variables, states and event indicators there are.
+fn contents(d: &ModelDescription) -> String {
+    let indicators = match d.structure.event_indicators.len() {
+        0 => d.number_of_event_indicators.unwrap_or(0) as usize,
+        listed => listed,
+    };
+    let counts = [
+        (d.variables.len(), "variable"),
+        (d.structure.outputs.len(), "output"),
+        (d.structure.derivatives.len(), "continuous state"),
+        (indicators, "event indicator"),
+    ];
+    let shown = counts.iter().filter(|(count, _)| *count > 0);
+    let words: Vec<String> = shown
+        .map(|(count, what)| format!("{count} {what}{}", if *count == 1 { "" } else { "s" }))
+        .collect();
+    words.join(", ")
+}
+
+fn experiment(experiment: DefaultExperiment) -> String {
+    let part = |name: &str, value: Option<f64>, unit: &str| {
+        // `{:?}` has an exponent where `{}` has many zeros.
+        value.map(|value| {
+            format!(
+                "{name} {}{unit}",
+                format!("{value:?}").trim_end_matches(".0")
+            )
+        })
+    };
+    let parts = [
+        part("start", experiment.start_time, " s"),
+        part("stop", experiment.stop_time, " s"),
+        part("step", experiment.step_size, " s"),
+        part("tolerance", experiment.tolerance, ""),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    parts.join(", ")
+}
+
+/// The variables, one a line, columns aligned.
+fn variables(d: &ModelDescription) -> String {
+    let row = |v: &ScalarVariable| {
+        let start = match start(v) {
+            Value::Null => String::new(),
+            Value::String(text) => text,
+            other => other.to_string(),
+        };
+        [
+            v.name.clone(),
+            v.causality.to_string(),
+            v.variability.to_string(),
+            v.kind.base_type().name(d.fmi_version).to_owned(),
+            d.unit_of(v).unwrap_or("").to_owned(),
+            start,
+            v.description.clone().unwrap_or_default(),
+        ]
+    };
+    let header = [
+        "variable",
+        "causality",
+        "variability",
+        "type",
+        "unit",
+        "start",
+        "description",
+    ];
+    let rows = std::iter::once(header.map(str::to_owned)).chain(d.variables.iter().map(row));
+    aligned(&rows.collect::<Vec<_>>())
+}
+
+/// What outputs and derivatives depend on, where it is declared.
+fn dependencies(d: &ModelDescription) -> String {
+    let row = |unknown: &Unknown| {
+        let names = unknown.dependencies.as_ref()?;
+        let names: Vec<&str> = names.iter().map(|index| name_at(d, *index)).collect();
+        let names = match names.is_empty() {
+            true => "nothing".to_owned(),
+            false => names.join(", "),
+        };
+        Some([name_at(d, unknown.index).to_owned(), names])
+    };
+    let lists = structure(d).into_iter();
+    let shown = lists.filter(|(name, _)| ["outputs", "derivatives"].contains(name));
+    let rows: Vec<[String; 2]> = shown
+        .flat_map(|(_, list)| list.iter().filter_map(row))
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let header = ["unknown", "depends on"].map(str::to_owned);
+    let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
+    format!("\n{}", aligned(&rows))
+}
+
+/// Columns of equal width.
+fn aligned<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |column: usize| {
+        let widths = rows.iter().map(|row| row[column].chars().count());
+        widths.max().unwrap_or(0)
+    };
+    let widths: [usize; N] = std::array::from_fn(width);
+    let mut text = String::new();
+    for row in rows {
+        let cells = row.iter().zip(&widths);
+        let line: String = cells
+            .map(|(cell, &width)| format!("{cell:<width$}  "))
+            .collect();
+        text += line.trim_end();
+        text += "\n";
+    }
+    text
+}

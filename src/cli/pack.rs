@@ -1,0 +1,44 @@
+//! `pilotage pack`: a user's own model as an FMU.
+
+use super::export::FmuArgs;
+use super::{Failure, Outcome, terminal};
+use crate::export::{Provenance, pack};
+use std::path::PathBuf;
+
+/// Arguments of `pilotage pack`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    pilotage pack my-vehicle                 builds the crate in that folder\n  \
+    pilotage pack libmy_vehicle.so --fmi 3   takes a library that is built\n\n\
+    docs/fmu-models.md shows how to write a model.")]
+pub struct Args {
+    /// Folder of a crate, or shared library, made with `pilotage_kit::export!`.
+    model: PathBuf,
+    /// The FMU to write; the model's name where none is given.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    fmu: FmuArgs,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let options = args.fmu.options()?;
+    let (library, license) = match args.model.is_dir() {
+        true => pack::build(&args.model)?,
+        false => (args.model.clone(), None),
+    };
+    let provenance = Provenance {
+        license,
+        ..Provenance::default()
+    };
+    let path = pack::pack(&library, &provenance, &options, |interface| {
+        let named = || PathBuf::from(format!("{}.fmu", interface.name));
+        args.output.clone().unwrap_or_else(named)
+    })?;
+    terminal::print(&format!(
+        "wrote {0}\nnext: pilotage validate {0}\n",
+        path.display()
+    ))?;
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,121 @@
+//! `pilotage validate`: FMUs against the standard, and a try of each.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | `probe` | tries a binary in processes of their own, so that one that crashes or hangs is a finding |
+//! | `text` | findings as lines, and as JSON |
+
+mod probe;
+mod text;
+
+pub use probe::{ProbeArgs, probe};
+pub(super) use text::to_text;
+
+use super::{Failure, Outcome, terminal};
+use crate::fmi::check::{self, Finding};
+use crate::fmi::description::Severity;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Arguments of `pilotage validate`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
+)]
+pub struct Args {
+    /// The FMUs.
+    #[arg(required = true)]
+    fmus: Vec<PathBuf>,
+    /// Check the files only, do not run the binaries.
+    #[arg(long)]
+    no_run: bool,
+    /// Warnings make an FMU invalid too.
+    #[arg(long)]
+    strict: bool,
+    /// Longest time that each try of a binary may take [s].
+    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds)]
+    time_limit: Duration,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A positive number of seconds.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let value: f64 = text
+        .parse()
+        .map_err(|_| "expected a number of seconds".to_owned())?;
+    match value > 0.0 {
+        true => Duration::try_from_secs_f64(value).map_err(|error| error.to_string()),
+        false => Err("expected more than 0 seconds".to_owned()),
+    }
+}
+
+/// What was found in one FMU.
+pub(super) struct Report {
+    path: PathBuf,
+    findings: Vec<Finding>,
+    /// Whether its binary was tried.
+    is_tried: bool,
+}
+
+impl Report {
+    /// True when nothing at all was found.
+    pub(super) fn is_clean(&self) -> bool {
+        self.findings.is_empty()
+    }
+
+    /// True when nothing but warnings was found.
+    pub(super) fn is_valid(&self) -> bool {
+        self.count(Severity::Error) == 0
+    }
+
+    fn count(&self, severity: Severity) -> usize {
+        let counted = self.findings.iter().filter(|f| f.severity == severity);
+        counted.count()
+    }
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let limit = (!args.no_run).then_some(args.time_limit);
+    let reports = (args.fmus.iter())
+        .map(|path| check(path, limit))
+        .collect::<Result<Vec<Report>, Failure>>()?;
+    let text = match args.json {
+        true => format!(
+            "{:#}\n",
+            json!({ "fmus": reports.iter().map(text::to_json).collect::<Vec<_>>() })
+        ),
+        false => reports.iter().map(to_text).collect(),
+    };
+    terminal::print(&text)?;
+    let is_good = |report: &Report| match args.strict {
+        true => report.is_clean(),
+        false => report.is_valid(),
+    };
+    Ok(match reports.iter().all(is_good) {
+        true => Outcome::Done,
+        false => Outcome::No,
+    })
+}
+
+/// Longest time that each try of a binary takes unless the user says otherwise.
+pub(super) const TIME_LIMIT: Duration = Duration::from_secs(20);
+
+/// Checks one FMU; tries its binary if a time limit for that is given.
+pub(super) fn check(path: &Path, limit: Option<Duration>) -> Result<Report, Failure> {
+    let checked = check::check(path)?;
+    let description = checked.description.as_ref().filter(|_| checked.can_run());
+    let mut findings = checked.findings.clone();
+    let tried = limit.zip(description);
+    if let Some((limit, description)) = tried {
+        findings.extend(probe::try_all(path, description, limit)?);
+    }
+    Ok(Report {
+        path: path.to_owned(),
+        findings,
+        is_tried: tried.is_some(),
+    })
+}

@@ -1,0 +1,89 @@
+//! Why an FMU could not be made.
+
+use crate::models::ValueError;
+use std::path::PathBuf;
+
+/// Why an FMU could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// A start value that its variable cannot have.
+    #[error("the model cannot be exported")]
+    Value(#[from] ValueError),
+    /// A platform that FMI has no name for.
+    #[error("there is no platform \"{name}\"; known are {known}")]
+    UnknownPlatform {
+        /// As given.
+        name: String,
+        /// The names.
+        known: String,
+    },
+    /// A library that is not what its platform needs.
+    #[error(
+        "the library for {platform} cannot be used: {found}; build it for that platform with the \
+         same sources"
+    )]
+    WrongBinary {
+        /// The platform.
+        platform: &'static str,
+        /// What is wrong.
+        found: String,
+    },
+    /// Two libraries for one platform.
+    #[error("two libraries are given for {path}; give one")]
+    TwoBinaries {
+        /// The path in the archive.
+        path: String,
+    },
+    /// The archive cannot be built.
+    #[error("the archive cannot be built at {entry}")]
+    Archive {
+        /// The entry at which it failed.
+        entry: String,
+        /// Why.
+        source: zip::result::ZipError,
+    },
+    /// A file cannot be read.
+    #[error("{} cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file cannot be written.
+    #[error("{} cannot be written", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// cargo could not be started.
+    #[error("cargo could not be started; install Rust (rustup.rs), or give the built library")]
+    NoCargo(#[source] std::io::Error),
+    /// The crate cannot be built.
+    #[error("{} cannot be built:\n{messages}", folder.display())]
+    Build {
+        /// The crate's folder.
+        folder: PathBuf,
+        /// What cargo said.
+        messages: String,
+    },
+    /// The crate makes no library of type `cdylib`.
+    #[error(
+        "{} makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
+        folder.display()
+    )]
+    NoLibrary {
+        /// The crate's folder.
+        folder: PathBuf,
+    },
+    /// The library does not say what its model is.
+    #[error("{} does not say what its model is: {reason}", library.display())]
+    NoInterface {
+        /// The library.
+        library: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}

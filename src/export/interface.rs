@@ -1,0 +1,116 @@
+//! What a model's library says of itself, read back: the inverse of
+//! [`Interface::to_json`](pilotage_kit::Interface::to_json).
+
+use pilotage_kit::structure::{Dependency, Structure, Unknown};
+use pilotage_kit::{Interface, Role, Unit, Variable};
+use serde_json::Value;
+
+/// The interface that a library's text describes; `None` if it is not one.
+pub fn read(text: &str) -> Option<Interface> {
+    let json: Value = serde_json::from_str(text).ok()?;
+    let list = |name: &str| json[name].as_array();
+    if json["format"] != 1 {
+        return None;
+    }
+    let unknowns = |name| list(name)?.iter().map(unknown).collect::<Option<Vec<_>>>();
+    let interface = Interface {
+        name: string(&json["name"])?,
+        description: string(&json["description"])?,
+        guid: string(&json["guid"])?,
+        variables: list("variables")?
+            .iter()
+            .map(variable)
+            .collect::<Option<_>>()?,
+        states: list("states")?.iter().map(number).collect::<Option<_>>()?,
+        structure: Structure {
+            outputs: unknowns("outputs")?,
+            derivatives: unknowns("derivatives")?,
+            indicators: unknowns("indicators")?,
+            initial: unknowns("initial")?,
+        },
+    };
+    is_consistent(&interface).then_some(interface)
+}
+
+/// Whether all indices lead to variables.
+fn is_consistent(interface: &Interface) -> bool {
+    let s = &interface.structure;
+    let unknowns = [&s.outputs, &s.derivatives, &s.indicators, &s.initial];
+    let indices = unknowns
+        .into_iter()
+        .flatten()
+        .flat_map(|u| std::iter::once(u.index).chain(u.dependencies.iter().map(|d| d.index)))
+        .chain(interface.states.iter().copied());
+    let n = interface.variables.len();
+    s.derivatives.len() == interface.states.len() && indices.into_iter().all(|index| index < n)
+}
+
+fn string(json: &Value) -> Option<String> {
+    json.as_str().map(str::to_owned)
+}
+
+fn number(json: &Value) -> Option<usize> {
+    json.as_u64().and_then(|n| usize::try_from(n).ok())
+}
+
+fn variable(json: &Value) -> Option<Variable> {
+    let role = json["role"].as_str()?;
+    let (role, _) = Role::NAMES.into_iter().find(|(_, name)| *name == role)?;
+    let name = string(&json["unit"])?;
+    Some(Variable {
+        name: string(&json["name"])?,
+        unit: Unit::parse(&name)?,
+        role,
+        start: json["start"].as_f64(),
+        min: json["min"].as_f64(),
+        max: json["max"].as_f64(),
+        nominal: json["nominal"].as_f64(),
+        description: string(&json["description"])?,
+    })
+}
+
+fn unknown(json: &Value) -> Option<Unknown> {
+    let indices = json["dependencies"].as_array()?;
+    let constants = json["constant"].as_array()?;
+    let dependencies = indices.iter().zip(constants).map(|(index, constant)| {
+        Some(Dependency {
+            index: number(index)?,
+            constant: constant.as_bool()?,
+        })
+    });
+    Some(Unknown {
+        index: number(&json["index"])?,
+        dependencies: dependencies.collect::<Option<_>>()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::{Model, Quadcopter, pilot::PAPER_THETA};
+
+    #[test]
+    fn interfaces_read_back_as_they_were_written() {
+        for model in [
+            Model::pilot(&PAPER_THETA, 1.0),
+            Model::quadcopter(&Quadcopter::default()),
+        ] {
+            let interface = Interface::of(&model);
+            assert_eq!(read(&interface.to_json()), Some(interface));
+        }
+    }
+
+    #[test]
+    fn other_text_is_none() {
+        let text = Interface::of(&Model::pilot(&PAPER_THETA, 1.0)).to_json();
+        for (from, to) in [
+            ("\"format\": 1", "\"format\": 2"),
+            ("\"index\": 2", "\"index\": 99"),
+            ("\"unit\": \"m\"", "\"unit\": \"furlong\""),
+            ("{", ""),
+        ] {
+            assert!(text.contains(from), "{from}");
+            assert_eq!(read(&text.replacen(from, to, 1)), None, "{from}");
+        }
+    }
+}

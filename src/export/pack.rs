@@ -1,0 +1,141 @@
+//! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
+
+use super::package::{Contents, archive};
+use super::{ExportError, Platform, Provenance, interface, write};
+use crate::fmi::description::FmiVersion;
+use libloading::Library;
+use pilotage_kit::Interface;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::ffi::{CStr, c_char};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The function that `pilotage_kit::export!` adds to those of FMI.
+const INTERFACE: &CStr = c"pilotage_interface";
+
+/// Builds the crate in a folder, and gives its library and its licence.
+///
+/// The release profile is changed as far as an FMU needs it: panics unwind, since they become a status;
+/// symbols are stripped.
+///
+/// # Errors
+/// When there is no cargo, the crate cannot be built, or makes no library of type `cdylib`.
+pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
+    let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args([
+            "build",
+            "--release",
+            "--message-format",
+            "json-render-diagnostics",
+        ])
+        .args(["--config", "profile.release.panic=\"unwind\""])
+        .args(["--config", "profile.release.strip=\"symbols\""])
+        .args(["--config", "profile.release.lto=\"fat\""])
+        .args(["--config", "profile.release.codegen-units=1"])
+        .arg("--manifest-path")
+        .arg(folder.join("Cargo.toml"))
+        .output()
+        .map_err(ExportError::NoCargo)?;
+    if !output.status.success() {
+        return Err(ExportError::Build {
+            folder: folder.to_owned(),
+            messages: String::from_utf8_lossy(&output.stderr).into_owned(),
+        });
+    }
+    let manifest =
+        std::fs::canonicalize(folder.join("Cargo.toml")).map_err(|source| ExportError::Read {
+            path: folder.join("Cargo.toml"),
+            source,
+        })?;
+    let built = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+        .find_map(|message| library(&message, &manifest));
+    match built {
+        Some(library) => Ok((library, license(&manifest))),
+        None => Err(ExportError::NoLibrary {
+            folder: folder.to_owned(),
+        }),
+    }
+}
+
+/// The shared library that a message of cargo tells of, if it is this crate's.
+fn library(message: &Value, manifest: &Path) -> Option<PathBuf> {
+    let is_ours = Path::new(message["manifest_path"].as_str()?) == manifest;
+    let kinds = message["target"]["crate_types"].as_array()?;
+    if !is_ours || !kinds.iter().any(|kind| kind == "cdylib") {
+        return None;
+    }
+    let extension = std::env::consts::DLL_EXTENSION;
+    let files = message["filenames"].as_array()?.iter();
+    files
+        .filter_map(|file| file.as_str().map(PathBuf::from))
+        .find(|file| file.extension().is_some_and(|e| e == extension))
+}
+
+/// The licence that the manifest names, if it does so itself.
+fn license(manifest: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(manifest).ok()?;
+    let document: toml::Table = text.parse().ok()?;
+    let license = document.get("package")?.get("license")?;
+    license.as_str().map(str::to_owned)
+}
+
+/// Asks a library of this platform what its model is.
+///
+/// Loading runs its code: this is for the user's own libraries. They are looked at first.
+///
+/// # Errors
+/// When it is no library of an FMU of that version for this platform, or has no interface to tell.
+pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interface, ExportError> {
+    let refuse = |reason: String| ExportError::NoInterface {
+        library: library.to_owned(),
+        reason,
+    };
+    let host = Platform::host().ok_or_else(|| refuse("this platform is not known".into()))?;
+    host.check(bytes, version)?;
+    // SAFETY: a library that `export!` made initialises nothing when it is loaded; the user asked for it.
+    let loaded = unsafe { Library::new(library) }.map_err(|error| refuse(error.to_string()))?;
+    // SAFETY: by `export!` the function of that name has this type.
+    let function = unsafe { loaded.get::<unsafe extern "C" fn() -> *const c_char>(INTERFACE) };
+    let function = function.map_err(|_| {
+        refuse("it was not made by pilotage_kit::export!, or reads its model from resources".into())
+    })?;
+    // SAFETY: it takes no arguments and gives a C string that lives as long as the library.
+    let text = unsafe { CStr::from_ptr(function()) };
+    interface::read(&text.to_string_lossy()).ok_or_else(|| {
+        refuse("what it says cannot be read; use the same release of pilotage for both".into())
+    })
+}
+
+/// Writes the FMU of a user's library.
+///
+/// # Errors
+/// When the library cannot be used or asked, one of the others is not for its platform, or the file
+/// cannot be written.
+pub fn pack(
+    library: &Path,
+    provenance: &Provenance,
+    options: &super::Options,
+    path: impl FnOnce(&Interface) -> PathBuf,
+) -> Result<PathBuf, ExportError> {
+    let bytes = std::fs::read(library).map_err(|source| ExportError::Read {
+        path: library.to_owned(),
+        source,
+    })?;
+    let interface = ask(library, &bytes, options.version)?;
+    let own = Platform::host().map(|platform| (platform, bytes));
+    let archive = archive(&Contents {
+        interface: &interface,
+        provenance,
+        version: options.version,
+        binaries: options.binaries.iter().cloned().chain(own).collect(),
+        about: "",
+        picture: None,
+        resources: BTreeMap::new(),
+    })?;
+    let path = path(&interface);
+    write(&path, &archive)?;
+    Ok(path)
+}

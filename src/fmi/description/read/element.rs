@@ -1,0 +1,394 @@
+//! One XML element as the reader sees it: attributes are taken one by one, and what is left over or
+//! does not parse becomes a finding.
+
+use crate::fmi::description::text::LineIndex;
+use crate::fmi::description::{Finding, FmiVersion, IntegerType, Place, Precision, Rule};
+use roxmltree::Node;
+use std::cell::RefCell;
+
+/// What reading gathers besides the values.
+pub(super) struct Context<'t> {
+    pub(super) version: FmiVersion,
+    pub(super) lines: LineIndex<'t>,
+    pub(super) findings: RefCell<Vec<Finding>>,
+}
+
+impl<'t> Context<'t> {
+    pub(super) fn new(text: &'t str, version: FmiVersion) -> Self {
+        Self {
+            version,
+            lines: LineIndex::new(text),
+            findings: RefCell::new(Vec::new()),
+        }
+    }
+
+    /// The element of a node.
+    pub(super) fn element<'c>(&'c self, node: Node<'c, 't>) -> Element<'c, 't> {
+        Element {
+            context: self,
+            node,
+            taken: RefCell::new(Vec::new()),
+        }
+    }
+}
+
+/// An element whose attributes are being read.
+pub(super) struct Element<'c, 't> {
+    context: &'c Context<'t>,
+    node: Node<'c, 't>,
+    taken: RefCell<Vec<&'static str>>,
+}
+
+impl<'c, 't> Element<'c, 't> {
+    /// Name of the element; empty, which nothing expects, if its namespace is not the root's.
+    pub(super) fn name(&self) -> &'t str {
+        let root = self.node.document().root_element();
+        let is_ours = self.node.tag_name().namespace() == root.tag_name().namespace();
+        if is_ours {
+            self.node.tag_name().name()
+        } else {
+            ""
+        }
+    }
+
+    /// Namespace of the element; the standard's elements have none.
+    pub(super) fn namespace(&self) -> Option<&'c str> {
+        self.node.tag_name().namespace()
+    }
+
+    /// Version of the standard that the file follows.
+    pub(super) fn version(&self) -> FmiVersion {
+        self.context.version
+    }
+
+    /// Where its start tag begins.
+    pub(super) fn place(&self) -> Place {
+        self.context.lines.place(self.node.range().start)
+    }
+
+    /// Notes a broken rule at this element.
+    pub(super) fn report(&self, rule: Rule) {
+        self.report_at(self.place(), rule);
+    }
+
+    fn report_at(&self, place: Place, rule: Rule) {
+        let is_variable = |node: &Node| {
+            let parent = node.parent_element();
+            parent.is_some_and(|p| p.has_tag_name("ModelVariables"))
+        };
+        let variable = (self.node.ancestors())
+            .find(is_variable)
+            .and_then(|n| n.attribute("name"))
+            .map(str::to_owned);
+        self.context.findings.borrow_mut().push(Finding {
+            version: self.context.version,
+            place,
+            variable,
+            rule,
+        });
+    }
+
+    /// Child elements.
+    pub(super) fn children(&self) -> impl Iterator<Item = Element<'c, 't>> + use<'c, 't> {
+        let context = self.context;
+        self.node
+            .children()
+            .filter(Node::is_element)
+            .map(|node| context.element(node))
+    }
+
+    /// Child elements of that name; others are reported.
+    pub(super) fn children_named(&self, name: &'static str) -> Vec<Element<'c, 't>> {
+        self.children_in_order(&[&[name]])
+    }
+
+    /// Child elements of these names. Those of one group may stand in any order, each group after the
+    /// one before; elements that stand elsewhere and those of other names are reported.
+    pub(super) fn children_in_order(&self, groups: &[&[&'static str]]) -> Vec<Element<'c, 't>> {
+        self.no_text();
+        let mut last = (0, "");
+        let mut children = Vec::new();
+        for child in self.children() {
+            let Some(group) = groups.iter().position(|g| g.contains(&child.name())) else {
+                child.unexpected();
+                continue;
+            };
+            if group < last.0 {
+                child.report(Rule::MisplacedElement {
+                    element: child.name().to_owned(),
+                    after: last.1.to_owned(),
+                });
+            } else {
+                last = (group, child.name());
+            }
+            children.push(child);
+        }
+        children
+    }
+
+    /// Reports a second element of a name where the schema has one at most; returns the first of each.
+    pub(super) fn first_of_each(children: Vec<Self>) -> Vec<Self> {
+        let mut seen: Vec<&str> = Vec::new();
+        let mut first = Vec::new();
+        for child in children {
+            if seen.contains(&child.name()) {
+                child.unexpected();
+            } else {
+                seen.push(child.name());
+                first.push(child);
+            }
+        }
+        first
+    }
+
+    /// Reports that this element does not belong here.
+    pub(super) fn unexpected(&self) {
+        let parent = self.node.parent_element();
+        self.report(Rule::UnexpectedElement {
+            parent: parent.map_or("", |p| p.tag_name().name()).to_owned(),
+            element: self.node.tag_name().name().to_owned(),
+        });
+    }
+
+    /// Reports text between the tags, which none of the standard's elements has.
+    fn no_text(&self) {
+        let text = self.node.children().filter(Node::is_text);
+        let words = text.filter_map(|node| words(node.text().unwrap_or_default()).next());
+        if let Some(word) = words.into_iter().next() {
+            self.report(Rule::UnexpectedText {
+                element: self.name().to_owned(),
+                text: word.chars().take(20).collect(),
+            });
+        }
+    }
+
+    /// The attribute as it stands.
+    pub(super) fn text(&self, name: &'static str) -> Option<String> {
+        self.take(name).map(str::to_owned)
+    }
+
+    /// An attribute that must be there; empty if it is not.
+    pub(super) fn required_text(&self, name: &'static str) -> String {
+        self.required(name, self.text(name)).unwrap_or_default()
+    }
+
+    /// Reports `name` as missing if there is no value *and* no such attribute.
+    pub(super) fn required<T>(&self, name: &'static str, value: Option<T>) -> Option<T> {
+        if value.is_none() && !self.node.has_attribute(name) {
+            self.report(Rule::MissingAttribute {
+                element: self.name().to_owned(),
+                attribute: name,
+            });
+        }
+        value
+    }
+
+    /// An attribute that `parse` understands.
+    pub(super) fn parsed<T>(
+        &self,
+        name: &'static str,
+        expected: &str,
+        parse: impl Fn(&str) -> Option<T>,
+    ) -> Option<T> {
+        let text = self.take(name)?;
+        let value = parse(text.trim_matches(is_space));
+        if value.is_none() {
+            let attribute = self.node.attribute_node(name);
+            let place = attribute.map(|a| self.context.lines.place(a.range().start));
+            self.report_at(
+                place.unwrap_or_else(|| self.place()),
+                Rule::BadValue {
+                    element: self.name().to_owned(),
+                    attribute: name.to_owned(),
+                    found: text.to_owned(),
+                    expected: expected.to_owned(),
+                },
+            );
+        }
+        value
+    }
+
+    /// A list whose items `parse` understands.
+    pub(super) fn list<T>(
+        &self,
+        name: &'static str,
+        expected: &str,
+        parse: impl Fn(&str) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let expected = format!("a list, each item {expected}");
+        self.parsed(name, &expected, |text| words(text).map(&parse).collect())
+    }
+
+    /// An `xs:double`.
+    pub(super) fn real(&self, name: &'static str) -> Option<f64> {
+        self.real_of(name, Precision::Double)
+    }
+
+    /// An `xs:double` or `xs:float`.
+    pub(super) fn real_of(&self, name: &'static str, precision: Precision) -> Option<f64> {
+        self.parsed(name, real_name(precision), |text| {
+            parse_real(text, precision)
+        })
+    }
+
+    /// An integer of that type.
+    pub(super) fn integer(&self, name: &'static str, integer: IntegerType) -> Option<i128> {
+        self.parsed(name, &integer_name(integer), |text| {
+            parse_integer(text, integer)
+        })
+    }
+
+    /// An `xs:int`.
+    pub(super) fn int(&self, name: &'static str) -> Option<i32> {
+        let value = self.integer(name, IntegerType::Int32)?;
+        i32::try_from(value).ok()
+    }
+
+    /// An `xs:unsignedInt`.
+    pub(super) fn unsigned(&self, name: &'static str) -> Option<u32> {
+        let value = self.integer(name, IntegerType::UInt32)?;
+        u32::try_from(value).ok()
+    }
+
+    /// An `xs:unsignedLong`.
+    pub(super) fn unsigned_long(&self, name: &'static str) -> Option<u64> {
+        let value = self.integer(name, IntegerType::UInt64)?;
+        u64::try_from(value).ok()
+    }
+
+    /// An `xs:boolean`.
+    pub(super) fn boolean(&self, name: &'static str) -> Option<bool> {
+        self.parsed(name, BOOLEAN, parse_boolean)
+    }
+
+    /// An `xs:boolean` that is `false` by default.
+    pub(super) fn flag(&self, name: &'static str) -> bool {
+        self.boolean(name).unwrap_or(false)
+    }
+
+    /// The XML between the tags, as it stands.
+    pub(super) fn inner_xml(&self) -> &'t str {
+        match (self.node.first_child(), self.node.last_child()) {
+            (Some(first), Some(last)) => {
+                &self.node.document().input_text()[first.range().start..last.range().end]
+            }
+            _ => "",
+        }
+    }
+
+    /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema.
+    pub(super) fn finish(&self) {
+        for attribute in self.unknown_attributes() {
+            self.report(Rule::UnknownAttribute {
+                element: self.name().to_owned(),
+                attribute,
+            });
+        }
+    }
+
+    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass.
+    pub(super) fn finish_open(&self) {
+        for attribute in self.unknown_attributes() {
+            self.report(Rule::UnknownCapability {
+                element: self.name().to_owned(),
+                attribute,
+            });
+        }
+    }
+
+    fn unknown_attributes(&self) -> Vec<String> {
+        const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
+        let taken = self.taken.borrow();
+        let is_unknown = |attribute: &roxmltree::Attribute| match attribute.namespace() {
+            None => !taken.contains(&attribute.name()),
+            Some(namespace) => namespace != XSI,
+        };
+        let unknown = self.node.attributes().filter(is_unknown);
+        unknown.map(|a| a.name().to_owned()).collect()
+    }
+
+    /// Whether the attribute is there.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.node.has_attribute(name)
+    }
+
+    fn take(&self, name: &'static str) -> Option<&'c str> {
+        self.taken.borrow_mut().push(name);
+        self.node.attribute(name)
+    }
+}
+
+/// White space of XML.
+fn is_space(c: char) -> bool {
+    matches!(c, ' ' | '\t' | '\r' | '\n')
+}
+
+/// Items of a list of XML Schema.
+pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(is_space).filter(|word| !word.is_empty())
+}
+
+/// What an `xs:boolean` looks like.
+pub(super) const BOOLEAN: &str = "true or false";
+
+/// Parses an `xs:boolean`.
+pub(super) fn parse_boolean(text: &str) -> Option<bool> {
+    match text {
+        "true" | "1" => Some(true),
+        "false" | "0" => Some(false),
+        _ => None,
+    }
+}
+
+/// What a number of that type looks like.
+pub(super) fn real_name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Double => "a number (xs:double)",
+        Precision::Single => "a number (xs:float)",
+    }
+}
+
+/// Parses an `xs:double` or `xs:float`: `INF`, `-INF`, `NaN` or a decimal. Rust's own parser would
+/// also accept `inf` and `nan`.
+pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
+    match text {
+        "INF" => return Some(f64::INFINITY),
+        "-INF" => return Some(f64::NEG_INFINITY),
+        "NaN" => return Some(f64::NAN),
+        _ => {}
+    }
+    let is_letter = |b: u8| b.is_ascii_alphabetic() && !matches!(b, b'e' | b'E');
+    if text.bytes().any(is_letter) {
+        return None;
+    }
+    match precision {
+        Precision::Double => text.parse().ok(),
+        Precision::Single => text.parse::<f32>().ok().map(f64::from),
+    }
+}
+
+/// What an integer of that type looks like.
+pub(super) fn integer_name(integer: IntegerType) -> String {
+    let bits = (integer.range().end() - integer.range().start()).ilog2() + 1;
+    match (*integer.range().start(), bits) {
+        (0, _) => format!("an unsigned {bits}-bit integer"),
+        (_, 8) => "an 8-bit integer".to_owned(),
+        _ => format!("a {bits}-bit integer"),
+    }
+}
+
+/// Parses an integer of that type.
+pub(super) fn parse_integer(text: &str, integer: IntegerType) -> Option<i128> {
+    let value: i128 = text.parse().ok()?;
+    integer.range().contains(&value).then_some(value)
+}
+
+/// Parses an `xs:hexBinary`.
+pub(super) fn parse_hex(text: &str) -> Option<Vec<u8>> {
+    let digit = |byte: u8| char::from(byte).to_digit(16);
+    let byte = |pair: &[u8]| match *pair {
+        [high, low] => u8::try_from(digit(high)? * 16 + digit(low)?).ok(),
+        _ => None,
+    };
+    text.as_bytes().chunks(2).map(byte).collect()
+}

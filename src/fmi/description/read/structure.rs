@@ -1,0 +1,75 @@
+//! Reads the model structure.
+
+use super::element::Element;
+use super::*;
+
+pub(super) fn structure2(e: &Element, places: &mut Places) -> ModelStructure {
+    let mut structure = ModelStructure::default();
+    let lists = e.children_in_order(&[&["Outputs"], &["Derivatives"], &["InitialUnknowns"]]);
+    for list in Element::first_of_each(lists) {
+        let (unknowns, places) = match list.name() {
+            "Outputs" => (&mut structure.outputs, &mut places.outputs),
+            "Derivatives" => (&mut structure.derivatives, &mut places.derivatives),
+            _ => (
+                &mut structure.initial_unknowns,
+                &mut places.initial_unknowns,
+            ),
+        };
+        unknowns.extend(read_list(&list, &["Unknown"], places, |e| {
+            e.children_in_order(&[]);
+            unknown(e, "index")
+        }));
+    }
+    e.finish();
+    structure
+}
+
+/// The unknowns of FMI 3.0 have value references here; [`references`] makes indices of them.
+pub(super) fn structure3(e: &Element, places: &mut Places) -> ModelStructure {
+    let mut structure = ModelStructure::default();
+    for child in e.children_in_order(&[
+        &["Output"],
+        &["ContinuousStateDerivative"],
+        &["ClockedState"],
+        &["InitialUnknown"],
+        &["EventIndicator"],
+    ]) {
+        let (unknowns, places) = match child.name() {
+            "Output" => (&mut structure.outputs, &mut places.outputs),
+            "ContinuousStateDerivative" => (&mut structure.derivatives, &mut places.derivatives),
+            "ClockedState" => (&mut structure.clocked_states, &mut places.clocked_states),
+            "InitialUnknown" => (
+                &mut structure.initial_unknowns,
+                &mut places.initial_unknowns,
+            ),
+            _ => (
+                &mut structure.event_indicators,
+                &mut places.event_indicators,
+            ),
+        };
+        skip_annotations(&child);
+        unknowns.push(unknown(&child, "valueReference"));
+        places.push(child.place());
+        child.finish();
+    }
+    e.finish();
+    structure
+}
+
+fn unknown(e: &Element, attribute: &'static str) -> Unknown {
+    let numbers = |text: &str| element::words(text).map(|w| w.parse().ok()).collect();
+    let kinds = |text: &str| element::words(text).map(DependencyKind::parse).collect();
+    let expected = match attribute {
+        "index" => "a list of indices",
+        _ => "a list of value references",
+    };
+    Unknown {
+        index: e.required(attribute, e.unsigned(attribute)).unwrap_or(0),
+        dependencies: e.parsed("dependencies", expected, numbers),
+        dependencies_kind: e.parsed(
+            "dependenciesKind",
+            "a list of dependent, constant, fixed, tunable and discrete",
+            kinds,
+        ),
+    }
+}

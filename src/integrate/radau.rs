@@ -1,0 +1,440 @@
+//! The implicit Runge–Kutta method Radau IIA of order 5 for stiff problems (Hairer & Wanner, *Solving
+//! Ordinary Differential Equations II*, section IV.8): three stages by a simplified Newton iteration, in
+//! the coordinates in which the inverse of the stages' matrix is a real number and a complex one.
+
+use super::{Attempt, Dynamics, Scale};
+use nalgebra::{Complex, DMatrix, DVector, Dyn, LU};
+
+const STAGES: usize = 3;
+const SQRT6: f64 = 2.449_489_742_783_178;
+
+/// Nodes: zeros of a shifted Legendre–Radau polynomial.
+const C: [f64; STAGES] = [(4.0 - SQRT6) / 10.0, (4.0 + SQRT6) / 10.0, 1.0];
+
+/// Weights of the error estimate (section IV.8, formula 8.20, over γ0).
+const E: [f64; STAGES] = [
+    (-13.0 - 7.0 * SQRT6) / 3.0,
+    (-13.0 + 7.0 * SQRT6) / 3.0,
+    -1.0 / 3.0,
+];
+
+/// Eigenvectors of the inverse of the stages' matrix, and their inverse.
+const T: [[f64; STAGES]; STAGES] = [
+    [
+        0.094_438_762_488_975_24,
+        -0.141_255_295_020_954_21,
+        0.030_029_194_105_147_42,
+    ],
+    [
+        0.250_213_122_965_333_32,
+        0.204_129_352_293_799_94,
+        -0.382_942_112_757_261_92,
+    ],
+    [1.0, 1.0, 0.0],
+];
+const T_INVERSE: [[f64; STAGES]; STAGES] = [
+    [
+        4.178_718_591_551_904_28,
+        0.327_682_820_761_062_37,
+        0.523_376_445_499_449_51,
+    ],
+    [
+        -4.178_718_591_551_904_28,
+        -0.327_682_820_761_062_37,
+        0.476_623_554_500_550_49,
+    ],
+    [
+        0.502_872_634_945_786_82,
+        -2.571_926_949_855_605_22,
+        0.596_039_204_828_224_92,
+    ],
+];
+
+/// The eigenvalues: `3 + ∛9 - ∛3` and `3 + (∛3 - ∛9)/2 ∓ i (3^(5/6) + 3^(7/6))/2`.
+const REAL: f64 = 3.637_834_252_744_495_7;
+const COMPLEX: Complex<f64> = Complex::new(2.681_082_873_627_752, -3.050_430_199_247_410_5);
+
+/// Coefficients of the collocation polynomial through zero and the stages, by powers of `theta`.
+const P: [[f64; STAGES]; STAGES] = [
+    [
+        13.0 / 3.0 + 7.0 * SQRT6 / 3.0,
+        -23.0 / 3.0 - 22.0 * SQRT6 / 3.0,
+        10.0 / 3.0 + 5.0 * SQRT6,
+    ],
+    [
+        13.0 / 3.0 - 7.0 * SQRT6 / 3.0,
+        -23.0 / 3.0 + 22.0 * SQRT6 / 3.0,
+        10.0 / 3.0 - 5.0 * SQRT6,
+    ],
+    [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
+];
+
+/// Longest Newton iteration.
+const ITERATIONS: i32 = 6;
+
+/// The method and its memory of the last step.
+#[derive(Debug)]
+pub(super) struct Radau {
+    jacobian: DMatrix<f64>,
+    /// Whether the Jacobian belongs to the point where the step begins.
+    is_current: bool,
+    factors: Option<Factors>,
+    z: [Vec<f64>; STAGES],
+    w: [Vec<f64>; STAGES],
+    f: [Vec<f64>; STAGES],
+    /// Collocation polynomial of the last accepted step: its begin, coefficients and length.
+    dense: Option<Dense>,
+    begin: Vec<f64>,
+    argument: Vec<f64>,
+    /// Newton iterations of the last attempt, for the choice of the next length.
+    pub(super) iterations: i32,
+    convergence: f64,
+    /// Evaluations of the Jacobian and factorisations.
+    pub(super) jacobians: u64,
+    pub(super) factorisations: u64,
+}
+
+#[derive(Debug)]
+struct Factors {
+    h: f64,
+    real: LU<f64, Dyn, Dyn>,
+    complex: LU<Complex<f64>, Dyn, Dyn>,
+}
+
+#[derive(Debug, Clone)]
+struct Dense {
+    h: f64,
+    coefficients: [Vec<f64>; STAGES],
+}
+
+impl Radau {
+    pub(super) fn new(n: usize) -> Self {
+        let stages = || std::array::from_fn(|_| vec![0.0; n]);
+        Self {
+            jacobian: DMatrix::zeros(n, n),
+            is_current: false,
+            factors: None,
+            z: stages(),
+            w: stages(),
+            f: stages(),
+            dense: None,
+            begin: vec![0.0; n],
+            argument: vec![0.0; n],
+            iterations: 0,
+            convergence: 0.0,
+            jacobians: 0,
+            factorisations: 0,
+        }
+    }
+
+    /// Forgets the last step: the problem has jumped.
+    pub(super) fn restart(&mut self) {
+        self.dense = None;
+        self.factors = None;
+        self.is_current = false;
+    }
+
+    /// Tries a step of length `h` from `(t, x)`, where the derivative is `f`; gives the state at its end.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the step's two ends and what measures it"
+    )]
+    pub(super) fn attempt<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        t: f64,
+        h: f64,
+        x: &[f64],
+        f: &[f64],
+        to: &mut [f64],
+        scale: &Scale,
+        is_again: bool,
+    ) -> Result<Attempt, D::Error> {
+        let is_needed = self.factors.is_none() && !self.is_current;
+        if is_needed && !self.differentiate(system, t, x, f, scale)? {
+            return Ok(Attempt::Impossible);
+        }
+        loop {
+            if !self.factor(h) {
+                return Ok(Attempt::Impossible);
+            }
+            match self.newton(system, t, h, x, scale)? {
+                true => break,
+                // Perhaps the Jacobian is too old.
+                false if !self.is_current => {
+                    if !self.differentiate(system, t, x, f, scale)? {
+                        return Ok(Attempt::Impossible);
+                    }
+                }
+                false => return Ok(Attempt::Impossible),
+            }
+        }
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = x[i] + self.z[STAGES - 1][i];
+        }
+        self.error(system, t, h, x, f, to, scale, is_again)
+    }
+
+    /// The Jacobian at the begin of the step: the problem's own, or by differences.
+    fn differentiate<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        t: f64,
+        x: &[f64],
+        f: &[f64],
+        scale: &Scale,
+    ) -> Result<bool, D::Error> {
+        self.jacobians += 1;
+        self.factors = None;
+        self.is_current = true;
+        if system.jacobian(t, x, &mut self.jacobian)? {
+            return Ok(true);
+        }
+        self.argument.copy_from_slice(x);
+        for j in 0..x.len() {
+            // Relative to the magnitude, or where that is zero to what counts as small there.
+            let size = x[j].abs().max(scale.absolute[j] / scale.relative);
+            let shift = f64::EPSILON.sqrt() * size.max(f64::MIN_POSITIVE.sqrt());
+            self.argument[j] = x[j] + shift;
+            if !system.derivatives(t, &self.argument, &mut self.f[0])? {
+                return Ok(false);
+            }
+            let shift = self.argument[j] - x[j];
+            self.argument[j] = x[j];
+            for i in 0..x.len() {
+                self.jacobian[(i, j)] = (self.f[0][i] - f[i]) / shift;
+            }
+        }
+        Ok(self.jacobian.iter().all(|value| value.is_finite()))
+    }
+
+    /// Factors the matrices of the Newton iteration for steps of length `h`.
+    fn factor(&mut self, h: f64) -> bool {
+        if self.factors.as_ref().is_some_and(|factors| factors.h == h) {
+            return true;
+        }
+        self.factorisations += 1;
+        let n = self.begin.len();
+        let real = DMatrix::identity(n, n) * (REAL / h) - &self.jacobian;
+        let jacobian = self.jacobian.map(|value| Complex::new(value, 0.0));
+        let complex = DMatrix::<Complex<f64>>::identity(n, n) * (COMPLEX / h) - jacobian;
+        let factors = Factors {
+            h,
+            real: real.lu(),
+            complex: complex.lu(),
+        };
+        let is_regular = factors.real.is_invertible() && factors.complex.is_invertible();
+        self.factors = is_regular.then_some(factors);
+        is_regular
+    }
+
+    /// Solves for the stages; `false` if that does not converge.
+    fn newton<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        t: f64,
+        h: f64,
+        x: &[f64],
+        scale: &Scale,
+    ) -> Result<bool, D::Error> {
+        let n = x.len();
+        let tolerance = (10.0 * f64::EPSILON / scale.relative).max(scale.relative.sqrt().min(0.03));
+        self.predict(h, x);
+        let (mut last, mut rate) = (0.0f64, 0.0f64);
+        for iteration in 0..ITERATIONS {
+            self.iterations = iteration + 1;
+            for stage in 0..STAGES {
+                for i in 0..n {
+                    self.argument[i] = x[i] + self.z[stage][i];
+                }
+                let at = t + C[stage] * h;
+                if !system.derivatives(at, &self.argument, &mut self.f[stage])? {
+                    return Ok(false);
+                }
+            }
+            let Some(size) = self.correct(h, x, scale).filter(|size| size.is_finite()) else {
+                return Ok(false);
+            };
+            // So small that the rate is that of rounding errors.
+            if size <= 1e-3 * tolerance {
+                self.convergence = rate;
+                return Ok(true);
+            }
+            if iteration > 0 {
+                rate = size / last;
+                let left = ITERATIONS - 1 - iteration;
+                let hopeless = rate >= 1.0 || rate.powi(left) / (1.0 - rate) * size > tolerance;
+                if hopeless {
+                    return Ok(false);
+                }
+                if rate / (1.0 - rate) * size < tolerance {
+                    self.convergence = rate;
+                    return Ok(true);
+                }
+            }
+            last = size;
+        }
+        Ok(false)
+    }
+
+    /// Starts the stages from the last step's polynomial, continued.
+    fn predict(&mut self, h: f64, x: &[f64]) {
+        for stage in 0..STAGES {
+            match &self.dense {
+                Some(dense) => {
+                    let theta = 1.0 + C[stage] * h / dense.h;
+                    for i in 0..x.len() {
+                        let at = dense.at(theta, i, &self.begin);
+                        self.z[stage][i] = at - x[i];
+                    }
+                }
+                None => self.z[stage].fill(0.0),
+            }
+        }
+        apply(&T_INVERSE, &self.z, &mut self.w);
+    }
+
+    /// One Newton correction; its size, or `None` if the matrices are singular.
+    fn correct(&mut self, h: f64, x: &[f64], scale: &Scale) -> Option<f64> {
+        let n = x.len();
+        let factors = self.factors.as_ref()?;
+        let row = |row: usize, i: usize| -> f64 {
+            (0..STAGES).map(|s| T_INVERSE[row][s] * self.f[s][i]).sum()
+        };
+        let real = DVector::from_fn(n, |i, _| row(0, i) - REAL / h * self.w[0][i]);
+        let complex = DVector::from_fn(n, |i, _| {
+            let w = Complex::new(self.w[1][i], self.w[2][i]);
+            Complex::new(row(1, i), row(2, i)) - COMPLEX / h * w
+        });
+        let real = factors.real.solve(&real)?;
+        let complex = factors.complex.solve(&complex)?;
+        let mut sum = 0.0;
+        for i in 0..n {
+            let change = [real[i], complex[i].re, complex[i].im];
+            for (w, change) in self.w.iter_mut().zip(change) {
+                w[i] += change;
+                sum += (change / scale.of(i, x[i])).powi(2);
+            }
+        }
+        apply(&T, &self.w, &mut self.z);
+        Some((sum / (STAGES * n.max(1)) as f64).sqrt())
+    }
+
+    /// The embedded estimate of order 3, filtered by the real matrix so that it stays bounded for infinitely
+    /// stiff components.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the step's two ends and what measures it"
+    )]
+    fn error<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        t: f64,
+        h: f64,
+        x: &[f64],
+        f: &[f64],
+        to: &[f64],
+        scale: &Scale,
+        is_again: bool,
+    ) -> Result<Attempt, D::Error> {
+        let n = x.len();
+        let weighted = |i: usize| (0..STAGES).map(|s| E[s] * self.z[s][i]).sum::<f64>() / h;
+        let weighted = DVector::from_fn(n, |i, _| weighted(i));
+        let solve = |f: &[f64]| {
+            let factors = self.factors.as_ref()?;
+            factors
+                .real
+                .solve(&(DVector::from_column_slice(f) + &weighted))
+        };
+        let Some(mut error) = solve(f) else {
+            return Ok(Attempt::Impossible);
+        };
+        let mut size = scale.norm(error.iter().copied(), x, to);
+        // Where the step was refused before or is the first one, the filter is applied twice.
+        if size > 1.0 && (is_again || self.dense.is_none()) {
+            for i in 0..n {
+                self.argument[i] = x[i] + error[i];
+            }
+            if !system.derivatives(t, &self.argument, &mut self.f[0])? {
+                return Ok(Attempt::Impossible);
+            }
+            if let Some(filtered) = solve(&self.f[0]) {
+                error = filtered;
+                size = scale.norm(error.iter().copied(), x, to);
+            }
+        }
+        Ok(match size.is_finite() {
+            true => Attempt::Error(size),
+            false => Attempt::Impossible,
+        })
+    }
+
+    /// Takes the attempted step from `x` as done. Says whether the same length should be kept if the next
+    /// one is only a little longer: a new length needs new factors.
+    pub(super) fn accept(&mut self, h: f64, x: &[f64]) -> bool {
+        let coefficient =
+            |power: usize, i: usize| (0..STAGES).map(|s| P[s][power] * self.z[s][i]).sum();
+        let coefficients =
+            std::array::from_fn(|power| (0..x.len()).map(|i| coefficient(power, i)).collect());
+        self.dense = Some(Dense { h, coefficients });
+        self.begin.copy_from_slice(x);
+        let is_slow = self.iterations > 2 && self.convergence > 1e-3;
+        self.is_current = false;
+        if is_slow {
+            // A new Jacobian for the next step.
+            self.factors = None;
+        }
+        !is_slow
+    }
+
+    /// The state at the fraction `theta` of the last step.
+    pub(super) fn interpolate(&self, theta: f64, x: &mut [f64]) {
+        if let Some(dense) = &self.dense {
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = dense.at(theta, i, &self.begin);
+            }
+        }
+    }
+}
+
+impl Dense {
+    fn at(&self, theta: f64, i: usize, begin: &[f64]) -> f64 {
+        let [a, b, c] = &self.coefficients;
+        begin[i] + theta * (a[i] + theta * (b[i] + theta * c[i]))
+    }
+}
+
+/// `to = matrix · from`, stage by stage.
+fn apply(matrix: &[[f64; STAGES]; STAGES], from: &[Vec<f64>; STAGES], to: &mut [Vec<f64>; STAGES]) {
+    for (row, to) in matrix.iter().zip(to) {
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = row.iter().zip(from).map(|(m, from)| m * from[i]).sum();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    /// Stages of the collocation method with nodes `C`: integrals of the Lagrange polynomials.
+    fn stages() -> Matrix3<f64> {
+        let powers = Matrix3::from_fn(|i, j| C[i].powi(j as i32));
+        let integrals = Matrix3::from_fn(|i, j| C[i].powi(j as i32 + 1) / (j + 1) as f64);
+        integrals * powers.try_inverse().unwrap()
+    }
+
+    #[test]
+    fn coefficients_follow_from_the_nodes() {
+        let inverse = stages().try_inverse().unwrap();
+        let rows = |m: [[f64; 3]; 3]| Matrix3::from_fn(|i, j| m[i][j]);
+        let (a, b) = (COMPLEX.re, -COMPLEX.im);
+        let blocks = Matrix3::new(REAL, 0.0, 0.0, 0.0, a, b, 0.0, -b, a);
+        assert!((rows(T) * blocks * rows(T_INVERSE) - inverse).norm() < 1e-13);
+        assert!((rows(T) * rows(T_INVERSE) - Matrix3::identity()).norm() < 1e-14);
+        // The collocation polynomial is zero at the begin and takes each stage's value at its node.
+        let nodes = Matrix3::from_fn(|i, j| C[i].powi(j as i32 + 1));
+        assert!((nodes * rows(P).transpose() - Matrix3::identity()).norm() < 1e-13);
+    }
+}

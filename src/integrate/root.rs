@@ -1,0 +1,175 @@
+//! Where in a step an indicator comes to be positive or ceases to be.
+
+use super::Dynamics;
+
+/// In how many places of a step the indicators are looked at, so that one which changes and changes back
+/// within a step is seen.
+const LOOKS: u32 = 4;
+
+/// The indicators since the last event.
+#[derive(Debug)]
+pub(super) struct Watch {
+    /// Whether each was positive where the step began.
+    was_positive: Vec<bool>,
+    /// Values at the two ends of what may hold the event, and between them.
+    low: Vec<f64>,
+    high: Vec<f64>,
+    middle: Vec<f64>,
+    x: Vec<f64>,
+}
+
+/// What was found in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Found {
+    /// No event.
+    Nothing,
+    /// An event shortly before this fraction of the step.
+    Event(f64),
+    /// The indicators are not defined somewhere in the step.
+    Undefined,
+}
+
+/// A step with its dense output.
+pub(super) struct Path<'a> {
+    pub(super) t: f64,
+    pub(super) h: f64,
+    pub(super) interpolate: &'a dyn Fn(f64, &mut [f64]),
+}
+
+impl Watch {
+    pub(super) fn new(states: usize, indicators: usize) -> Self {
+        let values = || vec![0.0; indicators];
+        Self {
+            was_positive: vec![false; indicators],
+            low: values(),
+            high: values(),
+            middle: values(),
+            x: vec![0.0; states],
+        }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.was_positive.is_empty()
+    }
+
+    /// Starts to watch at `(t, x)`. `false` if the indicators are not defined there.
+    pub(super) fn start<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        t: f64,
+        x: &[f64],
+    ) -> Result<bool, D::Error> {
+        if self.is_idle() {
+            return Ok(true);
+        }
+        let is_defined = system.indicators(t, x, &mut self.low)?;
+        for (was_positive, z) in self.was_positive.iter_mut().zip(&self.low) {
+            *was_positive = *z > 0.0;
+        }
+        Ok(is_defined)
+    }
+
+    /// Looks through a step that begins where the last one ended.
+    pub(super) fn look<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        path: &Path,
+    ) -> Result<Found, D::Error> {
+        if self.is_idle() {
+            return Ok(Found::Nothing);
+        }
+        let mut from = 0.0;
+        for look in 1..=LOOKS {
+            let to = f64::from(look) / f64::from(LOOKS);
+            if !self.evaluate(system, path, to)? {
+                return Ok(Found::Undefined);
+            }
+            std::mem::swap(&mut self.middle, &mut self.high);
+            if self.has_changed(&self.high) {
+                return self.refine(system, path, from, to);
+            }
+            std::mem::swap(&mut self.low, &mut self.high);
+            from = to;
+        }
+        Ok(Found::Nothing)
+    }
+
+    /// The indicators at a fraction of the step, into `middle`.
+    fn evaluate<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        path: &Path,
+        theta: f64,
+    ) -> Result<bool, D::Error> {
+        (path.interpolate)(theta, &mut self.x);
+        system.indicators(path.t + theta * path.h, &self.x, &mut self.middle)
+    }
+
+    fn has_changed(&self, z: &[f64]) -> bool {
+        let pairs = self.was_positive.iter().zip(z);
+        pairs.into_iter().any(|(&was, &z)| was != (z > 0.0))
+    }
+
+    /// Narrows the fractions between which the first change is, by the Illinois variant of regula falsi, with
+    /// a bisection wherever that gains too little; returns the upper one, where the change has come about.
+    fn refine<D: Dynamics>(
+        &mut self,
+        system: &mut D,
+        path: &Path,
+        mut low: f64,
+        mut high: f64,
+    ) -> Result<Found, D::Error> {
+        let size = path.t.abs().max((path.t + path.h).abs());
+        let tolerance = (4.0 * f64::EPSILON * size / path.h).max(4.0 * f64::EPSILON);
+        // Weights of the two ends: the one that stays twice loses half of it.
+        let (mut weights, mut stayed) = ((1.0, 1.0), 0i32);
+        for round in 1.. {
+            let width = high - low;
+            if width <= tolerance {
+                break;
+            }
+            let guess = match round % 4 {
+                0 => 0.5 * width,
+                _ => self.secant(weights) * width,
+            };
+            let theta = low + guess.clamp(0.5 * tolerance, width - 0.5 * tolerance);
+            if theta <= low || theta >= high {
+                break;
+            }
+            if !self.evaluate(system, path, theta)? {
+                return Ok(Found::Undefined);
+            }
+            if self.has_changed(&self.middle) {
+                high = theta;
+                std::mem::swap(&mut self.middle, &mut self.high);
+                stayed = stayed.max(0) + 1;
+                weights = if stayed > 1 {
+                    (weights.0 * 0.5, 1.0)
+                } else {
+                    (1.0, 1.0)
+                };
+            } else {
+                low = theta;
+                std::mem::swap(&mut self.middle, &mut self.low);
+                stayed = stayed.min(0) - 1;
+                weights = if stayed < -1 {
+                    (1.0, weights.1 * 0.5)
+                } else {
+                    (1.0, 1.0)
+                };
+            }
+        }
+        Ok(Found::Event(high))
+    }
+
+    /// Where between the ends, as a fraction, the first of the changed indicators seems to be zero.
+    fn secant(&self, (low, high): (f64, f64)) -> f64 {
+        let ends = self.low.iter().zip(&self.high);
+        let changed = self.was_positive.iter().zip(ends);
+        let zeros = changed.filter_map(|(&was, (a, b))| {
+            let (a, b) = (low * a, high * b);
+            (was != (b > 0.0) && a != b).then(|| a / (a - b))
+        });
+        zeros.fold(1.0, f64::min)
+    }
+}
