@@ -29,9 +29,13 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("integrate", &[]),
     ("fmi", &["abi", "nearest", "integrate"]),
     ("export", &["models", "fmi", "output"]),
-    ("cosim", &["series", "nearest"]),
-    ("cosim/fmu_slave", &["series", "fmi", "nearest"]),
-    ("cosim/native_slave", &["series", "models", "nearest"]),
+    ("linear", &[]),
+    ("cosim", &["series", "linear", "nearest"]),
+    ("cosim/fmu_slave", &["series", "linear", "fmi", "nearest"]),
+    (
+        "cosim/native_slave",
+        &["series", "linear", "models", "nearest"],
+    ),
     (
         "report",
         &["series", "models", "vehicle", "identification", "cosim"],
