@@ -10,7 +10,7 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`slave`] | what a slave offers: variables, and ten calls |
-//! | [`fmu_slave`] | an FMU of FMI 2.0 as a slave |
+//! | [`fmu_slave`] | FMUs of FMI 2.0 and 3.0 as slaves: co-simulation, and model exchange with a solver |
 //! | [`native_slave`] | the models of this project as slaves |
 //! | [`system`] | who is wired to whom, checked |
 //! | [`clock`] | communication points, counted |
@@ -35,7 +35,7 @@ pub mod unit_names;
 
 pub use algorithms::Algorithm;
 pub use clock::Clock;
-pub use fmu_slave::FmuSlave;
+pub use fmu_slave::{FmuSlave, ModelExchangeSlave};
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};

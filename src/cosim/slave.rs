@@ -112,7 +112,7 @@ impl Variable {
 pub enum Kind {
     /// Floating point.
     Real,
-    /// 32-bit integer.
+    /// Integer, of 32 bits in FMI 2.0.
     Integer,
     /// True or false.
     Boolean,
@@ -227,7 +227,7 @@ pub enum Value {
     /// Of a real.
     Real(f64),
     /// Of an integer or an enumeration.
-    Integer(i32),
+    Integer(i64),
     /// Of a boolean.
     Boolean(bool),
     /// Of a string.
@@ -253,7 +253,7 @@ impl Value {
     pub fn as_number(&self) -> f64 {
         match self {
             Self::Real(value) => *value,
-            Self::Integer(value) => f64::from(*value),
+            Self::Integer(value) => *value as f64,
             Self::Boolean(value) => f64::from(u8::from(*value)),
             Self::String(_) => f64::NAN,
         }

@@ -84,7 +84,7 @@ impl Source {
         let samples = &mut self.columns[column];
         let fits = |value: f64| match kind {
             Kind::Real => true,
-            Kind::Integer | Kind::Enumeration => f64::from(value as i32) == value,
+            Kind::Integer | Kind::Enumeration => (value as i64) as f64 == value,
             Kind::Boolean => value == 0.0 || value == 1.0,
             Kind::String => false,
         };
@@ -195,7 +195,7 @@ impl Slave for Source {
         let value = self.value(handle)?;
         Ok(match kind {
             Kind::Real => Value::Real(value),
-            Kind::Integer | Kind::Enumeration => Value::Integer(value as i32),
+            Kind::Integer | Kind::Enumeration => Value::Integer(value as i64),
             Kind::Boolean => Value::Boolean(value != 0.0),
             Kind::String => return Err("a column of numbers has no text".into()),
         })

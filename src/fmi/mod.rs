@@ -9,6 +9,7 @@
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
 //! | [`check`] | an FMU against the standard: archive, files, binaries, behaviour |
+//! | [`simulate`] | a model exchange instance, integrated in time |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
 //! What FMUs say goes to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, where a call
@@ -24,6 +25,7 @@ pub mod fmu;
 pub mod instance;
 mod logger;
 pub mod platform;
+pub mod simulate;
 mod version;
 
 pub use description::FmiVersion;
@@ -31,4 +33,5 @@ pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, Options, Step};
 pub use logger::Message;
+pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
 pub use version::{Function, Kind, State};

@@ -30,4 +30,5 @@ mod starts;
 mod third_party;
 mod threads;
 mod trials;
+mod valgrind;
 mod vehicle;

@@ -2,11 +2,13 @@
 
 use super::super::Failure;
 use super::{inputs, parameters};
-use crate::cosim::{FmuSlave, NativeSlave, Slave, System};
+use crate::cosim::{NativeSlave, Slave, System, fmu_slave};
 use crate::document::{self, Document};
+use crate::fmi::Kind;
 use crate::identification::PilotFile;
 use crate::models::model::Model;
 use crate::vehicle;
+use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
 /// FMUs, models, tables, wires and values.
@@ -16,6 +18,9 @@ pub struct Wiring {
     /// after its file unless NAME= says otherwise.
     #[arg(required = true, value_name = "[NAME=]FMU")]
     models: Vec<String>,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
     /// Wire an output to an input; may be given many times.
     #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     connect: Vec<(String, String)>,
@@ -31,6 +36,24 @@ pub struct Wiring {
     /// `value` and, if wanted, `unit`). What --set says comes first.
     #[arg(long, value_name = "FILE")]
     parameters: Vec<PathBuf>,
+}
+
+/// [`Kind`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Kind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
 }
 
 /// `a=b`, split at the first `=`.
@@ -55,7 +78,7 @@ impl Wiring {
         let mut system = System::new();
         for argument in &self.models {
             let (name, file) = instance(argument);
-            system.add(&name, open(&file, &name)?)?;
+            system.add(&name, self.open(&file, &name)?)?;
         }
         let tables = (self.input.iter())
             .map(|argument| inputs::add(&mut system, argument, &self.connect))
@@ -71,6 +94,16 @@ impl Wiring {
         }
         Ok(Wired { system, tables })
     }
+
+    fn open(&self, file: &Path, name: &str) -> Result<Box<dyn Slave>, Failure> {
+        let is_model = file
+            .extension()
+            .is_some_and(|extension| extension == "toml");
+        match is_model {
+            true => Ok(Box::new(NativeSlave::new(model(file)?))),
+            false => Ok(fmu_slave::open(file, name, self.kind.map(Kind::from))?),
+        }
+    }
 }
 
 /// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
@@ -84,16 +117,6 @@ pub fn instance(argument: &str) -> (String, PathBuf) {
                 .map(|stem| stem.to_string_lossy().into_owned());
             (stem.unwrap_or_default(), path.to_owned())
         }
-    }
-}
-
-fn open(file: &Path, name: &str) -> Result<Box<dyn Slave>, Failure> {
-    match file
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
-        true => Ok(Box::new(NativeSlave::new(model(file)?))),
-        false => Ok(Box::new(FmuSlave::open(file, name)?)),
     }
 }
 

@@ -45,6 +45,8 @@ impl Finding {
             | UnsortedDependencies { .. }
             | NominalNotPositive { .. }
             | NotANumber { .. }
+            | NotUtf8 { .. }
+            | KindNotReal { .. }
             | UnitWithoutBase { .. }
             | UnknownCapability { .. }
             | DateFormat { .. } => Severity::Warning,
@@ -108,7 +110,12 @@ impl Rule {
             | ClockNeeds { .. }
             | NegativeShift { .. } => ("2.2.3", "2.4.4"),
             DuplicateCategory { .. } => ("2.2.4", "2.4.5"),
-            StopBeforeStart { .. } | NotPositive { .. } | NotFinite { .. } => ("2.2.5", "2.4.6"),
+            NotPositive { attribute, .. } | NotFinite { attribute, .. } => match *attribute {
+                "fixedInternalStepSize" => ("4.3.1", "4.4"),
+                "intervalDecimal" | "intervalCounter" | "resolution" => ("2.2.3", "2.4.4"),
+                _ => ("2.2.5", "2.4.6"),
+            },
+            StopBeforeStart { .. } => ("2.2.5", "2.4.6"),
             NotStructured { .. } | EmptyName | ControlInName { .. } => ("2.2.9", "2.4.7.5.1"),
             MissingUnknown { .. }
             | DuplicateUnknown { .. }

@@ -112,7 +112,10 @@ pub enum Rule {
     #[error("stopTime={stop} is before startTime={start}")]
     StopBeforeStart { start: f64, stop: f64 },
     #[error("{attribute}={found} is not positive")]
-    NotPositive { attribute: &'static str, found: f64 },
+    NotPositive {
+        attribute: &'static str,
+        found: String,
+    },
     #[error("{attribute}={found} is not finite")]
     NotFinite { attribute: &'static str, found: f64 },
     #[error("{attribute} is not a number")]
@@ -132,9 +135,13 @@ pub enum Rule {
     #[error("name `{name}` does not follow variableNamingConvention=\"structured\"")]
     NotStructured { name: String },
     #[error(
-        "variability=\"continuous\" is for reals, not for {base}: say `discrete`, `fixed` or `tunable` (the default is `continuous`)"
+        "variability=\"continuous\" is for reals, not for {base}: say `discrete`, `fixed` or `tunable`{}",
+        if *.is_default { " (the default is `continuous`)" } else { "" }
     )]
-    ContinuousNotReal { base: &'static str },
+    ContinuousNotReal {
+        base: &'static str,
+        is_default: bool,
+    },
     #[error("causality=\"{causality}\" does not go with variability=\"{variability}\"")]
     CausalityVariability {
         causality: Causality,
@@ -160,7 +167,10 @@ pub enum Rule {
         min: String,
         max: String,
     },
-    #[error("there are {found} start values, expected 1 or {expected}, the size of the array")]
+    #[error(
+        "there are {found} start values, expected {}",
+        if *.expected == 1 { "1".to_owned() } else { format!("1 or {expected}, the size of the array") }
+    )]
     StartCount { found: usize, expected: u64 },
     #[error("a start value has {found} bytes, more than maxSize={limit}")]
     StartTooLong { found: usize, limit: u64 },
@@ -184,11 +194,8 @@ pub enum Rule {
         attribute: &'static str,
         causality: Causality,
     },
-    #[error("{attribute} refers to valueReference {reference}, which no variable has")]
-    NoSuchReference {
-        attribute: &'static str,
-        reference: u32,
-    },
+    #[error("{from} refers to valueReference {reference}, which no variable has")]
+    NoSuchReference { from: &'static str, reference: u32 },
     #[error("<Dimension> needs one of `start` and `valueReference`")]
     DimensionSize,
     #[error("a <Dimension> is 0; no array is empty at the start")]

@@ -1,245 +1,7 @@
 //! Every rule of the validator: one fault put into a good description, and what is found.
 
+use super::{faults2, faults3};
 use pilotage::fmi::description::{read, validate};
-
-const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="m" guid="{1}" generationDateAndTime="2026-01-02T03:04:05Z" variableNamingConvention="structured" numberOfEventIndicators="0">
-  <CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
-  <UnitDefinitions>
-    <Unit name="m"><BaseUnit m="1"/><DisplayUnit name="ft" factor="3.28"/></Unit>
-    <Unit name="m/s"><BaseUnit m="1" s="-1"/></Unit>
-  </UnitDefinitions>
-  <TypeDefinitions>
-    <SimpleType name="Length"><Real unit="m" min="-100" max="100"/></SimpleType>
-    <SimpleType name="Mode"><Enumeration><Item name="off" value="0"/><Item name="on" value="1"/></Enumeration></SimpleType>
-  </TypeDefinitions>
-  <LogCategories><Category name="logEvents"/><Category name="logStatusError"/></LogCategories>
-  <DefaultExperiment startTime="0" stopTime="1" tolerance="1e-6" stepSize="0.1"/>
-  <ModelVariables>
-    <ScalarVariable name="time" valueReference="0" causality="independent"><Real/></ScalarVariable>
-    <ScalarVariable name="k" valueReference="1" causality="parameter" variability="tunable"><Real unit="m" displayUnit="ft" min="0" max="2" start="1" nominal="1"/></ScalarVariable>
-    <ScalarVariable name="mode" valueReference="0" causality="parameter" variability="fixed"><Enumeration declaredType="Mode" start="1"/></ScalarVariable>
-    <ScalarVariable name="u" valueReference="2" causality="input"><Real declaredType="Length" start="0"/></ScalarVariable>
-    <ScalarVariable name="x" valueReference="3" causality="output" initial="exact"><Real unit="m" start="0"/></ScalarVariable>
-    <ScalarVariable name="der(x)" valueReference="4" causality="local"><Real unit="m/s" derivative="5"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="5" causality="output"><Real unit="m"/></ScalarVariable>
-    <ScalarVariable name="flag" valueReference="0" causality="output" variability="discrete" initial="exact"><Boolean start="false"/></ScalarVariable>
-    <ScalarVariable name="note" valueReference="0" causality="local" variability="constant"><String start="hello"/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="5" dependencies="5"/><Unknown index="7" dependencies="4 5" dependenciesKind="dependent constant"/><Unknown index="8" dependencies=""/></Outputs>
-    <Derivatives><Unknown index="6" dependencies="4"/></Derivatives>
-    <InitialUnknowns><Unknown index="6" dependencies="4"/><Unknown index="7" dependencies="4 5"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"#;
-
-/// What is replaced by what.
-const FAULTS: &[(&str, &str)] = &[
-    // The schema.
-    (r#" guid="{1}""#, ""),
-    (r#"guid="{1}""#, r#"guid="" colour="red""#),
-    (r#"fmiVersion="2.0""#, r#"fmiVersion="2.0.4""#),
-    (r#"05Z""#, r#"05""#),
-    ("2026-01", "2026-13"),
-    ("structured", "pretty"),
-    (
-        r#"numberOfEventIndicators="0""#,
-        r#"numberOfEventIndicators="-1""#,
-    ),
-    ("<LogCategories>", "<Extra/><LogCategories>"),
-    (
-        r#"<Category name="logEvents"/><Category name="logStatusError"/>"#,
-        "",
-    ),
-    (
-        "</ModelVariables>",
-        r#"</ModelVariables><DefaultExperiment/>"#,
-    ),
-    (r#"stepSize="0.1""#, r#"stepSize="inf""#),
-    (
-        r#"canGetAndSetFMUstate="true""#,
-        r#"canGetAndSetFMUstate="yes""#,
-    ),
-    (r#"<Boolean start="false"/>"#, r#"<Boolean start="False"/>"#),
-    (r#"<Boolean start="false"/>"#, r#"<Bool start="false"/>"#),
-    (
-        r#"<Boolean start="false"/>"#,
-        r#"<Boolean start="false"/><Boolean/>"#,
-    ),
-    (r#"valueReference="2""#, ""),
-    (r#"valueReference="2""#, r#"valueReference="2.5""#),
-    (r#"causality="input""#, r#"causality="in""#),
-    (r#"initial="exact"><Real"#, r#"initial="true"><Real"#),
-    (
-        r#"index="6" dependencies="4"/></Derivatives>"#,
-        r#"dependencies="4"/></Derivatives>"#,
-    ),
-    (r#"dependencies="5""#, r#"dependencies="5,6""#),
-    (r#""dependent constant""#, r#""dependent linear""#),
-    // The whole.
-    (
-        r#"<CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>"#,
-        "",
-    ),
-    (r#"modelIdentifier="m""#, r#"modelIdentifier="m-1""#),
-    (
-        r#"canGetAndSetFMUstate="true" "#,
-        r#"needsExecutionTool="true" "#,
-    ),
-    (r#"stopTime="1""#, r#"stopTime="-1""#),
-    (r#"tolerance="1e-6""#, r#"tolerance="0""#),
-    (r#"stepSize="0.1""#, r#"stepSize="NaN""#),
-    (r#""logEvents""#, r#""logStatusError""#),
-    // Units and types.
-    (
-        r#"<Unit name="m/s"><BaseUnit m="1" s="-1"/></Unit>"#,
-        r#"<Unit name="m/s"/><Unit name="m"><BaseUnit/></Unit>"#,
-    ),
-    (
-        r#"unit="m" displayUnit="ft""#,
-        r#"unit="metre" displayUnit="ft""#,
-    ),
-    (
-        r#"unit="m" displayUnit="ft""#,
-        r#"unit="m" displayUnit="feet""#,
-    ),
-    (r#"unit="m" displayUnit="ft""#, r#"displayUnit="ft""#),
-    (
-        r#"<SimpleType name="Mode">"#,
-        r#"<SimpleType name="Length"><Boolean/></SimpleType><SimpleType name="Mode">"#,
-    ),
-    (
-        r#"<SimpleType name="Mode">"#,
-        r#"<SimpleType name="k"><Boolean/></SimpleType><SimpleType name="Mode">"#,
-    ),
-    (
-        r#"<SimpleType name="Mode">"#,
-        r#"<SimpleType name="Odd"><Real min="1" max="0" unit="K"/></SimpleType><SimpleType name="Mode">"#,
-    ),
-    (
-        r#"<Item name="on" value="1"/>"#,
-        r#"<Item name="on" value="1"/><Item name="off" value="1"/>"#,
-    ),
-    (r#"declaredType="Length""#, r#"declaredType="Len""#),
-    (r#"declaredType="Length""#, r#"declaredType="Mode""#),
-    (r#"declaredType="Mode" start="1""#, r#"start="1""#),
-    (
-        r#"declaredType="Mode" start="1""#,
-        r#"declaredType="Mode" start="2""#,
-    ),
-    // Variables.
-    (r#"name="y""#, r#"name="x""#),
-    (r#"name="y""#, r#"name="1 y""#),
-    (r#"name="k""#, r#"name="k[""#),
-    (r#"variability="discrete" "#, ""),
-    (
-        r#"causality="parameter" variability="tunable""#,
-        r#"causality="parameter""#,
-    ),
-    (
-        r#"causality="local"><Real"#,
-        r#"causality="local" initial="exact"><Real"#,
-    ),
-    (
-        r#"<ScalarVariable name="u" valueReference="2" causality="input">"#,
-        r#"<ScalarVariable name="u" valueReference="2" causality="input" initial="exact">"#,
-    ),
-    (
-        r#"<Real declaredType="Length" start="0"/>"#,
-        r#"<Real declaredType="Length"/>"#,
-    ),
-    (
-        r#"<Real declaredType="Length" start="0"/>"#,
-        r#"<Real declaredType="Length" start="101"/>"#,
-    ),
-    (
-        r#"initial="exact"><Real unit="m" start="0"/>"#,
-        r#"initial="exact"><Real unit="m"/>"#,
-    ),
-    (
-        r#"causality="independent"><Real/>"#,
-        r#"causality="independent"><Real start="0"/>"#,
-    ),
-    (
-        r#"causality="independent"><Real/>"#,
-        r#"causality="independent" variability="discrete"><Integer/>"#,
-    ),
-    (
-        r#"name="der(x)" valueReference="4" causality="local""#,
-        r#"name="der(x)" valueReference="4" causality="independent""#,
-    ),
-    (
-        r#"name="y" valueReference="5" causality="output"><Real unit="m"/>"#,
-        r#"name="y" valueReference="5" causality="output"><Real unit="m" start="1"/>"#,
-    ),
-    (r#"min="0" max="2""#, r#"min="3" max="2""#),
-    (r#"start="1" nominal="1""#, r#"start="-1" nominal="0""#),
-    (r#"derivative="5""#, r#"derivative="5" reinit="true""#),
-    (r#"derivative="5""#, r#"derivative="6""#),
-    (r#"derivative="5""#, r#"derivative="50""#),
-    (
-        r#"<ScalarVariable name="u" "#,
-        r#"<ScalarVariable name="u" canHandleMultipleSetPerTimeInstant="true" "#,
-    ),
-    (r#"valueReference="2""#, r#"valueReference="1""#),
-    (r#"valueReference="3""#, r#"valueReference="1""#),
-    (r#"valueReference="5""#, r#"valueReference="4""#),
-    (
-        r#"name="note" valueReference="0" causality="local" variability="constant"><String start="hello"/>"#,
-        r#"name="note" valueReference="3" causality="local" variability="constant"><Real unit="m" start="0"/>"#,
-    ),
-    // The structure.
-    (r#"<Unknown index="8" dependencies=""/>"#, ""),
-    (
-        r#"<Unknown index="8" dependencies=""/>"#,
-        r#"<Unknown index="8" dependencies=""/><Unknown index="8" dependencies=""/><Unknown index="2" dependencies=""/>"#,
-    ),
-    (
-        r#"<Unknown index="8" dependencies=""/>"#,
-        r#"<Unknown index="8" dependencies=""/><Unknown index="0" dependencies=""/><Unknown index="10" dependencies=""/>"#,
-    ),
-    (
-        r#"<Unknown index="8" dependencies=""/>"#,
-        r#"<Unknown index="8"/>"#,
-    ),
-    (
-        r#"<Unknown index="8" dependencies=""/>"#,
-        r#"<Unknown index="8" dependenciesKind=""/>"#,
-    ),
-    (
-        r#"dependencies="4 5" dependenciesKind="dependent constant""#,
-        r#"dependencies="4 5" dependenciesKind="dependent""#,
-    ),
-    (
-        r#"dependencies="4 5" dependenciesKind="dependent constant""#,
-        r#"dependencies="5 4""#,
-    ),
-    (
-        r#"dependencies="4 5" dependenciesKind="dependent constant""#,
-        r#"dependencies="4 4 99""#,
-    ),
-    (
-        r#"dependencies="4 5" dependenciesKind="dependent constant""#,
-        r#"dependencies="2""#,
-    ),
-    (
-        r#"<Derivatives><Unknown index="6" dependencies="4"/></Derivatives>"#,
-        "",
-    ),
-    (
-        r#"<Derivatives><Unknown index="6" dependencies="4"/></Derivatives>"#,
-        r#"<Derivatives><Unknown index="7" dependencies=""/></Derivatives>"#,
-    ),
-    (
-        r#"<InitialUnknowns><Unknown index="6" dependencies="4"/><Unknown index="7" dependencies="4 5"/>"#,
-        r#"<InitialUnknowns><Unknown index="7" dependencies="4 5"/><Unknown index="6" dependencies="4" dependenciesKind="fixed"/>"#,
-    ),
-    (
-        r#"<InitialUnknowns><Unknown index="6" dependencies="4"/>"#,
-        r#"<InitialUnknowns><Unknown index="5" dependencies="7"/>"#,
-    ),
-];
 
 fn findings(xml: &str) -> Vec<String> {
     match read(xml.as_bytes()) {
@@ -255,21 +17,55 @@ fn findings(xml: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_good_description_has_no_finding() {
-    assert_eq!(findings(GOOD), Vec::<String>::new());
+fn good_descriptions_have_no_finding() {
+    assert_eq!(findings(faults2::GOOD), Vec::<String>::new());
+    assert_eq!(findings(faults3::GOOD), Vec::<String>::new());
 }
 
-#[test]
-fn every_fault_is_found() {
+/// Each fault, and the findings that it leads to; none of them more than once.
+fn report(good: &str, faults: &[(&str, &str)]) -> String {
     let mut report = String::new();
-    for (from, to) in FAULTS {
-        assert_eq!(GOOD.matches(from).count(), 1, "ambiguous or absent: {from}");
-        let found = findings(&GOOD.replace(from, to));
+    for (from, to) in faults {
+        assert_eq!(good.matches(from).count(), 1, "ambiguous or absent: {from}");
+        let found = findings(&good.replace(from, to));
         assert!(!found.is_empty(), "nothing found: {from} -> {to}");
         report.push_str(&format!("{from}\n-> {to}\n"));
         for finding in found {
             report.push_str(&format!("   {finding}\n"));
         }
     }
-    insta::assert_snapshot!(report);
+    report
+}
+
+#[test]
+fn every_fault_of_fmi_2_is_found() {
+    insta::assert_snapshot!(report(faults2::GOOD, faults2::FAULTS));
+}
+
+#[test]
+fn every_fault_of_fmi_3_is_found() {
+    insta::assert_snapshot!(report(faults3::GOOD, faults3::FAULTS));
+}
+
+#[test]
+fn a_state_has_one_derivative() {
+    let second = faults3::GOOD
+        .replace(
+            r#"<Float64 name="z" valueReference="6"/>"#,
+            r#"<Float64 name="z" valueReference="6" derivative="4"><Dimension start="2"/></Float64>"#,
+        )
+        .replace(
+            "<ClockedState",
+            r#"<ContinuousStateDerivative valueReference="6" dependencies=""/><ClockedState"#,
+        )
+        .replace(
+            r#"<InitialUnknown valueReference="17""#,
+            r#"<InitialUnknown valueReference="6" dependencies=""/><InitialUnknown valueReference="17""#,
+        );
+    assert_eq!(
+        findings(&second),
+        [
+            "error: line 44, column 5: <ContinuousStateDerivative> has two derivatives of `x`: `der(x)` and `z` (FMI 3.0, section 2.4.8)"
+        ]
+    );
 }

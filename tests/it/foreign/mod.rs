@@ -112,6 +112,10 @@ binaries! {
     faulty_without_do_step: "faulty.rs", ["--cfg", "without_do_step"];
     /// `fmi2CancelStep` is missing.
     faulty_without_cancel_step: "faulty.rs", ["--cfg", "without_cancel_step"];
+    /// Models for model exchange.
+    binary_of_model_exchange: "me.rs", [];
+    /// All kinds of FMI 3.0.
+    binary3: "fmi3.rs", [];
     /// It uses `tanh` and is linked with nothing.
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
@@ -151,4 +155,64 @@ pub fn file(folder: &Path, behaviour: &str) -> PathBuf {
     let path = folder.join("foreign.fmu");
     std::fs::write(&path, fmu(behaviour)).unwrap();
     path
+}
+
+/// The foreign FMU of FMI 3.0 with that behaviour.
+pub fn fmu3(behaviour: &str) -> Vec<u8> {
+    let good = "instantiationToken=\"good\"";
+    let description = include_str!("fmi3.xml");
+    let token = format!("instantiationToken=\"{behaviour}\"");
+    fmu_of(&description.replace(good, &token), binary3())
+}
+
+/// An FMU for model exchange of `me.rs`: which model, with how many states and event indicators.
+pub fn model_exchange(model: &str, states: usize, indicators: usize) -> Vec<u8> {
+    let has_jacobian = model.starts_with("decay@") || model.starts_with("van-der-pol");
+    let state = |i: usize| {
+        format!(
+            "<ScalarVariable name=\"x{i}\" valueReference=\"{i}\" causality=\"local\" initial=\"exact\"><Real start=\"1\"/></ScalarVariable>"
+        )
+    };
+    let derivative = |i: usize| {
+        format!(
+            "<ScalarVariable name=\"der(x{i})\" valueReference=\"{}\" causality=\"local\"><Real derivative=\"{}\"/></ScalarVariable>",
+            10 + i,
+            i + 1
+        )
+    };
+    let all: String = (0..states)
+        .map(state)
+        .chain((0..states).map(derivative))
+        .collect();
+    let unknown = |index: usize| format!("<Unknown index=\"{index}\"/>");
+    let derivatives: String = (states + 1..=2 * states).map(unknown).collect();
+    let derivatives = match states {
+        0 => String::new(),
+        _ => format!("<Derivatives>{derivatives}</Derivatives>"),
+    };
+    let (y, n) = (2 * states + 3, 2 * states + 4);
+    let initial: String = (states + 1..=2 * states)
+        .chain([y, n])
+        .map(unknown)
+        .collect();
+    let description = format!(
+        r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="foreign" guid="{model}" variableNamingConvention="structured" numberOfEventIndicators="{indicators}">
+  <ModelExchange modelIdentifier="foreign" providesDirectionalDerivative="{has_jacobian}"/>
+  <ModelVariables>
+    {all}
+    <ScalarVariable name="p" valueReference="20" causality="parameter" variability="fixed"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="u" valueReference="21" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="22" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="events" valueReference="0" causality="output" variability="discrete"><Integer/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="{y}"/><Unknown index="{n}" dependencies=""/></Outputs>
+    {derivatives}
+    <InitialUnknowns>{initial}</InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#
+    );
+    fmu_of(&description, binary_of_model_exchange())
 }

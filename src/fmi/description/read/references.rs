@@ -14,69 +14,89 @@ pub(super) fn resolve(
     for (index, variable) in (1..).zip(&description.variables) {
         indices.entry(variable.value_reference).or_insert(index);
     }
+    let mut resolver = Resolver { indices, findings };
     for (variable, &place) in description.variables.iter_mut().zip(&places.variables) {
-        let name = variable.name.clone();
-        let mut replace = |attribute, reference: &mut u32| {
-            let found = indices.get(reference).copied();
-            if found.is_none() {
-                findings.push(missing(place, Some(name.clone()), attribute, *reference));
-            }
-            *reference = found.unwrap_or(0);
-        };
-        variable
-            .clocks
-            .iter_mut()
-            .for_each(|clock| replace("clocks", clock));
-        variable
-            .previous
-            .iter_mut()
-            .for_each(|previous| replace("previous", previous));
-        for dimension in &mut variable.dimensions {
-            if let Dimension::Variable(reference) = dimension {
-                replace("valueReference of <Dimension>", reference);
-            }
-        }
-        if let VariableKind::Real(real) = &mut variable.kind {
-            let derivative = real.derivative.iter_mut();
-            derivative.for_each(|state| replace("derivative", state));
-        }
+        resolver.variable(variable, place);
     }
     let structure = &mut description.structure;
-    for (unknowns, places) in [
-        (&mut structure.outputs, &places.outputs),
-        (&mut structure.derivatives, &places.derivatives),
-        (&mut structure.clocked_states, &places.clocked_states),
-        (&mut structure.initial_unknowns, &places.initial_unknowns),
-        (&mut structure.event_indicators, &places.event_indicators),
+    for (element, unknowns, places) in [
+        ("<Output>", &mut structure.outputs, &places.outputs),
+        (
+            "<ContinuousStateDerivative>",
+            &mut structure.derivatives,
+            &places.derivatives,
+        ),
+        (
+            "<ClockedState>",
+            &mut structure.clocked_states,
+            &places.clocked_states,
+        ),
+        (
+            "<InitialUnknown>",
+            &mut structure.initial_unknowns,
+            &places.initial_unknowns,
+        ),
+        (
+            "<EventIndicator>",
+            &mut structure.event_indicators,
+            &places.event_indicators,
+        ),
     ] {
         for (unknown, &place) in unknowns.iter_mut().zip(places) {
-            let mut replace = |attribute, reference: &mut u32| {
-                let found = indices.get(reference).copied();
-                if found.is_none() {
-                    findings.push(missing(place, None, attribute, *reference));
-                }
-                *reference = found.unwrap_or(0);
-            };
-            replace("valueReference", &mut unknown.index);
-            let dependencies = unknown.dependencies.iter_mut().flatten();
-            dependencies.for_each(|known| replace("dependencies", known));
+            resolver.replace(element, place, None, &mut unknown.index);
+            for known in unknown.dependencies.iter_mut().flatten() {
+                resolver.replace("dependencies", place, None, known);
+            }
         }
     }
 }
 
-fn missing(
-    place: Place,
-    variable: Option<String>,
-    attribute: &'static str,
-    reference: u32,
-) -> Finding {
-    Finding {
-        version: FmiVersion::V3,
-        place,
-        variable,
-        rule: Rule::NoSuchReference {
-            attribute,
-            reference,
-        },
+struct Resolver<'f> {
+    /// Index from 1 by value reference.
+    indices: HashMap<u32, u32>,
+    findings: &'f mut Vec<Finding>,
+}
+
+impl Resolver<'_> {
+    fn variable(&mut self, variable: &mut ScalarVariable, place: Place) {
+        let name = Some(variable.name.as_str());
+        for clock in &mut variable.clocks {
+            self.replace("clocks", place, name, clock);
+        }
+        if let Some(previous) = &mut variable.previous {
+            self.replace("previous", place, name, previous);
+        }
+        for dimension in &mut variable.dimensions {
+            if let Dimension::Variable(reference) = dimension {
+                self.replace("<Dimension>", place, name, reference);
+            }
+        }
+        if let VariableKind::Real(real) = &mut variable.kind
+            && let Some(state) = &mut real.derivative
+        {
+            self.replace("derivative", place, name, state);
+        }
+    }
+
+    fn replace(
+        &mut self,
+        from: &'static str,
+        place: Place,
+        variable: Option<&str>,
+        reference: &mut u32,
+    ) {
+        let found = self.indices.get(reference).copied();
+        if found.is_none() {
+            self.findings.push(Finding {
+                version: FmiVersion::V3,
+                place,
+                variable: variable.map(str::to_owned),
+                rule: Rule::NoSuchReference {
+                    from,
+                    reference: *reference,
+                },
+            });
+        }
+        *reference = found.unwrap_or(0);
     }
 }

@@ -15,10 +15,17 @@ pub(super) fn structure2(e: &Element, places: &mut Places) -> ModelStructure {
                 &mut places.initial_unknowns,
             ),
         };
-        unknowns.extend(read_list(&list, &["Unknown"], places, |e| {
+        let mut all = Vec::new();
+        let read = read_list(&list, &["Unknown"], &mut all, |e| {
             e.children_in_order(&[]);
             unknown(e, "index")
-        }));
+        });
+        for (unknown, place) in read.into_iter().zip(all) {
+            if let Some(unknown) = unknown {
+                unknowns.push(unknown);
+                places.push(place);
+            }
+        }
     }
     e.finish();
     structure
@@ -48,28 +55,34 @@ pub(super) fn structure3(e: &Element, places: &mut Places) -> ModelStructure {
             ),
         };
         skip_annotations(&child);
-        unknowns.push(unknown(&child, "valueReference"));
-        places.push(child.place());
+        if let Some(unknown) = unknown(&child, "valueReference") {
+            unknowns.push(unknown);
+            places.push(child.place());
+        }
         child.finish();
     }
     e.finish();
     structure
 }
 
-fn unknown(e: &Element, attribute: &'static str) -> Unknown {
+/// An unknown, if it is said which variable it is.
+fn unknown(e: &Element, attribute: &'static str) -> Option<Unknown> {
     let numbers = |text: &str| element::words(text).map(|w| w.parse().ok()).collect();
     let kinds = |text: &str| element::words(text).map(DependencyKind::parse).collect();
     let expected = match attribute {
         "index" => "a list of indices",
         _ => "a list of value references",
     };
-    Unknown {
-        index: e.required(attribute, e.unsigned(attribute)).unwrap_or(0),
-        dependencies: e.parsed("dependencies", expected, numbers),
-        dependencies_kind: e.parsed(
-            "dependenciesKind",
-            "a list of dependent, constant, fixed, tunable and discrete",
-            kinds,
-        ),
-    }
+    let index = e.required(attribute, e.unsigned(attribute));
+    let dependencies = e.parsed("dependencies", expected, numbers);
+    let dependencies_kind = e.parsed(
+        "dependenciesKind",
+        "a list of dependent, constant, fixed, tunable and discrete",
+        kinds,
+    );
+    Some(Unknown {
+        index: index?,
+        dependencies,
+        dependencies_kind,
+    })
 }

@@ -26,7 +26,9 @@ impl Checker<'_> {
             {
                 rules.push(Rule::StructuralArray);
             }
-            rules.extend(self.start_count(variable));
+            if !self.doubtful.contains(variable.name.as_str()) {
+                rules.extend(self.start_count(variable));
+            }
             for rule in rules {
                 self.report_variable(position, rule);
             }

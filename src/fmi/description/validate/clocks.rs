@@ -149,14 +149,21 @@ pub(super) fn attribute_rules(
             rules.push(Rule::ClockNeeds { attribute, needed });
         }
     }
-    for (attribute, value) in [
-        ("intervalDecimal", clock.interval_decimal.map(f64::from)),
-        ("intervalCounter", clock.interval_counter.map(|v| v as f64)),
-        ("resolution", clock.resolution.map(|v| v as f64)),
-    ] {
-        if let Some(found) = value.filter(|&v| v <= 0.0 || !v.is_finite()) {
-            rules.push(Rule::NotPositive { attribute, found });
-        }
+    let interval = clock
+        .interval_decimal
+        .filter(|v| *v <= 0.0 || !v.is_finite());
+    let counters = [
+        ("intervalCounter", clock.interval_counter),
+        ("resolution", clock.resolution),
+    ];
+    let zeros = counters.into_iter().filter(|(_, value)| *value == Some(0));
+    let zeros = zeros.map(|(attribute, _)| (attribute, "0".to_owned()));
+    for (attribute, found) in interval
+        .map(|v| ("intervalDecimal", v.to_string()))
+        .into_iter()
+        .chain(zeros)
+    {
+        rules.push(Rule::NotPositive { attribute, found });
     }
     let found = clock.shift_decimal;
     if found < 0.0 || found.is_nan() {

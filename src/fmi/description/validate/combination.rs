@@ -12,7 +12,8 @@ pub(super) fn combination(variable: &ScalarVariable, version: FmiVersion) -> Opt
     let base = variable.kind.base_type();
     if variability == V::Continuous && !base.is_real() {
         let base = base.name(version);
-        return Some(Rule::ContinuousNotReal { base });
+        let is_default = version == FmiVersion::V2;
+        return Some(Rule::ContinuousNotReal { base, is_default });
     }
     let allowed: &[I] = match (causality, variability) {
         (C::Parameter | C::StructuralParameter, V::Fixed | V::Tunable) => &[I::Exact],

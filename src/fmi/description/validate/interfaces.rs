@@ -34,7 +34,8 @@ impl Checker<'_> {
 
     fn interface(&mut self, place: Place, identifier: &str, flags: &[(&'static str, bool)]) {
         let is_set = |name| flags.contains(&(name, true));
-        if !names::is_c_identifier(identifier) {
+        let is_missing = self.is_missing(place, "modelIdentifier");
+        if !is_missing && !names::is_c_identifier(identifier) {
             let found = identifier.to_owned();
             self.report(place, Rule::NotAnIdentifier { found });
         }
@@ -59,6 +60,7 @@ impl Checker<'_> {
         if let Some(found) = cs.fixed_internal_step_size {
             let attribute = "fixedInternalStepSize";
             if found <= 0.0 || found.is_nan() {
+                let found = found.to_string();
                 self.report(place, Rule::NotPositive { attribute, found });
             } else if found.is_infinite() {
                 self.report(place, Rule::NotFinite { attribute, found });

@@ -18,7 +18,7 @@ mod unknowns;
 mod variables;
 
 use super::*;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Everything that is wrong with a description, schema and rules, in the order of the file.
 pub fn validate(reading: &Reading) -> Vec<Finding> {
@@ -30,6 +30,7 @@ pub fn validate(reading: &Reading) -> Vec<Finding> {
         units: first_of_each(description.units.iter().map(|u| (u.name.as_str(), u))),
         types: first_of_each(description.types.iter().map(|t| (t.name.as_str(), &t.kind))),
         states: states::states(description),
+        doubtful: doubtful(&reading.findings),
         findings: reading.findings.clone(),
     };
     checker.root();
@@ -62,6 +63,9 @@ struct Checker<'r> {
     types: HashMap<&'r str, &'r TypeKind>,
     /// Indices (from 1) of the continuous states.
     states: BTreeSet<u32>,
+    /// Names of the variables of which the reader could not understand a value: what follows from the
+    /// default in its place is not reported too.
+    doubtful: HashSet<&'r str>,
     findings: Vec<Finding>,
 }
 
@@ -86,6 +90,15 @@ impl<'r> Checker<'r> {
         });
     }
 
+    /// Whether the reader has reported that the element there lacks an attribute.
+    fn is_missing(&self, at: Place, wanted: &str) -> bool {
+        let mut findings = self.findings.iter();
+        findings.any(|finding| match &finding.rule {
+            Rule::MissingAttribute { attribute, .. } => finding.place == at && *attribute == wanted,
+            _ => false,
+        })
+    }
+
     /// The variable of that index (from 1).
     fn at(&self, index: u32) -> Option<&'r ScalarVariable> {
         let position = (index as usize).checked_sub(1)?;
@@ -99,11 +112,11 @@ impl<'r> Checker<'r> {
     fn root(&mut self) {
         let description = self.description;
         let place = self.places.root;
-        if description.guid.is_empty() {
-            let attribute = match self.version {
-                FmiVersion::V2 => "guid",
-                FmiVersion::V3 => "instantiationToken",
-            };
+        let attribute = match self.version {
+            FmiVersion::V2 => "guid",
+            FmiVersion::V3 => "instantiationToken",
+        };
+        if description.guid.is_empty() && !self.is_missing(place, attribute) {
             self.report(place, Rule::EmptyGuid { attribute });
         }
         if let Some(date) = &description.generation_date_and_time {
@@ -134,6 +147,7 @@ impl<'r> Checker<'r> {
             let is_size = matches!(attribute, "tolerance" | "stepSize");
             match value {
                 Some(found) if is_size && (found <= 0.0 || found.is_nan()) => {
+                    let found = found.to_string();
                     self.report(place, Rule::NotPositive { attribute, found });
                 }
                 Some(found) if !found.is_finite() => {
@@ -152,6 +166,11 @@ impl<'r> Checker<'r> {
             self.report(place, Rule::DuplicateCategory { name });
         }
     }
+}
+
+fn doubtful(findings: &[Finding]) -> HashSet<&str> {
+    let blocking = findings.iter().filter(|f| f.rule.leaves_value_unknown());
+    blocking.filter_map(|f| f.variable.as_deref()).collect()
 }
 
 /// A table of items by name; of those with one name the first.

@@ -49,7 +49,9 @@ impl Checker<'_> {
     pub(super) fn start_count(&self, variable: &ScalarVariable) -> Option<Rule> {
         let found = variable.kind.start_count();
         let expected = self.description.size(variable)?;
-        (found > 1 && found as u64 != expected).then_some(Rule::StartCount { found, expected })
+        // An empty array is reported by its dimension.
+        (found > 1 && expected > 0 && found as u64 != expected)
+            .then_some(Rule::StartCount { found, expected })
     }
 }
 

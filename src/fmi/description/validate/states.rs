@@ -39,7 +39,7 @@ impl Checker<'_> {
                 variable.causality,
                 matches!(variable.causality, Causality::Local | Causality::Output),
             );
-            if is_state && !may_be_state {
+            if is_state && is_continuous_real(variable) && !may_be_state {
                 rules.push(Rule::StateCausality { causality });
             }
             let is_reset = matches!(&variable.kind, VariableKind::Real(real) if real.reinit);

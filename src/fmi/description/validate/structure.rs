@@ -4,6 +4,7 @@
 use super::states::{derivative_of, is_continuous_real};
 use super::unknowns::List;
 use super::*;
+use std::collections::BTreeMap;
 
 impl Checker<'_> {
     pub(super) fn structure(&mut self) {
@@ -39,8 +40,8 @@ impl Checker<'_> {
         rules.extend(self.derivatives());
         rules.extend(self.clocked_states());
         rules.extend(self.event_indicators());
-        for rule in rules {
-            self.report(places.structure, rule);
+        for (place, rule) in rules {
+            self.report(place, rule);
         }
     }
 
@@ -57,148 +58,169 @@ impl Checker<'_> {
         }
     }
 
-    fn missing(&self, list: List, index: u32, variable: &ScalarVariable) -> Rule {
-        Rule::MissingUnknown {
-            list: self.list_name(list),
-            variable: self.handle(index),
-            name: variable.name.clone(),
-        }
-    }
-
-    fn outputs(&self) -> Vec<Rule> {
-        let listed = indices(&self.description.structure.outputs);
-        let list = List::Outputs;
+    /// Compares a list with what it must hold: `required` says of a variable whether it must be
+    /// listed, `None` that it may be; `wrong` makes the rule for one that must not.
+    fn compare(
+        &self,
+        list: List,
+        listed: &BTreeMap<u32, Place>,
+        required: impl Fn(u32, &ScalarVariable) -> Option<bool>,
+        wrong: impl Fn(Handle, &ScalarVariable) -> Rule,
+    ) -> Vec<(Place, Rule)> {
         let rule = |(index, variable): (u32, &ScalarVariable)| {
-            let is_output = variable.causality == Causality::Output;
-            match (is_output, listed.contains(&index)) {
-                (true, false) => Some(self.missing(list, index, variable)),
-                (false, true) => Some(Rule::NotAnOutput {
-                    list: self.list_name(list),
-                    variable: self.handle(index),
-                    name: variable.name.clone(),
-                    causality: variable.causality,
-                }),
+            let handle = self.handle(index);
+            match (required(index, variable)?, listed.get(&index)) {
+                (true, None) => {
+                    let rule = Rule::MissingUnknown {
+                        list: self.list_name(list),
+                        variable: handle,
+                        name: variable.name.clone(),
+                    };
+                    Some((self.places.structure, rule))
+                }
+                (false, Some(&place)) => Some((place, wrong(handle, variable))),
                 _ => None,
             }
         };
-        (1..)
-            .zip(&self.description.variables)
-            .filter_map(rule)
-            .collect()
+        let variables = (1..).zip(&self.description.variables);
+        variables.filter_map(rule).collect()
+    }
+
+    fn outputs(&self) -> Vec<(Place, Rule)> {
+        let listed = listed(&self.description.structure.outputs, &self.places.outputs);
+        let list = self.list_name(List::Outputs);
+        self.compare(
+            List::Outputs,
+            &listed,
+            |_, variable| Some(variable.causality == Causality::Output),
+            |handle, variable| Rule::NotAnOutput {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+                causality: variable.causality,
+            },
+        )
     }
 
     /// Outputs, states and derivatives with initial approx or calculated, and calculated parameters.
-    /// In FMI 3.0 clocked variables may be listed, or not.
-    fn initial_unknowns(&self) -> Vec<Rule> {
+    /// In FMI 3.0 clocked variables and clocks may be listed, or not.
+    fn initial_unknowns(&self) -> Vec<(Place, Rule)> {
         let structure = &self.description.structure;
-        let listed = indices(&structure.initial_unknowns);
-        let derivatives = indices(&structure.derivatives);
-        let list = List::InitialUnknowns;
-        let rule = |(index, variable): (u32, &ScalarVariable)| {
-            let is_free = !variable.clocks.is_empty()
-                || (variable.kind.base_type() == BaseType::Clock
-                    && variable.causality == Causality::Output);
-            let computed = matches!(
+        let places = &self.places.initial_unknowns;
+        let listed_here = listed(&structure.initial_unknowns, places);
+        let derivatives = listed(&structure.derivatives, &self.places.derivatives);
+        let list = self.list_name(List::InitialUnknowns);
+        let required = |index: u32, variable: &ScalarVariable| {
+            let is_clock = variable.kind.base_type() == BaseType::Clock;
+            if !variable.clocks.is_empty() || is_clock {
+                return None;
+            }
+            let is_computed = matches!(
                 variable.effective_initial(),
                 Some(Initial::Approx | Initial::Calculated)
             );
-            let is_required = match variable.causality {
-                Causality::Output => computed,
+            Some(match variable.causality {
+                Causality::Output => is_computed,
                 Causality::CalculatedParameter => true,
-                _ => computed && (self.states.contains(&index) || derivatives.contains(&index)),
-            };
-            match (is_required, listed.contains(&index)) {
-                _ if is_free => None,
-                (true, false) => Some(self.missing(list, index, variable)),
-                (false, true) => Some(Rule::NotInitial {
-                    list: self.list_name(list),
-                    variable: self.handle(index),
-                    name: variable.name.clone(),
-                }),
-                _ => None,
-            }
+                _ => {
+                    let is_state = self.states.contains(&index);
+                    is_computed && (is_state || derivatives.contains_key(&index))
+                }
+            })
         };
-        (1..)
-            .zip(&self.description.variables)
-            .filter_map(rule)
-            .collect()
+        self.compare(
+            List::InitialUnknowns,
+            &listed_here,
+            required,
+            |handle, variable| Rule::NotInitial {
+                list,
+                variable: handle,
+                name: variable.name.clone(),
+            },
+        )
     }
 
-    fn derivatives(&self) -> Vec<Rule> {
+    fn derivatives(&self) -> Vec<(Place, Rule)> {
         let list = self.list_name(List::Derivatives);
         let mut rules = Vec::new();
         let mut first: HashMap<u32, u32> = HashMap::new();
-        for unknown in &self.description.structure.derivatives {
+        let unknowns = self.description.structure.derivatives.iter();
+        for (unknown, &place) in unknowns.zip(&self.places.derivatives) {
             let Some(variable) = self.at(unknown.index) else {
                 continue;
             };
             let (handle, name) = (self.handle(unknown.index), variable.name.clone());
             let Some(state) = derivative_of(variable) else {
-                rules.push(Rule::NotADerivative {
+                let rule = Rule::NotADerivative {
                     list,
                     variable: handle,
                     name,
-                });
+                };
+                rules.push((place, rule));
                 continue;
             };
             if !is_continuous_real(variable) {
-                rules.push(Rule::NotContinuous {
+                let rule = Rule::NotContinuous {
                     list,
                     variable: handle,
                     name: name.clone(),
-                });
+                };
+                rules.push((place, rule));
             }
             let before = *first.entry(state).or_insert(unknown.index);
             if let (true, Some(other), Some(state)) =
                 (before != unknown.index, self.at(before), self.at(state))
             {
-                rules.push(Rule::TwoDerivatives {
+                let rule = Rule::TwoDerivatives {
                     list,
                     state: state.name.clone(),
                     first: other.name.clone(),
                     second: name,
-                });
+                };
+                rules.push((place, rule));
             }
         }
         rules
     }
 
-    fn clocked_states(&self) -> Vec<Rule> {
-        let listed = indices(&self.description.structure.clocked_states);
-        let list = List::ClockedStates;
-        let rule = |(index, variable): (u32, &ScalarVariable)| match (
-            variable.previous.is_some(),
-            listed.contains(&index),
-        ) {
-            (true, false) => Some(self.missing(list, index, variable)),
-            (false, true) => Some(Rule::NotAClockedState {
-                list: self.list_name(list),
-                variable: self.handle(index),
+    fn clocked_states(&self) -> Vec<(Place, Rule)> {
+        let unknowns = &self.description.structure.clocked_states;
+        let listed = listed(unknowns, &self.places.clocked_states);
+        let list = self.list_name(List::ClockedStates);
+        self.compare(
+            List::ClockedStates,
+            &listed,
+            |_, variable| Some(variable.previous.is_some()),
+            |handle, variable| Rule::NotAClockedState {
+                list,
+                variable: handle,
                 name: variable.name.clone(),
-            }),
-            _ => None,
-        };
-        (1..)
-            .zip(&self.description.variables)
-            .filter_map(rule)
-            .collect()
+            },
+        )
     }
 
-    fn event_indicators(&self) -> Vec<Rule> {
-        let unknowns = self.description.structure.event_indicators.iter();
-        let rule = |unknown: &Unknown| {
-            let variable = self.at(unknown.index)?;
-            (!is_continuous_real(variable)).then(|| Rule::NotContinuous {
-                list: self.list_name(List::EventIndicators),
-                variable: self.handle(unknown.index),
+    fn event_indicators(&self) -> Vec<(Place, Rule)> {
+        let unknowns = &self.description.structure.event_indicators;
+        let listed = listed(unknowns, &self.places.event_indicators);
+        let list = self.list_name(List::EventIndicators);
+        self.compare(
+            List::EventIndicators,
+            &listed,
+            |_, variable| (!is_continuous_real(variable)).then_some(false),
+            |handle, variable| Rule::NotContinuous {
+                list,
+                variable: handle,
                 name: variable.name.clone(),
-            })
-        };
-        unknowns.filter_map(rule).collect()
+            },
+        )
     }
 }
 
-/// Indices of the variables in a list.
-fn indices(unknowns: &[Unknown]) -> BTreeSet<u32> {
-    unknowns.iter().map(|u| u.index).collect()
+/// Indices of the variables in a list, and where each stands first.
+fn listed(unknowns: &[Unknown], places: &[Place]) -> BTreeMap<u32, Place> {
+    let mut listed = BTreeMap::new();
+    for (unknown, &place) in unknowns.iter().zip(places) {
+        listed.entry(unknown.index).or_insert(place);
+    }
+    listed
 }

@@ -14,7 +14,9 @@ impl Checker<'_> {
                 rules.extend(self.name(name));
             }
             rules.extend(combination::combination(variable, self.version));
-            rules.extend(combination::start_presence(variable));
+            if !self.doubtful.contains(variable.name.as_str()) {
+                rules.extend(combination::start_presence(variable));
+            }
             rules.extend(self.declared_type(variable));
             rules.extend(self.values(variable));
             rules.extend(self.units_of(variable));

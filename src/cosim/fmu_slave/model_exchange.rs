@@ -1,0 +1,111 @@
+//! An FMU for model exchange, integrated here, as a slave.
+
+use super::access::Access;
+use super::variables::variables;
+use crate::cosim::slave::{Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
+use crate::fmi::simulate::RunWork;
+use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
+
+/// An instance of an FMU for model exchange with a solver. Inputs are held during a step.
+#[derive(Debug)]
+pub struct ModelExchangeSlave {
+    run: ModelExchangeRun,
+    access: Access,
+    variables: Vec<Variable>,
+    /// Tolerance of the description's `DefaultExperiment`.
+    tolerance: Option<f64>,
+    start: f64,
+    has_begun: bool,
+}
+
+impl ModelExchangeSlave {
+    /// Makes an instance of a loaded FMU.
+    ///
+    /// # Errors
+    /// If the FMU is not for model exchange, or refuses.
+    pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
+        let description = library.description();
+        let instance = library.instantiate(name, fmi::Kind::ModelExchange)?;
+        Ok(Self {
+            run: ModelExchangeRun::new(instance, description, RunOptions::default()),
+            access: Access::of(description),
+            variables: variables(description),
+            tolerance: description.default_experiment.and_then(|e| e.tolerance),
+            start: 0.0,
+            has_begun: false,
+        })
+    }
+
+    /// What the solution has cost so far.
+    pub fn work(&self) -> RunWork {
+        self.run.work()
+    }
+}
+
+impl Slave for ModelExchangeSlave {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+        let tolerance = experiment.tolerance.or(self.tolerance);
+        if let Some(tolerance) = tolerance {
+            self.run.set_tolerance(tolerance);
+        }
+        self.start = experiment.start;
+        let (start, stop) = (experiment.start, experiment.stop);
+        let instance = self.run.instance();
+        Ok(instance.setup_experiment(tolerance, start, stop)?)
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(self.run.instance().enter_initialization_mode()?)
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        self.run.instance().exit_initialization_mode()?;
+        self.run.begin(self.start)?;
+        self.has_begun = true;
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+        if self.has_begun && !self.access.has_singles() {
+            return Ok(self.run.set_inputs(handles, values, None)?);
+        }
+        let instance = match self.has_begun {
+            true => self.run.event_mode()?,
+            false => self.run.instance(),
+        };
+        Ok(self.access.set_reals(instance, handles, values)?)
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        let instance = self.run.instance();
+        Ok(self.access.get_reals(instance, handles, values)?)
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+        let instance = match (self.has_begun, value) {
+            (true, Value::Real(value)) => return self.set_reals(&[handle], &[*value]),
+            (true, _) => self.run.event_mode()?,
+            (false, _) => self.run.instance(),
+        };
+        self.access.set(instance, handle, value)
+    }
+
+    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+        self.access.get(self.run.instance(), handle, kind)
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        Ok(match self.run.step_to(t + h)? {
+            Reached::Target => Progress::Done,
+            Reached::EndRequested(reached) => Progress::EndRequested { reached },
+        })
+    }
+
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(self.run.instance().terminate()?)
+    }
+}

@@ -1,0 +1,103 @@
+//! The variables of an FMU as the master sees them.
+
+use crate::cosim::slave::{Base, Kind, Role, Unit, Variable};
+use crate::fmi::description::{
+    BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
+};
+
+/// The description's variables as the master sees them.
+///
+/// Arrays, binary variables and clocks of FMI 3.0 are left out: no connection carries them.
+pub(super) fn variables(description: &ModelDescription) -> Vec<Variable> {
+    let all = description.variables.iter().enumerate();
+    let seen: Vec<(usize, &ScalarVariable, Kind)> = all
+        .filter(|(_, v)| v.dimensions.is_empty())
+        .filter_map(|(index, v)| kind(v).map(|kind| (index, v, kind)))
+        .collect();
+    // Inputs by their index in the description and their position here.
+    let at = seen.iter().enumerate();
+    let inputs: Vec<(usize, usize)> = at
+        .filter(|(_, (_, v, _))| v.causality == Causality::Input)
+        .map(|(position, (index, ..))| (*index, position))
+        .collect();
+    let see = |&(index, variable, kind): &(usize, &ScalarVariable, Kind)| {
+        let is_output = variable.causality == Causality::Output;
+        let structure = &description.structure;
+        let find = |list: &[Unknown]| list.iter().find(|u| u.index as usize == index + 1).cloned();
+        let (mut feedthrough, mut initial_feedthrough) = (Vec::new(), Vec::new());
+        if is_output {
+            feedthrough = fed_by(find(&structure.outputs), &inputs);
+            // An output with initial exact has its start value; it depends on nothing.
+            if variable.effective_initial() != Some(Initial::Exact) {
+                initial_feedthrough = fed_by(find(&structure.initial_unknowns), &inputs);
+            }
+        }
+        Variable {
+            name: variable.name.clone(),
+            handle: variable.value_reference,
+            kind,
+            role: role(variable),
+            settable: is_settable(variable),
+            unit: unit(description, variable),
+            feedthrough,
+            initial_feedthrough,
+        }
+    };
+    seen.iter().map(see).collect()
+}
+
+/// The inputs among an unknown's dependencies: all of them if it is not listed or says nothing.
+fn fed_by(unknown: Option<Unknown>, inputs: &[(usize, usize)]) -> Vec<usize> {
+    let listed = unknown.and_then(|u| u.dependencies);
+    let is_listed = |index: usize| {
+        let one_based = index as u32 + 1;
+        (listed.as_ref()).is_none_or(|listed| listed.contains(&one_based))
+    };
+    let feeding = inputs.iter().filter(|(index, _)| is_listed(*index));
+    feeding.map(|&(_, position)| position).collect()
+}
+
+fn kind(variable: &ScalarVariable) -> Option<Kind> {
+    match variable.kind.base_type() {
+        BaseType::Real(_) => Some(Kind::Real),
+        BaseType::Integer(_) => Some(Kind::Integer),
+        BaseType::Boolean => Some(Kind::Boolean),
+        BaseType::String => Some(Kind::String),
+        BaseType::Enumeration => Some(Kind::Enumeration),
+        BaseType::Binary | BaseType::Clock => None,
+    }
+}
+
+fn role(variable: &ScalarVariable) -> Role {
+    match variable.causality {
+        Causality::Parameter | Causality::StructuralParameter => Role::Parameter,
+        Causality::Input => Role::Input,
+        Causality::Output => Role::Output,
+        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Role::Local,
+    }
+}
+
+/// Whether `fmi2SetXXX` is allowed before initialization ends (FMI 2.0, section 4.2.4, the table's
+/// footnotes).
+fn is_settable(variable: &ScalarVariable) -> bool {
+    let has_start = matches!(
+        variable.effective_initial(),
+        Some(Initial::Exact | Initial::Approx)
+    );
+    variable.causality == Causality::Input
+        || (has_start && variable.variability != Variability::Constant)
+}
+
+fn unit(description: &ModelDescription, variable: &ScalarVariable) -> Option<Unit> {
+    let name = description.unit_of(variable)?;
+    let defined = description.units.iter().find(|u| u.name == name);
+    let base = defined.and_then(|u| u.base).map(|base| Base {
+        exponents: base.exponents().map(|(_, exponent)| exponent),
+        factor: base.factor,
+        offset: base.offset,
+    });
+    Some(Unit {
+        name: name.to_owned(),
+        base,
+    })
+}
