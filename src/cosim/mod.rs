@@ -16,6 +16,7 @@
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi and Gauss-Seidel, and the order that dependencies give |
 //! | [`master`] | initialization and the stepping loop |
+//! | [`mod@linearize`] | the linear system about where the slaves stand, and its loops |
 //! | [`recorder`] | where the rows go |
 //! | [`selection`] | which signals are recorded, and how often |
 //! | [`source`] | signals over time, from a table |
@@ -24,6 +25,7 @@
 pub mod algorithms;
 pub mod clock;
 pub mod fmu_slave;
+pub mod linearize;
 pub mod master;
 pub mod native_slave;
 pub mod recorder;
@@ -36,6 +38,7 @@ pub mod unit_names;
 pub use algorithms::Algorithm;
 pub use clock::Clock;
 pub use fmu_slave::{FmuSlave, ModelExchangeSlave};
+pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};

@@ -1,5 +1,7 @@
 //! What the master knows of a simulation unit.
 
+use crate::linear::StateSpace;
+
 /// Why a slave's call failed, in the slave's own words.
 pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -39,6 +41,13 @@ pub trait Slave {
 
     /// Ends the simulation.
     fn terminate(&mut self) -> Result<(), SlaveError>;
+
+    /// The linear system that the slave is in continuous time for small changes about where it stands, with
+    /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
+    /// [`variables`](Self::variables), and those that are left out count as constant.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        Err("it does not say how it depends on its states and inputs".into())
+    }
 }
 
 /// How far a step came.

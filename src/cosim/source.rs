@@ -1,6 +1,7 @@
 //! Signals over time, from a table, as a slave that feeds others.
 
 use super::slave::{Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable};
+use crate::linear::StateSpace;
 use crate::series::{Column, Series};
 use thiserror::Error;
 
@@ -208,6 +209,11 @@ impl Slave for Source {
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(())
+    }
+
+    /// Nothing: what it feeds are inputs from outside.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        Ok(StateSpace::empty())
     }
 }
 

@@ -58,6 +58,36 @@ impl StateSpace {
         }
     }
 
+    /// The system whose states, inputs and outputs have these names. `column(k)` gives what the `k`-th known
+    /// changes, per unit: all states' derivatives, then all outputs. The states are known first, then the
+    /// inputs.
+    ///
+    /// # Errors
+    /// The first one of `column`.
+    ///
+    /// # Panics
+    /// If a column has another length.
+    pub fn from_columns<E>(
+        [states, inputs, outputs]: [Vec<String>; 3],
+        column: impl FnMut(usize) -> Result<Vec<f64>, E>,
+    ) -> Result<Self, E> {
+        let (n, m, p) = (states.len(), inputs.len(), outputs.len());
+        let columns: Vec<Vec<f64>> = (0..n + m).map(column).collect::<Result<_, E>>()?;
+        assert!(columns.iter().all(|column| column.len() == n + p));
+        let part = |row: usize, rows: usize, first: usize, width: usize| {
+            DMatrix::from_fn(rows, width, |i, j| columns[first + j][row + i])
+        };
+        Ok(Self {
+            a: part(0, n, 0, n),
+            b: part(0, n, n, m),
+            c: part(n, p, 0, n),
+            d: part(n, p, n, m),
+            states,
+            inputs,
+            outputs,
+        })
+    }
+
     /// Several systems as one, which do not act on each other.
     pub fn side_by_side(parts: &[Self]) -> Self {
         let diagonal = |of: fn(&Self) -> &DMatrix<f64>| {

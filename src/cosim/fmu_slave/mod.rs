@@ -1,15 +1,18 @@
 //! An FMU of FMI 2.0 or 3.0 as a slave. The only place here that knows of FMUs.
 
 mod access;
+mod linear;
 mod model_exchange;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
+use self::linear::Knowns;
 use self::variables::variables;
 use super::slave::{Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
+use crate::linear::StateSpace;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a slave of it: of the wanted kind, if it has that one, else
@@ -42,6 +45,7 @@ pub fn open(
 pub struct FmuSlave {
     instance: Instance,
     access: Access,
+    knowns: Knowns,
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
@@ -65,6 +69,7 @@ impl FmuSlave {
         Ok(Self {
             instance: library.instantiate(name, fmi::Kind::CoSimulation)?,
             access: Access::of(description),
+            knowns: Knowns::of(description),
             variables: variables(description),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
         })
@@ -135,5 +140,9 @@ impl Slave for FmuSlave {
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.instance.terminate()?)
+    }
+
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        self.knowns.by_derivatives(&mut self.instance)
     }
 }

@@ -55,7 +55,7 @@ impl Failure {
         }
     }
 
-    fn at(self, time: f64) -> Ending {
+    pub(super) fn at(self, time: f64) -> Ending {
         Ending::Failed {
             instance: self.instance,
             time,
@@ -249,6 +249,20 @@ impl Exchange {
             }),
             Err(source) => Err(wired.failure(Stage::Step, source).at(t)),
         }
+    }
+
+    /// Gives every slave its inputs and shows it.
+    pub(super) fn look(
+        &mut self,
+        look: &mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
+    ) -> Result<(), Failure> {
+        for i in 0..self.wired.len() {
+            self.set_inputs(i)?;
+            let wired = &mut self.wired[i];
+            let seen = look(wired.slave.as_mut());
+            seen.map_err(|source| wired.failure(Stage::Linearize, source))?;
+        }
+        Ok(())
     }
 
     /// Terminates the slaves that still can be, and says how the run ended at `time`.

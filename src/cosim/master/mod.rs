@@ -8,7 +8,7 @@ use self::initialize::initialize;
 use super::algorithms::{Algorithm, gauss_seidel_order};
 use super::clock::Clock;
 use super::recorder::{Recorder, Signal};
-use super::slave::{Experiment, SlaveError};
+use super::slave::{Experiment, Slave, SlaveError};
 use super::system::System;
 use std::io;
 use thiserror::Error;
@@ -63,6 +63,8 @@ pub enum Stage {
     Step,
     /// Giving its outputs.
     GetOutputs,
+    /// Telling how it depends on its states and inputs.
+    Linearize,
     /// Ending.
     Terminate,
 }
@@ -78,6 +80,7 @@ impl std::fmt::Display for Stage {
             Self::SetInputs => f.write_str("take its inputs"),
             Self::Step => f.write_str("step"),
             Self::GetOutputs => f.write_str("give its outputs"),
+            Self::Linearize => f.write_str("be linearised"),
             Self::Terminate => f.write_str("terminate"),
         }
     }
@@ -146,11 +149,25 @@ pub struct Run {
 /// If the initialization or the recording fails. A slave that fails later ends the run, which is
 /// told by [`Run::ending`].
 pub fn run(
+    system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    algorithm: Algorithm,
+    recorder: &mut dyn Recorder,
+) -> Result<Run, MasterError> {
+    let look = &mut |_: &mut dyn Slave| Ok(());
+    run_and_look(system, clock, tolerance, algorithm, recorder, look)
+}
+
+/// As [`run`]; at the end, if it is reached, every slave is looked at in the order in which they were added,
+/// after it has got the inputs that belong to the outputs there.
+pub(super) fn run_and_look(
     mut system: System,
     clock: &Clock,
     tolerance: Option<f64>,
     algorithm: Algorithm,
     recorder: &mut dyn Recorder,
+    look: &mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
 ) -> Result<Run, MasterError> {
     let order = match algorithm {
         Algorithm::Jacobi => (0..system.instances.len()).collect(),
@@ -186,6 +203,9 @@ pub fn run(
         };
     }
     let time = clock.time(steps);
+    if stop.is_none() {
+        stop = exchange.look(look).err().map(|failure| failure.at(time));
+    }
     let ending = exchange.end(stop, time);
     let name = |&i: &usize| exchange.wired[i].name.clone();
     Ok(Run {
