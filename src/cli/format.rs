@@ -13,10 +13,10 @@ fn pole(pole: Complex<f64>) -> String {
 
 /// A row of a table of modes: pole, frequency, damping.
 pub fn mode(mode: &Mode) -> String {
-    format!(
-        "  {:<20}  {:>17.3}  {:>7.3}\n",
-        pole(mode.pole),
-        mode.frequency,
-        mode.damping
-    )
+    pole_row(mode.pole, mode.frequency, mode.damping)
+}
+
+/// The same from its parts.
+pub fn pole_row(at: Complex<f64>, frequency: f64, damping: f64) -> String {
+    format!("  {:<20}  {frequency:>17.3}  {damping:>7.3}\n", pole(at))
 }

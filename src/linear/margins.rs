@@ -67,6 +67,36 @@ impl Response {
     }
 }
 
+impl Response {
+    /// At the lowest frequencies: the gain, with the sign of a steady one, and the power of the frequency
+    /// with which it changes there, 0 for a loop with a steady gain, -1 for one that integrates once.
+    pub fn low(&self) -> (f64, i32) {
+        let (Some(first), Some(second)) = (self.value.first(), self.value.get(1)) else {
+            return (0.0, 0);
+        };
+        let slope =
+            (second.norm() / first.norm()).ln() / (self.frequency[1] / self.frequency[0]).ln();
+        match slope.round() as i32 {
+            0 => (first.norm().copysign(first.re), 0),
+            power => (first.norm(), power),
+        }
+    }
+
+    /// Phase [rad], without jumps from one frequency to the next.
+    pub fn phase(&self) -> Vec<f64> {
+        let mut last = 0.0;
+        let unwrapped = self.value.iter().enumerate().map(|(i, value)| {
+            let phase = value.arg();
+            last = match i {
+                0 => phase,
+                _ => phase + 2.0 * PI * ((last - phase) / (2.0 * PI)).round(),
+            };
+            last
+        });
+        unwrapped.collect()
+    }
+}
+
 /// Logarithmic steps, and finer ones around each resonance.
 fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
     let modes = Mode::of_poles(poles);

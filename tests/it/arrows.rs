@@ -38,7 +38,14 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     (
         "report",
-        &["series", "models", "vehicle", "identification", "cosim"],
+        &[
+            "series",
+            "models",
+            "vehicle",
+            "identification",
+            "cosim",
+            "linear",
+        ],
     ),
     ("document", &["nearest"]),
     ("nearest", &[]),

@@ -1,5 +1,6 @@
 //! `pilotage cosim`: FMUs wired together and simulated.
 
+pub mod ending;
 mod inputs;
 mod parameters;
 mod summary;
@@ -96,7 +97,8 @@ enum AlgorithmName {
     GaussSeidel,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err("expected a positive number".to_owned()),
@@ -130,7 +132,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             return Err(explain(error, watch.inner, &part));
         }
     };
-    let ending = summary::Words::of(&run);
+    let ending = ending::Words::of(&run);
     watch.end(ending.status, run.time);
     let seconds = watch.elapsed().as_secs_f64();
     let Thinned {

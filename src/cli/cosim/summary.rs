@@ -1,78 +1,10 @@
 //! What a run has done, for people and for scripts.
 
 use super::Args;
+use super::ending::Words;
 use crate::cosim::recorder::Signal;
-use crate::cosim::{Algorithm, Ending, Run};
+use crate::cosim::{Algorithm, Run};
 use serde_json::json;
-use std::error::Error;
-
-/// How a run ended, in words.
-pub struct Words {
-    /// For scripts.
-    pub status: &'static str,
-    /// `note` or `error`.
-    pub severity: &'static str,
-    /// What went wrong, if anything.
-    pub message: Option<String>,
-}
-
-impl Words {
-    /// How that run ended.
-    pub fn of(run: &Run) -> Self {
-        let (status, severity, message) = match &run.ending {
-            Ending::Completed => ("completed", "note", None),
-            Ending::Stopped { time } => {
-                let message = format!("stopped at {time} s; the rows until then are kept");
-                ("stopped", "note", Some(message))
-            }
-            Ending::EndRequested { instance, time } => {
-                let message = format!("`{instance}` asked for the end at {time} s");
-                ("end-requested", "note", Some(message))
-            }
-            Ending::Discarded {
-                instance,
-                time,
-                reached,
-            } => {
-                let message = format!(
-                    "`{instance}` discarded the step from {time} s, it came to {reached} s; \
-                 the rows until {} s are kept",
-                    run.time
-                );
-                ("discarded", "error", Some(message))
-            }
-            Ending::Failed {
-                instance,
-                time,
-                stage,
-                source,
-            } => {
-                let message = format!(
-                    "`{instance}` failed to {stage} at {time} s: {}; the rows until {} s are kept",
-                    chain(source.as_ref()),
-                    run.time
-                );
-                ("failed", "error", Some(message))
-            }
-        };
-        Self {
-            status,
-            severity,
-            message,
-        }
-    }
-}
-
-/// An error with all that caused it.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        text += &format!(": {cause}");
-        next = cause.source();
-    }
-    text
-}
 
 /// A run and what belongs to it.
 pub struct Summary<'a> {
