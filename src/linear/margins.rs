@@ -53,7 +53,7 @@ pub struct Margins {
 
 impl Response {
     /// The response of a loop `L(jω)`, where it turns quickly at more points than elsewhere. `poles` are
-    /// those of the open and of the closed loop: around them the response turns, and about three
+    /// those of the open and of the closed loop: around them the response turns, and about two
     /// decades around their frequencies it is looked at. `highest` ends it, if there is a highest
     /// frequency [rad/s].
     pub fn of(
@@ -111,7 +111,7 @@ fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
         .fold(f64::INFINITY, f64::min);
     let (mut low, mut high) = match modes.is_empty() {
         true => (1e-2, 1e2),
-        false => (slowest * 1e-3, fastest * 1e3),
+        false => (slowest * 1e-2, fastest * 1e2),
     };
     if let Some(highest) = highest {
         high = highest;
