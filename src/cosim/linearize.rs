@@ -2,9 +2,9 @@
 
 use super::algorithms::Algorithm;
 use super::clock::Clock;
-use super::master::{MasterError, Run, run_and_look};
+use super::master::{Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
-use super::slave::Kind;
+use super::slave::{Kind, Slave};
 use super::system::System;
 use crate::linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wire};
 use crate::nearest::{did_you_mean, nearest};

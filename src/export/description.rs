@@ -28,6 +28,7 @@ pub fn description(
         .map(str::to_owned)
         .collect();
     let indicators = interface.structure.indicators.len();
+    let newer = version == fmi::FmiVersion::V3;
     fmi::ModelDescription {
         fmi_version: version,
         model_name: interface.name.clone(),
@@ -37,10 +38,9 @@ pub fn description(
         license: provenance.license.clone(),
         generation_tool: Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")).into()),
         naming_convention: fmi::NamingConvention::Structured,
-        number_of_event_indicators: (version == fmi::FmiVersion::V2)
-            .then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
-        model_exchange: Some(model_exchange(interface)),
-        co_simulation: Some(co_simulation(interface)),
+        number_of_event_indicators: (!newer).then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
+        model_exchange: Some(model_exchange(interface, newer)),
+        co_simulation: Some(co_simulation(interface, newer)),
         units: units(&interface.variables),
         log_categories: log_categories(),
         default_experiment: Some(fmi::DefaultExperiment {
@@ -57,35 +57,36 @@ pub fn description(
     }
 }
 
-fn model_exchange(interface: &Interface) -> fmi::ModelExchange {
+/// `newer`: with what FMI 3.0 alone has.
+fn model_exchange(interface: &Interface, newer: bool) -> fmi::ModelExchange {
     fmi::ModelExchange {
         model_identifier: interface.name.clone(),
         completed_integrator_step_not_needed: true,
-        can_not_use_memory_management_functions: true,
+        can_not_use_memory_management_functions: !newer,
         can_get_and_set_fmu_state: true,
         can_serialize_fmu_state: true,
         provides_directional_derivative: true,
-        provides_adjoint_derivatives: true,
-        provides_per_element_dependencies: true,
+        provides_adjoint_derivatives: newer,
+        provides_per_element_dependencies: newer,
         ..fmi::ModelExchange::default()
     }
 }
 
-fn co_simulation(interface: &Interface) -> fmi::CoSimulation {
+fn co_simulation(interface: &Interface, newer: bool) -> fmi::CoSimulation {
     let events = !interface.structure.indicators.is_empty();
     fmi::CoSimulation {
         model_identifier: interface.name.clone(),
         can_handle_variable_communication_step_size: true,
-        can_interpolate_inputs: true,
+        can_interpolate_inputs: !newer,
         max_output_derivative_order: 1,
-        can_not_use_memory_management_functions: true,
+        can_not_use_memory_management_functions: !newer,
         can_get_and_set_fmu_state: true,
         can_serialize_fmu_state: true,
         provides_directional_derivative: true,
-        provides_adjoint_derivatives: true,
-        provides_per_element_dependencies: true,
-        has_event_mode: true,
-        might_return_early_from_do_step: events,
+        provides_adjoint_derivatives: newer,
+        provides_per_element_dependencies: newer,
+        has_event_mode: newer,
+        might_return_early_from_do_step: newer && events,
         ..fmi::CoSimulation::default()
     }
 }

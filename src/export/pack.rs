@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The function that `pilotage_kit::export!` adds to those of FMI.
-const INTERFACE: &CStr = c"pilotage_interface";
+const INTERFACE: &CStr = c"pilotageInterface";
 
 /// Builds the crate in a folder, and gives its library and its licence.
 ///

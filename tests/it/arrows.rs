@@ -28,7 +28,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("integrate", &[]),
     ("fmi", &["abi", "nearest", "integrate"]),
-    ("export", &["models", "fmi", "output"]),
+    ("export", &["abi", "kit", "models", "fmi", "output"]),
     ("linear", &[]),
     ("cosim", &["series", "linear", "nearest"]),
     ("cosim/fmu_slave", &["series", "linear", "fmi", "nearest"]),
@@ -191,6 +191,7 @@ fn the_fmu_drags_in_no_toolkit() {
     for manifest in [
         "fmu/Cargo.toml",
         "fmu/abi/Cargo.toml",
+        "fmu/kit/Cargo.toml",
         "fmu/models/Cargo.toml",
     ] {
         let text = fs::read_to_string(root.join(manifest)).unwrap();

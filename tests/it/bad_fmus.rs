@@ -150,12 +150,12 @@ fn archives() {
         (
             "another method",
             with_field(good(), 10, &12u16.to_le_bytes()),
-            "a.fmu: entry `modelDescription.xml` cannot be unpacked: compression method not supported: 12",
+            "a.fmu: entry `modelDescription.xml` is compressed by Bzip2; the standard allows `deflate` and `store`",
         ),
         (
             "encrypted",
             with_field(good(), 8, &1u16.to_le_bytes()),
-            "a.fmu: entry `modelDescription.xml` cannot be unpacked: unsupported Zip archive: Password required to decrypt file",
+            "a.fmu: entry `modelDescription.xml` is encrypted; FMUs must not be",
         ),
         (
             "more than declared",

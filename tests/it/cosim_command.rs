@@ -384,7 +384,7 @@ fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
         String::from_utf8(ended.stderr).unwrap(),
         format!(
             "note: stopping after this step; Ctrl-C again kills\n\
-             note: stopped at {last} s; the rows until then are kept\n"
+             note: stopped at {last} s; the rows until {last} s are kept\n"
         )
     );
     assert!(last < 1e7);

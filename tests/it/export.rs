@@ -2,9 +2,10 @@
 
 use crate::command::{Folder, example};
 use pilotage::export::{Provenance, package};
-use pilotage::fmi::description::{self, ModelDescription};
+use pilotage::fmi::description::{self, FmiVersion, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter, Unit};
+use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::process::Command;
@@ -97,7 +98,9 @@ fn description_is_valid_and_says_what_the_model_is() {
     for (model, provenance) in models() {
         let files = files(&package(&model, &provenance).unwrap());
         let found = read(&files);
-        assert_eq!(found, pilotage::export::description(&model, &provenance));
+        let interface = Interface::of(&model);
+        let expected = pilotage::export::description(&interface, &provenance, FmiVersion::V2);
+        assert_eq!(found, expected);
         assert_eq!(found.guid, model.guid());
         assert_eq!(
             Model::from_file(text(&files, "resources/model.toml")),
@@ -120,7 +123,10 @@ fn description_declares_dependencies_and_units() {
         indices.as_ref().unwrap().iter().map(name).collect()
     };
     let structure = &found.structure;
-    assert_eq!(names(&structure.outputs[0].dependencies), [""; 0]);
+    assert_eq!(
+        names(&structure.outputs[0].dependencies),
+        ["x1", "x2", "x3"]
+    );
     assert_eq!(
         names(&structure.outputs[1].dependencies),
         ["target", "position"]

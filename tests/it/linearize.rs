@@ -248,7 +248,7 @@ fn fmus_of_every_kind_give_the_same_matrices() {
         ended.stderr,
         "error: `pilot` failed to be linearised at 0 s: it is for co-simulation and gives no directional \
          derivatives, so that nothing is known of its states; take it for model exchange (--kind me), if \
-         it can be; the rows until 0 s are kept\n"
+         it can be\n"
     );
 }
 
@@ -323,7 +323,23 @@ fn what_is_printed() {
     let folder = folder_with_models();
     let ended = run(&folder, "toml", &LOOP);
     let text: Vec<&str> = ended.stdout.lines().take(16).collect();
-    insta::assert_snapshot!(text.join("\n"), @"");
+    insta::assert_snapshot!(text.join("\n"), @"
+    linear at 0 s; states 9, inputs 1, outputs 8
+
+    poles of the closed loop
+      pole [1/s]            frequency [rad/s]  damping
+      -0.341                            0.341    1.000
+      -0.065 ± 0.511 i                  0.515    0.126
+      -0.286 ± 0.659 i                  0.718    0.398
+      -4.222 ± 3.166 i                  5.277    0.800
+      -5.992                            5.992    1.000
+      -14.480                          14.480    1.000
+
+    loop at pilot.stick=quadcopter.stick
+      gain at 0.00303 rad/s  16729, going as ω^-2
+      gain 1 at          0.4979 rad/s: phase margin 7.6 deg, delay margin 0.266 s, effective delay 2.89 s
+      phase -180° at     0.6279 rad/s: gain margin 1.253 (2.0 dB)
+    ");
 }
 
 #[test]

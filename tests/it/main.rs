@@ -22,6 +22,7 @@ mod fmu_binary;
 mod fmu_commands;
 mod foreign;
 mod linearize;
+mod mutation;
 mod python;
 mod random_collocation;
 mod recovery;

@@ -46,7 +46,8 @@ pub trait Equations: Sized {
     }
 
     /// Handles an event: `x` holds the states and may be changed. It is called at the start of a
-    /// simulation too, and again until it changes nothing; so it must itself look at what holds.
+    /// simulation too, and again until it changes nothing; so it must itself look at what holds. What
+    /// touches should be put at exactly 0: then its next touch is seen, however soon it comes.
     fn event(&self, at: At<f64>, x: &mut [f64]) {
         let _ = (at, x);
     }

@@ -4,10 +4,10 @@
 ///
 /// In a crate of type `cdylib`, once: `pilotage_kit::export!(MyModel);` for a type that implements
 /// [`Equations`](crate::Equations) and `Default`. It defines the functions of FMI 2.0 and FMI 3.0 and
-/// `pilotage_interface`, by which `pilotage pack` learns what the model is.
+/// `pilotageInterface`, by which `pilotage pack` learns what the model is.
 ///
 /// Where the model is read from the FMU's resources, a second argument names the function that does so:
-/// see [`Load`](crate::Load); there is no `pilotage_interface` then.
+/// see [`Load`](crate::Load); there is no `pilotageInterface` then.
 #[macro_export]
 macro_rules! export {
     ($model:ty) => {
@@ -15,7 +15,8 @@ macro_rules! export {
 
         /// What the model is, as JSON: a C string that stays.
         #[unsafe(no_mangle)]
-        pub extern "C" fn pilotage_interface() -> *const ::std::ffi::c_char {
+        #[allow(non_snake_case)]
+        pub extern "C" fn pilotageInterface() -> *const ::std::ffi::c_char {
             static TEXT: ::std::sync::OnceLock<::std::ffi::CString> = ::std::sync::OnceLock::new();
             TEXT.get_or_init($crate::interface::text_of::<$model>)
                 .as_ptr()
@@ -23,6 +24,7 @@ macro_rules! export {
     };
     ($model:ty, $load:expr) => {
         $crate::__fmi2!($model, $load);
+        $crate::__fmi3!($model, $load);
     };
 }
 
@@ -124,6 +126,167 @@ macro_rules! __fmi2 {
                 GetContinuousStates = fmi2GetContinuousStates(c: Component, x: *mut Real, n: usize) -> Status;
                 GetNominalsOfContinuousStates = fmi2GetNominalsOfContinuousStates(c: Component,
                     x: *mut Real, n: usize) -> Status;
+            }
+        };
+    };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __fmi3 {
+    ($model:ty, $load:expr) => {
+        const _: () = {
+            use $crate::abi::fmi3::types::*;
+            $crate::__functions! { fmi3, $model;
+                GetVersion = fmi3GetVersion() -> *const Char;
+                SetDebugLogging = fmi3SetDebugLogging(i: Instance, on: Boolean, n: usize,
+                    categories: *const String) -> Status;
+                InstantiateModelExchange = fmi3InstantiateModelExchange(name: String, token: String,
+                    location: String, visible: Boolean, logging: Boolean,
+                    environment: InstanceEnvironment, logger: Option<LogMessageCallback>)
+                    -> Instance, $load;
+                InstantiateCoSimulation = fmi3InstantiateCoSimulation(name: String, token: String,
+                    location: String, visible: Boolean, logging: Boolean, event_mode: Boolean,
+                    early_return: Boolean, required: *const ValueReference, n_required: usize,
+                    environment: InstanceEnvironment, logger: Option<LogMessageCallback>,
+                    update: Option<IntermediateUpdateCallback>) -> Instance, $load;
+                InstantiateScheduledExecution = fmi3InstantiateScheduledExecution(name: String,
+                    token: String, location: String, visible: Boolean, logging: Boolean,
+                    environment: InstanceEnvironment, logger: Option<LogMessageCallback>,
+                    clock_update: Option<ClockUpdateCallback>, lock: Option<PreemptionCallback>,
+                    unlock: Option<PreemptionCallback>) -> Instance, $load;
+                FreeInstance = fmi3FreeInstance(i: Instance) -> ();
+                EnterInitializationMode = fmi3EnterInitializationMode(i: Instance,
+                    tolerance_defined: Boolean, tolerance: Float64, start: Float64,
+                    stop_defined: Boolean, stop: Float64) -> Status;
+                ExitInitializationMode = fmi3ExitInitializationMode(i: Instance) -> Status;
+                EnterEventMode = fmi3EnterEventMode(i: Instance) -> Status;
+                Terminate = fmi3Terminate(i: Instance) -> Status;
+                Reset = fmi3Reset(i: Instance) -> Status;
+                EnterConfigurationMode = fmi3EnterConfigurationMode(i: Instance) -> Status;
+                ExitConfigurationMode = fmi3ExitConfigurationMode(i: Instance) -> Status;
+                EvaluateDiscreteStates = fmi3EvaluateDiscreteStates(i: Instance) -> Status;
+                EnterStepMode = fmi3EnterStepMode(i: Instance) -> Status;
+                EnterContinuousTimeMode = fmi3EnterContinuousTimeMode(i: Instance) -> Status;
+                GetFloat32 = fmi3GetFloat32(i: Instance, vr: *const ValueReference, n: usize, values: *mut Float32,
+                    n_values: usize) -> Status;
+                SetFloat32 = fmi3SetFloat32(i: Instance, vr: *const ValueReference, n: usize, values: *const Float32,
+                    n_values: usize) -> Status;
+                GetFloat64 = fmi3GetFloat64(i: Instance, vr: *const ValueReference, n: usize, values: *mut Float64,
+                    n_values: usize) -> Status;
+                SetFloat64 = fmi3SetFloat64(i: Instance, vr: *const ValueReference, n: usize, values: *const Float64,
+                    n_values: usize) -> Status;
+                GetInt8 = fmi3GetInt8(i: Instance, vr: *const ValueReference, n: usize, values: *mut Int8,
+                    n_values: usize) -> Status;
+                SetInt8 = fmi3SetInt8(i: Instance, vr: *const ValueReference, n: usize, values: *const Int8,
+                    n_values: usize) -> Status;
+                GetUInt8 = fmi3GetUInt8(i: Instance, vr: *const ValueReference, n: usize, values: *mut UInt8,
+                    n_values: usize) -> Status;
+                SetUInt8 = fmi3SetUInt8(i: Instance, vr: *const ValueReference, n: usize, values: *const UInt8,
+                    n_values: usize) -> Status;
+                GetInt16 = fmi3GetInt16(i: Instance, vr: *const ValueReference, n: usize, values: *mut Int16,
+                    n_values: usize) -> Status;
+                SetInt16 = fmi3SetInt16(i: Instance, vr: *const ValueReference, n: usize, values: *const Int16,
+                    n_values: usize) -> Status;
+                GetUInt16 = fmi3GetUInt16(i: Instance, vr: *const ValueReference, n: usize, values: *mut UInt16,
+                    n_values: usize) -> Status;
+                SetUInt16 = fmi3SetUInt16(i: Instance, vr: *const ValueReference, n: usize, values: *const UInt16,
+                    n_values: usize) -> Status;
+                GetInt32 = fmi3GetInt32(i: Instance, vr: *const ValueReference, n: usize, values: *mut Int32,
+                    n_values: usize) -> Status;
+                SetInt32 = fmi3SetInt32(i: Instance, vr: *const ValueReference, n: usize, values: *const Int32,
+                    n_values: usize) -> Status;
+                GetUInt32 = fmi3GetUInt32(i: Instance, vr: *const ValueReference, n: usize, values: *mut UInt32,
+                    n_values: usize) -> Status;
+                SetUInt32 = fmi3SetUInt32(i: Instance, vr: *const ValueReference, n: usize, values: *const UInt32,
+                    n_values: usize) -> Status;
+                GetInt64 = fmi3GetInt64(i: Instance, vr: *const ValueReference, n: usize, values: *mut Int64,
+                    n_values: usize) -> Status;
+                SetInt64 = fmi3SetInt64(i: Instance, vr: *const ValueReference, n: usize, values: *const Int64,
+                    n_values: usize) -> Status;
+                GetUInt64 = fmi3GetUInt64(i: Instance, vr: *const ValueReference, n: usize, values: *mut UInt64,
+                    n_values: usize) -> Status;
+                SetUInt64 = fmi3SetUInt64(i: Instance, vr: *const ValueReference, n: usize, values: *const UInt64,
+                    n_values: usize) -> Status;
+                GetBoolean = fmi3GetBoolean(i: Instance, vr: *const ValueReference, n: usize, values: *mut Boolean,
+                    n_values: usize) -> Status;
+                SetBoolean = fmi3SetBoolean(i: Instance, vr: *const ValueReference, n: usize, values: *const Boolean,
+                    n_values: usize) -> Status;
+                GetString = fmi3GetString(i: Instance, vr: *const ValueReference, n: usize, values: *mut String,
+                    n_values: usize) -> Status;
+                SetString = fmi3SetString(i: Instance, vr: *const ValueReference, n: usize, values: *const String,
+                    n_values: usize) -> Status;
+                GetBinary = fmi3GetBinary(i: Instance, vr: *const ValueReference, n: usize,
+                    sizes: *mut usize, values: *mut Binary, n_values: usize) -> Status;
+                SetBinary = fmi3SetBinary(i: Instance, vr: *const ValueReference, n: usize,
+                    sizes: *const usize, values: *const Binary, n_values: usize) -> Status;
+                GetClock = fmi3GetClock(i: Instance, vr: *const ValueReference, n: usize,
+                    values: *mut Clock) -> Status;
+                SetClock = fmi3SetClock(i: Instance, vr: *const ValueReference, n: usize,
+                    values: *const Clock) -> Status;
+                GetNumberOfVariableDependencies = fmi3GetNumberOfVariableDependencies(i: Instance,
+                    vr: ValueReference, n: *mut usize) -> Status;
+                GetVariableDependencies = fmi3GetVariableDependencies(i: Instance,
+                    dependent: ValueReference, dependent_elements: *mut usize,
+                    independents: *mut ValueReference, independent_elements: *mut usize,
+                    kinds: *mut DependencyKind, n: usize) -> Status;
+                GetFmuState = fmi3GetFMUState(i: Instance, state: *mut FmuState) -> Status;
+                SetFmuState = fmi3SetFMUState(i: Instance, state: FmuState) -> Status;
+                FreeFmuState = fmi3FreeFMUState(i: Instance, state: *mut FmuState) -> Status;
+                SerializedFmuStateSize = fmi3SerializedFMUStateSize(i: Instance, state: FmuState,
+                    size: *mut usize) -> Status;
+                SerializeFmuState = fmi3SerializeFMUState(i: Instance, state: FmuState,
+                    bytes: *mut Byte, size: usize) -> Status;
+                DeserializeFmuState = fmi3DeserializeFMUState(i: Instance, bytes: *const Byte,
+                    size: usize, state: *mut FmuState) -> Status;
+                GetDirectionalDerivative = fmi3GetDirectionalDerivative(i: Instance,
+                    unknowns: *const ValueReference, n_unknowns: usize, knowns: *const ValueReference,
+                    n_knowns: usize, seed: *const Float64, n_seed: usize, result: *mut Float64,
+                    n_result: usize) -> Status;
+                GetAdjointDerivative = fmi3GetAdjointDerivative(i: Instance,
+                    unknowns: *const ValueReference, n_unknowns: usize, knowns: *const ValueReference,
+                    n_knowns: usize, seed: *const Float64, n_seed: usize, result: *mut Float64,
+                    n_result: usize) -> Status;
+                GetIntervalDecimal = fmi3GetIntervalDecimal(i: Instance, vr: *const ValueReference,
+                    n: usize, intervals: *mut Float64, qualifiers: *mut IntervalQualifier) -> Status;
+                GetIntervalFraction = fmi3GetIntervalFraction(i: Instance, vr: *const ValueReference,
+                    n: usize, counters: *mut UInt64, resolutions: *mut UInt64,
+                    qualifiers: *mut IntervalQualifier) -> Status;
+                GetShiftDecimal = fmi3GetShiftDecimal(i: Instance, vr: *const ValueReference, n: usize,
+                    shifts: *mut Float64) -> Status;
+                GetShiftFraction = fmi3GetShiftFraction(i: Instance, vr: *const ValueReference, n: usize,
+                    counters: *mut UInt64, resolutions: *mut UInt64) -> Status;
+                SetIntervalDecimal = fmi3SetIntervalDecimal(i: Instance, vr: *const ValueReference,
+                    n: usize, intervals: *const Float64) -> Status;
+                SetIntervalFraction = fmi3SetIntervalFraction(i: Instance, vr: *const ValueReference,
+                    n: usize, counters: *const UInt64, resolutions: *const UInt64) -> Status;
+                SetShiftDecimal = fmi3SetShiftDecimal(i: Instance, vr: *const ValueReference, n: usize,
+                    shifts: *const Float64) -> Status;
+                SetShiftFraction = fmi3SetShiftFraction(i: Instance, vr: *const ValueReference, n: usize,
+                    counters: *const UInt64, resolutions: *const UInt64) -> Status;
+                UpdateDiscreteStates = fmi3UpdateDiscreteStates(i: Instance, needs_update: *mut Boolean,
+                    terminate: *mut Boolean, nominals_changed: *mut Boolean,
+                    values_changed: *mut Boolean, next_event_defined: *mut Boolean,
+                    next_event: *mut Float64) -> Status;
+                GetOutputDerivatives = fmi3GetOutputDerivatives(i: Instance, vr: *const ValueReference,
+                    n: usize, orders: *const Int32, values: *mut Float64, n_values: usize) -> Status;
+                DoStep = fmi3DoStep(i: Instance, time: Float64, step: Float64, no_set_state: Boolean,
+                    event_needed: *mut Boolean, terminate: *mut Boolean, early_return: *mut Boolean,
+                    last_successful_time: *mut Float64) -> Status;
+                CompletedIntegratorStep = fmi3CompletedIntegratorStep(i: Instance, no_set_state: Boolean,
+                    enter_event_mode: *mut Boolean, terminate: *mut Boolean) -> Status;
+                SetTime = fmi3SetTime(i: Instance, time: Float64) -> Status;
+                GetContinuousStateDerivatives = fmi3GetContinuousStateDerivatives(i: Instance, x: *mut Float64, n: usize) -> Status;
+                GetEventIndicators = fmi3GetEventIndicators(i: Instance, x: *mut Float64, n: usize) -> Status;
+                GetContinuousStates = fmi3GetContinuousStates(i: Instance, x: *mut Float64, n: usize) -> Status;
+                GetNominalsOfContinuousStates = fmi3GetNominalsOfContinuousStates(i: Instance, x: *mut Float64, n: usize) -> Status;
+                SetContinuousStates = fmi3SetContinuousStates(i: Instance, x: *const Float64, n: usize) -> Status;
+                GetNumberOfEventIndicators = fmi3GetNumberOfEventIndicators(i: Instance, n: *mut usize)
+                    -> Status;
+                GetNumberOfContinuousStates = fmi3GetNumberOfContinuousStates(i: Instance, n: *mut usize)
+                    -> Status;
+                ActivateModelPartition = fmi3ActivateModelPartition(i: Instance, clock: ValueReference,
+                    time: Float64) -> Status;
             }
         };
     };

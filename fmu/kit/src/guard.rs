@@ -50,8 +50,17 @@ pub struct Component<E, V: Version> {
     pub state: V::State,
     /// Where its messages go.
     pub log: Log,
-    /// FMI 3.0: events end steps, since the importer handles them.
-    pub stops_at_events: bool,
+    /// Who handles events.
+    pub events: Events,
+}
+
+/// FMI 3.0, co-simulation: what the importer can do about events within a step. In FMI 2.0 neither.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Events {
+    /// It calls event mode.
+    pub event_mode: bool,
+    /// A step may end early.
+    pub early_return: bool,
 }
 
 impl<E: Equations, V: Version> Component<E, V> {
@@ -171,7 +180,7 @@ pub fn instantiate<E: Equations, V: Version>(
     function: V::Function,
     log: Log,
     state: V::State,
-    stops_at_events: bool,
+    events: Events,
     create: impl FnOnce() -> Result<Instance<E>, Problem>,
 ) -> *mut c_void {
     let result = catch_unwind(AssertUnwindSafe(create)).unwrap_or_else(|panic| {
@@ -184,7 +193,7 @@ pub fn instantiate<E: Equations, V: Version>(
             instance,
             state,
             log,
-            stops_at_events,
+            events,
         }))
         .cast(),
         Err(problem) => {
@@ -377,7 +386,7 @@ mod tests {
             instance: Instance::new(Nothing, Kind::CoSimulation),
             state: State::Instantiated,
             log: Log::new(Sink::Fmi2(None), c"test", false),
-            stops_at_events: false,
+            events: Events::default(),
         };
         let (mut broken, mut other) = (new(), new());
         let status = guarded(&mut broken, Function::GetVersion, |_| panic!("at {}", 1));

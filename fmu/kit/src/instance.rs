@@ -5,8 +5,10 @@ use crate::checkpoint::Checkpoint;
 use crate::clock::Clock;
 use crate::problem::Problem;
 use crate::simulation::Reached;
+use crate::structure::{Structure, Unknown};
 use crate::variable::Role;
 use crate::{Equations, Simulation, Variable};
+use std::cell::OnceCell;
 
 /// What an instance is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +60,8 @@ pub struct Instance<E> {
     /// Present once an experiment was set up.
     clock: Option<Clock>,
     simulation: Simulation<E>,
+    /// Computed when it is first asked for.
+    structure: OnceCell<Structure>,
 }
 
 /// Value references in the standard's type.
@@ -72,6 +76,7 @@ impl<E: Equations> Instance<E> {
             guid: simulation.table().guid(),
             clock: None,
             simulation,
+            structure: OnceCell::new(),
         }
     }
 
@@ -238,6 +243,23 @@ impl<E: Equations> Instance<E> {
         let seeds: Vec<_> = unknowns.into_iter().zip(seed.iter().copied()).collect();
         result.copy_from_slice(&self.simulation.adjoint_derivative(&seeds, &knowns));
         Ok(())
+    }
+
+    /// What an unknown depends on: while the simulation runs, or, of states, at its start.
+    pub fn dependencies(&self, reference: u32, state: &'static str) -> Result<&Unknown, Problem> {
+        let (index, variable) = self.variable(reference)?;
+        let simulation = &self.simulation;
+        let structure = self
+            .structure
+            .get_or_init(|| Structure::of(simulation.model(), simulation.table()));
+        let initial = || structure.initial.iter().find(|u| u.index == index);
+        structure
+            .unknown(index)
+            .or_else(initial)
+            .ok_or_else(|| Problem::NoUnknown {
+                name: variable.label(),
+                state,
+            })
     }
 
     /// One step of co-simulation, up to the first event where so wished.

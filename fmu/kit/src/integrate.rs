@@ -330,9 +330,9 @@ impl Integrator {
             s * (1.0 - s) * (1.0 - s),
             s * s * (s - 1.0),
         );
-        for i in 0..x.len() {
+        for (i, x) in x.iter().enumerate() {
             let slopes = h10 * self.slopes[0][i] + h11 * self.slopes[6][i];
-            self.stage[i] = x[i] + h01 * (self.next[i] - x[i]) + step * slopes;
+            self.stage[i] = x + h01 * (self.next[i] - x) + step * slopes;
         }
     }
 }

@@ -57,6 +57,7 @@ pub mod clock;
 pub mod equations;
 mod export;
 pub mod fmi2;
+pub mod fmi3;
 pub mod guard;
 mod guid;
 pub mod instance;

@@ -201,40 +201,39 @@ impl<'e, E: Equations> Tracer<'e, E> {
 
     /// For each variable: `None` where the known does not reach it, else whether its factor is constant.
     fn column(&self, known: usize) -> Vec<Option<bool>> {
-        let mut column: Vec<Option<bool>> = vec![None; self.table.variables().len()];
-        let mut slopes: Option<Vec<f64>> = None;
-        for point in &self.points {
-            let marked = self.run(point, known, f64::NAN);
-            let real = self.run(point, known, 1.0);
-            let first = slopes.get_or_insert_with(|| real.clone());
-            for (entry, ((mark, slope), first)) in
-                column.iter_mut().zip(marked.iter().zip(&real).zip(&*first))
-            {
-                if mark.is_nan() || *slope != 0.0 {
-                    *entry = Some(entry.unwrap_or(true));
+        let mut column = vec![None; self.table.variables().len()];
+        let mut factors = vec![None; column.len()];
+        for (k, point) in self.points.iter().enumerate() {
+            let marked = self.run(k, point, known, f64::NAN);
+            let real = self.run(k, point, known, 1.0);
+            for (i, (mark, real)) in marked.iter().zip(&real).enumerate() {
+                // Outside the domain of a function all is NaN and tells nothing.
+                if real.re.is_nan() {
+                    continue;
                 }
-                // 0 and -0 are one slope; NaN is none.
-                let is_zero = *slope == 0.0 && *first == 0.0;
-                if slope.to_bits() != first.to_bits() && !is_zero {
-                    *entry = Some(false);
+                let factor = *factors[i].get_or_insert(real.eps);
+                if mark.eps.is_nan() || real.eps != 0.0 {
+                    column[i].get_or_insert(true);
+                }
+                // 0 and -0 compare equal: they are one factor.
+                if real.eps != factor {
+                    column[i] = Some(false);
                 }
             }
         }
         column
     }
 
-    fn run(&self, point: &[f64], known: usize, part: f64) -> Vec<f64> {
+    /// All variables at the k-th point.
+    fn run(&self, k: usize, point: &[f64], known: usize, part: f64) -> Vec<Dual64> {
         let mut values: Vec<Dual64> = point.iter().map(|&v| Dual64::from_re(v)).collect();
-        let mut time = Dual64::from_re(0.0);
+        let mut time = Dual64::from_re(0.37 * k as f64);
         match values.get_mut(known) {
             Some(value) => value.eps = part,
             None => time.eps = part,
         }
         let states = values[self.table.starts()].to_vec();
         evaluate(self.equations, self.table, time, &values, &states)
-            .iter()
-            .map(|v| v.eps)
-            .collect()
     }
 }
 

@@ -19,7 +19,7 @@ impl Words {
         let (status, severity, message) = match &run.ending {
             Ending::Completed => ("completed", "note", None),
             Ending::Stopped { time } => {
-                let message = format!("stopped at {time} s; the rows until then are kept");
+                let message = format!("stopped at {time} s");
                 ("stopped", "note", Some(message))
             }
             Ending::EndRequested { instance, time } => {
@@ -32,9 +32,7 @@ impl Words {
                 reached,
             } => {
                 let message = format!(
-                    "`{instance}` discarded the step from {time} s, it came to {reached} s; \
-                 the rows until {} s are kept",
-                    run.time
+                    "`{instance}` discarded the step from {time} s, it came to {reached} s"
                 );
                 ("discarded", "error", Some(message))
             }
@@ -44,11 +42,8 @@ impl Words {
                 stage,
                 source,
             } => {
-                let message = format!(
-                    "`{instance}` failed to {stage} at {time} s: {}; the rows until {} s are kept",
-                    chain(source.as_ref()),
-                    run.time
-                );
+                let why = chain(source.as_ref());
+                let message = format!("`{instance}` failed to {stage} at {time} s: {why}");
                 ("failed", "error", Some(message))
             }
         };
@@ -57,6 +52,17 @@ impl Words {
             severity,
             message,
         }
+    }
+
+    /// The same of a run whose rows go to a file.
+    pub fn with_rows(run: &Run) -> Self {
+        let mut words = Self::of(run);
+        if let Some(message) = &mut words.message
+            && !matches!(run.ending, Ending::EndRequested { .. })
+        {
+            *message += &format!("; the rows until {} s are kept", run.time);
+        }
+        words
     }
 }
 

@@ -132,7 +132,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             return Err(explain(error, watch.inner, &part));
         }
     };
-    let ending = ending::Words::of(&run);
+    let ending = ending::Words::with_rows(&run);
     watch.end(ending.status, run.time);
     let seconds = watch.elapsed().as_secs_f64();
     let Thinned {

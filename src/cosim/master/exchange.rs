@@ -1,6 +1,6 @@
 //! The stepping loop's slaves and the values between them.
 
-use super::{Ending, MasterError, Stage};
+use super::{Ending, Look, MasterError, Stage};
 use crate::cosim::algorithms::Algorithm;
 use crate::cosim::recorder::Signal;
 use crate::cosim::slave::{Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
@@ -252,10 +252,7 @@ impl Exchange {
     }
 
     /// Gives every slave its inputs and shows it.
-    pub(super) fn look(
-        &mut self,
-        look: &mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
-    ) -> Result<(), Failure> {
+    pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
         for i in 0..self.wired.len() {
             self.set_inputs(i)?;
             let wired = &mut self.wired[i];

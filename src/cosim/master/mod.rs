@@ -155,9 +155,11 @@ pub fn run(
     algorithm: Algorithm,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
-    let look = &mut |_: &mut dyn Slave| Ok(());
-    run_and_look(system, clock, tolerance, algorithm, recorder, look)
+    run_and_look(system, clock, tolerance, algorithm, recorder, None)
 }
+
+/// What looks at a slave at the end of a run.
+pub(super) type Look<'a> = &'a mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>;
 
 /// As [`run`]; at the end, if it is reached, every slave is looked at in the order in which they were added,
 /// after it has got the inputs that belong to the outputs there.
@@ -167,7 +169,7 @@ pub(super) fn run_and_look(
     tolerance: Option<f64>,
     algorithm: Algorithm,
     recorder: &mut dyn Recorder,
-    look: &mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
+    look: Option<Look>,
 ) -> Result<Run, MasterError> {
     let order = match algorithm {
         Algorithm::Jacobi => (0..system.instances.len()).collect(),
@@ -203,7 +205,7 @@ pub(super) fn run_and_look(
         };
     }
     let time = clock.time(steps);
-    if stop.is_none() {
+    if let (None, Some(look)) = (&stop, look) {
         stop = exchange.look(look).err().map(|failure| failure.at(time));
     }
     let ending = exchange.end(stop, time);

@@ -92,7 +92,80 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// An entry cannot be read: encrypted, another method than deflate, or damaged.
+    /// Two entries differ by upper and lower case alone: on Windows and macOS they are one file.
+    #[error("{}: entries `{first}` and `{entry}` differ by upper and lower case alone; rename one of them", path.display())]
+    CaseDuplicate {
+        /// The file.
+        path: PathBuf,
+        /// Name of the first entry.
+        first: String,
+        /// Name of the second entry.
+        entry: String,
+    },
+    /// An entry is a file, and another one lies in it as if it were a folder.
+    #[error("{}: entry `{entry}` is a file, and `{inner}` would lie in it", path.display())]
+    FileAsFolder {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// Name of an entry in it.
+        inner: String,
+    },
+    /// An entry's name, or a part of it, is longer than file systems allow.
+    #[error("{}: the name of an entry has {found} bytes, more than the limit of {limit}: `{}...`", path.display(), begin.escape_debug())]
+    NameTooLong {
+        /// The file.
+        path: PathBuf,
+        /// Begin of the name.
+        begin: String,
+        /// Its length, or that of its longest part [bytes].
+        found: usize,
+        /// Largest length allowed [bytes].
+        limit: usize,
+    },
+    /// An entry is encrypted.
+    #[error("{}: entry `{entry}` is encrypted; FMUs must not be", path.display())]
+    Encrypted {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+    },
+    /// An entry is compressed by another method than those allowed.
+    #[error("{}: entry `{entry}` is compressed by {method}; the standard allows `deflate` and `store`", path.display())]
+    Method {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// The method.
+        method: String,
+    },
+    /// An entry has another name where it stands than in the archive's directory, so that tools read different
+    /// files.
+    #[error("{}: entry `{entry}` has another name where it stands: `{}`", path.display(), local.escape_debug())]
+    LocalName {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry in the directory.
+        entry: String,
+        /// Name where it stands.
+        local: String,
+    },
+    /// An entry that is read as a whole is larger than the limit.
+    #[error("{}: entry `{entry}` has {found} bytes, more than the limit of {limit}", path.display())]
+    EntryTooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// Its size [bytes].
+        found: u64,
+        /// Largest size allowed [bytes].
+        limit: u64,
+    },
+    /// An entry cannot be read: its data are damaged, or its checksum is another one.
     #[error("{}: entry `{entry}` cannot be unpacked", path.display())]
     Unreadable {
         /// The file.

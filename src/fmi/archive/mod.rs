@@ -7,13 +7,13 @@ mod error;
 
 pub use error::ArchiveError;
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use zip::ZipArchive;
 use zip::result::ZipError;
+use zip::{CompressionMethod, ZipArchive};
 
 /// Name of the description in the archive.
 pub const DESCRIPTION: &str = "modelDescription.xml";
@@ -25,14 +25,23 @@ pub struct Limits {
     pub entries: usize,
     /// Unpacked size of all entries together [bytes].
     pub bytes: u64,
+    /// Size of an entry that [`Archive::read`] reads as a whole [bytes].
+    pub read: u64,
+    /// Length of a name [bytes].
+    pub name: usize,
+    /// Length of a part of a name between `/` [bytes].
+    pub part: usize,
 }
 
 impl Default for Limits {
-    /// 100,000 entries and 2 GiB.
+    /// 100,000 entries and 2 GiB; 256 MiB to be read at once; names that Linux and macOS can hold.
     fn default() -> Self {
         Self {
             entries: 100_000,
             bytes: 2 << 30,
+            read: 256 << 20,
+            name: 2048,
+            part: 255,
         }
     }
 }
@@ -43,12 +52,16 @@ pub struct Archive {
     path: PathBuf,
     zip: ZipArchive<BufReader<File>>,
     entries: Vec<Entry>,
+    limits: Limits,
 }
 
 /// One entry of the archive.
 #[derive(Debug)]
 struct Entry {
     name: String,
+    /// The name's bytes in the directory, and where the entry stands.
+    raw: Vec<u8>,
+    start: u64,
     is_folder: bool,
     declared: u64,
     mode: Option<u32>,
@@ -81,7 +94,8 @@ impl Archive {
             let entry = first_duplicate(path, zip.central_directory_start()).unwrap_or_default();
             return Err(ArchiveError::DuplicateName { path: owned, entry });
         }
-        let entries = list_entries(path, &mut zip)?;
+        let entries = list_entries(path, &mut zip, limits)?;
+        check_local_names(path, &entries)?;
         let found = entries
             .iter()
             .map(|e| e.declared)
@@ -97,6 +111,7 @@ impl Archive {
             path: owned,
             zip,
             entries,
+            limits,
         };
         archive.position(DESCRIPTION)?;
         Ok(archive)
@@ -116,9 +131,18 @@ impl Archive {
     /// The content of a file.
     ///
     /// # Errors
-    /// If it is missing or damaged.
+    /// If it is missing, damaged or too large.
     pub fn read(&mut self, name: &str) -> Result<Vec<u8>, ArchiveError> {
         let index = self.position(name)?;
+        let found = self.entries[index].declared;
+        if found > self.limits.read {
+            return Err(ArchiveError::EntryTooLarge {
+                path: self.path.clone(),
+                entry: name.to_owned(),
+                found,
+                limit: self.limits.read,
+            });
+        }
         let mut bytes = Vec::new();
         self.copy(index, &mut bytes)?;
         Ok(bytes)
@@ -190,8 +214,8 @@ impl Archive {
 fn list_entries(
     path: &Path,
     zip: &mut ZipArchive<BufReader<File>>,
+    limits: Limits,
 ) -> Result<Vec<Entry>, ArchiveError> {
-    let mut seen = HashSet::new();
     let mut entries = Vec::with_capacity(zip.len());
     for index in 0..zip.len() {
         let unreadable = |source| ArchiveError::Unreadable {
@@ -201,28 +225,116 @@ fn list_entries(
         };
         let raw = zip.by_index_raw(index).map_err(unreadable)?;
         let name = raw.name().map_err(unreadable)?.into_owned();
-        if raw.is_symlink() {
-            return Err(ArchiveError::Link {
-                path: path.to_owned(),
-                entry: name,
-            });
-        }
-        check_name(path, &name)?;
-        let trimmed = name.strip_suffix('/').unwrap_or(&name);
-        if !seen.insert(trimmed.to_owned()) {
-            return Err(ArchiveError::DuplicateName {
-                path: path.to_owned(),
-                entry: name,
-            });
-        }
+        check_name(path, &name, limits)?;
+        check_storage(path, &name, &raw)?;
         entries.push(Entry {
             is_folder: raw.is_dir(),
             declared: raw.size(),
             mode: raw.unix_mode(),
+            raw: raw.name_raw().to_vec(),
+            start: raw.header_start(),
             name,
         });
     }
+    check_collisions(path, &entries)?;
     Ok(entries)
+}
+
+/// Whether an entry is a plain file or folder, stored as the standard wants.
+fn check_storage<R: Read>(
+    path: &Path,
+    name: &str,
+    raw: &zip::read::ZipFile<'_, R>,
+) -> Result<(), ArchiveError> {
+    let (path, entry) = (path.to_owned(), name.to_owned());
+    if raw.is_symlink() {
+        return Err(ArchiveError::Link { path, entry });
+    }
+    if raw.encrypted() {
+        return Err(ArchiveError::Encrypted { path, entry });
+    }
+    match raw.compression() {
+        CompressionMethod::Stored | CompressionMethod::Deflated => Ok(()),
+        method => Err(ArchiveError::Method {
+            path,
+            entry,
+            method: method.to_string(),
+        }),
+    }
+}
+
+/// Whether each entry has the name of the directory where it stands, too (APPNOTE 4.3.7).
+fn check_local_names(path: &Path, entries: &[Entry]) -> Result<(), ArchiveError> {
+    const LENGTH: usize = 26;
+    const NAME: usize = 30;
+    let open_error = |source| ArchiveError::Open {
+        path: path.to_owned(),
+        source,
+    };
+    let mut file = BufReader::new(File::open(path).map_err(open_error)?);
+    for entry in entries {
+        let unreadable = |source| ArchiveError::Unreadable {
+            path: path.to_owned(),
+            entry: entry.name.clone(),
+            source,
+        };
+        let mut header = [0; NAME];
+        file.seek(SeekFrom::Start(entry.start))
+            .map_err(unreadable)?;
+        file.read_exact(&mut header).map_err(unreadable)?;
+        let length = u16::from_le_bytes([header[LENGTH], header[LENGTH + 1]]);
+        let mut local = vec![0; length.into()];
+        file.read_exact(&mut local).map_err(unreadable)?;
+        if local != entry.raw {
+            return Err(ArchiveError::LocalName {
+                path: path.to_owned(),
+                entry: entry.name.clone(),
+                local: String::from_utf8_lossy(&local).into_owned(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Whether no two entries would be one file, here or on systems that do not tell upper from lower case.
+fn check_collisions(path: &Path, entries: &[Entry]) -> Result<(), ArchiveError> {
+    let path = || path.to_owned();
+    // By the folded name: the name, and whether it is a file.
+    let mut seen: HashMap<String, (&str, bool)> = HashMap::new();
+    for entry in entries {
+        let name = entry.name.trim_end_matches('/');
+        let here = (name, !entry.is_folder);
+        match seen.insert(name.to_lowercase(), here) {
+            None => {}
+            Some((first, _)) if first == name => {
+                return Err(ArchiveError::DuplicateName {
+                    path: path(),
+                    entry: entry.name.clone(),
+                });
+            }
+            Some((first, _)) => {
+                return Err(ArchiveError::CaseDuplicate {
+                    path: path(),
+                    first: first.to_owned(),
+                    entry: entry.name.clone(),
+                });
+            }
+        }
+    }
+    for entry in entries {
+        let folded = entry.name.trim_end_matches('/').to_lowercase();
+        let folders = folded.match_indices('/').map(|(at, _)| &folded[..at]);
+        for folder in folders {
+            if let Some((file, true)) = seen.get(folder) {
+                return Err(ArchiveError::FileAsFolder {
+                    path: path(),
+                    entry: (*file).to_owned(),
+                    inner: entry.name.clone(),
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The error without a wrapping that says it twice.
@@ -234,8 +346,20 @@ fn plain(error: ZipError) -> io::Error {
 }
 
 /// Whether a name is a plain relative path with `/` between its parts.
-fn check_name(path: &Path, name: &str) -> Result<(), ArchiveError> {
+fn check_name(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveError> {
     let path = path.to_owned();
+    let longest = name.split('/').map(str::len).max().unwrap_or(0);
+    for (found, limit) in [(name.len(), limits.name), (longest, limits.part)] {
+        if found > limit {
+            let begin = name.chars().take(60).collect();
+            return Err(ArchiveError::NameTooLong {
+                path,
+                begin,
+                found,
+                limit,
+            });
+        }
+    }
     let entry = name.to_owned();
     let has_drive = name.as_bytes().get(1) == Some(&b':');
     if name.contains('\\') {

@@ -35,6 +35,32 @@ pub enum ReadError {
         /// As declared.
         encoding: String,
     },
+    /// Elements in elements in elements.
+    #[error("modelDescription.xml, line {line}: elements are nested deeper than {limit} levels")]
+    TooDeep {
+        /// Line of the first element that is too deep.
+        line: u32,
+        /// Deepest level that is read.
+        limit: usize,
+    },
+    /// An element with more attributes than anything has.
+    #[error("modelDescription.xml, line {line}: an element has more than {limit} attributes")]
+    TooManyAttributes {
+        /// Its line.
+        line: u32,
+        /// Most attributes that are read.
+        limit: usize,
+    },
+    /// Namespaces in namespaces.
+    #[error(
+        "modelDescription.xml, line {line}: more than {limit} namespaces are declared around an element"
+    )]
+    TooManyNamespaces {
+        /// Line of the element.
+        line: u32,
+        /// Most that are read.
+        limit: usize,
+    },
     /// Not well-formed XML.
     #[error("modelDescription.xml is not well-formed XML")]
     Malformed(#[from] roxmltree::Error),

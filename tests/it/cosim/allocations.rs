@@ -1,7 +1,9 @@
 //! The stepping loop does not allocate.
 
 use super::slaves::Linear;
-use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Recorder, SeriesRecorder, System, run};
+use pilotage::cosim::{
+    Algorithm, Clock, CsvRecorder, Recorder, SeriesRecorder, System, Thinned, run,
+};
 use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
 
@@ -67,5 +69,10 @@ fn more_steps_allocate_no_more() {
         assert_eq!(into_series(10), into_series(1000), "{algorithm}");
         let into_csv = |steps| allocations(steps, algorithm, &mut CsvRecorder::new(Dropping));
         assert_eq!(into_csv(10), into_csv(1000), "{algorithm}");
+        let thinned = |steps| {
+            let csv = CsvRecorder::new(Dropping);
+            allocations(steps, algorithm, &mut Thinned::new(csv, None, 3))
+        };
+        assert_eq!(thinned(10), thinned(1000), "{algorithm}");
     }
 }

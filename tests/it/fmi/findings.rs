@@ -3,7 +3,7 @@
 use super::{faults2, faults3};
 use pilotage::fmi::description::{read, validate};
 
-fn findings(xml: &str) -> Vec<String> {
+pub(super) fn findings(xml: &str) -> Vec<String> {
     match read(xml.as_bytes()) {
         Ok(reading) => validate(&reading)
             .iter()

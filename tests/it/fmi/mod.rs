@@ -1,10 +1,16 @@
 //! Reading, checking and calling FMUs.
 
+mod archives;
 mod faults;
 mod faults2;
 mod faults3;
 mod findings;
+mod fuzz;
+mod hostile;
 mod instance;
 mod instance3;
 mod model_exchange;
+mod others;
+mod peers;
 mod round_trip;
+mod rules;

@@ -207,7 +207,7 @@ fn a_discarded_step_tells_how_far_it_came_and_changes_nothing() {
         messages.take(),
         [
             "test: fmi2Discard [logStatusDiscard] fmi2DoStep: the step from 0.01 s could not be done: \
-             the pilot's equations: the linear system overflows within a step of 10 s; take a smaller step"
+             the linear system overflows within a step of 10 s; take a smaller step"
         ]
     );
     let (mut time, mut ended, mut status) = (f64::NAN, 7, Status::FATAL);

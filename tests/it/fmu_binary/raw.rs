@@ -2,6 +2,7 @@
 
 use libloading::Library;
 use pilotage::export::{self, Provenance};
+use pilotage::fmi::description::FmiVersion;
 use pilotage::models::Model;
 use pilotage_abi::fmi2::functions::{Function, pointers};
 use pilotage_abi::fmi2::types::*;
@@ -88,7 +89,7 @@ impl Raw {
     }
 
     pub fn binary(model: &Model, folder: &Path) -> std::path::PathBuf {
-        folder.join(&export::binary::paths(model.kind().name())[0])
+        folder.join(&export::binary::paths(FmiVersion::V2, model.kind().name())[0])
     }
 
     /// The address of a function.

@@ -3,7 +3,7 @@
 use super::Fmi2;
 use crate::abi::fmi2::types::*;
 use crate::abi::fmi2::{Function, State};
-use crate::guard::{self, Component as Guarded, string, strings};
+use crate::guard::{self, Component as Guarded, Events, string, strings};
 use crate::instance::{Experiment, Kind};
 use crate::log::{Log, Sink};
 use crate::problem::Problem;
@@ -66,7 +66,7 @@ pub unsafe fn fmi2Instantiate<E: Equations>(
         Function::Instantiate,
         log,
         State::Instantiated,
-        false,
+        Events::default(),
         create,
     )
 }

@@ -16,17 +16,30 @@ impl<E: Equations> Simulation<E> {
             self.table.outputs().contains(&index),
             "{index} is no output"
         );
+        self.along_flow(&self.now.travelled)[index]
+    }
+
+    /// Time derivatives of the event indicators now, with inputs that go along the slopes set for them.
+    pub(super) fn indicator_rates(&self) -> Vec<f64> {
+        self.along_flow(&self.now.slopes)[self.table.indicators()].to_vec()
+    }
+
+    /// Time derivatives of all variables, where inputs have these slopes.
+    fn along_flow(&self, slopes: &[f64]) -> Vec<f64> {
         let (mut values, mut states) = self.lifted();
-        let mut slopes = vec![0.0; states.len()];
-        self.derivatives(&mut slopes);
-        for (state, slope) in states.iter_mut().zip(slopes) {
-            state.eps = slope;
+        let mut rates = vec![0.0; states.len()];
+        self.derivatives(&mut rates);
+        for (state, rate) in states.iter_mut().zip(rates) {
+            state.eps = rate;
         }
-        for (value, slope) in values.iter_mut().zip(&self.now.travelled) {
+        for (value, slope) in values.iter_mut().zip(slopes) {
             value.eps = *slope;
         }
         let time = Dual64::new(self.now.time, 1.0);
-        evaluate(&self.equations, &self.table, time, &values, &states)[index].eps
+        evaluate(&self.equations, &self.table, time, &values, &states)
+            .iter()
+            .map(|v| v.eps)
+            .collect()
     }
 
     /// Derivatives of any variables in the direction of `seeds`, pairs of a known's index and its part:

@@ -6,7 +6,7 @@ use crate::lti::{Transition, TransitionError};
 use crate::{At, Equations, Table};
 
 /// Events within one step beyond which it is given up: they come faster than time passes.
-const MAX_EVENTS: usize = 10_000;
+const MAX_EVENTS: usize = 1000;
 
 /// Calls of the event handler at one instant beyond which it is given up.
 const MAX_ITERATIONS: usize = 100;
@@ -150,11 +150,17 @@ impl<E: Equations> Simulation<E> {
         })
     }
 
+    /// Remembers the signs of the event indicators. One that is 0 has the sign that it is about to take:
+    /// a ball that leaves the ground is above it, so that its next touch is seen, however soon it comes.
     fn remember_signs(&mut self) {
         let mut indicators = std::mem::take(&mut self.space.indicators);
         self.indicators(&mut indicators);
-        for (positive, z) in self.now.positive.iter_mut().zip(&indicators) {
-            *positive = *z > 0.0;
+        let rates = match indicators.contains(&0.0) {
+            true => self.indicator_rates(),
+            false => Vec::new(),
+        };
+        for (i, positive) in self.now.positive.iter_mut().enumerate() {
+            *positive = indicators[i] > 0.0 || (indicators[i] == 0.0 && rates[i] > 0.0);
         }
         self.space.indicators = indicators;
     }
@@ -204,7 +210,7 @@ impl<E: Equations> Simulation<E> {
     fn integrate(&mut self, h: f64, stop: bool, elapsed: &mut f64) -> Result<bool, StepFault> {
         let (start, mut events) = (self.now.time, 0);
         // A jump of an input may have been an event.
-        let mut event = self.with_flow(0.0, |flow, x, _| flow.crossed(0.0, x));
+        let mut event = self.with_flow(0.0, |flow, x, _| flow.has_jumped(x));
         loop {
             if event {
                 if stop {
@@ -309,6 +315,17 @@ impl<E: Equations> Flow<'_, E> {
             *input = held + slope * passed;
         }
         self.start + passed
+    }
+
+    /// Whether an indicator has another sign at the beginning than is remembered; one that is 0 has none.
+    fn has_jumped(&mut self, x: &[f64]) -> bool {
+        let positive = self.positive;
+        self.crossed(0.0, x) && {
+            let pairs = self.space.indicators.iter().zip(positive);
+            pairs
+                .into_iter()
+                .any(|(z, p)| *z != 0.0 && (*z > 0.0) != *p)
+        }
     }
 }
 

@@ -9,14 +9,17 @@ use std::cell::RefCell;
 /// What reading gathers besides the values.
 pub(super) struct Context<'t> {
     pub(super) version: FmiVersion,
+    /// Namespace of the root, and so of all that belongs to the standard; there should be none.
+    pub(super) namespace: Option<String>,
     pub(super) lines: LineIndex<'t>,
     pub(super) findings: RefCell<Vec<Finding>>,
 }
 
 impl<'t> Context<'t> {
-    pub(super) fn new(text: &'t str, version: FmiVersion) -> Self {
+    pub(super) fn new(text: &'t str, version: FmiVersion, namespace: Option<String>) -> Self {
         Self {
             version,
+            namespace,
             lines: LineIndex::new(text),
             findings: RefCell::new(Vec::new()),
         }
@@ -42,18 +45,12 @@ pub(super) struct Element<'c, 't> {
 impl<'c, 't> Element<'c, 't> {
     /// Name of the element; empty, which nothing expects, if its namespace is not the root's.
     pub(super) fn name(&self) -> &'t str {
-        let root = self.node.document().root_element();
-        let is_ours = self.node.tag_name().namespace() == root.tag_name().namespace();
-        if is_ours {
-            self.node.tag_name().name()
+        let tag = self.node.tag_name();
+        if tag.namespace() == self.context.namespace.as_deref() {
+            tag.name()
         } else {
             ""
         }
-    }
-
-    /// Namespace of the element; the standard's elements have none.
-    pub(super) fn namespace(&self) -> Option<&'c str> {
-        self.node.tag_name().namespace()
     }
 
     /// Version of the standard that the file follows.
@@ -278,33 +275,32 @@ impl<'c, 't> Element<'c, 't> {
 
     /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema.
     pub(super) fn finish(&self) {
-        for attribute in self.unknown_attributes() {
-            self.report(Rule::UnknownAttribute {
-                element: self.name().to_owned(),
-                attribute,
-            });
-        }
-    }
-
-    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass.
-    pub(super) fn finish_open(&self) {
-        for attribute in self.unknown_attributes() {
-            self.report(Rule::UnknownCapability {
-                element: self.name().to_owned(),
-                attribute,
-            });
-        }
-    }
-
-    fn unknown_attributes(&self) -> Vec<String> {
         const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
         let taken = self.taken.borrow();
         let is_unknown = |attribute: &roxmltree::Attribute| match attribute.namespace() {
             None => !taken.contains(&attribute.name()),
             Some(namespace) => namespace != XSI,
         };
-        let unknown = self.node.attributes().filter(is_unknown);
-        unknown.map(|a| a.name().to_owned()).collect()
+        for attribute in self.node.attributes().filter(is_unknown) {
+            self.report(Rule::UnknownAttribute {
+                element: self.name().to_owned(),
+                attribute: attribute.name().to_owned(),
+            });
+        }
+    }
+
+    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass. It is there
+    /// for those of other standards, in a namespace; others are likely to be misspelled.
+    pub(super) fn finish_open(&self) {
+        let taken = self.taken.borrow();
+        let plain = self.node.attributes().filter(|a| a.namespace().is_none());
+        for attribute in plain.map(|a| a.name()).filter(|name| !taken.contains(name)) {
+            let attribute = attribute.to_owned();
+            self.report(Rule::UnknownCapability {
+                element: self.name().to_owned(),
+                attribute,
+            });
+        }
     }
 
     /// Whether the attribute is there.

@@ -5,6 +5,7 @@
 
 mod element;
 mod interface;
+mod limits;
 mod references;
 mod structure;
 mod types;
@@ -21,10 +22,12 @@ use element::{Context, Element};
 /// If it is no XML, or of another version than FMI 2.0 or 3.0. All else is in [`Reading::findings`].
 pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     let (text, foreign_encoding) = decode(bytes)?;
+    limits::check(&text)?;
     let document = roxmltree::Document::parse(&text)?;
     let root = document.root_element();
     let (version, is_exact) = version(root)?;
-    let context = Context::new(&text, version);
+    let namespace = root.tag_name().namespace().map(str::to_owned);
+    let context = Context::new(&text, version, namespace.clone());
     let root = context.element(root);
     if root.name() != "fmiModelDescription" {
         return Err(ReadError::WrongRoot {
@@ -35,8 +38,7 @@ pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     if let Some(encoding) = foreign_encoding {
         root.report(Rule::NotUtf8 { encoding });
     }
-    if let Some(namespace) = root.namespace() {
-        let namespace = namespace.to_owned();
+    if let Some(namespace) = namespace {
         root.report(Rule::Namespace { namespace });
     }
     let mut places = Places::new(root.place());

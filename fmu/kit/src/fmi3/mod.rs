@@ -1,0 +1,91 @@
+//! The 75 functions of FMI 3.0: co-simulation with event mode and early return, and model exchange.
+//! Scheduled execution, clocks and structural parameters are refused, since models have none.
+//!
+//! They are generic over the model; [`export!`](crate::export) makes C functions of them. Whatever the
+//! pointers: each is NULL or valid as the standard says, which is what C promises by calling them.
+
+// The standard's names; its conditions on pointers are those of each function.
+#![allow(non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
+
+mod absent;
+mod common;
+mod lifecycle;
+mod modes;
+
+pub use absent::*;
+pub use common::*;
+pub use lifecycle::*;
+pub use modes::*;
+
+use crate::abi::Part;
+use crate::abi::fmi3::{Function, State, Status};
+use crate::guard::Version;
+use crate::instance::Phase;
+use crate::problem::{Problem, Severity};
+
+/// FMI 3.0.
+#[derive(Debug, Clone, Copy)]
+pub struct Fmi3;
+
+impl Version for Fmi3 {
+    type State = State;
+    type Function = Function;
+    type Status = Status;
+    const NUMBER: u8 = 3;
+
+    fn legal(function: Function, state: State) -> Result<(), String> {
+        match function.is_legal_in(state) {
+            true => Ok(()),
+            false => {
+                let states = function.legal_states();
+                let names: Vec<_> = states.iter().map(State::name).collect();
+                Err(names.join(", "))
+            }
+        }
+    }
+
+    fn part(function: Function) -> Part {
+        function.part()
+    }
+
+    fn name(function: Function) -> &'static str {
+        function.name()
+    }
+
+    fn state_name(state: State) -> &'static str {
+        state.name()
+    }
+
+    fn phase(state: State) -> Phase {
+        match state {
+            State::Instantiated | State::InitializationMode => Phase::Start,
+            State::ContinuousTimeMode => Phase::Continuous,
+            _ => Phase::Event,
+        }
+    }
+
+    fn after(problem: &Problem, state: State) -> State {
+        match problem.severity() {
+            _ if state == State::Fatal => State::Fatal,
+            Severity::Fatal => State::Fatal,
+            Severity::Error => State::Error,
+            _ => state,
+        }
+    }
+
+    fn status(severity: Option<Severity>) -> Status {
+        Status(severity.map_or(0, |s| s as i32))
+    }
+
+    fn bits(state: State) -> u16 {
+        state as u16
+    }
+
+    fn from_bits(bits: u16) -> Option<State> {
+        let living = |s: &State| !matches!(s, State::StartEnd | State::Fatal);
+        State::ALL
+            .into_iter()
+            .filter(living)
+            .find(|s| *s as u16 == bits)
+    }
+}

@@ -1,0 +1,194 @@
+//! Archives that would harm whoever unpacks them, or mean different things to different tools.
+
+use crate::foreign;
+use pilotage::fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
+use pilotage::fmi::{Fmu, FmuError};
+use tempfile::tempdir;
+
+fn opened(content: &[u8], limits: Limits) -> Result<Archive, ArchiveError> {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.fmu");
+    std::fs::write(&path, content).unwrap();
+    Archive::open(&path, limits)
+}
+
+/// The message about an archive with the description and these files.
+fn refused(names: &[&str]) -> String {
+    let description = (DESCRIPTION, foreign::DESCRIPTION.as_bytes());
+    let files: Vec<(&str, &[u8])> = (names.iter().map(|name| (*name, &b"x"[..])))
+        .chain([description])
+        .collect();
+    refusal(&foreign::archive(&files), Limits::default())
+}
+
+fn refusal(content: &[u8], limits: Limits) -> String {
+    let message = opened(content, limits).unwrap_err().to_string();
+    let (_, after) = message.split_once("a.fmu").unwrap();
+    after.trim_start_matches([':', ' ']).to_owned()
+}
+
+/// Replaces the first or last occurrence of some bytes by as many others.
+fn patched(mut bytes: Vec<u8>, from: &[u8], to: &[u8], is_last: bool) -> Vec<u8> {
+    let mut windows = bytes.windows(from.len());
+    let place = match is_last {
+        true => windows.rposition(|w| w == from),
+        false => windows.position(|w| w == from),
+    };
+    let place = place.unwrap();
+    bytes[place..place + to.len()].copy_from_slice(to);
+    bytes
+}
+
+#[test]
+fn names_that_are_one_file_somewhere_are_refused() {
+    assert_eq!(
+        refused(&["resources/a", "resources/A"]),
+        "entries `resources/a` and `resources/A` differ by upper and lower case alone; rename one of them"
+    );
+    assert_eq!(
+        refused(&["ModelDescription.xml"]),
+        "entries `ModelDescription.xml` and `modelDescription.xml` differ by upper and lower case alone; rename one of them"
+    );
+    assert_eq!(
+        refused(&["Resources/ä", "resources/Ä"]),
+        "entries `Resources/ä` and `resources/Ä` differ by upper and lower case alone; rename one of them"
+    );
+    assert_eq!(
+        refused(&["resources", "resources/a"]),
+        "entry `resources` is a file, and `resources/a` would lie in it"
+    );
+    assert_eq!(
+        refused(&["Resources/b/c", "resources/B"]),
+        "entry `resources/B` is a file, and `Resources/b/c` would lie in it"
+    );
+    // Folders in two spellings are only odd.
+    let folders = foreign::archive(&[
+        (DESCRIPTION, foreign::DESCRIPTION.as_bytes()),
+        ("Resources/a", b""),
+        ("resources/b", b""),
+    ]);
+    assert!(opened(&folders, Limits::default()).is_ok());
+}
+
+#[test]
+fn names_that_no_file_system_holds_are_refused() {
+    let long = "a".repeat(256);
+    let begin = "a".repeat(60);
+    assert_eq!(
+        refused(&[&long]),
+        format!("the name of an entry has 256 bytes, more than the limit of 255: `{begin}...`")
+    );
+    let deep = "a/".repeat(1100) + "b";
+    assert!(
+        refused(&[&deep])
+            .starts_with("the name of an entry has 2201 bytes, more than the limit of 2048")
+    );
+    assert_eq!(
+        refused(&["resources/a\0b"]),
+        "entry `resources/a\\0b` is not a file name"
+    );
+    assert_eq!(refused(&["./a"]), "entry `./a` is not a file name");
+}
+
+// FMI rule 17: how an archive is stored.
+#[test]
+fn directory_and_entries_must_agree() {
+    let names = [
+        (DESCRIPTION, foreign::DESCRIPTION.as_bytes()),
+        ("resources/good", b"x"),
+    ];
+    let archive = foreign::archive(&names);
+    // The first occurrence is where the entry stands, the last one in the directory.
+    let local = patched(archive.clone(), b"resources/good", b"../../../../up", false);
+    assert_eq!(
+        refusal(&local, Limits::default()),
+        "entry `resources/good` has another name where it stands: `../../../../up`"
+    );
+    let central = patched(archive, b"resources/good", b"../../../../up", true);
+    assert_eq!(
+        refusal(&central, Limits::default()),
+        "entry `../../../../up` leaves the archive's folder by `..`; nothing was unpacked"
+    );
+}
+
+#[test]
+fn what_is_larger_than_the_limits_is_refused_before_it_is_unpacked() {
+    let archive = foreign::archive(&[
+        (DESCRIPTION, foreign::DESCRIPTION.as_bytes()),
+        ("resources/zeros", &vec![0; 1 << 20]),
+    ]);
+    assert!(archive.len() < 10_000, "a bomb of ratio 100");
+    let limits = Limits {
+        bytes: 1 << 20,
+        ..Limits::default()
+    };
+    let bytes = (1 << 20) + foreign::DESCRIPTION.len();
+    assert_eq!(
+        refusal(&archive, limits),
+        format!("would unpack to {bytes} bytes, more than the limit of 1048576")
+    );
+    let limits = Limits {
+        entries: 1,
+        ..Limits::default()
+    };
+    assert_eq!(
+        refusal(&archive, limits),
+        "has 2 entries, more than the limit of 1"
+    );
+    let limits = Limits {
+        read: 1000,
+        ..Limits::default()
+    };
+    let error = opened(&archive, limits)
+        .unwrap()
+        .read(DESCRIPTION)
+        .unwrap_err();
+    let found = foreign::DESCRIPTION.len();
+    assert!(
+        matches!(error, ArchiveError::EntryTooLarge { found: f, limit: 1000, .. } if f == found as u64)
+    );
+}
+
+#[test]
+fn damaged_data_are_named() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.fmu");
+    let entry = foreign::binary_entry();
+    let archive = foreign::archive(&[
+        (DESCRIPTION, foreign::DESCRIPTION.as_bytes()),
+        (&entry, b"no library at all"),
+        ("resources/a", b"some text that is stored"),
+    ]);
+    // The checksum in the directory (at 16 of the entry's header, its name at 46).
+    let mut bytes = archive;
+    let name = bytes
+        .windows(11)
+        .rposition(|w| w == b"resources/a")
+        .unwrap();
+    bytes[name - 46 + 16] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let error = Fmu::open(&path).unwrap().load().unwrap_err();
+    let FmuError::Archive(ArchiveError::Unreadable { entry, source, .. }) = error else {
+        panic!("{error}");
+    };
+    assert_eq!(
+        (entry.as_str(), source.to_string().as_str()),
+        ("resources/a", "Invalid checksum")
+    );
+}
+
+#[test]
+fn an_fmu_of_version_1_is_named_so() {
+    let xml = foreign::DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\"");
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.fmu");
+    std::fs::write(&path, foreign::fmu_of(&xml, b"")).unwrap();
+    let error = Fmu::open(&path).unwrap_err();
+    let mut text = error.to_string();
+    let mut source = std::error::Error::source(&error);
+    while let Some(cause) = source {
+        text += &format!(": {cause}");
+        source = cause.source();
+    }
+    assert!(text.contains("FMI 1.0 is not supported"), "{text}");
+}
