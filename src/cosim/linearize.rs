@@ -79,19 +79,14 @@ pub fn linearize(
         })
         .collect();
     let mut parts: Vec<StateSpace> = Vec::new();
-    let run = run_and_look(
-        system,
-        clock,
-        tolerance,
-        algorithm,
-        recorder,
-        &mut |slave| {
-            let part = slave.linearize()?;
-            let instance = &names[parts.len()];
-            parts.push(prefixed(part, instance));
-            Ok(())
-        },
-    )?;
+    let mut look = |slave: &mut dyn Slave| {
+        let part = slave.linearize()?;
+        let instance = &names[parts.len()];
+        parts.push(prefixed(part, instance));
+        Ok(())
+    };
+    let look: Option<Look> = Some(&mut look);
+    let run = run_and_look(system, clock, tolerance, algorithm, recorder, look)?;
     let is_complete = parts.len() == names.len();
     let linearization = is_complete.then(|| wired(&parts, &connections));
     Ok((run, linearization))
