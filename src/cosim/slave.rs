@@ -91,6 +91,8 @@ pub struct Variable {
     pub role: Role,
     /// Whether a user may give its start value.
     pub settable: bool,
+    /// Whether it keeps its value between instants at which it jumps, though it may be a real.
+    pub is_discrete: bool,
     /// Unit of a real; `None` if the slave does not say.
     pub unit: Option<Unit>,
     /// Of an output: positions in [`Slave::variables`] of the inputs that it depends on at once
@@ -101,7 +103,8 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// A variable without unit and feedthrough; parameters and inputs are settable.
+    /// A variable without unit and feedthrough; parameters and inputs are settable, all but reals are
+    /// discrete.
     pub fn new(name: impl Into<String>, handle: u32, kind: Kind, role: Role) -> Self {
         Self {
             name: name.into(),
@@ -109,6 +112,7 @@ impl Variable {
             kind,
             role,
             settable: matches!(role, Role::Parameter | Role::Input),
+            is_discrete: kind != Kind::Real,
             unit: None,
             feedthrough: Vec::new(),
             initial_feedthrough: Vec::new(),

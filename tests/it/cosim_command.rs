@@ -71,6 +71,25 @@ fn a_table_feeds_inputs_of_every_type_in_their_units() {
     }
 }
 
+/// A real that the description calls discrete jumps at samples, and nowhere else.
+#[test]
+fn a_discrete_real_is_held_between_samples() {
+    let continuous = "valueReference=\"0\" causality=\"input\"><Real";
+    assert!(foreign::DESCRIPTION.contains(continuous));
+    let discrete = continuous.replace("><Real", " variability=\"discrete\"><Real");
+    let description = foreign::DESCRIPTION.replace(continuous, &discrete);
+    let folder = Folder::new();
+    folder.write("good.fmu", foreign::fmu_of(&description, foreign::binary()));
+    folder.write("t.csv", "time,good.u\n0,1\n2,3\n");
+    let ended = short_run(&folder, &["--input", "t.csv", "--record", "good.u"]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    let u: Vec<f64> = rows(&folder, "result.csv")
+        .iter()
+        .map(|row| row[1])
+        .collect();
+    assert_eq!(u, [1.0, 1.0, 1.0, 1.0, 3.0]);
+}
+
 #[test]
 fn a_column_of_any_name_is_wired_and_the_table_has_a_name_too() {
     let folder = folder(&["good"]);

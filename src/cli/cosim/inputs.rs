@@ -2,7 +2,7 @@
 
 use super::super::Failure;
 use super::wiring::instance;
-use crate::cosim::{Clock, Kind, Role, Source, System, SystemError};
+use crate::cosim::{Clock, Kind, Role, Source, System, SystemError, Variable};
 use crate::series::Series;
 use std::path::PathBuf;
 
@@ -32,18 +32,18 @@ pub fn add(
             .map_err(|error| at(&error).hint("rename the column, or leave it out"))?;
         let port = format!("{name}.{}", column.name);
         let wired = connections.iter().find(|(from, _)| *from == port);
-        let kind = match (own, wired) {
-            (Some(kind), _) => {
+        let held = match (own, wired) {
+            (Some(held), _) => {
                 named.push((port, column.name.clone()));
-                Some(kind)
+                held
             }
-            (None, Some((_, to))) => Some(system.find(to)?.kind),
+            (None, Some((_, to))) => held(system.find(to)?),
             (None, None) => {
                 unused.push(column.name.clone());
                 None
             }
         };
-        if let Some(kind) = kind.filter(|kind| *kind != Kind::Real) {
+        if let Some(kind) = held {
             (source.hold_as(position, kind)).map_err(|error| at(&error))?;
         }
     }
@@ -67,12 +67,17 @@ pub fn add(
     })
 }
 
-/// The type of the input that a column is named after, if it is. Columns that are named after nothing, or
-/// after an output (the results of another run), are none of our business; those of an instance that has
-/// no such variable are probably a mistake.
-fn own_input(system: &System, column: &str) -> Result<Option<Kind>, SystemError> {
+/// The type of a variable between whose samples values are held and not interpolated.
+fn held(variable: &Variable) -> Option<Kind> {
+    variable.is_discrete.then_some(variable.kind)
+}
+
+/// How the input that a column is named after takes its values, if it is named after one. Columns that are
+/// named after nothing, or after an output (the results of another run), are none of our business; those of
+/// an instance that has no such variable are probably a mistake.
+fn own_input(system: &System, column: &str) -> Result<Option<Option<Kind>>, SystemError> {
     match system.find(column) {
-        Ok(variable) => Ok((variable.role == Role::Input).then_some(variable.kind)),
+        Ok(variable) => Ok((variable.role == Role::Input).then(|| held(variable))),
         Err(error @ SystemError::UnknownVariable { .. }) => Err(error),
         Err(_) => Ok(None),
     }
