@@ -1,6 +1,6 @@
 //! The linear system that a coupled system is for small changes about where it stands.
 
-use super::algorithms::Algorithm;
+use super::algorithms::Coupling;
 use super::clock::Clock;
 use super::master::{Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
@@ -66,7 +66,7 @@ pub fn linearize(
     system: System,
     clock: &Clock,
     tolerance: Option<f64>,
-    algorithm: Algorithm,
+    coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<(Run, Option<Linearization>), MasterError> {
     let names: Vec<String> = system.instance_names().map(str::to_owned).collect();
@@ -86,7 +86,7 @@ pub fn linearize(
         Ok(())
     };
     let look: Option<Look> = Some(&mut look);
-    let run = run_and_look(system, clock, tolerance, algorithm, recorder, look)?;
+    let run = run_and_look(system, clock, tolerance, coupling.into(), recorder, look)?;
     let is_complete = parts.len() == names.len();
     let linearization = is_complete.then(|| wired(&parts, &connections));
     Ok((run, linearization))

@@ -1,6 +1,8 @@
 //! Signals over time, from a table, as a slave that feeds others.
 
-use super::slave::{Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable};
+use super::slave::{
+    Abilities, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+};
 use crate::linear::StateSpace;
 use crate::series::{Column, Series};
 use thiserror::Error;
@@ -39,11 +41,15 @@ pub enum SourceError {
 /// Between samples reals go along straight lines, other types keep the last sample. A time that stands
 /// in several rows is a jump: from it on the last of these rows counts. Before the first and after the
 /// last sample of a column its value is held.
+///
+/// A master sees a table as it sees any slave, at its communication points; a jump belongs on one. One that
+/// interpolates between them makes a ramp of a jump, over the step that ends there.
 #[derive(Debug, Clone)]
 pub struct Source {
     variables: Vec<Variable>,
     columns: Vec<Samples>,
     time: f64,
+    saved: Vec<f64>,
 }
 
 /// The samples of one column, missing ones left out.
@@ -64,6 +70,7 @@ impl Source {
             variables: Vec::new(),
             columns: Vec::new(),
             time: series.time.first().copied().unwrap_or(0.0),
+            saved: Vec::new(),
         };
         for (column, handle) in series.columns.iter().zip(0..) {
             source.columns.push(samples(&series.time, column)?);
@@ -106,11 +113,13 @@ impl Source {
         Ok(())
     }
 
+    fn samples(&self, handle: u32) -> Result<&Samples, SlaveError> {
+        let samples = self.columns.get(handle as usize);
+        samples.ok_or_else(|| format!("there is no column {handle}").into())
+    }
+
     fn value(&self, handle: u32) -> Result<f64, SlaveError> {
-        match self.columns.get(handle as usize) {
-            Some(samples) => Ok(samples.at(self.time)),
-            None => Err(format!("there is no column {handle}").into()),
-        }
+        Ok(self.samples(handle)?.at(self.time))
     }
 }
 
@@ -133,19 +142,34 @@ fn samples(times: &[f64], column: &Column) -> Result<Samples, SourceError> {
 }
 
 impl Samples {
+    /// Positions of the last sample that is reached and of the one after it, between which values are
+    /// interpolated; a single position where they are held.
+    fn around(&self, time: f64) -> (usize, Option<usize>) {
+        let next = self.times.partition_point(|&t| is_reached(t, time));
+        let is_between = next > 0 && next < self.times.len() && !self.is_held;
+        (next.saturating_sub(1), is_between.then_some(next))
+    }
+
     /// The value at a time; at a jump the one after it.
     fn at(&self, time: f64) -> f64 {
-        let next = self.times.partition_point(|&t| is_reached(t, time));
-        let last = match next {
-            0 => return self.values[0],
-            next => next - 1,
-        };
-        if self.is_held || next == self.times.len() {
+        let (last, next) = self.around(time);
+        let Some(next) = next else {
             return self.values[last];
-        }
+        };
         let (t0, t1) = (self.times[last], self.times[next]);
         let part = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
         self.values[last] + part * (self.values[next] - self.values[last])
+    }
+
+    /// How the value goes on from a time [its unit per second].
+    fn slope_at(&self, time: f64) -> f64 {
+        match self.around(time) {
+            (last, Some(next)) => {
+                let rise = self.values[next] - self.values[last];
+                rise / (self.times[next] - self.times[last])
+            }
+            (_, None) => 0.0,
+        }
     }
 }
 
@@ -208,6 +232,43 @@ impl Slave for Source {
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    /// All that it is, is a time.
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: true,
+            output_derivatives: true,
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        if self.saved.len() <= place {
+            self.saved.resize(place + 1, self.time);
+        }
+        self.saved[place] = self.time;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        match self.saved.get(place) {
+            Some(&time) => self.time = time,
+            None => return Err(format!("no time is saved in place {place}").into()),
+        }
+        Ok(())
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        for (&handle, slope) in handles.iter().zip(slopes) {
+            *slope = self.samples(handle)?.slope_at(self.time);
+        }
         Ok(())
     }
 

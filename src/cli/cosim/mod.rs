@@ -1,21 +1,21 @@
 //! `pilotage cosim`: FMUs wired together and simulated.
 
+mod coupling;
 pub mod ending;
 mod inputs;
 mod parameters;
+mod report;
 mod summary;
 mod watch;
 pub mod wiring;
 
+use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
-use self::wiring::{Wired, Wiring};
+use self::wiring::{Wired, Wiring, positive};
 use super::{Failure, Outcome, interrupt, terminal};
-use crate::cosim::{
-    Algorithm, Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned,
-};
+use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
 use crate::output::GrowingFile;
-use clap::ValueEnum;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -63,12 +63,8 @@ pub struct Args {
     /// Communication step [s]; must divide the duration.
     #[arg(long, value_name = "SECONDS")]
     step: f64,
-    /// How the FMUs exchange values.
-    #[arg(long, value_enum, default_value_t)]
-    algorithm: AlgorithmName,
-    /// Relative tolerance for FMUs with error control [default: each FMU's own].
-    #[arg(long, value_name = "NUMBER", value_parser = positive)]
-    tolerance: Option<f64>,
+    #[command(flatten)]
+    coupling: CouplingArgs,
     /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?`
     /// for one; outputs, inputs, locals and parameters [default: all outputs].
     #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
@@ -87,33 +83,13 @@ pub struct Args {
     json: bool,
 }
 
-/// [`Algorithm`] by name.
-#[derive(Debug, Clone, Copy, Default, ValueEnum)]
-enum AlgorithmName {
-    /// All FMUs get the others' outputs at the begin of the step, then all step.
-    #[default]
-    Jacobi,
-    /// One FMU after another, in the order of their dependencies, each with the newest values.
-    GaussSeidel,
-}
-
-/// A positive number.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a positive number".to_owned()),
-    }
-}
-
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
-    let algorithm = match args.algorithm {
-        AlgorithmName::Jacobi => Algorithm::Jacobi,
-        AlgorithmName::GaussSeidel => Algorithm::GaussSeidel,
-    };
+    let coupling = args.coupling.coupling(&clock);
     let every = args.rows_between()?;
     let Wired { mut system, tables } = args.wiring.build()?;
+    args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
     let notes = notes.chain(unfed(&system)).collect();
@@ -124,7 +100,13 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let part = file.part().to_owned();
     let recorder = Thinned::new(CsvRecorder::new(file), selection, every);
     let mut watch = Watch::new(recorder, args.progress, &clock);
-    let run = crate::cosim::run(system, &clock, args.tolerance, algorithm, &mut watch);
+    let run = crate::cosim::run(
+        system,
+        &clock,
+        args.coupling.slave_tolerance(),
+        coupling,
+        &mut watch,
+    );
     let run = match run {
         Ok(run) => run,
         Err(error) => {
@@ -144,7 +126,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     save(recorder, &args.output)?;
     let summary = Summary {
         args: &args,
-        algorithm,
+        algorithm: coupling.algorithm,
         run: &run,
         ending: &ending,
         seconds,

@@ -1,7 +1,7 @@
 //! What a run has done, for people and for scripts.
 
-use super::Args;
 use super::ending::Words;
+use super::{Args, report};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, Run};
 use serde_json::json;
@@ -40,6 +40,7 @@ impl Summary<'_> {
             "order": self.run.order,
             "steps": self.run.steps,
             "step": self.args.step,
+            "report": report::to_json(&self.run.report),
             "time": self.run.time,
             "seconds": self.seconds,
             "rows": self.rows,
@@ -53,7 +54,7 @@ impl Summary<'_> {
 
     pub fn to_text(&self) -> String {
         let order = match self.algorithm {
-            Algorithm::Jacobi => String::new(),
+            Algorithm::Jacobi | Algorithm::Strong => String::new(),
             Algorithm::GaussSeidel => format!(", in the order {}", self.run.order.join(", ")),
         };
         let mut text = format!(
@@ -73,6 +74,7 @@ impl Summary<'_> {
         for note in &self.notes {
             text += &format!("note: {note}\n");
         }
+        text += &report::to_text(&self.run.report, self.args.coupling.report);
         for output in &self.run.unrecorded {
             text += &format!("note: `{output}` is text and not in the table\n");
         }

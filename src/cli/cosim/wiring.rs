@@ -64,6 +64,14 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a positive number".to_owned()),
+    }
+}
+
 /// A wired system, and what to tell about the tables that feed it.
 pub struct Wired {
     /// Ready to run.

@@ -4,7 +4,7 @@ mod files;
 mod text;
 
 use super::cosim::ending;
-use super::cosim::wiring::{Wired, Wiring, pair};
+use super::cosim::wiring::{Wired, Wiring, pair, positive};
 use super::{Failure, Outcome, terminal};
 use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
 use crate::linear::{Mode, StateSpace};
@@ -57,7 +57,7 @@ pub struct Args {
     loops: Vec<(String, String)>,
     /// Tell poles and loops also as a co-simulation with Jacobi's scheme in steps of this length has them
     /// [s].
-    #[arg(long, value_name = "SECONDS", value_parser = super::cosim::positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
     in_steps: Option<f64>,
     /// Write the matrices as a script for Matlab and Octave.
     #[arg(long, value_name = "FILE")]

@@ -33,6 +33,8 @@ pub(super) struct Instance {
     pub(super) slave: Box<dyn Slave>,
     /// Positions of variables that are read at each communication point though they are no outputs.
     pub(super) observed: Vec<usize>,
+    /// Parts that it takes each communication step in.
+    pub(super) parts: u32,
 }
 
 /// Slaves, connections and start values.
@@ -69,8 +71,28 @@ impl System {
             name,
             slave,
             observed: Vec::new(),
+            parts: 1,
         });
         Ok(())
+    }
+
+    /// Has a slave take every communication step in that many equal parts (multi-rate), its inputs
+    /// interpolated where they change within the step.
+    ///
+    /// # Errors
+    /// If there is no such slave, or no part.
+    pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
+        if parts == 0 {
+            let name = name.to_owned();
+            return Err(SystemError::NoParts { name });
+        }
+        match self.instances.iter_mut().find(|i| i.name == name) {
+            Some(instance) => {
+                instance.parts = parts;
+                Ok(())
+            }
+            None => Err(self.unknown_instance(name)),
+        }
     }
 
     /// Wires an output to an input, both as `instance.variable`. Values are converted where the units

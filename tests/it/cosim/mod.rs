@@ -2,8 +2,10 @@
 
 mod algorithms;
 mod allocations;
+mod blocks;
 mod endings;
 mod initialization;
 mod joint;
 mod slaves;
+mod strong;
 mod wiring;
