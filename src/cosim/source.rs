@@ -113,13 +113,11 @@ impl Source {
         Ok(())
     }
 
-    fn samples(&self, handle: u32) -> Result<&Samples, SlaveError> {
-        let samples = self.columns.get(handle as usize);
-        samples.ok_or_else(|| format!("there is no column {handle}").into())
-    }
-
     fn value(&self, handle: u32) -> Result<f64, SlaveError> {
-        Ok(self.samples(handle)?.at(self.time))
+        match self.columns.get(handle as usize) {
+            Some(samples) => Ok(samples.at(self.time)),
+            None => Err(format!("there is no column {handle}").into()),
+        }
     }
 }
 
@@ -142,34 +140,19 @@ fn samples(times: &[f64], column: &Column) -> Result<Samples, SourceError> {
 }
 
 impl Samples {
-    /// Positions of the last sample that is reached and of the one after it, between which values are
-    /// interpolated; a single position where they are held.
-    fn around(&self, time: f64) -> (usize, Option<usize>) {
-        let next = self.times.partition_point(|&t| is_reached(t, time));
-        let is_between = next > 0 && next < self.times.len() && !self.is_held;
-        (next.saturating_sub(1), is_between.then_some(next))
-    }
-
     /// The value at a time; at a jump the one after it.
     fn at(&self, time: f64) -> f64 {
-        let (last, next) = self.around(time);
-        let Some(next) = next else {
-            return self.values[last];
+        let next = self.times.partition_point(|&t| is_reached(t, time));
+        let last = match next {
+            0 => return self.values[0],
+            next => next - 1,
         };
+        if self.is_held || next == self.times.len() {
+            return self.values[last];
+        }
         let (t0, t1) = (self.times[last], self.times[next]);
         let part = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
         self.values[last] + part * (self.values[next] - self.values[last])
-    }
-
-    /// How the value goes on from a time [its unit per second].
-    fn slope_at(&self, time: f64) -> f64 {
-        match self.around(time) {
-            (last, Some(next)) => {
-                let rise = self.values[next] - self.values[last];
-                rise / (self.times[next] - self.times[last])
-            }
-            (_, None) => 0.0,
-        }
     }
 }
 
@@ -235,12 +218,12 @@ impl Slave for Source {
         Ok(())
     }
 
-    /// All that it is, is a time.
+    /// All that it is, is a time. It gives no derivatives: at a corner there are two, and without them
+    /// a straight line between communication points is just what the table means.
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: true,
             variable_steps: true,
-            output_derivatives: true,
             ..Abilities::default()
         }
     }
@@ -257,17 +240,6 @@ impl Slave for Source {
         match self.saved.get(place) {
             Some(&time) => self.time = time,
             None => return Err(format!("no time is saved in place {place}").into()),
-        }
-        Ok(())
-    }
-
-    fn get_output_derivatives(
-        &mut self,
-        handles: &[u32],
-        slopes: &mut [f64],
-    ) -> Result<(), SlaveError> {
-        for (&handle, slope) in handles.iter().zip(slopes) {
-            *slope = self.samples(handle)?.slope_at(self.time);
         }
         Ok(())
     }

@@ -7,5 +7,6 @@ mod endings;
 mod initialization;
 mod joint;
 mod slaves;
+mod sources;
 mod strong;
 mod wiring;
