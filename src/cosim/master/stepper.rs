@@ -164,7 +164,8 @@ impl Stepper {
             let next = if is_last { end } else { t + h };
             let failed = |failure: Failure| failure.at(t);
             self.exchange.save().map_err(failed)?;
-            let may_reject = self.can_reject && h > control.min_step;
+            // Equal parts of the rest may be longer by rounding.
+            let may_reject = self.can_reject && h > 1.01 * control.min_step;
             let error = match self.attempt(h, self.can_reject) {
                 Ok(has_converged) => {
                     let error = self.error(h)? / control.tolerance;

@@ -4,6 +4,7 @@ mod algorithms;
 mod allocations;
 mod blocks;
 mod endings;
+mod failures;
 mod initialization;
 mod joint;
 mod slaves;
