@@ -95,8 +95,13 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     };
     let host = Platform::host().ok_or_else(|| refuse("this platform is not known".into()))?;
     host.check(bytes, version)?;
+    // A name without a folder would be looked for among the system's libraries.
+    let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
     // SAFETY: a library that `export!` made initialises nothing when it is loaded; the user asked for it.
-    let loaded = unsafe { Library::new(library) }.map_err(|error| refuse(error.to_string()))?;
+    let loaded = unsafe { Library::new(path) }.map_err(|error| {
+        let cause = std::error::Error::source(&error).map(ToString::to_string);
+        refuse(cause.unwrap_or_else(|| error.to_string()))
+    })?;
     // SAFETY: by `export!` the function of that name has this type.
     let function = unsafe { loaded.get::<unsafe extern "C" fn() -> *const c_char>(INTERFACE) };
     let function = function.map_err(|_| {

@@ -133,7 +133,9 @@ pub(super) unsafe extern "C" fn no_preemption() {}
 
 /// A closure that an instance calls within steps (FMI 3.0, section 4.2.2). It may return a time at which it
 /// wants the step to end early.
-pub struct IntermediateUpdate(Box<dyn FnMut(&mut Intermediate<'_>) -> Option<f64> + Send>);
+pub struct IntermediateUpdate(Box<Update>);
+
+type Update = dyn FnMut(&mut Intermediate<'_>) -> Option<f64> + Send;
 
 impl IntermediateUpdate {
     /// Of a closure. If it panics, the panic goes on when the FMU has come back.

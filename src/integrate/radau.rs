@@ -22,36 +22,36 @@ const E: [f64; STAGES] = [
 const T: [[f64; STAGES]; STAGES] = [
     [
         0.094_438_762_488_975_24,
-        -0.141_255_295_020_954_21,
+        -0.141_255_295_020_954_2,
         0.030_029_194_105_147_42,
     ],
     [
-        0.250_213_122_965_333_32,
+        0.250_213_122_965_333_3,
         0.204_129_352_293_799_94,
-        -0.382_942_112_757_261_92,
+        -0.382_942_112_757_261_9,
     ],
     [1.0, 1.0, 0.0],
 ];
 const T_INVERSE: [[f64; STAGES]; STAGES] = [
     [
-        4.178_718_591_551_904_28,
+        4.178_718_591_551_904,
         0.327_682_820_761_062_37,
-        0.523_376_445_499_449_51,
+        0.523_376_445_499_449_5,
     ],
     [
-        -4.178_718_591_551_904_28,
+        -4.178_718_591_551_904,
         -0.327_682_820_761_062_37,
-        0.476_623_554_500_550_49,
+        0.476_623_554_500_550_5,
     ],
     [
-        0.502_872_634_945_786_82,
-        -2.571_926_949_855_605_22,
-        0.596_039_204_828_224_92,
+        0.502_872_634_945_786_8,
+        -2.571_926_949_855_605,
+        0.596_039_204_828_224_9,
     ],
 ];
 
 /// The eigenvalues: `3 + ∛9 - ∛3` and `3 + (∛3 - ∛9)/2 ∓ i (3^(5/6) + 3^(7/6))/2`.
-const REAL: f64 = 3.637_834_252_744_495_7;
+const REAL: f64 = 3.637_834_252_744_496;
 const COMPLEX: Complex<f64> = Complex::new(2.681_082_873_627_752, -3.050_430_199_247_410_5);
 
 /// Coefficients of the collocation polynomial through zero and the stages, by powers of `theta`.
@@ -191,18 +191,18 @@ impl Radau {
             return Ok(true);
         }
         self.argument.copy_from_slice(x);
-        for j in 0..x.len() {
+        for (j, &here) in x.iter().enumerate() {
             // Relative to the magnitude, or where that is zero to what counts as small there.
-            let size = x[j].abs().max(scale.absolute[j] / scale.relative);
+            let size = here.abs().max(scale.absolute[j] / scale.relative);
             let shift = f64::EPSILON.sqrt() * size.max(f64::MIN_POSITIVE.sqrt());
-            self.argument[j] = x[j] + shift;
+            self.argument[j] = here + shift;
             if !system.derivatives(t, &self.argument, &mut self.f[0])? {
                 return Ok(false);
             }
-            let shift = self.argument[j] - x[j];
-            self.argument[j] = x[j];
-            for i in 0..x.len() {
-                self.jacobian[(i, j)] = (self.f[0][i] - f[i]) / shift;
+            let shift = self.argument[j] - here;
+            self.argument[j] = here;
+            for (i, (shifted, f)) in self.f[0].iter().zip(f).enumerate() {
+                self.jacobian[(i, j)] = (shifted - f) / shift;
             }
         }
         Ok(self.jacobian.iter().all(|value| value.is_finite()))
@@ -237,17 +237,18 @@ impl Radau {
         x: &[f64],
         scale: &Scale,
     ) -> Result<bool, D::Error> {
-        let n = x.len();
         let tolerance = (10.0 * f64::EPSILON / scale.relative).max(scale.relative.sqrt().min(0.03));
         self.predict(h, x);
         let (mut last, mut rate) = (0.0f64, 0.0f64);
         for iteration in 0..ITERATIONS {
             self.iterations = iteration + 1;
-            for stage in 0..STAGES {
-                for i in 0..n {
-                    self.argument[i] = x[i] + self.z[stage][i];
+            for (stage, node) in C.iter().enumerate() {
+                for (argument, (x, z)) in
+                    (self.argument.iter_mut()).zip(x.iter().zip(&self.z[stage]))
+                {
+                    *argument = x + z;
                 }
-                let at = t + C[stage] * h;
+                let at = t + node * h;
                 if !system.derivatives(at, &self.argument, &mut self.f[stage])? {
                     return Ok(false);
                 }
@@ -279,16 +280,15 @@ impl Radau {
 
     /// Starts the stages from the last step's polynomial, continued.
     fn predict(&mut self, h: f64, x: &[f64]) {
-        for stage in 0..STAGES {
+        for (z, node) in self.z.iter_mut().zip(C) {
             match &self.dense {
                 Some(dense) => {
-                    let theta = 1.0 + C[stage] * h / dense.h;
-                    for i in 0..x.len() {
-                        let at = dense.at(theta, i, &self.begin);
-                        self.z[stage][i] = at - x[i];
+                    let theta = 1.0 + node * h / dense.h;
+                    for (i, (z, x)) in z.iter_mut().zip(x).enumerate() {
+                        *z = dense.at(theta, i, &self.begin) - x;
                     }
                 }
-                None => self.z[stage].fill(0.0),
+                None => z.fill(0.0),
             }
         }
         apply(&T_INVERSE, &self.z, &mut self.w);

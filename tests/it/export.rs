@@ -54,6 +54,7 @@ fn read(files: &BTreeMap<String, Vec<u8>>) -> ModelDescription {
     reading.description
 }
 
+/// FMI rule 17: the same input gives the same bytes.
 #[test]
 fn equal_inputs_give_equal_bytes() {
     for (model, provenance) in models() {
@@ -62,6 +63,7 @@ fn equal_inputs_give_equal_bytes() {
     }
 }
 
+/// FMI rule 18: the folders of the archive.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn archive_holds_what_the_standard_asks_for() {
@@ -72,6 +74,7 @@ fn archive_holds_what_the_standard_asks_for() {
     insta::assert_snapshot!(names.join("\n\n"));
 }
 
+/// FMI rule 17: methods, versions and flags of zip.
 #[test]
 fn archive_keeps_to_zip_2_0() {
     let (model, provenance) = &models()[0];
@@ -93,6 +96,7 @@ fn archive_keeps_to_zip_2_0() {
     assert!(names.is_sorted(), "{names:?}");
 }
 
+/// FMI rules 1, 3, 5 to 13: the description is valid, and its fingerprint is the model's.
 #[test]
 fn description_is_valid_and_says_what_the_model_is() {
     for (model, provenance) in models() {
@@ -114,6 +118,7 @@ fn description_is_valid_and_says_what_the_model_is() {
     }
 }
 
+/// FMI rules 11, 14, 15 and 16: units, outputs, initial unknowns and dependencies.
 #[test]
 fn description_declares_dependencies_and_units() {
     let model = Model::pilot(&PAPER_THETA, 1.0);

@@ -1,54 +1,79 @@
-//! The exported FMUs in fmpy, a tool that is not ours.
+//! The exported FMUs in fmpy, a tool that is not ours: both versions, both kinds.
 
 use crate::python;
-use pilotage::export::{Provenance, export_pilot, export_quadcopter};
+use pilotage::export::{Options, Provenance, export_as, pack};
+use pilotage::fmi::description::FmiVersion;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter, Simulation};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Both FMUs in a folder.
-fn fmus() -> (TempDir, PathBuf, PathBuf) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let pilot = folder.path().join("pilot.fmu");
-    let quadcopter = folder.path().join("quadcopter.fmu");
-    export_pilot(&PAPER_THETA, 1.0, &Provenance::paper(), &pilot).expect("the pilot");
-    let provenance = Provenance::vehicle(None);
-    export_quadcopter(&Quadcopter::default(), &provenance, &quadcopter).expect("the quadcopter");
-    (folder, pilot, quadcopter)
+const VERSIONS: [FmiVersion; 2] = [FmiVersion::V2, FmiVersion::V3];
+
+fn pilot() -> Model {
+    Model::pilot(&PAPER_THETA, 1.0)
 }
 
+fn quadcopter() -> Model {
+    Model::quadcopter(&Quadcopter::default())
+}
+
+fn exported(folder: &TempDir, model: &Model, version: FmiVersion) -> PathBuf {
+    let path = folder
+        .path()
+        .join(format!("{}-{version}.fmu", model.kind().name()));
+    let options = Options {
+        version,
+        ..Options::default()
+    };
+    export_as(model, &Provenance::default(), &options, &path).expect("it is exported");
+    path
+}
+
+/// The example of a user's own model.
+fn packed(folder: &TempDir, version: FmiVersion) -> PathBuf {
+    let path = folder.path().join(format!("drone-{version}.fmu"));
+    let options = Options {
+        version,
+        ..Options::default()
+    };
+    let (library, _) = pack::build(&crate::pack::example()).expect("it is built");
+    pack::pack(&library, &Provenance::default(), &options, |_| path).expect("it is packed")
+}
+
+/// FMI rules 1, 2, 5, 7 to 15 and 30: fmpy's schema and its own checks find nothing.
 #[test]
 fn fmpy_finds_nothing_wrong() {
-    let (_folder, pilot, quadcopter) = fmus();
-    let printed = python::run("validate.py", [&pilot, &quadcopter]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut fmus = Vec::new();
+    for version in VERSIONS {
+        fmus.extend([pilot(), quadcopter()].map(|model| exported(&folder, &model, version)));
+        fmus.push(packed(&folder, version));
+    }
+    let printed = python::run("validate.py", &fmus);
     let numbers: Vec<_> = printed
         .lines()
         .filter(|l| l.parse::<u32>().is_ok())
         .collect();
-    assert_eq!(numbers, ["21", "30"], "{printed}");
+    assert_eq!(numbers, ["21", "30", "33", "21", "30", "33"], "{printed}");
 }
 
-/// Simulates in fmpy and with our own model, and compares every output at every point.
-fn compare(fmu: &Path, model: Model, step: f64, settings: &[(&str, f64)]) {
-    let stop = 15.0;
+/// What fmpy's simulation gives at the communication points, after events: time and outputs.
+fn simulated(
+    fmu: &Path,
+    kind: &str,
+    [stop, step]: [f64; 2],
+    settings: &[(&str, f64)],
+) -> Vec<Vec<f64>> {
     let mut arguments = vec![
         fmu.display().to_string(),
+        kind.to_owned(),
         stop.to_string(),
         step.to_string(),
     ];
-    arguments.extend(
-        settings
-            .iter()
-            .map(|(name, value)| format!("{name}={value:?}")),
-    );
-    let printed = python::run("simulate.py", arguments);
-    let mut simulation = Simulation::new(model);
-    for (name, value) in settings {
-        let index = simulation.model().index(name).expect("the variable exists");
-        simulation.set(index, *value).expect("it can be set");
-    }
-    let rows: Vec<Vec<f64>> = printed
+    let setting = |(name, value): &(&str, f64)| format!("{name}={value:?}");
+    arguments.extend(settings.iter().map(setting));
+    let rows: Vec<Vec<f64>> = python::run("simulate.py", arguments)
         .lines()
         .map(|line| {
             line.split(' ')
@@ -56,58 +81,102 @@ fn compare(fmu: &Path, model: Model, step: f64, settings: &[(&str, f64)]) {
                 .collect()
         })
         .collect();
-    assert_eq!(rows.len(), (stop / step).round() as usize + 1);
-    for (k, row) in rows.iter().enumerate() {
-        assert!((row[0] - k as f64 * step).abs() < 1e-12 * stop);
-        let outputs: Vec<f64> = simulation
-            .model()
-            .outputs()
-            .map(|i| simulation.get(i))
-            .collect();
-        assert_eq!(row.len(), 1 + outputs.len());
-        for (theirs, ours) in row[1..].iter().zip(&outputs) {
-            let tolerance = 1e-12 * ours.abs().max(1.0);
-            assert!(
-                (theirs - ours).abs() <= tolerance,
-                "at {} s: {theirs} {ours}",
-                row[0]
-            );
-        }
+    let n = (stop / step).round() as usize;
+    let at = |k: usize| {
+        let near = |row: &&Vec<f64>| (row[0] - k as f64 * step).abs() < 1e-9;
+        let row = rows.iter().rev().find(near);
+        row.unwrap_or_else(|| panic!("no row at {}", k as f64 * step))
+            .clone()
+    };
+    (0..=n).map(at).collect()
+}
+
+/// Simulates in fmpy and with our own model, and compares every output at every point.
+fn compare(model: &Model, step: f64, settings: &[(&str, f64)]) {
+    let stop = 15.0;
+    let mut simulation = Simulation::new(model.clone());
+    for (name, value) in settings {
+        let index = model.index(name).expect("the variable exists");
+        simulation.set(index, *value).expect("it can be set");
+    }
+    let mut ours: Vec<Vec<f64>> = Vec::new();
+    for _ in 0..=(stop / step).round() as usize {
+        ours.push(model.outputs().map(|i| simulation.get(i)).collect());
         simulation.step(step).expect("the step is possible");
     }
-    let moved = rows.first().map(|r| &r[1..]) != rows.last().map(|r| &r[1..]);
-    assert!(moved, "nothing happened");
+    assert_ne!(ours.first(), ours.last(), "nothing happened");
+    let folder = tempfile::tempdir().expect("a folder");
+    for version in VERSIONS {
+        let fmu = exported(&folder, model, version);
+        for (kind, tolerance) in [("CoSimulation", 1e-12), ("ModelExchange", 1e-6)] {
+            let rows = simulated(&fmu, kind, [stop, step], settings);
+            assert_eq!(rows.len(), ours.len());
+            for (row, ours) in rows.iter().zip(&ours) {
+                assert_eq!(row.len(), 1 + ours.len());
+                for (theirs, ours) in row[1..].iter().zip(ours) {
+                    assert!(
+                        (theirs - ours).abs() <= tolerance * ours.abs().max(1.0),
+                        "FMI {version} {kind} at {} s: {theirs} {ours}",
+                        row[0]
+                    );
+                }
+            }
+        }
+    }
 }
 
 #[test]
 fn pilot_in_fmpy_agrees_with_the_model() {
-    let (_folder, pilot, _) = fmus();
-    let model = || Model::pilot(&PAPER_THETA, 1.0);
-    compare(
-        &pilot,
-        model(),
-        0.05,
-        &[("target", 10.0), ("position", 2.0)],
-    );
+    compare(&pilot(), 0.05, &[("target", 10.0), ("position", 2.0)]);
     let settings = [
         ("x1_start", 1.0),
         ("theta3", 1.3),
         ("stick_limit", 0.2),
         ("target", 3.0),
     ];
-    compare(&pilot, model(), 0.1, &settings);
+    compare(&pilot(), 0.1, &settings);
 }
 
 #[test]
 fn quadcopter_in_fmpy_agrees_with_the_model() {
-    let (_folder, _, quadcopter) = fmus();
-    let model = || Model::quadcopter(&Quadcopter::default());
-    compare(&quadcopter, model(), 0.05, &[("stick", -0.3)]);
+    compare(&quadcopter(), 0.05, &[("stick", -0.3)]);
     let settings = [
         ("mass", 2.0),
         ("phi_start", 0.2),
         ("z_start", -1.0),
         ("stick", 0.1),
     ];
-    compare(&quadcopter, model(), 0.25, &settings);
+    compare(&quadcopter(), 0.25, &settings);
+}
+
+/// A user's model with events: it falls, bounces, and lies on the ground, whoever integrates it.
+#[test]
+fn a_users_model_in_fmpy_bounces_alike_in_all_versions_and_kinds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = [("left", 4.0), ("right", 4.1), ("height_start", 2.0)];
+    let run = |version, kind| {
+        let fmu = packed(&folder, version);
+        simulated(&fmu, kind, [4.0, 0.05], &settings)
+    };
+    let inside = run(FmiVersion::V2, "CoSimulation");
+    assert_eq!(run(FmiVersion::V3, "CoSimulation"), inside);
+    // The columns: time, x, height, pitch, landed, power.
+    let height = |row: &Vec<f64>| row[2];
+    let falls = inside.windows(2).map(|w| height(&w[1]) < height(&w[0]));
+    let turns = falls.collect::<Vec<_>>();
+    let bounces = turns.windows(2).filter(|w| w[0] && !w[1]).count();
+    assert!(bounces >= 3, "{bounces} bounces");
+    assert!(inside.iter().all(|row| height(row) >= -1e-9));
+    let last = inside.last().expect("rows");
+    assert_eq!((height(last), last[4]), (0.0, 1.0), "it lies");
+    for version in VERSIONS {
+        for (outside, inside) in run(version, "ModelExchange").iter().zip(&inside) {
+            for (a, b) in outside.iter().zip(inside) {
+                assert!(
+                    (a - b).abs() < 1e-5,
+                    "FMI {version}: {outside:?} {inside:?}"
+                );
+            }
+        }
+    }
 }

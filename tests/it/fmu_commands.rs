@@ -162,7 +162,7 @@ fn validate_tells_the_verdict_first() {
     let (code, lines) = validated(&foreign::fmu("good"));
     assert_eq!((code, lines.len()), (0, 1), "{lines:?}");
     assert!(
-        lines[0].starts_with("a.fmu: valid, and runs ("),
+        lines[0].starts_with("a.fmu: valid, and runs"),
         "{}",
         lines[0]
     );
@@ -171,7 +171,7 @@ fn validate_tells_the_verdict_first() {
     let (code, lines) = validated(&foreign::fmu_of(&description, foreign::binary()));
     assert_eq!(code, 1);
     assert!(
-        lines[0].starts_with("a.fmu: not valid (1 error, "),
+        lines[0].starts_with("a.fmu: not valid (1 error"),
         "{}",
         lines[0]
     );
@@ -222,6 +222,109 @@ fn validate_many_as_json() {
     assert_eq!(ended.code, 2);
     assert!(
         ended.stderr.starts_with("error: cannot open nothing.fmu: "),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn model_exchange_is_simulated_by_the_command() {
+    let folder = Folder::new();
+    folder.write("ball.fmu", foreign::model_exchange("ball@0.7", 2, 1));
+    folder.write("good.fmu", foreign::fmu("good"));
+    // The height of the ball feeds a filter; both kinds run side by side.
+    let ended = folder.pilotage(&[
+        "cosim",
+        "ball.fmu",
+        "good.fmu",
+        "--set",
+        "ball.p=0.5",
+        "--stop-time",
+        "2",
+        "--step",
+        "0.5",
+        "--tolerance",
+        "1e-8",
+    ]);
+    assert_eq!(
+        (ended.code, ended.stderr.as_str()),
+        (0, ""),
+        "{}",
+        ended.stdout
+    );
+    let csv = folder.read("result.csv");
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows[0][..3], ["time", "ball.y", "ball.events"]);
+    // It falls from 1 m: the first bounce is at 0.4515 s, and keeps half of the speed.
+    const G: f64 = 9.81;
+    let first = (2.0 / G).sqrt();
+    let height = |t: f64| {
+        let (after, v) = (t - first, 0.5 * G * first);
+        v * after - 0.5 * G * after * after
+    };
+    let y: f64 = rows[2][1].parse().unwrap();
+    assert_eq!(rows[2][2], "1");
+    assert!((y - height(0.5)).abs() < 1e-7, "{y} {}", height(0.5));
+}
+
+#[test]
+fn fmus_of_fmi_3_are_simulated_as_the_kind_that_is_wanted() {
+    let folder = Folder::new();
+    folder.write("a.fmu", foreign::fmu3("good"));
+    let run = |arguments: &[&str]| {
+        let common = [
+            "cosim",
+            "a.fmu",
+            "--set",
+            "a.k=2",
+            "--set",
+            "a.u=1",
+            "--stop-time",
+            "1",
+            "--step",
+            "0.25",
+        ];
+        let ended = folder.pilotage(&[&common, arguments].concat());
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        let csv = folder.read("result.csv");
+        let cells = |line: &str| -> Vec<String> { line.split(',').map(str::to_owned).collect() };
+        let (names, last) = (csv.lines().next().unwrap(), csv.lines().last().unwrap());
+        let pairs = cells(names).into_iter().zip(cells(last));
+        pairs.collect::<std::collections::HashMap<String, String>>()
+    };
+    // Co-simulation: y follows u; each type has its output, the input plus one.
+    let last = run(&[
+        "--set",
+        "a.u8_in=254",
+        "--set",
+        "a.i64_in=-9007199254740993",
+        "--set",
+        "a.f32_in=0.5",
+    ]);
+    let y: f64 = last["a.y"].parse().unwrap();
+    assert!((y - (1.0 - (-2f64).exp())).abs() < 1e-12);
+    let outputs =
+        ["a.u8", "a.i64", "a.f32", "a.boolean", "a.count"].map(|name| last[name].as_str());
+    assert_eq!(outputs, ["255", "-9007199254740992", "1.5", "1", "0"]);
+    // Model exchange: the event iteration at the start, where the input jumps, and where x falls below 1/2.
+    let last = run(&["--kind", "me"]);
+    assert_eq!((last["a.count"].as_str(), last["a.y"].as_str()), ("2", "0"));
+
+    let ended = folder.pilotage(&[
+        "cosim",
+        "a.fmu",
+        "--set",
+        "a.u8_in=256",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.25",
+    ]);
+    assert_eq!(ended.code, 2);
+    assert!(
+        ended
+            .stderr
+            .contains("256 does not fit into a variable of type u8"),
         "{}",
         ended.stderr
     );

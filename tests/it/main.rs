@@ -23,6 +23,7 @@ mod fmu_commands;
 mod foreign;
 mod linearize;
 mod mutation;
+mod pack;
 mod python;
 mod random_collocation;
 mod recovery;

@@ -152,7 +152,9 @@ impl Mutator {
             0 => {
                 let at = self.below(bytes.len());
                 let bit = 1 << self.below(8);
-                bytes.get_mut(at).map(|byte| *byte ^= bit);
+                if let Some(byte) = bytes.get_mut(at) {
+                    *byte ^= bit;
+                }
             }
             1 => {
                 let random: Vec<u8> = (0..self.below(8))
@@ -217,7 +219,7 @@ impl Mutator {
     }
 
     /// Changes numbers in the headers of an archive.
-    pub fn mutate_archive(&mut self, bytes: &mut Vec<u8>) {
+    pub fn mutate_archive(&mut self, bytes: &mut [u8]) {
         let signatures: Vec<usize> = (bytes.windows(2).enumerate())
             .filter(|(_, w)| *w == b"PK")
             .map(|(at, _)| at)

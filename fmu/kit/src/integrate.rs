@@ -234,32 +234,58 @@ impl Integrator {
 
     /// One step from `x` into `next`, with the slopes of its stages; its error (1 is allowed).
     fn trial(&mut self, ode: &mut impl Ode, time: f64, x: &[f64], step: f64, relative: f64) -> f64 {
-        let n = x.len();
+        // With a number of states that the compiler knows, the sums below become straight code.
+        match x.len() {
+            2 => self.trial_of(2, ode, time, x, step, relative),
+            3 => self.trial_of(3, ode, time, x, step, relative),
+            4 => self.trial_of(4, ode, time, x, step, relative),
+            6 => self.trial_of(6, ode, time, x, step, relative),
+            8 => self.trial_of(8, ode, time, x, step, relative),
+            n => self.trial_of(n, ode, time, x, step, relative),
+        }
+    }
+
+    #[inline(always)]
+    fn trial_of(
+        &mut self,
+        n: usize,
+        ode: &mut impl Ode,
+        time: f64,
+        x: &[f64],
+        step: f64,
+        relative: f64,
+    ) -> f64 {
         self.work.evaluations += 6;
+        let x = &x[..n];
+        let next = &mut self.next[..n];
         for stage in 1..7 {
             let (known, rest) = self.slopes.split_at_mut(stage);
-            for i in 0..n {
-                let increment: f64 = (known.iter().zip(&A[stage]))
-                    .map(|(slope, a)| a * slope[i])
-                    .sum();
-                self.next[i] = x[i] + step * increment;
+            next.fill(0.0);
+            for (slope, a) in known.iter().zip(&A[stage]) {
+                for (sum, slope) in next.iter_mut().zip(&slope[..n]) {
+                    *sum += a * slope;
+                }
             }
-            ode.derivative(time + C[stage] * step, &self.next, &mut rest[0]);
+            for (sum, x) in next.iter_mut().zip(x) {
+                *sum = x + step * *sum;
+            }
+            ode.derivative(time + C[stage] * step, next, &mut rest[0][..n]);
+        }
+        let delta = &mut self.stage[..n];
+        delta.fill(0.0);
+        for (slope, e) in self.slopes.iter().zip(E) {
+            for (sum, slope) in delta.iter_mut().zip(&slope[..n]) {
+                *sum += e * slope;
+            }
         }
         let mut sum = 0.0;
-        for i in 0..n {
-            let delta: f64 = self
-                .slopes
-                .iter()
-                .zip(E)
-                .map(|(slope, e)| e * slope[i])
-                .sum();
-            let size = x[i].abs().max(self.next[i].abs());
+        for (i, delta) in delta.iter().enumerate() {
+            let size = x[i].abs().max(next[i].abs());
             let scale = relative * (self.absolute[i] + size);
             sum += (step * delta / scale).powi(2);
         }
         // An overflow in the solution alone would else pass for no error.
-        match self.next.iter().all(|v| v.is_finite()) {
+        match next.iter().all(|v| v.is_finite()) {
             true if n == 0 => 0.0,
             true => (sum / n as f64).sqrt(),
             false => f64::INFINITY,

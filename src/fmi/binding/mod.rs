@@ -67,6 +67,10 @@ macro_rules! table {
 use table;
 
 /// The functions of the version that the FMU speaks.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one for each library, behind a pointer"
+)]
 pub(super) enum Functions {
     /// FMI 2.0.
     Fmi2(fmi2::Functions),

@@ -323,6 +323,14 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<InitialUnknowns><Unknown index="6" dependencies="4"/><Unknown index="7" dependencies="4 5"/></InitialUnknowns>"#,
         r#"<InitialUnknowns><Unknown index="6" dependencies="4"/><Unknown index="7" dependencies="4 5"/></InitialUnknowns><Outputs/>"#,
     ),
+    (
+        r#"<LogCategories>"#,
+        r#"<VendorAnnotations/><LogCategories>"#,
+    ),
+    (
+        r#"stepSize="0.1"/>"#,
+        r#"stepSize="0.1"/><VendorAnnotations><Tool name="t"><a/><b/>text</Tool></VendorAnnotations>"#,
+    ),
     // The whole, further.
     (r#"05Z""#, r#"05.5Z""#),
     (r#"2026-01-02"#, r#"2026-02-30"#),

@@ -2,9 +2,13 @@
 
 use crate::foreign;
 use pilotage::fmi::{CallError, Fmu, Instance, Kind, Step};
-use pilotage_abi::fmi2::{Function, State, Status};
+use pilotage_abi::fmi2::{Function, State, Status, StatusKind};
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 use tempfile::tempdir;
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Metadata, Subscriber};
 
 fn instance_of(content: &[u8]) -> Instance {
     let folder = tempdir().unwrap();
@@ -29,6 +33,7 @@ fn y(instance: &mut Instance) -> f64 {
     value[0]
 }
 
+// FMI rules 22 and 26: callbacks and strings that live during the call alone; values of every type.
 #[test]
 fn steps_and_values_of_every_type() {
     let mut instance = ready("never-back");
@@ -48,6 +53,7 @@ fn steps_and_values_of_every_type() {
     assert_eq!(instance.state(), State::Terminated.into());
 }
 
+// FMI rule 24: the calling sequence.
 #[test]
 fn nothing_illegal_reaches_the_fmu() {
     let mut instance = instance_of(&foreign::fmu("good"));
@@ -128,6 +134,7 @@ fn warnings_go_on_and_pending_steps_are_waited_for() {
     }
 }
 
+// FMI rule 25: a step that was discarded, and how far it came.
 #[test]
 fn discarded_steps_say_how_far_they_came() {
     let step = |behaviour| ready(behaviour).do_step(0.0, 0.5).unwrap();
@@ -140,6 +147,7 @@ fn discarded_steps_say_how_far_they_came() {
     assert_eq!(step("end@0.25"), discarded(Some(0.25), true));
 }
 
+// FMI rule 27: the same steps after going back give the same bits.
 #[test]
 fn states_are_saved_restored_and_freed() {
     let mut instance = ready("good");
@@ -169,6 +177,163 @@ fn states_are_saved_restored_and_freed() {
         instance.save().unwrap_err().to_string(),
         "the FMU declares canGetAndSetFMUstate=\"false\""
     );
+}
+
+/// Everything optional is there.
+fn capable(behaviour: &str) -> Instance {
+    let description = foreign::DESCRIPTION
+        .replace("guid=\"good\"", &format!("guid=\"{behaviour}\""))
+        .replace(
+            "canGetAndSetFMUstate=\"true\"",
+            "canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\" \
+             providesDirectionalDerivative=\"true\" canInterpolateInputs=\"true\" \
+             maxOutputDerivativeOrder=\"2\" canRunAsynchronuously=\"true\"",
+        );
+    let mut instance = instance_of(&foreign::fmu_of(&description, foreign::binary()));
+    instance.setup_experiment(None, 0.0, None).unwrap();
+    instance.enter_initialization_mode().unwrap();
+    instance.exit_initialization_mode().unwrap();
+    instance
+}
+
+// FMI rule 27: states as bytes, and into another instance of the same FMU.
+#[test]
+fn states_go_to_bytes_and_into_another_instance() {
+    let mut instance = capable("good");
+    instance.set_real(&[0], &[1.0]).unwrap();
+    instance.do_step_revocably(0.0, 0.5).unwrap();
+    let saved = instance.save().unwrap();
+    let bytes = instance.serialize(saved).unwrap();
+    instance.do_step_revocably(0.5, 0.5).unwrap();
+    let mut other = capable("good");
+    let read = other.deserialize(&bytes).unwrap();
+    other.restore(read).unwrap();
+    other.do_step(0.5, 0.5).unwrap();
+    assert_eq!(y(&mut other), y(&mut instance));
+    assert_eq!(
+        ready("good").deserialize(&bytes).unwrap_err().to_string(),
+        "the FMU declares canSerializeFMUstate=\"false\""
+    );
+}
+
+// FMI rule 29: directional derivatives, summed over the seed.
+#[test]
+fn derivatives_of_every_kind() {
+    let mut instance = capable("good");
+    let mut values = [0.0; 2];
+    (instance.directional_derivative(&[1, 1], &[0, 1], &[3.0, 1.0], &mut values)).unwrap();
+    assert_eq!(values, [2.0, 2.0]);
+    instance.set_input_derivatives(&[0], &[1], &[4.0]).unwrap();
+    (instance.get_output_derivatives(&[1, 1], &[1, 2], &mut values)).unwrap();
+    assert_eq!(values, [4.0, -4.0]);
+    assert!(instance.set_input_derivatives(&[0], &[2], &[4.0]).is_err());
+    let mut instance = ready("good");
+    assert_eq!(
+        (instance.directional_derivative(&[1], &[0], &[1.0], &mut [0.0])).unwrap_err(),
+        CallError::NotCapable {
+            flag: "providesDirectionalDerivative"
+        }
+    );
+    assert_eq!(
+        (instance.adjoint_derivative(&[1], &[0], &[1.0], &mut [0.0]))
+            .unwrap_err()
+            .to_string(),
+        "the FMU is of FMI 2.0, which has nothing like fmi3GetAdjointDerivative"
+    );
+}
+
+#[test]
+fn pending_steps_may_be_asked_for_or_cancelled() {
+    let mut instance = capable("pending");
+    assert_eq!(instance.begin_step(0.0, 1.0, true).unwrap(), None);
+    assert_eq!(instance.state(), State::StepInProgress.into());
+    // Within a step nothing else is allowed.
+    assert!(matches!(
+        instance.get_real(&[1], &mut [0.0]),
+        Err(CallError::NotAllowed { .. })
+    ));
+    let text = instance.string_status(StatusKind::PENDING_STATUS).unwrap();
+    assert_eq!(text, "half of it is done");
+    assert!(instance.integer_status(StatusKind::PENDING_STATUS).is_err());
+    let mut polls = 1;
+    let step = loop {
+        match instance.poll_step().unwrap() {
+            Some(step) => break step,
+            None => polls += 1,
+        }
+    };
+    assert_eq!((step, polls), (Step::Done, 3));
+    assert_eq!(instance.state(), State::StepComplete.into());
+
+    instance.begin_step(1.0, 1.0, true).unwrap();
+    instance.cancel_step().unwrap();
+    assert_eq!(instance.state(), State::StepCanceled.into());
+    assert!(instance.do_step(1.0, 1.0).is_err());
+    instance.reset().unwrap();
+
+    // An instance that goes while its step is on its way cancels it.
+    let mut instance = capable("pending");
+    instance.begin_step(0.0, 1.0, true).unwrap();
+}
+
+// FMI rule 23: which categories an FMU logs is the importer's choice; no category means all.
+#[test]
+fn categories_are_chosen() {
+    let mut instance = capable("good");
+    let mut categories = |on: bool, names: &[&str]| {
+        instance.set_debug_logging(on, names).unwrap();
+        instance.get_integer(2).unwrap()
+    };
+    assert_eq!(categories(true, &["logStatusError"]), 1);
+    assert_eq!(categories(true, &[]), 0);
+    assert_eq!(categories(false, &[]), -1);
+    assert!(instance.set_debug_logging(true, &["other"]).is_err());
+}
+
+/// Collects events of `tracing` as text.
+#[derive(Clone, Default)]
+struct Events(Arc<Mutex<Vec<String>>>);
+
+impl Subscriber for Events {
+    fn enabled(&self, _: &Metadata<'_>) -> bool {
+        true
+    }
+
+    fn new_span(&self, _: &Attributes<'_>) -> Id {
+        Id::from_u64(1)
+    }
+
+    fn event(&self, event: &Event<'_>) {
+        struct Fields(String);
+        impl Visit for Fields {
+            fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+                self.0 += &format!(" {field}={value:?}");
+            }
+        }
+        let mut fields = Fields(format!(
+            "{} {}",
+            event.metadata().level(),
+            event.metadata().target()
+        ));
+        event.record(&mut fields);
+        self.0.lock().unwrap().push(fields.0);
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+    fn enter(&self, _: &Id) {}
+    fn exit(&self, _: &Id) {}
+}
+
+#[test]
+fn messages_go_to_tracing() {
+    let events = Events::default();
+    tracing::subscriber::with_default(events.clone(), || {
+        ready("error").do_step(0.0, 0.1).unwrap_err();
+    });
+    let events = events.0.lock().unwrap();
+    let line = "ERROR fmu message=the solver failed instance=\"here\" category=\"logStatusError\" status=\"fmi2Error\"";
+    assert_eq!(events.as_slice(), [line]);
 }
 
 #[test]
@@ -223,6 +388,7 @@ fn unpacked_folders_go_with_the_last_instance() {
     assert!(!unpacked.exists() && !Path::new(&unpacked).parent().unwrap().exists());
 }
 
+// FMI rule 28: many instances on many threads.
 #[test]
 fn instances_of_one_library_do_not_meet() {
     let threads: Vec<_> = (1..=8)

@@ -1,6 +1,7 @@
 //! Reading, checking and calling FMUs.
 
 mod archives;
+mod cycles;
 mod faults;
 mod faults2;
 mod faults3;

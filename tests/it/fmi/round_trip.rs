@@ -236,7 +236,7 @@ fn tool() -> impl Strategy<Value = Tool> {
             "",
             " ",
             "<a b=\"1\">x &amp; y</a>",
-            "\n  <x/>\n  <!-- c --><y:z xmlns:y=\"u\"/>",
+            "\n  <!-- c --><y:z xmlns:y=\"u\"><x/> x</y:z>\n",
         ][..],
     );
     (text(), content).prop_map(|(name, content)| Tool {

@@ -532,3 +532,32 @@ fn dependencies() {
     // In FMI 3.0 parameters are knowns, and nothing need be in order.
     assert_eq!(findings(faults3::GOOD), Vec::<String>::new());
 }
+
+/// Every one of the 30 rules that exporters get wrong has a test that names it, `FMI rule N:`.
+#[test]
+fn every_rule_has_a_test_that_names_it() {
+    let mut named = BTreeSet::new();
+    let mut folders = vec![
+        std::path::PathBuf::from("tests"),
+        "src".into(),
+        "fmu".into(),
+    ];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = std::fs::read_to_string(path).unwrap();
+                // The words of the rule's heading up to its colon or full stop.
+                for rest in text.split("/// FMI rule").skip(1) {
+                    let heading = rest.split([':', '.', '\n']).next().unwrap();
+                    let words = heading.split(|c: char| !c.is_ascii_digit());
+                    named.extend(words.filter_map(|word| word.parse::<u32>().ok()));
+                }
+            }
+        }
+    }
+    let missing: Vec<u32> = (1..=30).filter(|rule| !named.contains(rule)).collect();
+    assert_eq!(missing, Vec::<u32>::new());
+}

@@ -27,6 +27,8 @@ fn misuse(raw: &Raw, initialized: bool, wrong: impl FnOnce(&Instance) -> Status)
     logged[0].clone()
 }
 
+/// FMI rule 26: wrong references, pointers, values and times are errors that say what to do (rules 21 and
+/// 25 too).
 #[test]
 fn wrong_calls_are_told_what_to_do() {
     let raw = Raw::new(pilot());
@@ -127,6 +129,7 @@ fn wrong_calls_are_told_what_to_do() {
     insta::assert_snapshot!(messages.join("\n"));
 }
 
+/// FMI rule 25: the stop time, within tolerance.
 #[test]
 fn steps_beyond_the_stop_time_are_refused_but_for_rounding() {
     let raw = Raw::new(quadcopter());
@@ -150,6 +153,7 @@ fn steps_beyond_the_stop_time_are_refused_but_for_rounding() {
     );
 }
 
+/// FMI rules 3 and 22: what an instance needs, and the fingerprint.
 #[test]
 fn instances_that_cannot_be_are_null_and_say_why() {
     let raw = Raw::new(pilot());
@@ -187,6 +191,7 @@ fn instances_that_cannot_be_are_null_and_say_why() {
     assert!(messages.take()[0].ends_with(expected));
 }
 
+/// FMI rule 19: every spelling of the resource location.
 #[test]
 fn every_reasonable_resource_location_works_and_none_too() {
     let raw = Raw::new(pilot());
@@ -213,6 +218,7 @@ fn every_reasonable_resource_location_works_and_none_too() {
     }
 }
 
+/// FMI rule 21: NULL for an instance.
 #[test]
 fn null_instances_are_errors() {
     let raw = Raw::new(pilot());
@@ -228,6 +234,7 @@ fn null_instances_are_errors() {
     call!(nobody, FreeInstance);
 }
 
+/// FMI rule 23: logging on and off, by category.
 #[test]
 fn logging_can_be_switched_and_missing_loggers_do_no_harm() {
     let raw = Raw::new(pilot());
@@ -271,6 +278,7 @@ fn logging_can_be_switched_and_missing_loggers_do_no_harm() {
     }
 }
 
+/// FMI rule 22: callbacks and name are copied (rule 23 too).
 #[test]
 fn the_callbacks_struct_and_the_name_are_copied() {
     let raw = Raw::new(pilot());

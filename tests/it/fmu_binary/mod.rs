@@ -1,7 +1,9 @@
 //! The library inside exported FMUs, called as C would call it.
 
+mod fmi3;
 mod legality;
 mod misuse;
+mod model_exchange;
 mod raw;
 mod states;
 
@@ -45,6 +47,7 @@ fn life(raw: &Raw, phase: usize) -> Vec<Vec<u64>> {
     flight
 }
 
+/// FMI rules 4, 18 and 20: every function of both versions is there, and nothing else.
 #[test]
 #[cfg(target_os = "linux")]
 fn library_exports_the_standard_and_nothing_else_and_needs_the_system_alone() {
@@ -85,6 +88,35 @@ fn library_exports_the_standard_and_nothing_else_and_needs_the_system_alone() {
     }
 }
 
+/// FMI rule 18: the library runs with the C library of systems from 2021 on (glibc 2.34: Debian 12,
+/// Ubuntu 22.04, RHEL 9). What it needs of newer ones would keep it from loading there.
+#[test]
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn library_needs_no_new_glibc() {
+    use object::read::elf::ElfFile64;
+    let file = ElfFile64::<object::Endianness>::parse(export::binary::LIBRARY).unwrap();
+    let versions = file
+        .elf_section_table()
+        .versions(file.endian(), file.data())
+        .unwrap()
+        .expect("it has versions");
+    let symbols = file.elf_dynamic_symbol_table();
+    let mut needed: Vec<(u32, u32)> = (0..symbols.len())
+        .filter_map(|i| {
+            let index = versions.version_index(file.endian(), object::SymbolIndex(i));
+            let version = versions.version(index).unwrap()?;
+            let name = std::str::from_utf8(version.name()).unwrap();
+            let mut numbers = name.strip_prefix("GLIBC_")?.split('.');
+            let mut number = || numbers.next().and_then(|n| n.parse().ok());
+            Some((number()?, number()?))
+        })
+        .collect();
+    needed.sort_unstable();
+    assert!(needed.len() > 10, "{needed:?}");
+    let newest = needed.last().unwrap();
+    assert!(*newest <= (2, 34), "{newest:?}");
+}
+
 #[test]
 fn library_holds_no_path_of_the_machine_that_built_it() {
     let library = export::binary::LIBRARY;
@@ -92,6 +124,7 @@ fn library_holds_no_path_of_the_machine_that_built_it() {
     assert!(!library.windows(root.len()).any(|w| w == root));
 }
 
+/// FMI rule 28: instances share nothing.
 #[test]
 fn eight_threads_fly_as_one_does() {
     for model in [pilot(), quadcopter()] {
@@ -111,6 +144,7 @@ fn eight_threads_fly_as_one_does() {
     }
 }
 
+/// FMI rule 28: nor do two FMUs with the same library.
 #[test]
 fn the_same_library_loaded_twice_serves_two_models() {
     let (one, other) = (
@@ -125,6 +159,7 @@ fn the_same_library_loaded_twice_serves_two_models() {
     assert!((fly(&a, 0), fly(&b, 0)) == alone);
 }
 
+/// FMI rule 24: a reset instance is as good as a new one.
 #[test]
 fn reset_is_as_good_as_new() {
     for model in [pilot(), quadcopter()] {
@@ -147,6 +182,7 @@ fn reset_is_as_good_as_new() {
     }
 }
 
+/// FMI rule 25: steps are counted, so that results do not depend on rounding.
 #[test]
 fn rounding_of_the_importers_times_leaves_no_trace() {
     let h = 0.1;
@@ -185,7 +221,7 @@ fn rounding_of_the_importers_times_leaves_no_trace() {
     }
 }
 
-/// Runs in a process of its own, since other tests use memory too: the test starts itself again.
+/// FMI rule 30: 5,000 cycles. Runs in a process of its own, since other tests use memory too: the test starts itself again.
 #[test]
 #[cfg(target_os = "linux")]
 fn five_thousand_lives_leave_nothing_behind() {

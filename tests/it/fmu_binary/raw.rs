@@ -107,10 +107,15 @@ impl Raw {
 
     /// An instance as importers make it, named `test`, with logging on.
     pub fn instantiate(&self, messages: &Messages) -> Instance<'_> {
+        self.instantiate_as(Type::CO_SIMULATION, messages)
+    }
+
+    /// As [`instantiate`](Self::instantiate), for either kind.
+    pub fn instantiate_as(&self, kind: Type, messages: &Messages) -> Instance<'_> {
         let guid = self.model.guid();
         let component = self.try_instantiate(
             Some("test"),
-            Type::CO_SIMULATION,
+            kind,
             Some(&guid),
             Some(&self.location()),
             Some(messages.callbacks()),

@@ -6,6 +6,7 @@ use pilotage::models::Model;
 use pilotage_abi::fmi2::Status;
 use std::ptr::null_mut;
 
+/// FMI rule 27: states of an instance, in memory and as bytes.
 #[test]
 fn what_follows_a_state_is_the_same_to_the_last_bit() {
     for model in [pilot(), quadcopter()] {
@@ -56,6 +57,7 @@ fn what_follows_a_state_is_the_same_to_the_last_bit() {
     }
 }
 
+/// FMI rule 27: what is no state of this FMU.
 #[test]
 fn damaged_or_foreign_states_are_refused() {
     let raw = Raw::new(pilot());
@@ -89,6 +91,7 @@ fn damaged_or_foreign_states_are_refused() {
     instance.free_state(state);
 }
 
+/// FMI rule 25: output derivatives.
 #[test]
 fn derivatives_of_outputs_agree_with_differences() {
     for model in [pilot(), quadcopter()] {
@@ -128,6 +131,7 @@ fn derivatives_of_outputs_agree_with_differences() {
     }
 }
 
+/// FMI rule 29: exact derivatives of co-simulation.
 #[test]
 fn directional_derivatives_agree_with_differences() {
     let raw = Raw::new(pilot());

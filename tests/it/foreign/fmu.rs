@@ -32,7 +32,7 @@ struct Values {
     k: f64,
     /// Tolerance, start and stop time as they were given.
     experiment: [f64; 3],
-    integer: [c_int; 2],
+    integer: [c_int; 3],
     boolean: [c_int; 2],
     string: [CString; 2],
     time: f64,
@@ -71,11 +71,6 @@ extern "C" fn fmi2GetVersion() -> *const c_char {
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn fmi2SetDebugLogging(_: *mut c_void, _: c_int, _: usize, _: *const *const c_char) -> c_int {
-    OK
-}
-
-#[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2Instantiate(
     name: *const c_char,
     kind: c_int,
@@ -99,7 +94,7 @@ unsafe extern "C" fn fmi2Instantiate(
             y: 0.0,
             k: 1.0,
             experiment: [0.0; 3],
-            integer: [0; 2],
+            integer: [0; 3],
             boolean: [0; 2],
             string: [c"".into(), c"".into()],
             time: f64::NAN,
@@ -322,5 +317,96 @@ unsafe extern "C" fn fmi2FreeFMUstate(_c: *mut c_void, state: *mut *mut c_void) 
             *state = std::ptr::null_mut();
         }
     }
+    OK
+}
+
+#[unsafe(no_mangle)]
+extern "C" fn fmi2CancelStep(c: *mut c_void) -> c_int {
+    of(c).values.polls = 0;
+    OK
+}
+
+#[unsafe(no_mangle)]
+extern "C" fn fmi2GetStringStatus(_c: *mut c_void, _kind: c_int, to: *mut *const c_char) -> c_int {
+    unsafe { *to = c"half of it is done".as_ptr() };
+    OK
+}
+
+#[unsafe(no_mangle)]
+extern "C" fn fmi2GetIntegerStatus(_c: *mut c_void, _kind: c_int, _to: *mut c_int) -> c_int {
+    // No kind is defined for it.
+    DISCARD
+}
+
+/// The number of categories that were asked for is in integer 2, or -1 for off.
+#[unsafe(no_mangle)]
+extern "C" fn fmi2SetDebugLogging(c: *mut c_void, on: c_int, n: usize, categories: *const *const c_char) -> c_int {
+    let known = |i: usize| unsafe { CStr::from_ptr(*categories.add(i)) } == c"logStatusError";
+    if !(0..n).all(known) {
+        return ERROR;
+    }
+    of(c).values.integer[2] = if on == 0 { -1 } else { n as c_int };
+    OK
+}
+
+/// The slope of `u` is added to `u` at once: enough to see that it came.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2SetRealInputDerivatives(c: *mut c_void, vr: *const c_uint, n: usize, orders: *const c_int, from: *const f64) -> c_int {
+    for i in 0..n {
+        if unsafe { (*vr.add(i), *orders.add(i)) } != (0, 1) {
+            return ERROR;
+        }
+        of(c).values.u += unsafe { *from.add(i) };
+    }
+    OK
+}
+
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2GetRealOutputDerivatives(c: *mut c_void, _vr: *const c_uint, n: usize, orders: *const c_int, to: *mut f64) -> c_int {
+    let v = &of(c).values;
+    for i in 0..n {
+        unsafe { *to.add(i) = v.k * (v.u - v.y) * (-v.k).powi(*orders.add(i) - 1) };
+    }
+    OK
+}
+
+/// Of the derivative of `y` with respect to `u` and `y`, in any order of the knowns.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2GetDirectionalDerivative(
+    c: *mut c_void, _unknowns: *const c_uint, n: usize, knowns: *const c_uint, m: usize, seed: *const f64, to: *mut f64,
+) -> c_int {
+    let k = of(c).values.k;
+    let term = |j: usize| unsafe { *seed.add(j) * if *knowns.add(j) == 0 { k } else { -k } };
+    (0..n).for_each(|i| unsafe { *to.add(i) = (0..m).map(term).sum() });
+    OK
+}
+
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2SerializedFMUstateSize(_c: *mut c_void, _state: *mut c_void, size: *mut usize) -> c_int {
+    unsafe { *size = 16 };
+    OK
+}
+
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2SerializeFMUstate(_c: *mut c_void, state: *mut c_void, to: *mut u8, n: usize) -> c_int {
+    let v = unsafe { &*state.cast::<Values>() };
+    let bytes = [v.u.to_le_bytes(), v.y.to_le_bytes()].concat();
+    if n < bytes.len() {
+        return ERROR;
+    }
+    unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, bytes.len()) };
+    OK
+}
+
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2DeSerializeFMUstate(c: *mut c_void, from: *const u8, n: usize, state: *mut *mut c_void) -> c_int {
+    if n != 16 {
+        return ERROR;
+    }
+    let bytes = unsafe { std::slice::from_raw_parts(from, n) };
+    let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+    let mut values = of(c).values.clone();
+    (values.u, values.y) = (number(0), number(8));
+    unsafe { *state = Box::into_raw(Box::new(values)).cast() };
     OK
 }

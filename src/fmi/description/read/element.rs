@@ -1,6 +1,9 @@
 //! One XML element as the reader sees it: attributes are taken one by one, and what is left over or
 //! does not parse becomes a finding.
 
+use super::lexical::{
+    BOOLEAN, integer_name, is_space, parse_boolean, parse_integer, parse_real, real_name, words,
+};
 use crate::fmi::description::text::LineIndex;
 use crate::fmi::description::{Finding, FmiVersion, IntegerType, Place, Precision, Rule};
 use roxmltree::Node;
@@ -148,7 +151,7 @@ impl<'c, 't> Element<'c, 't> {
     }
 
     /// Reports text between the tags, which none of the standard's elements has.
-    fn no_text(&self) {
+    pub(super) fn no_text(&self) {
         let text = self.node.children().filter(Node::is_text);
         let words = text.filter_map(|node| words(node.text().unwrap_or_default()).next());
         if let Some(word) = words.into_iter().next() {
@@ -312,79 +315,4 @@ impl<'c, 't> Element<'c, 't> {
         self.taken.borrow_mut().push(name);
         self.node.attribute(name)
     }
-}
-
-/// White space of XML.
-fn is_space(c: char) -> bool {
-    matches!(c, ' ' | '\t' | '\r' | '\n')
-}
-
-/// Items of a list of XML Schema.
-pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
-    text.split(is_space).filter(|word| !word.is_empty())
-}
-
-/// What an `xs:boolean` looks like.
-pub(super) const BOOLEAN: &str = "true or false";
-
-/// Parses an `xs:boolean`.
-pub(super) fn parse_boolean(text: &str) -> Option<bool> {
-    match text {
-        "true" | "1" => Some(true),
-        "false" | "0" => Some(false),
-        _ => None,
-    }
-}
-
-/// What a number of that type looks like.
-pub(super) fn real_name(precision: Precision) -> &'static str {
-    match precision {
-        Precision::Double => "a number (xs:double)",
-        Precision::Single => "a number (xs:float)",
-    }
-}
-
-/// Parses an `xs:double` or `xs:float`: `INF`, `-INF`, `NaN` or a decimal. Rust's own parser would
-/// also accept `inf` and `nan`.
-pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
-    match text {
-        "INF" => return Some(f64::INFINITY),
-        "-INF" => return Some(f64::NEG_INFINITY),
-        "NaN" => return Some(f64::NAN),
-        _ => {}
-    }
-    let is_letter = |b: u8| b.is_ascii_alphabetic() && !matches!(b, b'e' | b'E');
-    if text.bytes().any(is_letter) {
-        return None;
-    }
-    match precision {
-        Precision::Double => text.parse().ok(),
-        Precision::Single => text.parse::<f32>().ok().map(f64::from),
-    }
-}
-
-/// What an integer of that type looks like.
-pub(super) fn integer_name(integer: IntegerType) -> String {
-    let bits = (integer.range().end() - integer.range().start()).ilog2() + 1;
-    match (*integer.range().start(), bits) {
-        (0, _) => format!("an unsigned {bits}-bit integer"),
-        (_, 8) => "an 8-bit integer".to_owned(),
-        _ => format!("a {bits}-bit integer"),
-    }
-}
-
-/// Parses an integer of that type.
-pub(super) fn parse_integer(text: &str, integer: IntegerType) -> Option<i128> {
-    let value: i128 = text.parse().ok()?;
-    integer.range().contains(&value).then_some(value)
-}
-
-/// Parses an `xs:hexBinary`.
-pub(super) fn parse_hex(text: &str) -> Option<Vec<u8>> {
-    let digit = |byte: u8| char::from(byte).to_digit(16);
-    let byte = |pair: &[u8]| match *pair {
-        [high, low] => u8::try_from(digit(high)? * 16 + digit(low)?).ok(),
-        _ => None,
-    };
-    text.as_bytes().chunks(2).map(byte).collect()
 }

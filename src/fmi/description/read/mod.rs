@@ -5,6 +5,7 @@
 
 mod element;
 mod interface;
+mod lexical;
 mod limits;
 mod references;
 mod structure;
@@ -288,9 +289,16 @@ fn read_annotations(list: &Element) -> Vec<Tool> {
         FmiVersion::V2 => ("Tool", "name"),
         FmiVersion::V3 => ("Annotation", "type"),
     };
-    read_list(list, &[item], &mut Vec::new(), |e| Tool {
-        name: e.required_text(name),
-        content: e.inner_xml().to_owned(),
+    read_list(list, &[item], &mut Vec::new(), |e| {
+        if e.version() == FmiVersion::V2 {
+            // The schema has one element here, of any name.
+            e.no_text();
+            e.children().skip(1).for_each(|child| child.unexpected());
+        }
+        Tool {
+            name: e.required_text(name),
+            content: e.inner_xml().to_owned(),
+        }
     })
 }
 

@@ -67,8 +67,8 @@ pub(super) fn structure3(e: &Element, places: &mut Places) -> ModelStructure {
 
 /// An unknown, if it is said which variable it is.
 fn unknown(e: &Element, attribute: &'static str) -> Option<Unknown> {
-    let numbers = |text: &str| element::words(text).map(|w| w.parse().ok()).collect();
-    let kinds = |text: &str| element::words(text).map(DependencyKind::parse).collect();
+    let numbers = |text: &str| lexical::words(text).map(lexical::parse_unsigned).collect();
+    let kinds = |text: &str| lexical::words(text).map(DependencyKind::parse).collect();
     let expected = match attribute {
         "index" => "a list of indices",
         _ => "a list of value references",

@@ -1,8 +1,10 @@
 //! Reads the variables of FMI 3.0. Where they refer to others, the fields hold value references until
 //! [`references`] makes indices of them.
 
-use super::element::{
-    BOOLEAN, Element, integer_name, parse_boolean, parse_hex, parse_integer, parse_real, real_name,
+use super::element::Element;
+use super::lexical::{
+    BOOLEAN, integer_name, parse_boolean, parse_hex, parse_integer, parse_real, parse_unsigned,
+    real_name,
 };
 use super::types::{binary_attributes, clock_attributes, integer_attributes, real_attributes};
 use super::*;
@@ -45,7 +47,7 @@ pub(super) fn variable(e: &Element) -> ScalarVariable {
         description: e.text("description"),
         can_handle_multiple_set_per_time_instant: e.boolean("canHandleMultipleSetPerTimeInstant"),
         clocks: e
-            .list("clocks", "a value reference", |word| word.parse().ok())
+            .list("clocks", "a value reference", parse_unsigned)
             .unwrap_or_default(),
         dimensions: children.dimensions,
         aliases: children.aliases,

@@ -1,0 +1,231 @@
+//! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
+
+use crate::command::Folder;
+use pilotage::export::{Options, Platform, Provenance, binary, interface, package_as};
+use pilotage::fmi::description::FmiVersion;
+use pilotage::fmi::instance::{self, Step};
+use pilotage::fmi::{Fmu, Kind};
+use pilotage::models::{Model, Quadcopter};
+use std::path::{Path, PathBuf};
+
+/// The example's crate.
+pub fn example() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/vehicle-fmu")
+}
+
+fn names(fmu: &[u8]) -> Vec<String> {
+    let archive = zip::ZipArchive::new(std::io::Cursor::new(fmu)).unwrap();
+    archive
+        .file_names()
+        .map(|n| n.unwrap().into_owned())
+        .collect()
+}
+
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
+    let folder = Folder::new();
+    let crate_folder = example();
+    let crate_folder = crate_folder.to_str().unwrap();
+    for (version, library) in [("2", "linux64"), ("3", "x86_64-linux")] {
+        let name = format!("drone{version}.fmu");
+        let arguments = ["pack", crate_folder, "--fmi", version, "-o", &name];
+        let ended = folder.pilotage(&arguments);
+        assert_eq!(ended.stderr, "");
+        assert_eq!(
+            ended.stdout,
+            format!("wrote {name}\nnext: pilotage validate {name}\n")
+        );
+        let once = std::fs::read(folder.path(&name)).unwrap();
+        assert!(names(&once).contains(&format!("binaries/{library}/drone.so")));
+        let validated = folder.pilotage(&["validate", "--strict", &name]);
+        assert_eq!(validated.code, 0, "{}", validated.stdout);
+        // The library alone, as cargo made it, gives the same.
+        std::fs::remove_file(folder.path(&name)).unwrap();
+        let (built, _) = pilotage::export::pack::build(&example()).unwrap();
+        let built = built.to_str().unwrap();
+        let ended = folder.pilotage(&["pack", built, "--fmi", version]);
+        assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+        let again = std::fs::read(folder.path("drone.fmu")).unwrap();
+        // But for the licence, which is the crate's.
+        assert_eq!(names(&again), names(&once));
+        let ended = folder.pilotage(&arguments);
+        assert_eq!(ended.code, 0);
+        assert!(std::fs::read(folder.path(&name)).unwrap() == once);
+    }
+}
+
+#[test]
+fn what_cannot_be_packed_says_why_and_leaves_nothing() {
+    let folder = Folder::new();
+    folder.write("text.so", "no library");
+    folder.write("own.so", binary::LIBRARY);
+    std::fs::create_dir(folder.path("empty")).unwrap();
+    std::fs::create_dir_all(folder.path("rlib/src")).unwrap();
+    folder.write("rlib/src/lib.rs", "");
+    folder.write(
+        "rlib/Cargo.toml",
+        "[package]\nname = \"rlib\"\nedition = \"2024\"\n[workspace]\n",
+    );
+    let before = folder.files();
+    for (arguments, message) in [
+        (
+            &["pack", "none.so"][..],
+            "error: none.so cannot be read: No such file",
+        ),
+        (
+            &["pack", "text.so"],
+            "error: the library for x86_64-linux cannot be used: ",
+        ),
+        (
+            &["pack", "own.so"],
+            "error: own.so does not say what its model is: it was not made by pilotage_kit::export!",
+        ),
+        (&["pack", "empty"], "error: empty cannot be built:\n"),
+        (
+            &["pack", "rlib"],
+            "error: rlib makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
+        ),
+        (
+            &["export", "quadcopter", "--binary", "win64"],
+            "error: --binary win64 has no file\nhint: write --binary win64=model.dll",
+        ),
+        (
+            &["export", "quadcopter", "--binary", "amiga=text.so"],
+            "error: there is no platform \"amiga\"; known are x86_64-linux, ",
+        ),
+        (
+            &["export", "quadcopter", "--binary", "win64=own.so"],
+            "error: the library for x86_64-windows cannot be used: it is made for (Elf, X86_64)",
+        ),
+        (
+            &["export", "quadcopter", "--binary", "linux64=own.so"],
+            "error: two libraries are given for binaries/linux64/quadcopter.so; give one",
+        ),
+    ] {
+        let ended = folder.pilotage(arguments);
+        assert!(ended.stderr.starts_with(message), "{}", ended.stderr);
+        assert_eq!(ended.code, 2);
+        let left: Vec<_> = folder.files();
+        let left = left
+            .into_iter()
+            .filter(|f| !f.contains("rlib/") || before.contains(f));
+        assert_eq!(left.collect::<Vec<_>>(), before);
+    }
+}
+
+/// FMI rule 18: a library for another platform is put where importers look.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_library_of_another_platform_is_taken_if_it_is_one() {
+    // Our own library, said to be for another processor of the same system: the check reads the header.
+    let mut arm = binary::LIBRARY.to_vec();
+    let machine = 18;
+    arm[machine..machine + 2].copy_from_slice(&object::elf::EM_AARCH64.to_le_bytes());
+    let model = Model::quadcopter(&Quadcopter::default());
+    for version in [FmiVersion::V2, FmiVersion::V3] {
+        let options = Options {
+            version,
+            binaries: vec![(Platform::named("aarch64-linux").unwrap(), arm.clone())],
+        };
+        let fmu = package_as(&model, &Provenance::default(), &options).unwrap();
+        let path = "binaries/aarch64-linux/quadcopter.so".to_owned();
+        assert!(names(&fmu).contains(&path));
+    }
+    // One function less.
+    let at = |name: &[u8]| {
+        let found = arm.windows(name.len()).position(|w| w == name);
+        found.expect("the symbol's name")
+    };
+    let name = at(b"\0fmi2GetReal\0");
+    arm[name + 5] = b'X';
+    let options = Options {
+        version: FmiVersion::V2,
+        binaries: vec![(Platform::named("aarch64-linux").unwrap(), arm)],
+    };
+    let error = package_as(&model, &Provenance::default(), &options).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("it lacks the function fmi2GetReal"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_interface_survives_its_way_through_the_library() {
+    let bytes = std::fs::read(pilotage::export::pack::build(&example()).unwrap().0).unwrap();
+    let (library, _) = pilotage::export::pack::build(&example()).unwrap();
+    let found = pilotage::export::pack::ask(&library, &bytes, FmiVersion::V3).unwrap();
+    assert_eq!(interface::read(&found.to_json()), Some(found.clone()));
+    assert_eq!((found.name.as_str(), found.states.len()), ("drone", 7));
+    assert_eq!(found.structure.indicators.len(), 2);
+}
+
+/// Co-simulation of FMI 3.0 with an importer that handles events: each step ends at the bounce, which is
+/// then handled in event mode; in the end all is as where the FMU handles it.
+#[test]
+fn events_end_steps_for_importers_that_handle_them() {
+    let folder = Folder::new();
+    let options = Options {
+        version: FmiVersion::V3,
+        ..Options::default()
+    };
+    let (library, _) = pilotage::export::pack::build(&example()).unwrap();
+    let path = folder.path("drone.fmu");
+    let path = pilotage::export::pack::pack(&library, &Provenance::default(), &options, |_| path);
+    let mut fmu = Fmu::open(&path.unwrap()).unwrap();
+    let library = fmu.load().unwrap();
+    let reference = |name: &str| {
+        let (_, variable) = library.description().variable(name).unwrap();
+        variable.value_reference
+    };
+    let (height, landed) = (reference("height"), reference("landed"));
+    let run = |handles: bool| {
+        let options = instance::Options {
+            event_mode_used: handles,
+            early_return_allowed: handles,
+            ..instance::Options::default()
+        };
+        let kind = Kind::CoSimulation;
+        let mut drone = library.instantiate_with("drone", kind, options).unwrap();
+        drone.setup_experiment(None, 0.0, None).unwrap();
+        drone.enter_initialization_mode().unwrap();
+        drone.exit_initialization_mode().unwrap();
+        if handles {
+            assert!(!drone.update_discrete_states().unwrap().states_changed);
+            drone.enter_step_mode().unwrap();
+        }
+        let (mut time, mut events) = (0.0, Vec::new());
+        while time < 2.5 {
+            match drone.do_step(time, 2.5 - time).unwrap() {
+                Step::Done => time = 2.5,
+                Step::Stopped {
+                    reached, is_event, ..
+                } => {
+                    assert!(is_event && reached < 2.5);
+                    time = reached;
+                    events.push(time);
+                    drone.enter_event_mode().unwrap();
+                    assert!(drone.update_discrete_states().unwrap().states_changed);
+                    drone.enter_step_mode().unwrap();
+                }
+                discarded => panic!("{discarded:?}"),
+            }
+        }
+        let mut values = [f64::NAN; 2];
+        drone.get_real(&[height, landed], &mut values).unwrap();
+        (values, events)
+    };
+    let (inside, none) = run(false);
+    let (outside, events) = run(true);
+    assert_eq!((none.len(), inside), (0, [0.0, 1.0]));
+    assert_eq!(outside, inside);
+    // It falls for sqrt(2/g), then each flight is half as long as the one before.
+    let fall = (2.0 / 9.80665_f64).sqrt();
+    assert!(events.len() > 4, "{events:?}");
+    for (k, found) in events.iter().enumerate() {
+        let exact = fall * (1.0 + 2.0 * (1.0 - 0.5_f64.powi(k as i32)));
+        assert!((found - exact).abs() < 1e-9, "{found} {exact}");
+    }
+}
