@@ -1,6 +1,6 @@
 //! How numbers look on the terminal.
 
-use crate::vehicle::Mode;
+use crate::linear::Mode;
 use nalgebra::Complex;
 
 /// A pole, or a pair of conjugate poles: `-4.240 ± 3.180 i`.
@@ -13,10 +13,10 @@ fn pole(pole: Complex<f64>) -> String {
 
 /// A row of a table of modes: pole, frequency, damping.
 pub fn mode(mode: &Mode) -> String {
-    pole_row(mode.pole, mode.frequency, mode.damping)
-}
-
-/// The same from its parts.
-pub fn pole_row(at: Complex<f64>, frequency: f64, damping: f64) -> String {
-    format!("  {:<20}  {frequency:>17.3}  {damping:>7.3}\n", pole(at))
+    format!(
+        "  {:<20}  {:>17.3}  {:>7.3}\n",
+        pole(mode.pole),
+        mode.frequency,
+        mode.damping
+    )
 }

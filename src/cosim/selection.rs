@@ -4,7 +4,7 @@ use super::recorder::{Recorder, Signal};
 use super::slave::{Conversion, Kind, Role};
 use super::system::{Port, System};
 use crate::nearest::{did_you_mean, nearest};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io;
 use thiserror::Error;
 
@@ -54,7 +54,7 @@ impl Selection {
         let names: Vec<(Port, String)> = (system.ports())
             .map(|port| (port, system.port_name(port)))
             .collect();
-        let mut ports: Vec<Port> = Vec::new();
+        let (mut ports, mut known) = (Vec::new(), HashSet::new());
         for pattern in patterns {
             let fitting = names.iter().filter(|(_, name)| fits(pattern, name));
             let fitting: Vec<Port> = fitting.map(|(port, _)| *port).collect();
@@ -70,9 +70,8 @@ impl Selection {
                 let pattern = pattern.clone();
                 return Err(SelectionError::Text { pattern });
             }
-            let is_new = |port: &Port| is_number(port) && !ports.contains(port);
-            let new: Vec<Port> = fitting.into_iter().filter(is_new).collect();
-            ports.extend(new);
+            let numbers = fitting.into_iter().filter(is_number);
+            ports.extend(numbers.filter(|port| known.insert(*port)));
         }
         Ok(Self::of(system, &ports))
     }

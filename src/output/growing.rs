@@ -26,6 +26,9 @@ impl GrowingFile {
     /// ([`io::ErrorKind::ResourceBusy`]).
     pub fn create(path: &Path) -> io::Result<Self> {
         super::folder_of(path)?;
+        if std::fs::metadata(path).is_ok_and(|place| !place.is_file()) {
+            return Self::straight(path);
+        }
         let part = with_ending(path, ".part");
         let mut left_behind = None;
         let file = loop {
@@ -37,13 +40,24 @@ impl GrowingFile {
                 Err(error) => return Err(error),
             }
         };
-        // Held until the file is closed: how others tell a part that grows from one left behind.
-        file.lock()?;
+        // Held until the file is closed: how others tell a part that grows from one left behind. Where
+        // the file system knows no locks, they cannot.
+        let _ = file.try_lock();
         Ok(Self {
             path: path.to_owned(),
             part,
             file,
             left_behind,
+        })
+    }
+
+    /// A device or a pipe, such as `/dev/stdout`: nothing stands there that half a result could spoil.
+    fn straight(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            path: path.to_owned(),
+            part: path.to_owned(),
+            file: OpenOptions::new().write(true).open(path)?,
+            left_behind: None,
         })
     }
 
@@ -62,11 +76,17 @@ impl GrowingFile {
     /// # Errors
     /// When it cannot be renamed; it is still there as the part.
     pub fn finish(self) -> io::Result<()> {
-        std::fs::rename(&self.part, &self.path)
+        match self.part == self.path {
+            true => Ok(()),
+            false => std::fs::rename(&self.part, &self.path),
+        }
     }
 
     /// Removes it: nothing worth keeping was written.
     pub fn discard(self) {
+        if self.part == self.path {
+            return;
+        }
         // Should this fail, an empty part stays, which the next run puts aside.
         let _ = std::fs::remove_file(&self.part);
     }
@@ -91,9 +111,8 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
 /// Renames a part that nobody writes any more to the first free `FILE.interrupted-N`.
 fn put_aside(path: &Path, part: &Path) -> io::Result<PathBuf> {
     match File::open(part)?.try_lock() {
-        Ok(()) => {}
         Err(TryLockError::WouldBlock) => return Err(io::ErrorKind::ResourceBusy.into()),
-        Err(TryLockError::Error(error)) => return Err(error),
+        Ok(()) | Err(TryLockError::Error(_)) => {}
     }
     let mut number = 1;
     let aside = loop {
@@ -144,6 +163,19 @@ mod tests {
         GrowingFile::create(&path).unwrap().discard();
         let expected = ["r.csv", "r.csv.interrupted-1", "r.csv.interrupted-2"];
         assert_eq!(names(folder.path()), expected);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_written_straight() {
+        let null = Path::new("/dev/null");
+        let mut file = GrowingFile::create(null).unwrap();
+        file.write_all(b"rows").unwrap();
+        assert_eq!(file.part(), null);
+        file.finish().unwrap();
+        GrowingFile::create(null).unwrap().discard();
+        assert!(!std::fs::metadata(null).unwrap().is_file());
+        assert!(!Path::new("/dev/null.part").exists());
     }
 
     #[test]

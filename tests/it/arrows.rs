@@ -11,7 +11,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("series", &[]),
     ("sqp", &[]),
     ("transcription", &["models", "sqp"]),
-    ("vehicle", &["models", "document"]),
+    ("vehicle", &["models", "linear", "document"]),
     ("synthetic", &["models", "series"]),
     (
         "identification",

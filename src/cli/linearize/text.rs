@@ -2,7 +2,7 @@
 
 use super::View;
 use crate::cli::format;
-use crate::linear::{Margins, Mode, Response, StateSpace};
+use crate::linear::{Margins, Response, StateSpace};
 use crate::report::significant;
 use nalgebra::DMatrix;
 
@@ -54,8 +54,7 @@ fn in_steps(view: &View) -> String {
 fn poles(view: &View) -> String {
     let mut text = format!("\npoles of the closed loop{}\n", in_steps(view));
     text += "  pole [1/s]            frequency [rad/s]  damping\n";
-    let row = |mode: &Mode| format::pole_row(mode.pole, mode.frequency, mode.damping);
-    text += &view.modes.iter().map(row).collect::<String>();
+    text += &view.modes.iter().map(format::mode).collect::<String>();
     let unstable = view.modes.iter().filter(|mode| mode.pole.re > 0.0).count();
     if unstable > 0 {
         text += &format!(
