@@ -342,6 +342,37 @@ fn what_is_printed() {
     ");
 }
 
+/// FMU and model file mix, and what a table feeds is an input from outside, at the value that it has there.
+#[test]
+fn mixed_slaves_and_a_table() {
+    let folder = folder_with_models();
+    let ended = folder.pilotage(&["export", "pilot", "pilot.toml"]);
+    assert_eq!(ended.code, 0);
+    folder.write("course.csv", "time,pilot.target\n0,0\n1,10\n");
+    let files = [
+        "linearize",
+        "pilot.fmu",
+        "quadcopter.toml",
+        "--input",
+        "course.csv",
+    ];
+    let at = ["--at", "2", "--step", "0.01", "--json"];
+    let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &at].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert_eq!(
+        ended.stderr,
+        "note: course.csv ends at 1 s; from then on its last values are held\n"
+    );
+    let json = ended.json();
+    assert_eq!(json["inputs"], json!(["pilot.target"]));
+    assert_eq!(json["outputs"].as_array().unwrap().len(), 8);
+    // The vehicle has been moved, so that its third derivative of position is that of another attitude.
+    let (v, phi) = (5, 4);
+    assert_eq!(json["states"][v], "quadcopter.v");
+    let moved = json["A"][v][phi].as_f64().unwrap();
+    assert!((moved + 9.80665).abs() > 0.01, "{moved}");
+}
+
 #[test]
 fn questions_without_an_answer() {
     let folder = folder_with_models();
