@@ -29,6 +29,7 @@ pub fn description(
         .collect();
     let indicators = interface.structure.indicators.len();
     let newer = version == fmi::FmiVersion::V3;
+    let described = described(interface, newer);
     fmi::ModelDescription {
         fmi_version: version,
         model_name: interface.name.clone(),
@@ -41,7 +42,7 @@ pub fn description(
         number_of_event_indicators: (!newer).then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
         model_exchange: Some(model_exchange(interface, newer)),
         co_simulation: Some(co_simulation(interface, newer)),
-        units: units(&interface.variables),
+        units: units(&interface.variables[..described]),
         log_categories: log_categories(),
         default_experiment: Some(fmi::DefaultExperiment {
             start_time: Some(0.0),
@@ -49,12 +50,26 @@ pub fn description(
             tolerance: Some(DEFAULT_TOLERANCE),
             step_size: Some(STEP_SIZE),
         }),
-        variables: (0..interface.variables.len())
+        variables: (0..described)
             .map(|index| variable(interface, index))
             .collect(),
         structure: structure(interface, version),
         ..fmi::ModelDescription::default()
     }
+}
+
+/// How many of the variables are described: all, but for the time, which is the last one, where nothing
+/// depends on it. FMI 3.0 wants it always; in FMI 2.0 some importers want a start value of it, which the
+/// standard forbids.
+fn described(interface: &Interface, newer: bool) -> usize {
+    let last = interface.variables.len() - 1;
+    let s = &interface.structure;
+    let mut unknowns = (s.outputs.iter())
+        .chain(&s.derivatives)
+        .chain(&s.indicators)
+        .chain(&s.initial);
+    let is_needed = newer || unknowns.any(|u| u.dependencies.iter().any(|d| d.index == last));
+    last + usize::from(is_needed)
 }
 
 /// `newer`: with what FMI 3.0 alone has.

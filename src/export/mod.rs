@@ -11,7 +11,7 @@
 //! | [`pack`] | FMUs of a user's models |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `picture` | model.png |
-//! | [`package`] | the archive: the same input gives the same bytes |
+//! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
 pub mod description;

@@ -21,6 +21,7 @@ mod fmpy;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
+mod libcosim;
 mod linearize;
 mod mutation;
 mod pack;

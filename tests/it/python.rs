@@ -19,6 +19,28 @@ pub fn run<A: AsRef<OsStr>>(script: &str, arguments: impl IntoIterator<Item = A>
     succeeded(&mut command, &format!("tests/python/{script}"))
 }
 
+/// As [`run`]; gives what it printed and what was said on stderr.
+pub fn run_and_listen<A: AsRef<OsStr>>(
+    script: &str,
+    arguments: impl IntoIterator<Item = A>,
+) -> (String, String) {
+    let file = root().join("tests/python").join(script);
+    let output = Command::new(interpreter())
+        .args(["-I", "-B"])
+        .arg(&file)
+        .args(arguments)
+        .output()
+        .expect("Python can be started");
+    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+    let (stdout, stderr) = (text(output.stdout), text(output.stderr));
+    let status = output.status;
+    assert!(
+        status.success(),
+        "tests/python/{script} failed ({status})\n{stdout}\n{stderr}"
+    );
+    (stdout, stderr)
+}
+
 /// The interpreter of the virtual environment, made at the first call.
 pub fn interpreter() -> &'static Path {
     static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();

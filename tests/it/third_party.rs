@@ -59,10 +59,7 @@ fn pythonfmu_is_described_checked_and_run() {
     let found = findings(&ended);
     let errors: Vec<_> = found.iter().filter(|f| f.starts_with("error")).collect();
     let lacks = |f: &&String| f.starts_with("error: <InitialUnknowns> lacks");
-    assert!(
-        !errors.is_empty() && errors.iter().all(|f| lacks(&f)),
-        "{found:#?}"
-    );
+    assert!(!errors.is_empty() && errors.iter().all(lacks), "{found:#?}");
     assert_eq!(ended.code, 1);
 
     let arguments = [

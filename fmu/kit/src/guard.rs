@@ -272,13 +272,13 @@ pub unsafe fn array<'a, T>(
     }
 }
 
-/// As [`array`], to be written.
+/// As [`array()`], to be written.
 ///
 /// # Safety
 /// `pointer` is NULL, or points to `count` elements that nobody else uses while `'a` lasts.
 ///
 /// # Errors
-/// As [`array`].
+/// As [`array()`].
 pub unsafe fn array_mut<'a, T>(
     pointer: *mut T,
     count: usize,
