@@ -99,6 +99,7 @@ impl Failure {
 }
 
 /// Makes a call and, if asked, adds the time it takes.
+#[inline]
 fn timed<T>(time: &mut Option<Duration>, call: impl FnOnce() -> T) -> T {
     match time {
         None => call(),
@@ -170,6 +171,7 @@ impl Wired {
     }
 
     /// Gives the inputs the values in the row.
+    #[inline]
     pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {
         for (value, &slot) in self.input_values.iter_mut().zip(&self.input_slots) {
             *value = values.row[slot];
@@ -179,6 +181,7 @@ impl Wired {
     }
 
     /// Gives the inputs that are no reals their values.
+    #[inline]
     pub(super) fn set_others(&mut self, others: &[Value]) -> Result<(), Failure> {
         for k in 0..self.other_inputs.len() {
             let (handle, slot) = self.other_inputs[k];
@@ -190,6 +193,7 @@ impl Wired {
     }
 
     /// Converts `input_values` and sets them.
+    #[inline]
     fn set_reals(&mut self) -> Result<(), Failure> {
         if self.inputs.is_empty() {
             return Ok(());
@@ -205,6 +209,7 @@ impl Wired {
     }
 
     /// Reads all outputs.
+    #[inline]
     pub(super) fn get_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
         if !self.outputs.is_empty() {
             self.calls.gets += 1;
@@ -218,6 +223,7 @@ impl Wired {
     }
 
     /// Reads the derivatives of the fed outputs.
+    #[inline]
     fn get_slopes(&mut self, values: &mut Values) -> Result<(), Failure> {
         if self.sloped.is_empty() {
             return Ok(());
@@ -235,6 +241,7 @@ impl Wired {
     }
 
     /// Reads the outputs that are no reals.
+    #[inline]
     fn get_others(&mut self, values: &mut Values) -> Result<(), Failure> {
         for k in 0..self.other_outputs.len() {
             let (handle, kind, slot) = self.other_outputs[k];
@@ -265,6 +272,7 @@ impl Wired {
 
     /// An output that is not finite must not feed others: it would be theirs from then on, and nobody
     /// would know whose it was.
+    #[inline]
     fn check_finite(&self, values: &Values) -> Result<(), Failure> {
         match self.fed.iter().find(|&&slot| !values.row[slot].is_finite()) {
             None => Ok(()),
@@ -283,6 +291,7 @@ impl Wired {
     }
 
     /// Takes a step with the inputs that are set.
+    #[inline]
     pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
         self.calls.steps += 1;
         let stepped = timed(&mut self.time, || match is_revocable {
