@@ -2,8 +2,10 @@
 //! [`Simulation`] as the exported FMUs.
 
 use super::slave::{
-    Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+    Abilities, Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
+use crate::linear::StateSpace;
+use pilotage_models::simulation::Snapshot;
 use pilotage_models::structure::{Structure, Unknown};
 use pilotage_models::{Model, Simulation, variable};
 use thiserror::Error;
@@ -23,6 +25,18 @@ pub enum NativeError {
         /// The type asked for.
         kind: Kind,
     },
+    /// Nothing was saved there.
+    #[error("no state is saved in place {place}")]
+    NothingSaved {
+        /// Number of the place.
+        place: usize,
+    },
+    /// Only outputs have derivatives to be asked for.
+    #[error("the variable with handle {handle} is no output")]
+    NoOutput {
+        /// The handle.
+        handle: u32,
+    },
 }
 
 /// A running [`Model`]; a variable's handle is its index in the model's table.
@@ -30,6 +44,7 @@ pub enum NativeError {
 pub struct NativeSlave {
     simulation: Simulation,
     variables: Vec<Variable>,
+    saved: Vec<Option<Snapshot>>,
 }
 
 impl NativeSlave {
@@ -42,6 +57,15 @@ impl NativeSlave {
                 .map(|(variable, handle)| seen(variable, handle, &model, &structure))
                 .collect(),
             simulation: Simulation::new(model),
+            saved: Vec::new(),
+        }
+    }
+
+    fn output(&self, handle: u32) -> Result<usize, NativeError> {
+        let index = handle as usize;
+        match self.simulation.model().outputs().contains(&index) {
+            true => Ok(index),
+            false => Err(NativeError::NoOutput { handle }),
         }
     }
 
@@ -90,6 +114,7 @@ fn seen(
     };
     Variable {
         unit: Some(unit),
+        nominal: variable.nominal.unwrap_or(1.0),
         feedthrough,
         initial_feedthrough,
         ..Variable::new(&variable.name, handle, Kind::Real, role)
@@ -155,4 +180,104 @@ impl Slave for NativeSlave {
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
+
+    /// Exact, by dual numbers.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        let table = self.simulation.table();
+        let unknowns: Vec<usize> = table.derivatives().chain(table.outputs()).collect();
+        let knowns: Vec<usize> = table.states().chain(table.inputs()).collect();
+        let named = |indices: &[usize]| -> Vec<String> {
+            let variables = table.variables();
+            indices.iter().map(|&i| variables[i].name.clone()).collect()
+        };
+        let n = table.n_states();
+        let names = [
+            named(&knowns[..n]),
+            named(&knowns[n..]),
+            named(&unknowns[n..]),
+        ];
+        StateSpace::from_columns(names, |k| {
+            let seed = [(knowns[k], 1.0)];
+            Ok(self.simulation.directional_derivative(&unknowns, &seed))
+        })
+    }
+
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: true,
+            input_derivatives: true,
+            output_derivatives: true,
+            directional_derivatives: true,
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        if self.saved.len() <= place {
+            self.saved.resize(place + 1, None);
+        }
+        match &mut self.saved[place] {
+            // `clone_from` of the derive would allocate anew.
+            Some(saved) => copy(self.simulation.snapshot(), saved),
+            empty => *empty = Some(self.simulation.snapshot().clone()),
+        }
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        let Some(Some(saved)) = self.saved.get(place) else {
+            return Err(NativeError::NothingSaved { place }.into());
+        };
+        self.simulation.restore(saved);
+        Ok(())
+    }
+
+    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        for (&handle, &slope) in handles.iter().zip(slopes) {
+            self.simulation.set_slope(handle as usize, slope)?;
+        }
+        Ok(())
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        for (&handle, slope) in handles.iter().zip(slopes) {
+            *slope = self.simulation.output_derivative(self.output(handle)?);
+        }
+        Ok(())
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        let outputs = outputs.iter().map(|&handle| self.output(handle));
+        let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
+        for &handle in inputs {
+            self.get_real(handle)?;
+        }
+        let pairs = inputs.iter().zip(seed);
+        let seeds: Vec<_> = pairs
+            .map(|(&handle, &part)| (handle as usize, part))
+            .collect();
+        result.copy_from_slice(&self.simulation.directional_derivative(&outputs, &seeds));
+        Ok(())
+    }
+}
+
+/// Copies a snapshot of the same model without allocation.
+fn copy(from: &Snapshot, to: &mut Snapshot) {
+    to.time = from.time;
+    to.positive.copy_from_slice(&from.positive);
+    to.values.copy_from_slice(&from.values);
+    to.slopes.copy_from_slice(&from.slopes);
+    to.travelled.copy_from_slice(&from.travelled);
+    to.states.copy_from_slice(&from.states);
+    to.tolerance = from.tolerance;
 }

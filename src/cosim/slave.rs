@@ -1,5 +1,7 @@
 //! What the master knows of a simulation unit.
 
+use crate::linear::StateSpace;
+
 /// Why a slave's call failed, in the slave's own words.
 pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -39,6 +41,81 @@ pub trait Slave {
 
     /// Ends the simulation.
     fn terminate(&mut self) -> Result<(), SlaveError>;
+
+    /// The linear system that the slave is in continuous time for small changes about where it stands, with
+    /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
+    /// [`variables`](Self::variables), and those that are left out count as constant.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        Err("it does not say how it depends on its states and inputs".into())
+    }
+
+    /// What the slave can do beyond these calls. The calls below are made only where it says so.
+    fn abilities(&self) -> Abilities {
+        Abilities::default()
+    }
+
+    /// Saves the complete state in a place of that number, over what was saved there before. The
+    /// places used are few and small numbers; saving again shall not allocate.
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        Err(format!("the state cannot be saved (in place {place})").into())
+    }
+
+    /// Goes back to what was saved in a place, any number of times.
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        Err(format!("the state cannot be restored (from place {place})").into())
+    }
+
+    /// As [`step`](Self::step), but the slave may be restored to a state saved before it.
+    fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.step(t, h)
+    }
+
+    /// Sets the first time derivatives of real inputs [their units per second] for the next step, at
+    /// whose begin they have the values that were set.
+    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        let _ = slopes;
+        Err(format!("the inputs {handles:?} cannot be given derivatives").into())
+    }
+
+    /// Gets the first time derivatives of real outputs [their units per second] at the end of the last
+    /// step.
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        let _ = slopes;
+        Err(format!("the derivatives of the outputs {handles:?} are not known").into())
+    }
+
+    /// The derivatives of real outputs in the direction of `seed`, a part for each of `inputs`:
+    /// `Σ ∂output/∂input · part` at this instant.
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        let _ = (inputs, seed, result);
+        Err(format!("the outputs {outputs:?} have no directional derivatives").into())
+    }
+}
+
+/// What a slave can do beyond stepping forward; by default nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Abilities {
+    /// [`save`](Slave::save) and [`restore`](Slave::restore) its complete state (rollback).
+    pub rollback: bool,
+    /// Take communication steps of different lengths.
+    pub variable_steps: bool,
+    /// Take [the derivatives of inputs](Slave::set_input_derivatives), so that these are ramps within
+    /// a step instead of held.
+    pub input_derivatives: bool,
+    /// Give [the derivatives of outputs](Slave::get_output_derivatives).
+    pub output_derivatives: bool,
+    /// Give [directional derivatives](Slave::directional_derivative), during initialization too.
+    pub directional_derivatives: bool,
 }
 
 /// How far a step came.
@@ -82,8 +159,13 @@ pub struct Variable {
     pub role: Role,
     /// Whether a user may give its start value.
     pub settable: bool,
+    /// Whether it keeps its value between instants at which it jumps, though it may be a real.
+    pub is_discrete: bool,
     /// Unit of a real; `None` if the slave does not say.
     pub unit: Option<Unit>,
+    /// Magnitude of a real that counts as not small, in its unit: what tolerances refer to. 1 where
+    /// the slave does not say (FMI 2.0, section 2.2.7, `nominal`).
+    pub nominal: f64,
     /// Of an output: positions in [`Slave::variables`] of the inputs that it depends on at once
     /// (direct feedthrough).
     pub feedthrough: Vec<usize>,
@@ -92,7 +174,8 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// A variable without unit and feedthrough; parameters and inputs are settable.
+    /// A variable without unit and feedthrough; parameters and inputs are settable, all but reals are
+    /// discrete.
     pub fn new(name: impl Into<String>, handle: u32, kind: Kind, role: Role) -> Self {
         Self {
             name: name.into(),
@@ -100,7 +183,9 @@ impl Variable {
             kind,
             role,
             settable: matches!(role, Role::Parameter | Role::Input),
+            is_discrete: kind != Kind::Real,
             unit: None,
+            nominal: 1.0,
             feedthrough: Vec::new(),
             initial_feedthrough: Vec::new(),
         }

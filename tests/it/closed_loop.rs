@@ -3,7 +3,7 @@
 use crate::command::Folder;
 use crate::python;
 use pilotage::cosim::{
-    Algorithm, Clock, FmuSlave, NativeSlave, SeriesRecorder, Slave, System, run,
+    Algorithm, Clock, Control, Coupling, FmuSlave, NativeSlave, SeriesRecorder, Slave, System, run,
 };
 use pilotage::export::{Provenance, export};
 use pilotage::models::{Model, Quadcopter};
@@ -82,31 +82,56 @@ fn fmpy_closes_the_loop_to_the_same_numbers_and_reads_our_csv() {
 #[test]
 fn fmus_and_native_slaves_give_the_same_bits() {
     let folder = folder_with_fmus();
-    let slaves: [[Box<dyn Slave>; 2]; 2] = [
-        ["pilot", "quadcopter"].map(|name| {
-            let path = folder.path(&format!("{name}.fmu"));
-            Box::new(FmuSlave::open(&path, name).unwrap()) as Box<dyn Slave>
-        }),
-        [
-            Model::pilot(&THETA, 1.0),
-            Model::quadcopter(&Quadcopter::default()),
-        ]
-        .map(|model| Box::new(NativeSlave::new(model)) as Box<dyn Slave>),
-    ];
-    let [fmus, natives] = slaves.map(|[pilot, quadcopter]| {
-        let mut system = System::new();
-        system.add("pilot", pilot).unwrap();
-        system.add("quadcopter", quadcopter).unwrap();
-        system.connect("pilot.stick", "quadcopter.stick").unwrap();
-        system.connect("quadcopter.z", "pilot.position").unwrap();
-        system.set("pilot.target", "10").unwrap();
-        let clock = Clock::new(0.0, 15.0, 0.05).unwrap();
-        let mut recorder = SeriesRecorder::default();
-        run(system, &clock, Some(1e-9), Algorithm::Jacobi, &mut recorder).unwrap();
-        recorder.series
-    });
-    assert_eq!(fmus.time.len(), 301);
-    assert_eq!(fmus, natives);
+    let clock = Clock::new(0.0, 15.0, 0.05).unwrap();
+    let controlled = Coupling {
+        control: Some(Control::new(1e-6, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    let extrapolated = Coupling {
+        extrapolation: Some(2),
+        ..Algorithm::GaussSeidel.into()
+    };
+    for coupling in [
+        Algorithm::Jacobi.into(),
+        Algorithm::Strong.into(),
+        extrapolated,
+        controlled,
+    ] {
+        let slaves: [[Box<dyn Slave>; 2]; 2] = [
+            ["pilot", "quadcopter"].map(|name| {
+                let path = folder.path(&format!("{name}.fmu"));
+                Box::new(FmuSlave::open(&path, name).unwrap()) as Box<dyn Slave>
+            }),
+            [
+                Model::pilot(&THETA, 1.0),
+                Model::quadcopter(&Quadcopter::default()),
+            ]
+            .map(|model| Box::new(NativeSlave::new(model)) as Box<dyn Slave>),
+        ];
+        let [fmus, natives] = slaves.map(|[pilot, quadcopter]| {
+            let mut system = System::new();
+            system.add("pilot", pilot).unwrap();
+            system.add("quadcopter", quadcopter).unwrap();
+            system.connect("pilot.stick", "quadcopter.stick").unwrap();
+            system.connect("quadcopter.z", "pilot.position").unwrap();
+            system.set("pilot.target", "10").unwrap();
+            let mut recorder = SeriesRecorder::default();
+            let run = run(system, &clock, Some(1e-9), coupling, &mut recorder).unwrap();
+            assert_eq!(run.report.irrevocable, Vec::<String>::new());
+            (run.report.steps, recorder.series)
+        });
+        assert_eq!(fmus.1.time.len(), 301);
+        assert_eq!(fmus.0, natives.0, "{coupling:?}");
+        if coupling.control.is_none() {
+            assert_eq!(fmus.1, natives.1, "{coupling:?}");
+        }
+        // An FMU takes a step's length from its own clock, which rounds.
+        for (fmu, native) in fmus.1.columns.iter().zip(&natives.1.columns) {
+            for (fmu, native) in fmu.values.iter().zip(&native.values) {
+                assert!((fmu - native).abs() < 1e-9, "{coupling:?}: {fmu} {native}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -1,15 +1,20 @@
 //! An FMU of FMI 2.0 or 3.0 as a slave. The only place here that knows of FMUs.
 
 mod access;
+mod linear;
 mod model_exchange;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
+use self::linear::Knowns;
 use self::variables::variables;
-use super::slave::{Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
+use super::slave::{Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
+use crate::fmi::description::{FmiVersion, ModelDescription};
+use crate::fmi::instance::Saved;
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
+use crate::linear::StateSpace;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a slave of it: of the wanted kind, if it has that one, else
@@ -42,9 +47,14 @@ pub fn open(
 pub struct FmuSlave {
     instance: Instance,
     access: Access,
+    knowns: Knowns,
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
+    abilities: Abilities,
+    saved: Vec<Saved>,
+    /// The order 1, for each variable of a call.
+    orders: Vec<i32>,
 }
 
 impl FmuSlave {
@@ -62,10 +72,16 @@ impl FmuSlave {
     /// If the FMU refuses.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
+        let instance = library.instantiate(name, fmi::Kind::CoSimulation)?;
+        let variables = variables(description);
         Ok(Self {
-            instance: library.instantiate(name, fmi::Kind::CoSimulation)?,
+            abilities: abilities(description, &instance),
+            saved: Vec::new(),
+            orders: vec![1; variables.len()],
+            instance,
             access: Access::of(description),
-            variables: variables(description),
+            knowns: Knowns::of(description),
+            variables,
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
         })
     }
@@ -109,31 +125,109 @@ impl Slave for FmuSlave {
     }
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        Ok(match self.instance.do_step(t, h)? {
-            Step::Done => Progress::Done,
-            Step::Discarded {
-                last_successful,
-                is_end_requested,
-            } => {
-                let reached = last_successful.unwrap_or(t);
-                match is_end_requested {
-                    true => Progress::EndRequested { reached },
-                    false => Progress::Discarded { reached },
-                }
-            }
-            Step::Stopped {
-                reached,
-                is_end_requested: true,
-                ..
-            } => Progress::EndRequested { reached },
-            // Early return was not allowed: an FMU that does it all the same has not done the step.
-            Step::Stopped { reached, .. } if reached < t + h => Progress::Discarded { reached },
-            // Event mode was not asked for, so that there is nothing to handle.
-            Step::Stopped { .. } => Progress::Done,
-        })
+        Ok(progress(self.instance.do_step(t, h)?, t, h))
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.instance.terminate()?)
+    }
+
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        self.knowns.by_derivatives(&mut self.instance)
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.abilities
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        while self.saved.len() <= place {
+            self.saved.push(self.instance.save()?);
+        }
+        self.saved[place] = self.instance.save_into(self.saved[place])?;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        match self.saved.get(place) {
+            Some(&saved) => Ok(self.instance.restore(saved)?),
+            None => Err(format!("no state is saved in place {place}").into()),
+        }
+    }
+
+    fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        Ok(progress(self.instance.do_step_revocably(t, h)?, t, h))
+    }
+
+    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        let orders = &self.orders[..handles.len()];
+        Ok(self
+            .instance
+            .set_input_derivatives(handles, orders, slopes)?)
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        let orders = &self.orders[..handles.len()];
+        Ok(self
+            .instance
+            .get_output_derivatives(handles, orders, slopes)?)
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        Ok(self
+            .instance
+            .directional_derivative(outputs, inputs, seed, result)?)
+    }
+}
+
+/// What the description says that the FMU can do. Reals of 32 bits have no derivatives here.
+fn abilities(description: &ModelDescription, instance: &Instance) -> Abilities {
+    let Some(cs) = &description.co_simulation else {
+        return Abilities::default();
+    };
+    let is_double = !Access::of(description).has_singles();
+    Abilities {
+        rollback: cs.can_get_and_set_fmu_state,
+        variable_steps: cs.can_handle_variable_communication_step_size,
+        // FMI 3.0 has intermediate updates for this.
+        input_derivatives: cs.can_interpolate_inputs && description.fmi_version == FmiVersion::V2,
+        output_derivatives: cs.max_output_derivative_order >= 1 && is_double,
+        directional_derivatives: instance.provides_directional_derivatives() && is_double,
+    }
+}
+
+/// How far a step from time `t` by `h` [s] came.
+fn progress(step: Step, t: f64, h: f64) -> Progress {
+    match step {
+        Step::Done => Progress::Done,
+        Step::Discarded {
+            last_successful,
+            is_end_requested,
+        } => {
+            let reached = last_successful.unwrap_or(t);
+            match is_end_requested {
+                true => Progress::EndRequested { reached },
+                false => Progress::Discarded { reached },
+            }
+        }
+        Step::Stopped {
+            reached,
+            is_end_requested: true,
+            ..
+        } => Progress::EndRequested { reached },
+        // Early return was not allowed: an FMU that does it all the same has not done the step.
+        Step::Stopped { reached, .. } if reached < t + h => Progress::Discarded { reached },
+        // Event mode was not asked for, so that there is nothing to handle.
+        Step::Stopped { .. } => Progress::Done,
     }
 }

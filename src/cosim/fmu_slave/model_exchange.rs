@@ -1,16 +1,19 @@
 //! An FMU for model exchange, integrated here, as a slave.
 
 use super::access::Access;
+use super::linear::Knowns;
 use super::variables::variables;
 use crate::cosim::slave::{Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
 use crate::fmi::simulate::RunWork;
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
+use crate::linear::StateSpace;
 
 /// An instance of an FMU for model exchange with a solver. Inputs are held during a step.
 #[derive(Debug)]
 pub struct ModelExchangeSlave {
     run: ModelExchangeRun,
     access: Access,
+    knowns: Knowns,
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
@@ -29,6 +32,7 @@ impl ModelExchangeSlave {
         Ok(Self {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
             access: Access::of(description),
+            knowns: Knowns::of(description),
             variables: variables(description),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
@@ -107,5 +111,9 @@ impl Slave for ModelExchangeSlave {
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.run.instance().terminate()?)
+    }
+
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        self.knowns.of_run(&mut self.run, &self.access)
     }
 }

@@ -3,6 +3,7 @@
 use crate::cosim::slave::{Base, Kind, Role, Unit, Variable};
 use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
+    VariableKind,
 };
 
 /// The description's variables as the master sees them.
@@ -38,7 +39,9 @@ pub(super) fn variables(description: &ModelDescription) -> Vec<Variable> {
             kind,
             role: role(variable),
             settable: is_settable(variable),
+            is_discrete: variable.variability != Variability::Continuous,
             unit: unit(description, variable),
+            nominal: nominal(variable),
             feedthrough,
             initial_feedthrough,
         }
@@ -65,6 +68,13 @@ fn kind(variable: &ScalarVariable) -> Option<Kind> {
         BaseType::String => Some(Kind::String),
         BaseType::Enumeration => Some(Kind::Enumeration),
         BaseType::Binary | BaseType::Clock => None,
+    }
+}
+
+fn nominal(variable: &ScalarVariable) -> f64 {
+    match &variable.kind {
+        VariableKind::Real(real) => real.attributes.nominal.map_or(1.0, f64::abs),
+        _ => 1.0,
     }
 }
 

@@ -1,163 +1,179 @@
 //! The stepping loop's slaves and the values between them.
 
-use super::{Ending, MasterError, Stage};
-use crate::cosim::algorithms::Algorithm;
+use super::history::{Course, History, Outcome};
+use super::wired::{BEGIN, Failure, Values, Wired};
+use super::{Ending, Look, Stage};
+use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::recorder::Signal;
-use crate::cosim::slave::{Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
-use crate::cosim::system::System;
+use crate::cosim::report::Calls;
+use crate::cosim::slave::{Conversion, Kind, Role, Value};
+use crate::cosim::system::{Instance, System};
 use std::collections::HashMap;
-use std::ops::Range;
-
-/// A slave with what it exchanges, so that each step needs one call for all its reals.
-pub(super) struct Wired {
-    pub(super) name: String,
-    slave: Box<dyn Slave>,
-    /// Handles of all real outputs, and where they go in the row.
-    outputs: Vec<u32>,
-    output_slots: Range<usize>,
-    /// Handles of all other outputs, with slots in `others`.
-    other_outputs: Vec<(u32, Kind, usize)>,
-    /// Handles of the real inputs that are fed, the row's slots that feed them, and room for values.
-    inputs: Vec<u32>,
-    input_slots: Vec<usize>,
-    input_values: Vec<f64>,
-    /// Which of these values come in another unit.
-    conversions: Vec<(usize, Conversion)>,
-    /// Handles of the other inputs that are fed, and slots in `others`.
-    other_inputs: Vec<(u32, usize)>,
-}
+use std::time::Duration;
 
 /// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
 pub(super) struct Exchange {
     pub(super) wired: Vec<Wired>,
-    /// The recorded values: of each slave the reals, then integers, enumerations and booleans.
-    pub(super) row: Vec<f64>,
+    pub(super) values: Values,
     pub(super) signals: Vec<Signal>,
-    /// Outputs that are no reals, and their slots in the row; strings have none.
-    others: Vec<Value>,
-    other_slots: Vec<Option<usize>>,
     pub(super) unrecorded: Vec<String>,
-}
-
-/// A failed call.
-pub(super) struct Failure {
-    instance: String,
-    stage: Stage,
-    source: SlaveError,
-}
-
-impl Failure {
-    pub(super) fn at_start(self) -> MasterError {
-        MasterError::Initialization {
-            instance: self.instance,
-            stage: self.stage,
-            source: self.source,
-        }
-    }
-
-    fn at(self, time: f64) -> Ending {
-        Ending::Failed {
-            instance: self.instance,
-            time,
-            stage: self.stage,
-            source: self.source,
-        }
-    }
+    /// Slots in the row of the real outputs that feed others. A position is one in this list.
+    pub(super) fed: Vec<usize>,
+    pub(super) history: History,
+    /// How the fed outputs go within the step, by position.
+    pub(super) courses: Vec<Course>,
+    /// Outputs that are no reals, at the begin of the step.
+    pub(super) others_before: Vec<Value>,
 }
 
 impl Exchange {
-    pub(super) fn new(system: System) -> Self {
+    pub(super) fn new(system: System, coupling: &Coupling) -> Self {
         let mut exchange = Self {
             wired: Vec::new(),
-            row: Vec::new(),
+            values: Values::default(),
             signals: Vec::new(),
-            others: Vec::new(),
-            other_slots: Vec::new(),
             unrecorded: Vec::new(),
+            fed: Vec::new(),
+            history: History::default(),
+            courses: Vec::new(),
+            others_before: Vec::new(),
         };
         // Slot of each output: in the row for reals, in `others` for the rest.
         let mut slots = HashMap::new();
         for (slave, instance) in system.instances.into_iter().enumerate() {
-            exchange.add(slave, instance.name, instance.slave, &mut slots);
+            exchange.add(slave, instance, coupling, &mut slots);
         }
+        let mut nominals = Vec::new();
         for connection in &system.connections {
-            let target = &mut exchange.wired[connection.to.slave];
-            let variable = &target.slave.variables()[connection.to.variable];
             let Some(&slot) = slots.get(&(connection.from.slave, connection.from.variable)) else {
                 continue;
             };
-            match variable.kind {
-                Kind::Real => {
-                    if connection.conversion != Conversion::NONE {
-                        let position = target.inputs.len();
-                        target.conversions.push((position, connection.conversion));
-                    }
-                    target.inputs.push(variable.handle);
-                    target.input_slots.push(slot);
-                    target.input_values.push(0.0);
-                }
-                _ => target.other_inputs.push((variable.handle, slot)),
+            let source = &mut exchange.wired[connection.from.slave];
+            let nominal = source.slave.variables()[connection.from.variable].nominal;
+            let target = &mut exchange.wired[connection.to.slave];
+            let variable = &target.slave.variables()[connection.to.variable];
+            if variable.kind != Kind::Real {
+                target.other_inputs.push((variable.handle, slot));
+                continue;
+            }
+            if connection.conversion != Conversion::NONE {
+                let position = target.inputs.len();
+                target.conversions.push((position, connection.conversion));
+            }
+            let known = exchange.fed.iter().position(|&fed| fed == slot);
+            let position = known.unwrap_or_else(|| {
+                exchange.fed.push(slot);
+                nominals.push(nominal);
+                exchange.fed.len() - 1
+            });
+            target.inputs.push(variable.handle);
+            target.input_slots.push(slot);
+            target.input_positions.push(position);
+        }
+        for slave in 0..exchange.wired.len() {
+            let fed = system.connections.iter().filter(|c| c.to.slave == slave);
+            let fed: Vec<usize> = fed.map(|c| c.to.variable).collect();
+            exchange.wired[slave].finish(&fed, &exchange.fed, coupling);
+        }
+        let n = exchange.fed.len();
+        let mut has_slope = vec![false; n];
+        for wired in exchange.wired.iter().filter(|w| !w.sloped.is_empty()) {
+            for &p in &wired.fed_positions {
+                has_slope[p] = true;
             }
         }
+        exchange.history = History::new(nominals, has_slope);
+        exchange.courses = vec![Course::default(); n];
+        exchange.values.slopes = vec![0.0; n];
+        exchange.others_before = exchange.values.others.clone();
         exchange
     }
 
-    /// Takes in a slave; gives each of its outputs a slot.
+    /// Takes in a slave; gives each of its outputs, and what else is to be recorded, a slot.
     fn add(
         &mut self,
         position: usize,
-        name: String,
-        slave: Box<dyn Slave>,
+        instance: Instance,
+        coupling: &Coupling,
         slots: &mut HashMap<(usize, usize), usize>,
     ) {
-        let first = self.row.len();
+        let Instance {
+            name,
+            slave,
+            parts,
+            observed,
+        } = instance;
+        let first = self.values.row.len();
         let (mut outputs, mut other_outputs) = (Vec::new(), Vec::new());
-        let all = || slave.variables().iter().enumerate();
-        let is_output = |role| role == Role::Output;
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind == Kind::Real) {
-            slots.insert((position, index), self.row.len());
+        let is_read = |index, role| role == Role::Output || observed.contains(&index);
+        let all = || {
+            let variables = slave.variables().iter().enumerate();
+            variables.filter(|(index, variable)| is_read(*index, variable.role))
+        };
+        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
+            slots.insert((position, index), self.values.row.len());
             outputs.push(variable.handle);
             let unit = variable.unit.as_ref();
             self.add_signal(&name, &variable.name, unit.map_or("", |u| &u.name));
         }
-        let output_slots = first..self.row.len();
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind != Kind::Real) {
-            let slot = self.others.len();
+        let output_slots = first..self.values.row.len();
+        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
+            let slot = self.values.others.len();
             slots.insert((position, index), slot);
             other_outputs.push((variable.handle, variable.kind, slot));
-            self.others.push(Value::Integer(0));
+            self.values.others.push(Value::Integer(0));
             if variable.kind == Kind::String {
                 self.unrecorded.push(format!("{name}.{}", variable.name));
-                self.other_slots.push(None);
+                self.values.other_slots.push(None);
             } else {
-                self.other_slots.push(Some(self.row.len()));
+                self.values.other_slots.push(Some(self.values.row.len()));
                 self.add_signal(&name, &variable.name, "");
             }
         }
         self.wired.push(Wired {
             name,
+            abilities: slave.abilities(),
             slave,
+            parts,
             outputs,
             output_slots,
+            fed: Vec::new(),
+            fed_positions: Vec::new(),
+            sloped: Vec::new(),
+            slope_values: Vec::new(),
+            settled: Vec::new(),
+            settled_slots: Vec::new(),
+            settled_values: Vec::new(),
+            has_feedthrough: false,
+            feeds_through: false,
             other_outputs,
             inputs: Vec::new(),
             input_slots: Vec::new(),
+            input_positions: Vec::new(),
             input_values: Vec::new(),
+            slopes: Vec::new(),
+            used: Vec::new(),
             conversions: Vec::new(),
             other_inputs: Vec::new(),
+            calls: Calls::default(),
+            time: coupling.measure.then_some(Duration::ZERO),
         });
     }
 
     fn add_signal(&mut self, instance: &str, variable: &str, unit: &str) {
-        self.row.push(f64::NAN);
+        self.values.row.push(f64::NAN);
         self.signals.push(Signal {
             name: format!("{instance}.{variable}"),
             unit: unit.to_owned(),
         });
     }
 
-    /// One communication step from `t` by `h`.
-    pub(super) fn advance(
+    pub(super) fn get_outputs(&mut self, i: usize) -> Result<(), Failure> {
+        self.wired[i].get_outputs(&mut self.values)
+    }
+
+    /// A communication step from `t` by `h` in which every input is held at the newest value.
+    pub(super) fn advance_held(
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
@@ -165,83 +181,124 @@ impl Exchange {
         h: f64,
     ) -> Result<(), Ending> {
         let failed = |failure: Failure| failure.at(t);
-        match algorithm {
-            Algorithm::Jacobi => {
-                for &i in order {
-                    self.set_inputs(i).map_err(failed)?;
-                }
-                for &i in order {
-                    self.step(i, t, h)?;
-                }
-                for &i in order {
-                    self.get_outputs(i).map_err(failed)?;
-                }
+        let values = &mut self.values;
+        if algorithm == Algorithm::GaussSeidel {
+            for &i in order {
+                let wired = &mut self.wired[i];
+                wired.set_newest(values).map_err(failed)?;
+                wired.step(t, h, false)?;
+                wired.get_outputs(values).map_err(failed)?;
             }
-            Algorithm::GaussSeidel => {
-                for &i in order {
-                    self.set_inputs(i).map_err(failed)?;
-                    self.step(i, t, h)?;
-                    self.get_outputs(i).map_err(failed)?;
-                }
+            return Ok(());
+        }
+        for wired in &mut self.wired {
+            wired.set_newest(values).map_err(failed)?;
+        }
+        for wired in &mut self.wired {
+            wired.step(t, h, false)?;
+        }
+        for wired in &mut self.wired {
+            wired.get_outputs(values).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// A communication step from the history's last point by `h`, inputs extrapolated with that degree
+    /// and, with Gauss-Seidel, interpolated where the next values are known.
+    pub(super) fn advance(
+        &mut self,
+        algorithm: Algorithm,
+        order: &[usize],
+        degree: usize,
+        h: f64,
+        is_revocable: bool,
+    ) -> Result<(), Ending> {
+        let t = self.history.time();
+        let failed = |failure: Failure| failure.at(t);
+        self.extrapolate(degree, h);
+        self.keep_others();
+        for &i in order {
+            let wired = &mut self.wired[i];
+            let others = match algorithm {
+                Algorithm::GaussSeidel => &self.values.others,
+                _ => &self.others_before,
+            };
+            wired.set_others(others).map_err(failed)?;
+            let (parts, span) = (wired.parts, (t, h));
+            wired.travel(&mut self.values, &self.courses, span, parts, is_revocable)?;
+            if algorithm == Algorithm::GaussSeidel {
+                self.interpolate(i, degree, h);
             }
         }
         Ok(())
     }
 
-    fn set_inputs(&mut self, i: usize) -> Result<(), Failure> {
-        let wired = &mut self.wired[i];
-        for (value, &slot) in wired.input_values.iter_mut().zip(&wired.input_slots) {
-            *value = self.row[slot];
+    /// Continues all fed outputs by polynomials of that degree.
+    pub(super) fn extrapolate(&mut self, degree: usize, h: f64) {
+        for p in 0..self.fed.len() {
+            self.courses[p] = self.history.extrapolated(p, degree, h);
         }
-        for &(position, conversion) in &wired.conversions {
-            let value = &mut wired.input_values[position];
-            *value = conversion.apply(*value);
-        }
-        let mut result = Ok(());
-        if !wired.inputs.is_empty() {
-            result = wired.slave.set_reals(&wired.inputs, &wired.input_values);
-        }
-        for &(handle, slot) in &wired.other_inputs {
-            result = result.and_then(|()| wired.slave.set(handle, &self.others[slot]));
-        }
-        result.map_err(|source| wired.failure(Stage::SetInputs, source))
     }
 
-    pub(super) fn get_outputs(&mut self, i: usize) -> Result<(), Failure> {
-        let wired = &mut self.wired[i];
-        let mut result = Ok(());
-        if !wired.outputs.is_empty() {
-            let values = &mut self.row[wired.output_slots.clone()];
-            result = wired.slave.get_reals(&wired.outputs, values);
+    /// Interpolates the fed outputs of a slave that stands at the end of the step; with degree 0 the
+    /// values at the end are held.
+    pub(super) fn interpolate(&mut self, i: usize, degree: usize, h: f64) {
+        for k in 0..self.wired[i].fed_positions.len() {
+            let p = self.wired[i].fed_positions[k];
+            let end = self.outcome(p);
+            self.courses[p] = match degree {
+                0 => Course::held(end.value),
+                _ => self.history.interpolated(p, degree, h, end),
+            };
         }
-        for &(handle, kind, slot) in &wired.other_outputs {
-            result = result.and_then(|()| {
-                self.others[slot] = wired.slave.get(handle, kind)?;
-                if let Some(column) = self.other_slots[slot] {
-                    self.row[column] = self.others[slot].as_number();
-                }
-                Ok(())
-            });
-        }
-        result.map_err(|source| wired.failure(Stage::GetOutputs, source))
     }
 
-    fn step(&mut self, i: usize, t: f64, h: f64) -> Result<(), Ending> {
-        let wired = &mut self.wired[i];
-        let instance = || wired.name.clone();
-        match wired.slave.step(t, h) {
-            Ok(Progress::Done) => Ok(()),
-            Ok(Progress::Discarded { reached }) => Err(Ending::Discarded {
-                instance: instance(),
-                time: t,
-                reached,
-            }),
-            Ok(Progress::EndRequested { reached }) => Err(Ending::EndRequested {
-                instance: instance(),
-                time: reached,
-            }),
-            Err(source) => Err(wired.failure(Stage::Step, source).at(t)),
+    /// A fed output where its slave stands.
+    pub(super) fn outcome(&self, p: usize) -> Outcome {
+        Outcome {
+            value: self.values.row[self.fed[p]],
+            slope: self.values.slopes[p],
         }
+    }
+
+    /// Gives every slave its inputs and shows it.
+    pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
+        for i in 0..self.wired.len() {
+            let wired = &mut self.wired[i];
+            wired.set_newest(&self.values)?;
+            let seen = look(wired.slave.as_mut());
+            seen.map_err(|source| wired.failure(Stage::Linearize, source))?;
+        }
+        Ok(())
+    }
+
+    /// Keeps the outputs that are no reals, as they are at the begin of a step.
+    pub(super) fn keep_others(&mut self) {
+        self.others_before.clone_from_slice(&self.values.others);
+    }
+
+    /// Saves the state of all slaves that can.
+    pub(super) fn save(&mut self) -> Result<(), Failure> {
+        let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
+        able.try_for_each(|wired| wired.save(BEGIN))
+    }
+
+    /// Goes back to the begin of the step.
+    pub(super) fn restore(&mut self) -> Result<(), Failure> {
+        self.values.others.clone_from_slice(&self.others_before);
+        let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
+        able.try_for_each(|wired| wired.restore(BEGIN))
+    }
+
+    /// Takes the values in the row for those of a communication point.
+    pub(super) fn keep(&mut self, time: f64) {
+        let (row, slopes) = (&self.values.row, &self.values.slopes);
+        let points = self.fed.iter().zip(slopes);
+        let points = points.map(|(&slot, &slope)| Outcome {
+            value: row[slot],
+            slope,
+        });
+        self.history.push(time, points);
     }
 
     /// Terminates the slaves that still can be, and says how the run ended at `time`.
@@ -260,16 +317,6 @@ impl Exchange {
             (Some(ending), _) => ending,
             (None, Some(failure)) => failure.at(time),
             (None, None) => Ending::Completed,
-        }
-    }
-}
-
-impl Wired {
-    fn failure(&self, stage: Stage, source: SlaveError) -> Failure {
-        Failure {
-            instance: self.name.clone(),
-            stage,
-            source,
         }
     }
 }

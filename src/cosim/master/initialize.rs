@@ -1,8 +1,8 @@
 //! From slaves that were just made to consistent values at the start time.
 
-use super::{MasterError, Stage};
+use super::{MasterError, Stage, algebraic_loop};
 use crate::cosim::algorithms::Propagation;
-use crate::cosim::slave::{Experiment, Role, Slave, SlaveError, Value};
+use crate::cosim::slave::{Experiment, Kind, Role, Slave, SlaveError, Value};
 use crate::cosim::system::{Connection, System};
 
 /// Brings all slaves to the start time with consistent values.
@@ -54,36 +54,43 @@ fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<
     Ok(())
 }
 
-/// Largest number of sweeps through an algebraic loop during initialization.
-const MAX_SWEEPS: usize = 100;
-
 /// Passes values along the connections until they are consistent.
 fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), MasterError> {
     for &c in &propagation.once {
         pass(system, system.connections[c])?;
     }
-    let mut last: Vec<Option<Value>> = vec![None; propagation.repeated.len()];
-    for sweep in 0.. {
+    let repeated = &propagation.repeated;
+    let is_real = |c: &usize| system.variable(system.connections[*c].from).kind == Kind::Real;
+    match repeated.iter().all(is_real) {
+        true => algebraic_loop::solve(system, repeated),
+        false => sweep(system, repeated),
+    }
+}
+
+/// Largest number of sweeps through an algebraic loop in which not all values are reals.
+const MAX_SWEEPS: usize = 100;
+
+/// Passes values around until they no longer change.
+fn sweep(system: &mut System, repeated: &[usize]) -> Result<(), MasterError> {
+    let mut last: Vec<Option<Value>> = vec![None; repeated.len()];
+    for _ in 0..MAX_SWEEPS {
         let mut has_settled = true;
-        for (&c, last) in propagation.repeated.iter().zip(&mut last) {
+        for (&c, last) in repeated.iter().zip(&mut last) {
             let value = pass(system, system.connections[c])?;
             has_settled &= last.as_ref().is_some_and(|last| is_close(last, &value));
             *last = Some(value);
         }
         if has_settled {
-            break;
-        }
-        if sweep == MAX_SWEEPS {
-            let names = propagation.repeated.iter();
-            return Err(MasterError::AlgebraicLoop {
-                names: names
-                    .map(|&c| system.port_name(system.connections[c].from))
-                    .collect(),
-                sweeps: MAX_SWEEPS,
-            });
+            return Ok(());
         }
     }
-    Ok(())
+    let names = repeated.iter();
+    Err(MasterError::Unsettled {
+        names: names
+            .map(|&c| system.port_name(system.connections[c].from))
+            .collect(),
+        sweeps: MAX_SWEEPS,
+    })
 }
 
 fn is_close(a: &Value, b: &Value) -> bool {

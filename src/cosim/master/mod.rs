@@ -1,14 +1,25 @@
 //! Initialization and the stepping loop.
 
+mod algebraic_loop;
+mod controller;
 mod exchange;
+mod history;
 mod initialize;
+mod lu;
+mod stepper;
+mod strong;
+mod summary;
+mod wired;
 
 use self::exchange::Exchange;
 use self::initialize::initialize;
-use super::algorithms::{Algorithm, gauss_seidel_order};
+use self::stepper::Stepper;
+use self::summary::Wires;
+use super::algorithms::{Algorithm, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
 use super::clock::Clock;
 use super::recorder::{Recorder, Signal};
-use super::slave::{Experiment, SlaveError};
+use super::report::Report;
+use super::slave::{Experiment, Slave, SlaveError};
 use super::system::System;
 use std::io;
 use thiserror::Error;
@@ -26,13 +37,43 @@ pub enum MasterError {
         /// Its own words.
         source: SlaveError,
     },
-    /// An algebraic loop between the slaves has no solution that repeated substitution finds.
-    #[error("the initial values of {} depend on each other and do not settle in {sweeps} sweeps", names.join(", "))]
+    /// An algebraic loop between the slaves has no solution that Newton's method finds.
+    #[error(
+        "the initial values of {} depend on each other, and Newton's method finds no solution: after \
+         {steps} steps they differ by {difference:.1e}; give the inputs other start values, or check \
+         the loop's gain", names.join(", ")
+    )]
     AlgebraicLoop {
-        /// The outputs in the loop.
+        /// The outputs in the loop, and behind it.
+        names: Vec<String>,
+        /// Steps of Newton's method.
+        steps: usize,
+        /// What is left of the largest difference between an output and what it feeds, relative to
+        /// `1 + |value|`.
+        difference: f64,
+    },
+    /// A loop with values that are no reals does not come to rest.
+    #[error("the initial values of {} depend on each other and do not settle in {sweeps} sweeps", names.join(", "))]
+    Unsettled {
+        /// The outputs in the loop, and behind it.
         names: Vec<String>,
         /// How often values were passed around.
         sweeps: usize,
+    },
+    /// Step-size control, and a slave that cannot vary its steps.
+    #[error(
+        "`{instance}` cannot take communication steps of different lengths, which step-size control \
+         needs; run without a tolerance"
+    )]
+    FixedSteps {
+        /// Name of the slave.
+        instance: String,
+    },
+    /// A degree of extrapolation that there is not.
+    #[error("extrapolation of degree {degree}; the highest is {MAX_EXTRAPOLATION}")]
+    Extrapolation {
+        /// As given.
+        degree: usize,
     },
     /// A row could not be written.
     #[error("cannot write the result at {time} s")]
@@ -63,6 +104,12 @@ pub enum Stage {
     Step,
     /// Giving its outputs.
     GetOutputs,
+    /// Saving its state.
+    Save,
+    /// Going back to a saved state.
+    Restore,
+    /// Telling how it depends on its states and inputs.
+    Linearize,
     /// Ending.
     Terminate,
 }
@@ -78,6 +125,9 @@ impl std::fmt::Display for Stage {
             Self::SetInputs => f.write_str("take its inputs"),
             Self::Step => f.write_str("step"),
             Self::GetOutputs => f.write_str("give its outputs"),
+            Self::Save => f.write_str("save its state"),
+            Self::Restore => f.write_str("go back to a saved state"),
+            Self::Linearize => f.write_str("be linearised"),
             Self::Terminate => f.write_str("terminate"),
         }
     }
@@ -88,6 +138,11 @@ impl std::fmt::Display for Stage {
 pub enum Ending {
     /// At the stop time.
     Completed,
+    /// The recorder asked for the end ([`Recorder::is_stop_asked`]), for the user.
+    Stopped {
+        /// Where the slaves stand [s].
+        time: f64,
+    },
     /// A slave asked for the end.
     EndRequested {
         /// Name of the slave.
@@ -122,7 +177,8 @@ pub enum Ending {
 pub struct Run {
     /// How it ended.
     pub ending: Ending,
-    /// Number of completed steps; one row more was recorded.
+    /// Number of completed steps of the clock; one row more was recorded. With step-size control each
+    /// is one or more [communication steps](super::Steps).
     pub steps: u64,
     /// Time of the last row [s].
     pub time: f64,
@@ -132,23 +188,44 @@ pub struct Run {
     pub signals: Vec<Signal>,
     /// Outputs that no table of numbers can hold: strings.
     pub unrecorded: Vec<String>,
+    /// What was done, and how far the coupling is to be trusted.
+    pub report: Report,
 }
 
-/// Steps a system from the clock's start to its stop, recording every output at each communication
-/// point.
+/// Steps a system from the clock's start to its stop, recording every output at each of the clock's
+/// communication points. `tolerance` is for slaves with error control of their own.
 ///
 /// # Errors
-/// If the initialization or the recording fails. A slave that fails later ends the run, which is
-/// told by [`Run::ending`].
+/// If the slaves cannot be coupled like that, or the initialization or the recording fails. A slave
+/// that fails later ends the run, which is told by [`Run::ending`].
 pub fn run(
+    system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    coupling: impl Into<Coupling>,
+    recorder: &mut dyn Recorder,
+) -> Result<Run, MasterError> {
+    run_and_look(system, clock, tolerance, coupling.into(), recorder, None)
+}
+
+/// What looks at a slave at the end of a run.
+pub(super) type Look<'a> = &'a mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>;
+
+/// As [`run`]; at the end, if it is reached, every slave is looked at in the order in which they were added,
+/// after it has got the inputs that belong to the outputs there.
+pub(super) fn run_and_look(
     mut system: System,
     clock: &Clock,
     tolerance: Option<f64>,
-    algorithm: Algorithm,
+    coupling: Coupling,
     recorder: &mut dyn Recorder,
+    look: Option<Look>,
 ) -> Result<Run, MasterError> {
-    let order = match algorithm {
-        Algorithm::Jacobi => (0..system.instances.len()).collect(),
+    if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
+        return Err(MasterError::Extrapolation { degree });
+    }
+    let order = match coupling.algorithm {
+        Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),
         Algorithm::GaussSeidel => gauss_seidel_order(&system),
     };
     let experiment = Experiment {
@@ -157,37 +234,54 @@ pub fn run(
         tolerance,
     };
     initialize(&mut system, &experiment)?;
-    let mut exchange = Exchange::new(system);
-    let begin = clock.time(0);
-    for i in 0..exchange.wired.len() {
-        exchange.get_outputs(i).map_err(|f| f.at_start())?;
-    }
-    let record = |time| move |source| MasterError::Record { time, source };
-    recorder.begin(&exchange.signals).map_err(record(begin))?;
-    recorder.row(begin, &exchange.row).map_err(record(begin))?;
-
-    let mut steps = 0;
-    let mut stop = None;
-    while steps < clock.steps() && stop.is_none() {
-        stop = match exchange.advance(algorithm, &order, clock.time(steps), clock.step()) {
-            Ok(()) => {
-                steps += 1;
-                let time = clock.time(steps);
-                recorder.row(time, &exchange.row).map_err(record(time))?;
-                None
-            }
-            Err(stop) => Some(stop),
-        };
-    }
+    let wires = Wires::of(&system);
+    let exchange = Exchange::new(system, &coupling);
+    let mut stepper = Stepper::new(exchange, &coupling, order)?;
+    stepper.begin(clock.start())?;
+    let (steps, mut stop) = follow(&mut stepper, clock, recorder)?;
     let time = clock.time(steps);
-    let ending = exchange.end(stop, time);
-    let name = |&i: &usize| exchange.wired[i].name.clone();
+    if let (None, Some(look)) = (&stop, look) {
+        stop = (stepper.exchange.look(look).err()).map(|failure| failure.at(time));
+    }
+    let ending = stepper.exchange.end(stop, time);
+    let name = |&i: &usize| stepper.exchange.wired[i].name.clone();
     Ok(Run {
         ending,
         steps,
         time,
-        order: order.iter().map(name).collect(),
-        signals: exchange.signals,
-        unrecorded: exchange.unrecorded,
+        order: stepper.order().iter().map(name).collect(),
+        report: wires.report(&stepper, &coupling, time - clock.start()),
+        signals: stepper.exchange.signals,
+        unrecorded: stepper.exchange.unrecorded,
     })
+}
+
+/// Steps and records until the clock's stop or until a slave ends it: completed steps, and the end.
+fn follow(
+    stepper: &mut Stepper,
+    clock: &Clock,
+    recorder: &mut dyn Recorder,
+) -> Result<(u64, Option<Ending>), MasterError> {
+    let record = |time| move |source| MasterError::Record { time, source };
+    let begin = clock.time(0);
+    let signals = &stepper.exchange.signals;
+    recorder.begin(signals).map_err(record(begin))?;
+    let row = |stepper: &Stepper, recorder: &mut dyn Recorder, time| {
+        let written = recorder.row(time, &stepper.exchange.values.row);
+        written.map_err(record(time))
+    };
+    row(stepper, recorder, begin)?;
+    let mut time = begin;
+    for step in 0..clock.steps() {
+        let next = clock.time(step + 1);
+        if let Err(ending) = stepper.advance(time, next, clock.step()) {
+            return Ok((step, Some(ending)));
+        }
+        row(stepper, recorder, next)?;
+        time = next;
+        if step + 1 < clock.steps() && recorder.is_stop_asked() {
+            return Ok((step + 1, Some(Ending::Stopped { time })));
+        }
+    }
+    Ok((clock.steps(), None))
 }

@@ -19,6 +19,12 @@ pub enum SystemError {
         /// The name.
         name: String,
     },
+    /// A communication step in no parts.
+    #[error("`{name}` cannot take a step in 0 parts; 1 is the communication step itself")]
+    NoParts {
+        /// Name of the slave.
+        name: String,
+    },
     /// No such slave.
     #[error(
         "`{text}`: there is no instance `{instance}`{}, known are {}",

@@ -31,6 +31,10 @@ pub struct Connection {
 pub(super) struct Instance {
     pub(super) name: String,
     pub(super) slave: Box<dyn Slave>,
+    /// Positions of variables that are read at each communication point though they are no outputs.
+    pub(super) observed: Vec<usize>,
+    /// Parts that it takes each communication step in.
+    pub(super) parts: u32,
 }
 
 /// Slaves, connections and start values.
@@ -63,8 +67,32 @@ impl System {
         if self.instances.iter().any(|i| i.name == name) {
             return Err(SystemError::DuplicateInstance { name });
         }
-        self.instances.push(Instance { name, slave });
+        self.instances.push(Instance {
+            name,
+            slave,
+            observed: Vec::new(),
+            parts: 1,
+        });
         Ok(())
+    }
+
+    /// Has a slave take every communication step in that many equal parts (multi-rate), its inputs
+    /// interpolated where they change within the step.
+    ///
+    /// # Errors
+    /// If there is no such slave, or no part.
+    pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
+        if parts == 0 {
+            let name = name.to_owned();
+            return Err(SystemError::NoParts { name });
+        }
+        match self.instances.iter_mut().find(|i| i.name == name) {
+            Some(instance) => {
+                instance.parts = parts;
+                Ok(())
+            }
+            None => Err(self.unknown_instance(name)),
+        }
     }
 
     /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
@@ -139,6 +167,29 @@ impl System {
                 [from, unit(c.from), to, unit(c.to)]
             })
             .collect()
+    }
+
+    /// What `instance.variable` is.
+    ///
+    /// # Errors
+    /// If there is no such instance, or it has no such variable.
+    pub fn find(&self, name: &str) -> Result<&Variable, SystemError> {
+        Ok(self.variable(self.resolve(name)?))
+    }
+
+    /// The output that feeds an input, and how its values are converted.
+    pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
+        let connection = self.connections.iter().find(|c| c.to == input)?;
+        Some((connection.from, connection.conversion))
+    }
+
+    /// Has a variable read at each communication point, as outputs are anyway.
+    pub(super) fn observe(&mut self, port: Port) {
+        let is_output = self.variable(port).role == Role::Output;
+        let observed = &mut self.instances[port.slave].observed;
+        if !is_output && !observed.contains(&port.variable) {
+            observed.push(port.variable);
+        }
     }
 
     /// Names of the slaves, in the order in which they were added.

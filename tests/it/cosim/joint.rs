@@ -1,7 +1,7 @@
 //! The closed loop of slaves goes to the directly integrated joint equations as the step shrinks.
 
 use super::slaves::simulate;
-use pilotage::cosim::{Algorithm, NativeSlave, System};
+use pilotage::cosim::{Algorithm, Clock, Control, Coupling, NativeSlave, System};
 use pilotage::models::{Dynamics, Joint, Model, Pilot, Quadcopter};
 
 /// A pilot who brings the vehicle to its target: all poles of the loop are stable.
@@ -59,8 +59,8 @@ fn closed_loop() -> System {
 }
 
 /// Errors of position and stick at `STOP`.
-fn errors(h: f64, algorithm: Algorithm, exact: [f64; 2]) -> [f64; 2] {
-    let (_, recorder) = simulate(closed_loop(), STOP, h, algorithm);
+fn errors(h: f64, coupling: impl Into<Coupling>, exact: [f64; 2]) -> [f64; 2] {
+    let (_, recorder) = simulate(closed_loop(), STOP, h, coupling);
     let last = |name: &str| *recorder.series.column(name).unwrap().values.last().unwrap();
     [
         last("quadcopter.z") - exact[0],
@@ -100,4 +100,25 @@ fn the_closed_loop_converges_at_the_expected_order() {
         let end = 2.0 * errors[3][0] - errors[2][0];
         assert!(end.abs() < 0.05 * errors[3][0], "{algorithm}: {errors:?}");
     }
+}
+
+/// At the step of the pilot's data, where Jacobi is off by centimetres after 5 s. The slaves follow ramps
+/// and give the slopes of their outputs: the order is 3 at least.
+#[test]
+fn strong_coupling_of_pilot_and_quadcopter_is_exact_to_a_micrometre() {
+    let exact = reference();
+    let jacobi = errors(0.05, Algorithm::Jacobi, exact);
+    assert!(jacobi[0] > 0.02, "{jacobi:?}");
+    let strong = errors(0.05, Algorithm::Strong, exact);
+    assert!(strong[0] < 1e-6 && strong[1] < 1e-6, "{strong:?}");
+    let halved = errors(0.025, Algorithm::Strong, exact);
+    let order = (strong[0] / halved[0]).log2();
+    assert!(order > 3.0, "{strong:?} {halved:?}");
+    let clock = Clock::new(0.0, STOP, 0.05).unwrap();
+    let controlled = Coupling {
+        control: Some(Control::new(1e-7, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    let controlled = errors(0.05, controlled, exact);
+    assert!(controlled[0] < 1e-7, "{controlled:?}");
 }

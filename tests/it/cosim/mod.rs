@@ -2,8 +2,12 @@
 
 mod algorithms;
 mod allocations;
+mod blocks;
 mod endings;
+mod failures;
 mod initialization;
 mod joint;
 mod slaves;
+mod sources;
+mod strong;
 mod wiring;

@@ -2,8 +2,8 @@
 
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Algorithm, Clock, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave, System, Unit,
-    Value, Variable, run,
+    Abilities, Clock, Coupling, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave,
+    System, Unit, Value, Variable, run,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -17,6 +17,9 @@ pub struct Linear {
     pub d: f64,
     pub x: f64,
     pub u: f64,
+    slope: f64,
+    abilities: Abilities,
+    saved: Vec<[f64; 3]>,
     variables: Vec<Variable>,
     name: &'static str,
     log: Log,
@@ -44,6 +47,12 @@ impl Linear {
             d,
             x: 0.0,
             u: 0.0,
+            slope: 0.0,
+            abilities: Abilities {
+                variable_steps: true,
+                ..Abilities::default()
+            },
+            saved: Vec::new(),
             variables,
             name: "",
             log: Log::default(),
@@ -52,6 +61,24 @@ impl Linear {
 
     pub fn from(mut self, x: f64) -> Self {
         self.x = x;
+        self
+    }
+
+    /// One that can go back to saved states.
+    pub fn revocable(mut self) -> Self {
+        self.abilities.rollback = true;
+        self
+    }
+
+    /// One whose input can be a ramp within a step.
+    pub fn following(mut self) -> Self {
+        self.abilities.input_derivatives = true;
+        self
+    }
+
+    /// One that tells its feedthrough as a derivative.
+    pub fn differentiable(mut self) -> Self {
+        self.abilities.directional_derivatives = true;
         self
     }
 
@@ -78,7 +105,15 @@ impl Linear {
         } else {
             (decay - 1.0) / self.a
         };
-        self.x = decay * self.x + gain * self.b * self.u;
+        // The integral of `e^{a (h - s)} s`: of a ramp's part.
+        let slope_gain = if self.a == 0.0 {
+            0.5 * h * h
+        } else {
+            (gain - h) / self.a
+        };
+        self.x = decay * self.x + self.b * (gain * self.u + slope_gain * self.slope);
+        self.u += self.slope * h;
+        self.slope = 0.0;
     }
 
     fn note(&self, what: &str) {
@@ -147,6 +182,176 @@ impl Slave for Linear {
         self.note("terminate");
         Ok(())
     }
+
+    fn abilities(&self) -> Abilities {
+        self.abilities
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.note("save");
+        self.saved
+            .resize(self.saved.len().max(place + 1), [f64::NAN; 3]);
+        self.saved[place] = [self.x, self.u, self.slope];
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.note("restore");
+        [self.x, self.u, self.slope] = self.saved[place];
+        Ok(())
+    }
+
+    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        assert_eq!(handles, [0]);
+        self.slope = slopes[0];
+        self.note("slope u");
+        Ok(())
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        assert_eq!((outputs, inputs), (&[1_u32][..], &[0_u32][..]));
+        result[0] = self.d * seed[0];
+        self.note("derivative");
+        Ok(())
+    }
+}
+
+/// `y = f(u)`, without state; both are 0 until `u` is set.
+pub struct Static {
+    f: fn(f64) -> f64,
+    u: f64,
+    variables: Vec<Variable>,
+}
+
+impl Static {
+    pub fn new(f: fn(f64) -> f64) -> Self {
+        let variables = Linear::new(0.0, 0.0, 0.0, 1.0).variables;
+        Self {
+            f,
+            u: 0.0,
+            variables,
+        }
+    }
+}
+
+impl Slave for Static {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, _handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+        self.u = values[0];
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values[0] = (self.f)(self.u);
+        Ok(())
+    }
+
+    fn set(&mut self, _handle: u32, value: &Value) -> Result<(), SlaveError> {
+        self.u = value.as_number();
+        Ok(())
+    }
+
+    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
+        Ok(Value::Real((self.f)(self.u)))
+    }
+
+    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
+        Ok(Progress::Done)
+    }
+
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+}
+
+/// Two inputs `u0` and `u1` whose sum is integrated, by Euler's method.
+pub struct Sum {
+    x: f64,
+    u: [f64; 2],
+    variables: Vec<Variable>,
+}
+
+impl Sum {
+    pub fn new() -> Self {
+        Self {
+            x: 1.0,
+            u: [0.0; 2],
+            variables: vec![
+                Variable::new("u0", 0, Kind::Real, Role::Input),
+                Variable::new("u1", 1, Kind::Real, Role::Input),
+                Variable::new("y", 2, Kind::Real, Role::Output),
+            ],
+        }
+    }
+}
+
+impl Slave for Sum {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+        for (&handle, &value) in handles.iter().zip(values) {
+            self.u[handle as usize] = value;
+        }
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values[0] = self.x;
+        Ok(())
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+        self.u[handle as usize] = value.as_number();
+        Ok(())
+    }
+
+    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
+        Ok(Value::Real(self.x))
+    }
+
+    fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.x += h * (self.u[0] + self.u[1]);
+        Ok(Progress::Done)
+    }
+
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
 }
 
 /// Runs a system and returns what was recorded.
@@ -154,10 +359,10 @@ pub fn simulate(
     system: System,
     stop: f64,
     step: f64,
-    algorithm: Algorithm,
+    coupling: impl Into<Coupling>,
 ) -> (Run, SeriesRecorder) {
     let clock = Clock::new(0.0, stop, step).unwrap();
     let mut recorder = SeriesRecorder::default();
-    let run = run(system, &clock, None, algorithm, &mut recorder).unwrap();
+    let run = run(system, &clock, None, coupling, &mut recorder).unwrap();
     (run, recorder)
 }

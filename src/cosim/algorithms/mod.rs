@@ -1,0 +1,127 @@
+//! How slaves are coupled: in which order they are set, stepped and read, what they are given for the
+//! values that are not known yet, and how long a communication step is.
+
+mod order;
+
+pub(super) use order::Propagation;
+pub use order::gauss_seidel_order;
+
+/// How slaves that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
+/// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000).
+///
+/// The first two are of first order in the communication step `h` where inputs are held at what is
+/// known: with Jacobi every input lags by `h/2` on average; with Gauss-Seidel of two slaves in a loop,
+/// the first one's inputs are `h/2` late and the second one's `h/2` early, which cancels around the
+/// loop. The third solves for values that are consistent at the end of the step, and has no lag.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Algorithm {
+    /// All slaves get the others' outputs at `t_k`, then all step to `t_{k+1}`.
+    #[default]
+    Jacobi,
+    /// One slave after another gets the newest outputs there are, steps and gives its own.
+    GaussSeidel,
+    /// Strong coupling, of second order at least: the steps are repeated from saved states until the
+    /// outputs at `t_{k+1}` are those that the inputs were made of.
+    ///
+    /// Within the step an input goes straight from the feeding output's value at `t_k` to that at
+    /// `t_{k+1}` or, where the slave gives the outputs' derivatives, along the cubic with these at both
+    /// ends. A slave that takes input derivatives gets the line nearest to that, any other its mean;
+    /// where a slave with direct feedthrough would so be given another value at the end, its outputs
+    /// come from a step that ends right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose
+    /// matrix comes from differences of repeated steps and is kept as long as it serves; algebraic
+    /// loops between slaves are thereby solved too. Slaves that cannot go back take their step first,
+    /// with extrapolated inputs.
+    Strong,
+}
+
+impl std::fmt::Display for Algorithm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Jacobi => "jacobi",
+            Self::GaussSeidel => "gauss-seidel",
+            Self::Strong => "strong",
+        })
+    }
+}
+
+/// Everything about how a run couples its slaves. An [`Algorithm`] alone becomes one with the defaults.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coupling {
+    /// In which order slaves are set, stepped and read.
+    pub algorithm: Algorithm,
+    /// Degree, 0 to [`MAX_EXTRAPOLATION`], of the polynomial through the last communication points
+    /// that stands for outputs not known yet; with 0 the last value is held. By default 0, but for the
+    /// first pass of strong coupling, for which it does not matter but in speed.
+    pub extrapolation: Option<usize>,
+    /// Chooses the communication steps by their error; `None` keeps the clock's.
+    pub control: Option<Control>,
+    /// How strong coupling iterates.
+    pub iteration: Iteration,
+    /// Whether to measure coupling errors and times for the [report](super::Report).
+    pub measure: bool,
+}
+
+/// Highest degree of extrapolation.
+pub const MAX_EXTRAPOLATION: usize = 2;
+
+impl From<Algorithm> for Coupling {
+    fn from(algorithm: Algorithm) -> Self {
+        Self {
+            algorithm,
+            extrapolation: None,
+            control: None,
+            iteration: Iteration::default(),
+            measure: false,
+        }
+    }
+}
+
+/// When the iteration of strong coupling ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Largest difference between an output and what the inputs were made of, relative to the largest
+    /// magnitude so far (or the variable's nominal value, if that is larger).
+    pub tolerance: f64,
+    /// Largest number of corrections in a step.
+    pub max: u32,
+}
+
+impl Default for Iteration {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-9,
+            max: 20,
+        }
+    }
+}
+
+/// Communication steps as long as the coupling error allows.
+///
+/// The error of a step is by how much the mean of an input over the step is wrong, relative to the
+/// largest magnitude of the feeding output so far (or its nominal value, if that is larger): the
+/// system is solved exactly for inputs that are off by no more than this. What an input should have
+/// been is an interpolating polynomial through communication points, one degree higher than what was
+/// used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary
+/// Differential Equations I*, section III.1). Inputs of slaves that hold them are staircases, whose
+/// effect is seen by comparing one step with two half ones. Every communication point of the clock is
+/// hit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Control {
+    /// Largest error of a step.
+    pub tolerance: f64,
+    /// Shortest communication step [s]; it is accepted whatever its error.
+    pub min_step: f64,
+    /// Longest communication step [s]; the clock's step if that is shorter.
+    pub max_step: f64,
+}
+
+impl Control {
+    /// Steps between a billionth of the clock's step and that step itself.
+    pub fn new(tolerance: f64, clock: &super::Clock) -> Self {
+        Self {
+            tolerance,
+            min_step: 1e-9 * clock.step(),
+            max_step: clock.step(),
+        }
+    }
+}

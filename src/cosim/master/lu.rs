@@ -1,0 +1,119 @@
+//! A dense matrix that is factored in place, so that it can be renewed in the stepping loop without
+//! allocation.
+
+/// A square matrix, row by row, and after [`factor`](Self::factor) its LU decomposition with partial
+/// pivoting.
+#[derive(Debug, Default)]
+pub(super) struct Lu {
+    n: usize,
+    entries: Vec<f64>,
+    pivots: Vec<usize>,
+}
+
+impl Lu {
+    pub(super) fn new(n: usize) -> Self {
+        Self {
+            n,
+            entries: vec![0.0; n * n],
+            pivots: vec![0; n],
+        }
+    }
+
+    pub(super) fn set_identity(&mut self) {
+        self.entries.fill(0.0);
+        for i in 0..self.n {
+            self.entries[i * self.n + i] = 1.0;
+        }
+    }
+
+    pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
+        self.entries[row * self.n + column] += value;
+    }
+
+    /// Decomposes; `false` if a pivot is below that part of the largest entry (entries that come from
+    /// differences are never exactly singular), or not finite.
+    #[must_use]
+    pub(super) fn factor(&mut self, singular: f64) -> bool {
+        let n = self.n;
+        let largest = self.entries.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
+        for k in 0..n {
+            let size = |&i: &usize| self.entries[i * n + k].abs();
+            let best = (k..n).max_by(|a, b| size(a).total_cmp(&size(b)));
+            let pivot = best.unwrap_or(k);
+            self.pivots[k] = pivot;
+            for j in 0..n {
+                self.entries.swap(k * n + j, pivot * n + j);
+            }
+            let diagonal = self.entries[k * n + k];
+            if diagonal.abs() <= singular * largest || !diagonal.is_finite() {
+                return false;
+            }
+            let (above, below) = self.entries.split_at_mut((k + 1) * n);
+            let row = &above[k * n..];
+            for other in below.chunks_exact_mut(n) {
+                let factor = other[k] / diagonal;
+                other[k] = factor;
+                if factor != 0.0 {
+                    let pairs = other[k + 1..].iter_mut().zip(&row[k + 1..]);
+                    pairs.for_each(|(a, b)| *a -= factor * b);
+                }
+            }
+        }
+        true
+    }
+
+    /// Solves with the decomposed matrix, in place.
+    pub(super) fn solve(&self, x: &mut [f64]) {
+        let n = self.n;
+        for k in 0..n {
+            x.swap(k, self.pivots[k]);
+        }
+        for i in 0..n {
+            let row = &self.entries[i * n..(i + 1) * n];
+            let known: f64 = row[..i].iter().zip(&x[..i]).map(|(a, b)| a * b).sum();
+            x[i] -= known;
+        }
+        for i in (0..n).rev() {
+            let row = &self.entries[i * n..(i + 1) * n];
+            let (_, later) = x.split_at(i + 1);
+            let known: f64 = row[i + 1..].iter().zip(later).map(|(a, b)| a * b).sum();
+            x[i] = (x[i] - known) / row[i];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solves_what_needs_pivots() {
+        // Row sums of [[0, 2, 1], [1, 0, 3], [2, 4, 0]] for x = (1, 2, 3).
+        let mut lu = Lu::new(3);
+        for (i, row) in [[0.0, 2.0, 1.0], [1.0, 0.0, 3.0], [2.0, 4.0, 0.0]]
+            .iter()
+            .enumerate()
+        {
+            for (j, &value) in row.iter().enumerate() {
+                lu.add(i, j, value);
+            }
+        }
+        assert!(lu.factor(1e-14));
+        let mut x = [7.0, 10.0, 10.0];
+        lu.solve(&mut x);
+        for (found, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-14, "{x:?}");
+        }
+    }
+
+    #[test]
+    fn singular_is_said() {
+        for entries in [[1.0, 2.0, 2.0, 4.0], [f64::NAN, 1.0, 1.0, 1.0], [0.0; 4]] {
+            let mut lu = Lu::new(2);
+            for (k, value) in entries.into_iter().enumerate() {
+                lu.add(k / 2, k % 2, value);
+            }
+            assert!(!lu.factor(1e-14), "{entries:?}");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! From one communication point of the clock to the next, by the algorithm that was asked for.
+
+use super::controller::Controller;
+use super::exchange::Exchange;
+use super::strong::Strong;
+use super::wired::Failure;
+use super::{Ending, MasterError};
+use crate::cosim::algorithms::{Algorithm, Control, Coupling};
+use crate::cosim::report::{CouplingError, Steps};
+use std::time::Instant;
+
+/// After so many rejected steps in a row, there must be a jump.
+const REJECTIONS_AT_A_JUMP: u32 = 3;
+
+/// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
+const UNCONVERGED: f64 = 8.0;
+
+/// The slaves and how they are stepped.
+pub(super) struct Stepper {
+    pub(super) exchange: Exchange,
+    coupling: Coupling,
+    order: Vec<usize>,
+    /// Every input is held at the newest value, and nothing is measured.
+    is_plain: bool,
+    strong: Option<Strong>,
+    control: Option<(Control, Controller)>,
+    /// Whether all slaves can go back.
+    can_reject: bool,
+    pub(super) steps: Steps,
+    /// Integral of the magnitude and largest magnitude of the error of each slave's inputs.
+    pub(super) errors: Vec<Vec<CouplingError>>,
+    room: Vec<f64>,
+    /// When the stepping loop began, if that is to be measured.
+    pub(super) started: Option<Instant>,
+}
+
+impl Stepper {
+    pub(super) fn new(
+        exchange: Exchange,
+        coupling: &Coupling,
+        order: Vec<usize>,
+    ) -> Result<Self, MasterError> {
+        let is_strong = coupling.algorithm == Algorithm::Strong;
+        let degree = coupling.extrapolation.unwrap_or(0);
+        let has_parts = exchange.wired.iter().any(|w| w.parts > 1);
+        let is_plain = !is_strong
+            && degree == 0
+            && coupling.control.is_none()
+            && !coupling.measure
+            && !has_parts;
+        let errors = exchange.wired.iter();
+        let errors = errors.map(|w| vec![CouplingError::default(); w.inputs.len()]);
+        if coupling.control.is_some()
+            && let Some(fixed) = exchange.wired.iter().find(|w| !w.abilities.variable_steps)
+        {
+            let instance = fixed.name.clone();
+            return Err(MasterError::FixedSteps { instance });
+        }
+        let order_of_error = if is_strong { 3 } else { degree as i32 + 1 };
+        Ok(Self {
+            coupling: *coupling,
+            order,
+            is_plain,
+            strong: is_strong.then(|| Strong::new(&exchange, coupling)),
+            control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
+            can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
+            steps: Steps {
+                shortest: f64::INFINITY,
+                ..Steps::default()
+            },
+            errors: errors.collect(),
+            room: vec![0.0; exchange.values.row.len()],
+            started: None,
+            exchange,
+        })
+    }
+
+    /// Reads the outputs at the start time [s].
+    pub(super) fn begin(&mut self, time: f64) -> Result<(), MasterError> {
+        for i in 0..self.exchange.wired.len() {
+            let got = self.exchange.get_outputs(i);
+            got.map_err(Failure::at_start)?;
+        }
+        self.exchange.keep(time);
+        self.started = self.coupling.measure.then(Instant::now);
+        Ok(())
+    }
+
+    /// From the communication point at `t` to the one at `end`, `h` [s] later.
+    pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        if self.is_plain {
+            let (algorithm, order) = (self.coupling.algorithm, &self.order);
+            self.exchange.advance_held(algorithm, order, t, h)?;
+            self.count(h);
+            return Ok(());
+        }
+        if let Some((control, mut controller)) = self.control.take() {
+            let result = self.advance_controlled(&control, &mut controller, t, end);
+            self.control = Some((control, controller));
+            return result;
+        }
+        if self.strong.is_some() {
+            self.exchange.save().map_err(|failure| failure.at(t))?;
+        }
+        self.attempt(h, false)?;
+        self.accept(end, h);
+        Ok(())
+    }
+
+    /// One step by `h`; whether the outputs at its end are consistent.
+    fn attempt(&mut self, h: f64, is_revocable: bool) -> Result<bool, Ending> {
+        if let Some(strong) = &mut self.strong {
+            return strong.advance(&mut self.exchange, h, &mut self.steps);
+        }
+        let degree = self.coupling.extrapolation.unwrap_or(0);
+        let (algorithm, order) = (self.coupling.algorithm, &self.order);
+        (self.exchange).advance(algorithm, order, degree, h, is_revocable)?;
+        Ok(true)
+    }
+
+    fn accept(&mut self, end: f64, h: f64) {
+        if self.coupling.measure {
+            self.measure(h);
+        }
+        self.count(h);
+        self.exchange.keep(end);
+    }
+
+    fn count(&mut self, h: f64) {
+        self.steps.accepted += 1;
+        self.steps.shortest = self.steps.shortest.min(h);
+        self.steps.longest = self.steps.longest.max(h);
+    }
+
+    /// By how much input `k` of a slave was wrong in the mean over the last step.
+    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> f64 {
+        let wired = &exchange.wired[slave];
+        let p = wired.input_positions[k];
+        let course = exchange.history.interpolated(p, 2, h, exchange.outcome(p));
+        (wired.used[k] - course.mean).abs()
+    }
+
+    fn measure(&mut self, h: f64) {
+        for (slave, errors) in self.errors.iter_mut().enumerate() {
+            for (k, error) in errors.iter_mut().enumerate() {
+                let defect = Self::defect(&self.exchange, slave, k, h);
+                error.mean += h * defect;
+                error.max = error.max.max(defect);
+            }
+        }
+    }
+
+    /// From one point of the clock to the next in steps as long as the error allows.
+    fn advance_controlled(
+        &mut self,
+        control: &Control,
+        controller: &mut Controller,
+        begin: f64,
+        end: f64,
+    ) -> Result<(), Ending> {
+        let (mut t, mut rejections) = (begin, 0);
+        while t < end {
+            let (h, is_last) = controller.step_within(end - t);
+            let next = if is_last { end } else { t + h };
+            let failed = |failure: Failure| failure.at(t);
+            self.exchange.save().map_err(failed)?;
+            // Equal parts of the rest may be longer by rounding.
+            let may_reject = self.can_reject && h > 1.01 * control.min_step;
+            let error = match self.attempt(h, self.can_reject) {
+                Ok(has_converged) => {
+                    let error = self.error(h)? / control.tolerance;
+                    if has_converged {
+                        error
+                    } else {
+                        error.max(UNCONVERGED)
+                    }
+                }
+                // As far as the slave came, it may come again.
+                Err(Ending::Discarded { reached, .. }) if may_reject => {
+                    controller.shorten(h, reached - t);
+                    f64::INFINITY
+                }
+                Err(ending) => return Err(ending),
+            };
+            if error > 1.0 && may_reject {
+                self.exchange.restore().map_err(failed)?;
+                self.steps.rejected += 1;
+                rejections += 1;
+                if rejections == REJECTIONS_AT_A_JUMP {
+                    self.exchange.history.restart();
+                }
+                controller.reject(h, error);
+                continue;
+            }
+            self.accept(next, h);
+            controller.accept(h, error);
+            if error > 1.0 {
+                self.steps.over_tolerance += 1;
+                self.exchange.history.restart();
+            }
+            (t, rejections) = (next, 0);
+        }
+        Ok(())
+    }
+
+    /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
+    /// of what they gave since their inputs were held within the step.
+    fn error(&mut self, h: f64) -> Result<f64, Ending> {
+        let mut largest = 0.0_f64;
+        for slave in 0..self.exchange.wired.len() {
+            let exchange = &self.exchange;
+            for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
+                let end = exchange.outcome(p);
+                let defect = Self::defect(exchange, slave, k, h)
+                    + exchange.history.interpolation_error(p, h, end);
+                largest = largest.max(defect / exchange.history.magnitudes[p].max(end.value.abs()));
+            }
+        }
+        match self.strong.is_some() && self.can_reject {
+            true => Ok(largest.max(self.error_of_stairs(h)?)),
+            false => Ok(largest),
+        }
+    }
+
+    fn error_of_stairs(&mut self, h: f64) -> Result<f64, Ending> {
+        let mut largest = 0.0_f64;
+        let span = (self.exchange.history.time(), h);
+        for slave in 0..self.exchange.wired.len() {
+            let Exchange {
+                wired,
+                values,
+                courses,
+                history,
+                fed,
+                ..
+            } = &mut self.exchange;
+            let wired = &mut wired[slave];
+            if !wired.has_stairs() {
+                continue;
+            }
+            wired.effect_of_stairs(values, courses, span, &mut self.room)?;
+            for &p in &wired.fed_positions {
+                let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
+                largest = largest.max(effect / history.magnitudes[p]);
+            }
+        }
+        Ok(largest)
+    }
+
+    /// Positions of the slaves in the order in which they step.
+    pub(super) fn order(&self) -> &[usize] {
+        &self.order
+    }
+}

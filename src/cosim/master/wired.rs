@@ -1,0 +1,475 @@
+//! A slave with what it exchanges.
+
+use super::history::Course;
+use super::{Ending, MasterError, Stage};
+use crate::cosim::algorithms::{Algorithm, Coupling};
+use crate::cosim::report::Calls;
+use crate::cosim::slave::{Abilities, Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+/// Where states are saved: at the begin of a communication step, before the last part of it, and at
+/// its end.
+pub(super) const BEGIN: usize = 0;
+const LAST_PART: usize = 1;
+const END: usize = 2;
+
+/// How far a time that a slave tells may be off, relative to the step.
+const TIME_TOLERANCE: f64 = 1e-9;
+
+/// What is written where slaves are read.
+#[derive(Debug, Default)]
+pub(super) struct Values {
+    /// The recorded values: of each slave the reals, then integers, enumerations and booleans.
+    pub(super) row: Vec<f64>,
+    /// Outputs that are no reals, and their slots in the row; strings have none.
+    pub(super) others: Vec<Value>,
+    pub(super) other_slots: Vec<Option<usize>>,
+    /// Time derivatives of the fed outputs, where they are wanted and known.
+    pub(super) slopes: Vec<f64>,
+}
+
+/// A slave with what it exchanges, so that each step needs one call for all its reals.
+pub(super) struct Wired {
+    pub(super) name: String,
+    pub(super) slave: Box<dyn Slave>,
+    pub(super) abilities: Abilities,
+    /// Parts that it takes each communication step in.
+    pub(super) parts: u32,
+    /// Handles of all real outputs, and where they go in the row.
+    pub(super) outputs: Vec<u32>,
+    pub(super) output_slots: Range<usize>,
+    /// Slots of those that feed others, and their positions among all fed outputs.
+    pub(super) fed: Vec<usize>,
+    pub(super) fed_positions: Vec<usize>,
+    /// Handles of these, if their derivatives are to be read too, and room for them.
+    pub(super) sloped: Vec<u32>,
+    pub(super) slope_values: Vec<f64>,
+    /// Handles and slots of the real outputs without direct feedthrough from a fed input.
+    pub(super) settled: Vec<u32>,
+    pub(super) settled_slots: Vec<usize>,
+    pub(super) settled_values: Vec<f64>,
+    /// Whether an output, or a fed one, has direct feedthrough from a fed input.
+    pub(super) has_feedthrough: bool,
+    pub(super) feeds_through: bool,
+    /// Handles of all other outputs, with slots in `others`.
+    pub(super) other_outputs: Vec<(u32, Kind, usize)>,
+    /// Handles of the real inputs that are fed, the row's slots and the positions among all fed
+    /// outputs that feed them, and room for values and slopes.
+    pub(super) inputs: Vec<u32>,
+    pub(super) input_slots: Vec<usize>,
+    pub(super) input_positions: Vec<usize>,
+    pub(super) input_values: Vec<f64>,
+    pub(super) slopes: Vec<f64>,
+    /// Means over the last step of what the inputs were given, in the outputs' units.
+    pub(super) used: Vec<f64>,
+    /// Which of the values come in another unit.
+    pub(super) conversions: Vec<(usize, Conversion)>,
+    /// Handles of the other inputs that are fed, and slots in `others`.
+    pub(super) other_inputs: Vec<(u32, usize)>,
+    pub(super) calls: Calls,
+    /// Time in calls, if it is to be measured.
+    pub(super) time: Option<Duration>,
+}
+
+/// A failed call.
+pub(super) struct Failure {
+    pub(super) instance: String,
+    pub(super) stage: Stage,
+    pub(super) source: SlaveError,
+}
+
+impl Failure {
+    pub(super) fn at_start(self) -> MasterError {
+        MasterError::Initialization {
+            instance: self.instance,
+            stage: self.stage,
+            source: self.source,
+        }
+    }
+
+    pub(super) fn at(self, time: f64) -> Ending {
+        Ending::Failed {
+            instance: self.instance,
+            time,
+            stage: self.stage,
+            source: self.source,
+        }
+    }
+}
+
+/// Makes a call and, if asked, adds the time it takes.
+#[inline]
+fn timed<T>(time: &mut Option<Duration>, call: impl FnOnce() -> T) -> T {
+    match time {
+        None => call(),
+        Some(time) => {
+            let started = Instant::now();
+            let result = call();
+            *time += started.elapsed();
+            result
+        }
+    }
+}
+
+impl Wired {
+    /// Completes what follows from the wires: `fed_inputs` are positions of variables, `fed` the slots
+    /// of all outputs that feed others.
+    pub(super) fn finish(&mut self, fed_inputs: &[usize], fed: &[usize], coupling: &Coupling) {
+        let n = self.inputs.len();
+        self.input_values = vec![0.0; n];
+        self.slopes = vec![0.0; n];
+        self.used = vec![0.0; n];
+        for (position, slot) in fed.iter().enumerate() {
+            if self.output_slots.contains(slot) {
+                self.fed.push(*slot);
+                self.fed_positions.push(position);
+            }
+        }
+        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
+            let mut variables = self.slave.variables().iter();
+            let is_direct = variables
+                .find(|v| v.handle == *handle && v.role == Role::Output && v.kind == Kind::Real)
+                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)));
+            if is_direct {
+                self.has_feedthrough = true;
+                self.feeds_through |= self.fed.contains(&slot);
+            } else {
+                self.settled.push(*handle);
+                self.settled_slots.push(slot);
+            }
+        }
+        self.settled_values = vec![0.0; self.settled.len()];
+        let is_strong = coupling.algorithm == Algorithm::Strong;
+        if is_strong && self.abilities.output_derivatives {
+            let handle = |slot: &usize| self.outputs[slot - self.output_slots.start];
+            self.sloped = self.fed.iter().map(handle).collect();
+            self.slope_values = vec![0.0; self.sloped.len()];
+        }
+        if is_strong && coupling.control.is_some() && self.has_stairs() {
+            self.parts *= 2;
+        }
+    }
+
+    /// Whether inputs that change within a step become staircases.
+    pub(super) fn has_stairs(&self) -> bool {
+        !self.inputs.is_empty() && !self.abilities.input_derivatives && self.abilities.rollback
+    }
+
+    /// Whether, of inputs that change within a step, it is given the values at the end: its outputs have
+    /// direct feedthrough, and no second step can tell these apart from its state.
+    pub(super) fn is_given_ends(&self) -> bool {
+        !self.abilities.input_derivatives && self.feeds_through && !self.abilities.rollback
+    }
+
+    pub(super) fn failure(&self, stage: Stage, source: SlaveError) -> Failure {
+        Failure {
+            instance: self.name.clone(),
+            stage,
+            source,
+        }
+    }
+
+    /// Gives the inputs the values in the row.
+    #[inline]
+    pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {
+        for (value, &slot) in self.input_values.iter_mut().zip(&self.input_slots) {
+            *value = values.row[slot];
+        }
+        self.set_reals()?;
+        self.set_others(&values.others)
+    }
+
+    /// Gives the inputs that are no reals their values.
+    #[inline]
+    pub(super) fn set_others(&mut self, others: &[Value]) -> Result<(), Failure> {
+        for k in 0..self.other_inputs.len() {
+            let (handle, slot) = self.other_inputs[k];
+            self.calls.sets += 1;
+            let set = timed(&mut self.time, || self.slave.set(handle, &others[slot]));
+            set.map_err(|source| self.failure(Stage::SetInputs, source))?;
+        }
+        Ok(())
+    }
+
+    /// Converts `input_values` and sets them.
+    #[inline]
+    fn set_reals(&mut self) -> Result<(), Failure> {
+        if self.inputs.is_empty() {
+            return Ok(());
+        }
+        for &(position, conversion) in &self.conversions {
+            let value = &mut self.input_values[position];
+            *value = conversion.apply(*value);
+        }
+        self.calls.sets += 1;
+        let (inputs, values) = (&self.inputs, &self.input_values);
+        let set = timed(&mut self.time, || self.slave.set_reals(inputs, values));
+        set.map_err(|source| self.failure(Stage::SetInputs, source))
+    }
+
+    /// Reads all outputs.
+    #[inline]
+    pub(super) fn get_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
+        if !self.outputs.is_empty() {
+            self.calls.gets += 1;
+            let (outputs, row) = (&self.outputs, &mut values.row[self.output_slots.clone()]);
+            let got = timed(&mut self.time, || self.slave.get_reals(outputs, row));
+            got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        }
+        self.get_slopes(values)?;
+        self.get_others(values)?;
+        self.check_finite(values)
+    }
+
+    /// Reads the derivatives of the fed outputs.
+    #[inline]
+    fn get_slopes(&mut self, values: &mut Values) -> Result<(), Failure> {
+        if self.sloped.is_empty() {
+            return Ok(());
+        }
+        self.calls.gets += 1;
+        let (handles, room) = (&self.sloped, &mut self.slope_values);
+        let got = timed(&mut self.time, || {
+            self.slave.get_output_derivatives(handles, room)
+        });
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        for (&p, &slope) in self.fed_positions.iter().zip(&self.slope_values) {
+            values.slopes[p] = slope;
+        }
+        Ok(())
+    }
+
+    /// Reads the outputs that are no reals.
+    #[inline]
+    fn get_others(&mut self, values: &mut Values) -> Result<(), Failure> {
+        for k in 0..self.other_outputs.len() {
+            let (handle, kind, slot) = self.other_outputs[k];
+            self.calls.gets += 1;
+            let got = timed(&mut self.time, || self.slave.get(handle, kind));
+            values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+            if let Some(column) = values.other_slots[slot] {
+                values.row[column] = values.others[slot].as_number();
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the real outputs without direct feedthrough.
+    fn get_settled(&mut self, values: &mut Values) -> Result<(), Failure> {
+        if self.settled.is_empty() {
+            return Ok(());
+        }
+        self.calls.gets += 1;
+        let (handles, room) = (&self.settled, &mut self.settled_values);
+        let got = timed(&mut self.time, || self.slave.get_reals(handles, room));
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        for (&slot, &value) in self.settled_slots.iter().zip(&self.settled_values) {
+            values.row[slot] = value;
+        }
+        self.check_finite(values)
+    }
+
+    /// An output that is not finite must not feed others: it would be theirs from then on, and nobody
+    /// would know whose it was.
+    #[inline]
+    fn check_finite(&self, values: &Values) -> Result<(), Failure> {
+        match self.fed.iter().find(|&&slot| !values.row[slot].is_finite()) {
+            None => Ok(()),
+            Some(&slot) => Err(self.not_finite(slot, values.row[slot])),
+        }
+    }
+
+    #[cold]
+    fn not_finite(&self, slot: usize, value: f64) -> Failure {
+        let handle = self.outputs[slot - self.output_slots.start];
+        let mut variables = self.slave.variables().iter();
+        let variable = variables.find(|v| v.handle == handle && v.kind == Kind::Real);
+        let name = variable.map_or("an output", |v| v.name.as_str());
+        let source = format!("`{name}` is {value} and feeds others");
+        self.failure(Stage::GetOutputs, source.into())
+    }
+
+    /// Takes a step with the inputs that are set.
+    #[inline]
+    pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
+        self.calls.steps += 1;
+        let stepped = timed(&mut self.time, || match is_revocable {
+            false => self.slave.step(t, h),
+            true => self.slave.step_revocably(t, h),
+        });
+        match stepped {
+            Ok(Progress::Done) => Ok(()),
+            other => Err(self.ending(other, t, h)),
+        }
+    }
+
+    #[cold]
+    fn ending(&self, stepped: Result<Progress, SlaveError>, t: f64, h: f64) -> Ending {
+        let slack = TIME_TOLERANCE * h.max(t.abs());
+        let is_within = |reached: f64| (t - slack..=t + h + slack).contains(&reached);
+        let instance = self.name.clone();
+        match stepped {
+            Ok(Progress::Discarded { reached } | Progress::EndRequested { reached })
+                if !is_within(reached) =>
+            {
+                let end = t + h;
+                let source = format!(
+                    "it says that it stands at {reached} s, outside the step from {t} s to {end} s"
+                );
+                self.failure(Stage::Step, source.into()).at(t)
+            }
+            Ok(Progress::EndRequested { reached }) => Ending::EndRequested {
+                instance,
+                time: reached,
+            },
+            Ok(Progress::Discarded { reached }) => Ending::Discarded {
+                instance,
+                time: t,
+                reached,
+            },
+            // Done is no ending; the caller has sorted it out.
+            Ok(Progress::Done) => Ending::Completed,
+            Err(source) => self.failure(Stage::Step, source).at(t),
+        }
+    }
+
+    pub(super) fn save(&mut self, place: usize) -> Result<(), Failure> {
+        self.calls.saves += 1;
+        let saved = timed(&mut self.time, || self.slave.save(place));
+        saved.map_err(|source| self.failure(Stage::Save, source))
+    }
+
+    pub(super) fn restore(&mut self, place: usize) -> Result<(), Failure> {
+        self.calls.restores += 1;
+        let restored = timed(&mut self.time, || self.slave.restore(place));
+        restored.map_err(|source| self.failure(Stage::Restore, source))
+    }
+
+    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `courses`, and
+    /// reads the outputs.
+    ///
+    /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
+    /// feedthrough show the inputs' values at the end; where these are others, they come from a last
+    /// part that ends there, before the slave goes back and takes the right one.
+    pub(super) fn travel(
+        &mut self,
+        values: &mut Values,
+        courses: &[Course],
+        (t, h): (f64, f64),
+        parts: u32,
+        is_revocable: bool,
+    ) -> Result<(), Ending> {
+        let failed = |failure: Failure| failure.at(t);
+        let mut own = self.input_positions.iter().map(|&p| &courses[p]);
+        let is_held = own.clone().all(Course::is_held);
+        let is_ramp = self.abilities.input_derivatives && !is_held;
+        let ends_elsewhere = match is_ramp {
+            true => own.any(Course::is_curved),
+            false => !is_held,
+        };
+        let needs_ends = self.has_feedthrough && ends_elsewhere;
+        let has_two_passes = needs_ends && self.abilities.rollback;
+        let only_ends = needs_ends && !has_two_passes && self.feeds_through;
+        let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
+        self.note_used(courses, (2.0 * place - 1.0) / f64::from(parts));
+        let step = h / f64::from(parts);
+        for part in 0..parts {
+            let begin = t + f64::from(part) * step;
+            let at = |place: f64| (f64::from(part) + place) / f64::from(parts);
+            if has_two_passes && part + 1 == parts {
+                self.save(LAST_PART).map_err(failed)?;
+                match is_ramp {
+                    true => self.set_ramps(courses, true, at(0.0), h).map_err(failed)?,
+                    false => self.hold(courses, true, 1.0).map_err(failed)?,
+                }
+                self.step(begin, step, true)?;
+                self.get_outputs(values).map_err(failed)?;
+                self.restore(LAST_PART).map_err(failed)?;
+            }
+            match is_ramp {
+                true => self
+                    .set_ramps(courses, only_ends, at(0.0), h)
+                    .map_err(failed)?,
+                false => self.hold(courses, only_ends, at(place)).map_err(failed)?,
+            }
+            self.step(begin, step, is_revocable)?;
+        }
+        match has_two_passes {
+            true => self.get_settled(values).map_err(failed),
+            false => self.get_outputs(values).map_err(failed),
+        }
+    }
+
+    fn note_used(&mut self, courses: &[Course], shift: f64) {
+        for (used, &p) in self.used.iter_mut().zip(&self.input_positions) {
+            let course = &courses[p];
+            *used = course.mean + shift * (course.end - course.mean);
+        }
+    }
+
+    /// Sets the inputs to where their lines are after a part `at` of the step, the lines to the end
+    /// values if so.
+    fn hold(&mut self, courses: &[Course], to_ends: bool, at: f64) -> Result<(), Failure> {
+        for (value, &p) in self.input_values.iter_mut().zip(&self.input_positions) {
+            let course = courses[p];
+            *value = match to_ends {
+                true => course.to_end().line(at),
+                false => course.line(at),
+            };
+        }
+        self.set_reals()
+    }
+
+    /// The same with the slopes of the lines in a step of `h` [s].
+    fn set_ramps(
+        &mut self,
+        courses: &[Course],
+        to_ends: bool,
+        at: f64,
+        h: f64,
+    ) -> Result<(), Failure> {
+        self.hold(courses, to_ends, at)?;
+        for (slope, &p) in self.slopes.iter_mut().zip(&self.input_positions) {
+            let course = match to_ends {
+                true => courses[p].to_end(),
+                false => courses[p],
+            };
+            *slope = 2.0 * course.lean / h;
+        }
+        for &(position, conversion) in &self.conversions {
+            self.slopes[position] *= conversion.factor;
+        }
+        self.calls.sets += 1;
+        let (inputs, slopes) = (&self.inputs, &self.slopes);
+        let set = timed(&mut self.time, || {
+            self.slave.set_input_derivatives(inputs, slopes)
+        });
+        set.map_err(|source| self.failure(Stage::SetInputs, source))
+    }
+
+    /// By how much one step in half as many parts would have changed the fed outputs: what holding the
+    /// inputs within each part does, times 3. `room` is for as many values as there are outputs.
+    ///
+    /// The slave stands at the end of the step before and after.
+    pub(super) fn effect_of_stairs(
+        &mut self,
+        values: &mut Values,
+        courses: &[Course],
+        span: (f64, f64),
+        room: &mut [f64],
+    ) -> Result<(), Ending> {
+        let failed = |failure: Failure| failure.at(span.0);
+        let slots = self.output_slots.clone();
+        let room = &mut room[..slots.len()];
+        self.save(END).map_err(failed)?;
+        room.copy_from_slice(&values.row[slots.clone()]);
+        self.restore(BEGIN).map_err(failed)?;
+        self.travel(values, courses, span, self.parts / 2, true)?;
+        self.restore(END).map_err(failed)?;
+        for (fine, coarse) in room.iter_mut().zip(&mut values.row[slots]) {
+            (*fine, *coarse) = (*fine - *coarse, *fine);
+        }
+        self.get_others(values).map_err(failed)
+    }
+}

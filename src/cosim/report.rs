@@ -1,0 +1,119 @@
+//! What a run did, and how far its coupling is to be trusted.
+
+/// What a run did, and how far its coupling is to be trusted.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Report {
+    /// The communication steps.
+    pub steps: Steps,
+    /// Each slave, in the order in which they were added.
+    pub slaves: Vec<SlaveReport>,
+    /// Each connection of reals.
+    pub connections: Vec<ConnectionReport>,
+    /// Names of the slaves that feed on others and cannot go back to a saved state, where the
+    /// coupling would need it: strong coupling gives them extrapolated inputs, and with step-size
+    /// control no step is repeated.
+    pub irrevocable: Vec<String>,
+    /// Time of the stepping loop without the calls to the slaves [s], if measured: the master and the
+    /// recorder.
+    pub master_seconds: Option<f64>,
+}
+
+/// Communication steps, counted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Steps {
+    /// Steps that count.
+    pub accepted: u64,
+    /// Steps that were taken back, since their error was too large or a slave could not do them.
+    pub rejected: u64,
+    /// Accepted steps whose error was larger than the tolerance, since they were the shortest allowed
+    /// or a slave could not go back.
+    pub over_tolerance: u64,
+    /// Corrections of strong coupling, each of which repeats the step.
+    pub corrections: u64,
+    /// How often the matrix of these corrections was made anew.
+    pub matrices: u64,
+    /// Steps in which the corrections were ended before they had converged.
+    pub unconverged: u64,
+    /// Shortest accepted step [s].
+    pub shortest: f64,
+    /// Longest accepted step [s].
+    pub longest: f64,
+}
+
+/// Calls to a slave after initialization.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Calls {
+    /// Setting inputs or their derivatives.
+    pub sets: u64,
+    /// Steps.
+    pub steps: u64,
+    /// Getting outputs.
+    pub gets: u64,
+    /// Saving the state.
+    pub saves: u64,
+    /// Going back to a saved one.
+    pub restores: u64,
+}
+
+/// What a slave did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SlaveReport {
+    /// Name.
+    pub name: String,
+    /// Its calls.
+    pub calls: Calls,
+    /// Time in these calls [s], if measured.
+    pub seconds: Option<f64>,
+}
+
+/// What a connection did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConnectionReport {
+    /// The output.
+    pub from: String,
+    /// The input.
+    pub to: String,
+    /// Unit of the output; empty if unknown.
+    pub unit: String,
+    /// What the input got while the output's next value was not known.
+    pub transfer: Transfer,
+    /// How late the input's values are, averaged over a step [s]; negative if early. Parts of second
+    /// order in the step are left to the errors.
+    pub lag: f64,
+    /// By how much the input was wrong, if measured.
+    pub error: Option<CouplingError>,
+}
+
+/// What an input gets within a communication step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transfer {
+    /// The output's value at the begin of the step.
+    Held,
+    /// The output's value at the end of the step.
+    Ahead,
+    /// A polynomial through the values until the begin of the step.
+    Extrapolated,
+    /// A polynomial through the values until the end of the step.
+    Interpolated,
+}
+
+impl std::fmt::Display for Transfer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Held => "held",
+            Self::Ahead => "ahead",
+            Self::Extrapolated => "extrapolated",
+            Self::Interpolated => "interpolated",
+        })
+    }
+}
+
+/// By how much the mean of an input over a step was wrong, in the unit of the feeding output. What it
+/// should have been is estimated by a polynomial of degree 2 through the communication points.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CouplingError {
+    /// Magnitude, averaged over time.
+    pub mean: f64,
+    /// Largest magnitude.
+    pub max: f64,
+}

@@ -1,0 +1,284 @@
+//! Whatever a slave does wrong, under every algorithm: the rows until then are kept, and it is named.
+
+use super::slaves::{Linear, simulate};
+use pilotage::cosim::slave::SlaveError;
+use pilotage::cosim::{
+    Abilities, Algorithm, Clock, Control, Coupling, Ending, Experiment, Kind, Progress, Slave,
+    System, Value, Variable,
+};
+
+/// What goes wrong in the step that begins at 0.5 s or later.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    Error,
+    Discard,
+    DiscardOutside,
+    End,
+    EndInThePast,
+    NotANumber,
+    Infinite,
+    CannotSet,
+    CannotGet,
+    CannotRestore,
+}
+
+/// A slave that misbehaves.
+struct Faulty {
+    inner: Linear,
+    fault: Fault,
+    is_due: bool,
+}
+
+impl Faulty {
+    fn check(&self, fault: Fault) -> Result<(), SlaveError> {
+        match self.is_due && self.fault == fault {
+            true => Err("out of order".into()),
+            false => Ok(()),
+        }
+    }
+}
+
+impl Slave for Faulty {
+    fn variables(&self) -> &[Variable] {
+        self.inner.variables()
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+        self.inner.setup(experiment)
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+        self.check(Fault::CannotSet)?;
+        self.inner.set_reals(handles, values)
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        self.check(Fault::CannotGet)?;
+        self.inner.get_reals(handles, values)?;
+        match self.fault {
+            Fault::NotANumber if self.is_due => values[0] = f64::NAN,
+            Fault::Infinite if self.is_due => values[0] = f64::NEG_INFINITY,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+        self.inner.set(handle, value)
+    }
+
+    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+        self.inner.get(handle, kind)
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.is_due = t > 0.5 - 1e-9;
+        if !self.is_due {
+            return self.inner.step(t, h);
+        }
+        let reached = t + h / 4.0;
+        match self.fault {
+            Fault::Error => Err("the solver failed".into()),
+            Fault::Discard => Ok(Progress::Discarded { reached }),
+            Fault::DiscardOutside => Ok(Progress::Discarded {
+                reached: t + 2.0 * h,
+            }),
+            Fault::End => Ok(Progress::EndRequested { reached }),
+            Fault::EndInThePast => Ok(Progress::EndRequested { reached: t - 1.0 }),
+            _ => self.inner.step(t, h),
+        }
+    }
+
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.inner.abilities()
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.inner.save(place)
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.check(Fault::CannotRestore)?;
+        self.inner.restore(place)
+    }
+}
+
+fn system(fault: Fault) -> System {
+    let mut system = System::new();
+    let good = Linear::new(-1.0, 1.0, 1.0, 0.0).from(1.0).revocable();
+    let faulty = Faulty {
+        inner: Linear::new(-0.5, -2.0, 1.0, 0.0).from(0.25).revocable(),
+        fault,
+        is_due: false,
+    };
+    system.add("good", Box::new(good)).unwrap();
+    system.add("bad", Box::new(faulty)).unwrap();
+    system.connect("good.y", "bad.u").unwrap();
+    system.connect("bad.y", "good.u").unwrap();
+    system
+}
+
+fn said(ending: &Ending) -> String {
+    match ending {
+        Ending::EndRequested { instance, time } => format!("{instance} wants the end at {time}"),
+        Ending::Discarded {
+            instance,
+            time,
+            reached,
+        } => format!("{instance} discarded at {time}, reached {reached}"),
+        Ending::Failed {
+            instance,
+            time,
+            stage,
+            source,
+        } => format!("{instance} failed to {stage} at {time}: {source}"),
+        other => format!("{other:?}"),
+    }
+}
+
+#[test]
+fn rows_are_kept_and_the_culprit_is_named() {
+    let clock = Clock::new(0.0, 1.0, 0.125).unwrap();
+    let controlled = Coupling {
+        control: Some(Control::new(1e-3, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    for (fault, expected) in [
+        (Fault::Error, "bad failed to step at 0.5: the solver failed"),
+        (Fault::Discard, "bad discarded at 0.5, reached 0.53125"),
+        (
+            Fault::DiscardOutside,
+            "bad failed to step at 0.5: it says that it stands at 0.75 s, outside the step from 0.5 s to 0.625 s",
+        ),
+        (Fault::End, "bad wants the end at 0.53125"),
+        (
+            Fault::EndInThePast,
+            "bad failed to step at 0.5: it says that it stands at -0.5 s, outside the step from 0.5 s to 0.625 s",
+        ),
+        (
+            Fault::NotANumber,
+            "bad failed to give its outputs at 0.5: `y` is NaN and feeds others",
+        ),
+        (
+            Fault::Infinite,
+            "bad failed to give its outputs at 0.5: `y` is -inf and feeds others",
+        ),
+        (
+            Fault::CannotGet,
+            "bad failed to give its outputs at 0.5: out of order",
+        ),
+    ] {
+        for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel, Algorithm::Strong] {
+            let (run, recorder) = simulate(system(fault), 1.0, 0.125, algorithm);
+            assert_eq!(said(&run.ending), expected, "{algorithm}");
+            assert_eq!((run.steps, run.time), (4, 0.5), "{algorithm}, {fault:?}");
+            let series = &recorder.series;
+            assert_eq!(
+                series.time,
+                [0.0, 0.125, 0.25, 0.375, 0.5],
+                "{algorithm}, {fault:?}"
+            );
+            for column in &series.columns {
+                assert_eq!(column.values.len(), 5);
+                assert!(column.values.iter().all(|value| value.is_finite()));
+            }
+        }
+        // Steps of other lengths; a discarded one is tried again until it is the shortest allowed.
+        let (run, recorder) = simulate(system(fault), 1.0, 0.125, controlled);
+        let words = said(&run.ending);
+        assert!(words.starts_with("bad "), "{words}");
+        assert_eq!((run.steps, recorder.series.time.len()), (4, 5), "{words}");
+        if fault == Fault::Discard {
+            assert!(
+                words.starts_with("bad discarded at 0.5, reached 0.50000000"),
+                "{words}"
+            );
+            assert!(run.report.steps.rejected > 10);
+        }
+    }
+    // These show one step later, or with rollback only.
+    let (run, _) = simulate(system(Fault::CannotSet), 1.0, 0.125, Algorithm::Jacobi);
+    assert_eq!(
+        said(&run.ending),
+        "bad failed to take its inputs at 0.625: out of order"
+    );
+    let (run, _) = simulate(system(Fault::CannotRestore), 1.0, 0.125, Algorithm::Strong);
+    let words = "bad failed to go back to a saved state at 0.5: out of order";
+    assert_eq!((said(&run.ending).as_str(), run.steps), (words, 4));
+}
+
+/// A slave that discards steps longer than it can do is stepped in shorter ones under control.
+#[test]
+fn discarded_steps_are_shortened_under_control() {
+    struct Short(Linear);
+    impl Slave for Short {
+        fn variables(&self) -> &[Variable] {
+            self.0.variables()
+        }
+        fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+            self.0.setup(experiment)
+        }
+        fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+            Ok(())
+        }
+        fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+            Ok(())
+        }
+        fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+            self.0.set_reals(handles, values)
+        }
+        fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+            self.0.get_reals(handles, values)
+        }
+        fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+            self.0.set(handle, value)
+        }
+        fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+            self.0.get(handle, kind)
+        }
+        fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+            match h > 0.03 {
+                true => Ok(Progress::Discarded { reached: t + 0.02 }),
+                false => self.0.step(t, h),
+            }
+        }
+        fn terminate(&mut self) -> Result<(), SlaveError> {
+            Ok(())
+        }
+        fn abilities(&self) -> Abilities {
+            self.0.abilities()
+        }
+        fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+            self.0.save(place)
+        }
+        fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+            self.0.restore(place)
+        }
+    }
+    let mut system = System::new();
+    let slave = Short(Linear::new(-1.0, 0.0, 1.0, 0.0).from(1.0).revocable());
+    system.add("short", Box::new(slave)).unwrap();
+    let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-2, &clock)),
+        ..Algorithm::Jacobi.into()
+    };
+    let (run, recorder) = simulate(system, 1.0, 0.1, coupling);
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    let y = recorder.series.columns[0].values[10];
+    assert!((y - (-1.0_f64).exp()).abs() < 1e-12);
+    assert!(run.report.steps.longest <= 0.03);
+    assert!(run.report.steps.rejected > 0);
+}

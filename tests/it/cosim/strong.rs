@@ -1,0 +1,267 @@
+//! Strong coupling: no lag, second order, algebraic loops solved; and the step-size control on it.
+
+use super::blocks::RandomLoop;
+use super::slaves::{Linear, Log, simulate};
+use pilotage::cosim::{
+    Abilities, Algorithm, Clock, Control, Coupling, Ending, SeriesRecorder, System, Transfer, run,
+};
+
+/// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
+fn controller_and_integrator(change: impl Fn(Linear) -> Linear) -> System {
+    let mut system = System::new();
+    let controller = change(Linear::new(0.0, 0.0, 0.0, -2.0));
+    let integrator = change(Linear::new(0.0, 1.0, 1.0, 0.0).from(-1.0));
+    system.add("controller", Box::new(controller)).unwrap();
+    system.add("integrator", Box::new(integrator)).unwrap();
+    system.connect("integrator.y", "controller.u").unwrap();
+    system.connect("controller.y", "integrator.u").unwrap();
+    system
+}
+
+fn last(recorder: &SeriesRecorder, name: &str) -> f64 {
+    *recorder.series.column(name).unwrap().values.last().unwrap()
+}
+
+/// Exact is 0.864665, Jacobi gives 0.953920. What is found is the trapezoidal rule, whether the slaves
+/// hold their inputs or follow ramps.
+#[test]
+fn the_published_example_is_right_within_two_parts_in_a_thousand() {
+    let trapezoid = 1.0 - (0.9_f64 / 1.1).powi(10);
+    for change in [Linear::revocable, |l: Linear| l.revocable().following()] {
+        let system = controller_and_integrator(change);
+        let (run, recorder) = simulate(system, 1.0, 0.1, Algorithm::Strong);
+        let y = 1.0 + last(&recorder, "integrator.y");
+        assert!((y - trapezoid).abs() < 1e-8, "{y}");
+        assert!((y / 0.864_664_716_763 - 1.0).abs() < 2e-3, "{y}");
+        assert!((last(&recorder, "controller.y") - 2.0 * (1.0 - y)).abs() < 1e-8);
+        let steps = run.report.steps;
+        assert_eq!((steps.accepted, steps.unconverged), (10, 0), "{steps:?}");
+        // One matrix serves the whole run, one correction each step.
+        assert_eq!((steps.corrections, steps.matrices), (10, 1));
+        for connection in run.report.connections {
+            assert_eq!(
+                (connection.transfer, connection.lag),
+                (Transfer::Interpolated, 0.0)
+            );
+        }
+    }
+}
+
+/// `y(1)` to 1e-6 in at most 300 steps.
+#[test]
+fn error_control_keeps_the_tolerance_in_few_steps() {
+    let exact = 1.0 - (-2.0_f64).exp();
+    for change in [Linear::revocable, |l: Linear| l.revocable().following()] {
+        let mut counts = Vec::new();
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+            let coupling = Coupling {
+                control: Some(Control::new(tolerance, &clock)),
+                ..Algorithm::Strong.into()
+            };
+            let (run, recorder) = simulate(controller_and_integrator(change), 1.0, 0.1, coupling);
+            let error = (1.0 + last(&recorder, "integrator.y") - exact).abs();
+            assert!(error < tolerance, "{error} > {tolerance}");
+            assert_eq!(
+                recorder.series.time,
+                (0..=10).map(|k| clock.time(k)).collect::<Vec<_>>()
+            );
+            let steps = run.report.steps;
+            assert_eq!((steps.over_tolerance, steps.unconverged), (0, 0));
+            counts.push((steps.accepted, steps.rejected));
+        }
+        assert!(counts[1].0 <= 300, "{counts:?}");
+        insta::allow_duplicates! {
+            insta::assert_snapshot!(format!("{counts:?}"), @"[(40, 0), (107, 0), (386, 1)]");
+        }
+    }
+}
+
+/// The order of convergence of each algorithm, on random loops of 2 to 20 blocks with exact solutions.
+#[test]
+fn orders_of_convergence_on_random_loops() {
+    let following = Abilities {
+        rollback: true,
+        input_derivatives: true,
+        ..Abilities::default()
+    };
+    let holding = Abilities {
+        input_derivatives: false,
+        ..following
+    };
+    let with = |algorithm, degree| Coupling {
+        extrapolation: Some(degree),
+        ..Coupling::from(algorithm)
+    };
+    for (n, seed) in [(2, 1), (3, 2), (5, 3), (8, 4), (13, 5), (20, 6)] {
+        for (coupling, abilities, order) in [
+            (with(Algorithm::Jacobi, 0), holding, 1.0),
+            (with(Algorithm::Jacobi, 1), holding, 2.0),
+            (with(Algorithm::Jacobi, 1), following, 2.0),
+            (with(Algorithm::Jacobi, 2), following, 2.0),
+            (with(Algorithm::GaussSeidel, 0), holding, 1.0),
+            (with(Algorithm::GaussSeidel, 1), holding, 2.0),
+            (with(Algorithm::GaussSeidel, 1), following, 2.0),
+            (with(Algorithm::Strong, 2), holding, 2.0),
+            (with(Algorithm::Strong, 0), following, 2.0),
+        ] {
+            // Extrapolation around an algebraic loop multiplies errors; only strong coupling solves it.
+            let is_strong = coupling.algorithm == Algorithm::Strong;
+            let random = RandomLoop::new(seed, n, abilities, is_strong);
+            let exact = random.exact(1.0);
+            let errors = [64.0, 128.0, 256.0].map(|steps: f64| {
+                let (run, recorder) = simulate(random.system(), 1.0, 1.0 / steps, coupling);
+                assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+                let columns = recorder.series.columns.iter();
+                let found = columns.map(|c| *c.values.last().unwrap());
+                let squares = found
+                    .zip(exact.iter())
+                    .map(|(y, exact)| (y - exact).powi(2));
+                squares.sum::<f64>().sqrt()
+            });
+            for pair in errors.windows(2) {
+                let found = (pair[0] / pair[1]).log2();
+                assert!(
+                    found > order - 0.25,
+                    "{n} blocks, {coupling:?}, {abilities:?}: {found}, {errors:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Two gains of 2 in a ring: substitution diverges, Newton's method solves the loop at each point.
+#[test]
+fn algebraic_loops_are_solved_at_communication_points() {
+    let mut system = System::new();
+    // y_a = x_a + 2 y_b with ẋ_a = y_b, y_b = 1 + 2 y_a: y_b = (1 + 2 x_a)/(1 - 4).
+    let a = Linear::new(0.0, 1.0, 1.0, 2.0).from(1.0).revocable();
+    let b = Linear::new(0.0, 0.0, 1.0, 2.0).from(1.0).revocable();
+    system.add("a", Box::new(a)).unwrap();
+    system.add("b", Box::new(b)).unwrap();
+    system.connect("a.y", "b.u").unwrap();
+    system.connect("b.y", "a.u").unwrap();
+    let (run, recorder) = simulate(system, 1.0, 0.01, Algorithm::Strong);
+    assert_eq!(run.report.steps.unconverged, 0);
+    // ẋ = -(1 + 2 x)/3 from 1: x = 1.5 e^{-2t/3} - 0.5.
+    let x = 1.5 * (-2.0_f64 / 3.0).exp() - 0.5;
+    let y_b = -(1.0 + 2.0 * x) / 3.0;
+    let (found_a, found_b) = (last(&recorder, "a.y"), last(&recorder, "b.y"));
+    assert!((found_b - y_b).abs() < 1e-5, "{found_b} {y_b}");
+    assert!((found_a - (x + 2.0 * y_b)).abs() < 2e-5, "{found_a}");
+    assert!((found_b - (1.0 + 2.0 * found_a)).abs() < 1e-8);
+}
+
+/// A slave that cannot go back gets held inputs, is named, and the error that it causes is estimated.
+#[test]
+fn slaves_that_cannot_go_back_are_named_with_their_error() {
+    let exact = 1.0 - (-2.0_f64).exp();
+    let run_with = |degree| {
+        let mut system = System::new();
+        let controller = Linear::new(0.0, 0.0, 0.0, -2.0);
+        let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).from(-1.0).revocable();
+        system.add("controller", Box::new(controller)).unwrap();
+        system.add("integrator", Box::new(integrator)).unwrap();
+        system.connect("integrator.y", "controller.u").unwrap();
+        system.connect("controller.y", "integrator.u").unwrap();
+        let coupling = Coupling {
+            extrapolation: Some(degree),
+            measure: true,
+            ..Algorithm::Strong.into()
+        };
+        let (run, recorder) = simulate(system, 1.0, 0.01, coupling);
+        let error = (1.0 + last(&recorder, "integrator.y") - exact).abs();
+        (run.report, error)
+    };
+    let (report, error) = run_with(0);
+    assert_eq!(report.irrevocable, ["controller"]);
+    let [to_controller, to_integrator] = &report.connections[..] else {
+        panic!("two connections")
+    };
+    assert_eq!(
+        (to_controller.transfer, to_controller.lag),
+        (Transfer::Held, 0.005)
+    );
+    assert_eq!(
+        (to_integrator.transfer, to_integrator.lag),
+        (Transfer::Interpolated, 0.0)
+    );
+    // In the mean y is late by h/2: by 0.005 (1 - e^{-2}).
+    let late = to_controller.error.unwrap().mean;
+    assert!((late / (0.005 * exact) - 1.0).abs() < 0.02, "{late}");
+    assert!(to_integrator.error.unwrap().mean < 0.02 * late);
+    let (extrapolated, smaller) = run_with(1);
+    assert_eq!(extrapolated.connections[0].transfer, Transfer::Extrapolated);
+    assert!(smaller < 0.1 * error, "{smaller} {error}");
+}
+
+/// After initialization no value is got after a set without a step between them.
+#[test]
+fn no_set_is_followed_by_a_get_without_a_step() {
+    let log = Log::default();
+    let system = controller_and_integrator(|l| {
+        let name = if l.d == 0.0 {
+            "integrator"
+        } else {
+            "controller"
+        };
+        l.revocable().logged(name, &log)
+    });
+    let clock = Clock::new(0.0, 0.5, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-3, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    simulate(system, 0.5, 0.1, coupling);
+    let calls = log.take();
+    let end = calls
+        .iter()
+        .rposition(|call| call.ends_with("exit"))
+        .unwrap();
+    for name in ["controller", "integrator"] {
+        let own = calls[end..]
+            .iter()
+            .filter_map(|call| call.strip_prefix(name));
+        let own: Vec<&str> = own.collect();
+        for pair in own.windows(2) {
+            assert!(
+                !(pair[0].starts_with(".set") && pair[1].starts_with(".get")),
+                "{name}: {pair:?}"
+            );
+        }
+        assert!(own.contains(&".restore"));
+    }
+}
+
+/// A jump in time: steps are rejected until it is bridged by a short one, and grow again.
+#[test]
+fn a_slave_without_rollback_only_shortens_the_next_steps() {
+    let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-3, &clock)),
+        ..Algorithm::Jacobi.into()
+    };
+    let (run, recorder) = simulate(controller_and_integrator(|l| l), 1.0, 0.1, coupling);
+    let steps = run.report.steps;
+    assert_eq!(steps.rejected, 0);
+    assert_eq!(run.report.irrevocable, ["controller", "integrator"]);
+    let error = (1.0 + last(&recorder, "integrator.y") - 1.0 + (-2.0_f64).exp()).abs();
+    assert!(error < 5e-3, "{error}, {steps:?}");
+}
+
+#[test]
+fn slaves_of_fixed_steps_are_refused_under_control() {
+    let random = RandomLoop::new(1, 2, Abilities::default(), false);
+    let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-3, &clock)),
+        ..Algorithm::Jacobi.into()
+    };
+    let mut recorder = SeriesRecorder::default();
+    let error = run(random.system(), &clock, None, coupling, &mut recorder).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "`b0` cannot take communication steps of different lengths, which step-size control needs; \
+         run without a tolerance"
+    );
+}
