@@ -449,3 +449,16 @@ fn models_run_without_being_exported() {
     assert_eq!(native.lines().count(), 102);
     assert_eq!(native, exported);
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told() {
+    let folder = folder(&["good"]);
+    let ended = short_run(&folder, &["-o", "/dev/full"]);
+    assert_eq!(ended.code, 2);
+    assert_eq!(
+        ended.stderr,
+        "error: cannot write the result at 0 s: No space left on device (os error 28)\n"
+    );
+    assert_eq!(folder.files(), ["good.fmu"]);
+}

@@ -218,6 +218,8 @@ fn explain(
     let is_write_error = matches!(error, MasterError::Record { .. });
     let failure = Failure::from(error);
     match is_write_error {
+        // A pipe or a device keeps nothing.
+        true if !part.is_file() => failure,
         true => failure.hint(format!(
             "is there room? The rows until then are in {}",
             part.display()
