@@ -44,9 +44,10 @@ struct Chosen {
 
 impl Selection {
     /// The variables whose `instance.variable` fits one of the patterns, in which `*` stands for any
-    /// characters and `?` for one. Tells the system to read those that are not read anyway: locals,
-    /// parameters and inputs that nothing feeds. An input that is fed has at each time the value of the
-    /// output that feeds it, in the input's unit.
+    /// characters and `?` for one; parameters, which do not change, only if nothing else fits it. Tells
+    /// the system to read those that are not read anyway: locals, parameters and inputs that nothing
+    /// feeds. An input that is fed has at each time the value of the output that feeds it, in the input's
+    /// unit.
     ///
     /// # Errors
     /// If a pattern fits nothing that can be recorded.
@@ -70,7 +71,10 @@ impl Selection {
                 let pattern = pattern.clone();
                 return Err(SelectionError::Text { pattern });
             }
-            let numbers = fitting.into_iter().filter(is_number);
+            let is_variable = |port: &Port| system.variable(*port).role != Role::Parameter;
+            let has_variables = fitting.iter().any(|p| is_number(p) && is_variable(p));
+            let numbers = (fitting.into_iter().filter(is_number))
+                .filter(|port| is_variable(port) || !has_variables);
             ports.extend(numbers.filter(|port| known.insert(*port)));
         }
         Ok(Self::of(system, &ports))

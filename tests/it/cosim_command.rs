@@ -290,6 +290,14 @@ fn signals_and_rows_are_chosen_and_fmpy_reads_them() {
     let last: Vec<f64> = serde_json::from_value(read["last"].clone()).unwrap();
     assert!((last[2] - y).abs() < 1e-12);
     assert_eq!((last[0], last[1], last[3], last[4]), (2.0, 1.0, 1.0, 1.0));
+    // Parameters only where nothing else fits.
+    for (pattern, header) in [
+        ("good.?", "time,good.u,good.y,good.n"),
+        ("*.k*", "time,good.k"),
+    ] {
+        assert_eq!(short_run(&folder, &["--record", pattern]).code, 0);
+        assert_eq!(folder.read("result.csv").lines().next(), Some(header));
+    }
     for (more, message) in [
         (
             ["--record", "godo.y"],

@@ -37,11 +37,11 @@ Examples:
   pilotage cosim pilot.fmu --record 'pilot.s*,pilot.theta1' --record-every 1 \\
     --stop-time 3600 --step 0.05 --progress json
 
-The result has a column `time` and a column `instance.variable` for every output. While the run goes it
-grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name. What a
-crash leaves behind, the next run puts aside and says so.
-Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are kept),
-2 bad use or input.";
+The result has a column `time` and a column `instance.variable` for every output. While the run goes
+it grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name.
+What a crash leaves behind, the next run puts aside and says so.
+Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are
+kept), 2 bad use or input.";
 
 /// Arguments of `pilotage cosim`.
 #[derive(Debug, clap::Args)]
@@ -66,7 +66,7 @@ pub struct Args {
     #[command(flatten)]
     coupling: CouplingArgs,
     /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?`
-    /// for one; outputs, inputs, locals and parameters [default: all outputs].
+    /// for one; outputs, inputs and locals, or parameters where nothing else fits [default: all outputs].
     #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
     record: Vec<String>,
     /// Time between recorded rows [s]; a multiple of the step [default: the step].

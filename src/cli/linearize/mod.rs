@@ -25,11 +25,11 @@ Examples:
     --set pilot.target=10 --at 5 --step 0.01 \\
     --loop pilot.stick=quadcopter.stick --in-steps 0.05 --report loop.html --matlab loop.m
 
-At a loop the system is cut open: L is what comes back there, with its sign turned, so that 1 + L = 0 is
-the closed loop. The effective delay is that of the crossover model, L = ω_c e^(-τ s)/s, with the same
-crossover and phase.
-FMUs are linearised by their directional derivatives; those for model exchange without them by
-differences; pilot and vehicle files exactly.
+At a loop the system is cut open: L is what comes back there, with its sign turned, so that
+1 + L = 0 is the closed loop. The effective delay is that of the crossover model,
+L = ω_c e^(-τ s)/s, with the same crossover and phase.
+FMUs are linearised by their directional derivatives, those for model exchange without them by
+differences, pilot and vehicle files exactly.
 Exit codes: 0 done, 1 an FMU failed or cannot be linearised, 2 bad use or input.";
 
 /// Arguments of `pilotage linearize`.
