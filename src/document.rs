@@ -214,6 +214,38 @@ impl<'a> Table<'a> {
         })
     }
 
+    /// Names of all fields, in the order of the file.
+    pub fn names(&self) -> Vec<&'a str> {
+        let mut keys: Vec<_> = self.table.keys().collect();
+        keys.sort_by_key(|key| key.span().start);
+        keys.iter().map(|key| key.get_ref().as_ref()).collect()
+    }
+
+    /// A number, boolean or string as text, the way the file spells it.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn text(&self, field: &str) -> Result<Option<String>, DocumentError> {
+        self.value(field, "a number, true, false or a string", |value| {
+            Some(match value {
+                DeValue::Float(number) => number.as_str().to_owned(),
+                DeValue::Integer(number) => {
+                    let whole = i64::from_str_radix(number.as_str(), number.radix());
+                    whole.ok()?.to_string()
+                }
+                DeValue::Boolean(value) => value.to_string(),
+                DeValue::String(text) => text.to_string(),
+                _ => return None,
+            })
+        })
+    }
+
+    /// Whether a field is a table of its own.
+    pub fn is_table(&self, field: &str) -> bool {
+        self.get(field)
+            .is_some_and(|value| value.get_ref().is_table())
+    }
+
     /// Number of fields.
     pub fn count(&self) -> usize {
         self.table.len()

@@ -11,6 +11,7 @@ pub mod export;
 pub mod fmi;
 pub mod identification;
 pub mod integrate;
+pub mod linear;
 pub mod nearest;
 pub mod output;
 pub mod report;

@@ -1,6 +1,6 @@
 //! How numbers look on the terminal.
 
-use crate::vehicle::Mode;
+use crate::linear::Mode;
 use nalgebra::Complex;
 
 /// A pole, or a pair of conjugate poles: `-4.240 ± 3.180 i`.

@@ -8,13 +8,13 @@ static ASKED: AtomicBool = AtomicBool::new(false);
 /// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
 const KILLED: i32 = 130;
 
-/// Listens from now on. Only once in a process.
-pub fn listen() -> Result<(), Failure> {
-    let handler = || {
+/// Listens from now on, and says on the first Ctrl-C what it does. Only once in a process.
+pub fn listen(stopping: &'static str) -> Result<(), Failure> {
+    let handler = move || {
         if ASKED.swap(true, Ordering::SeqCst) {
             std::process::exit(KILLED);
         }
-        terminal::note("stopping at the next iteration; Ctrl-C again kills");
+        terminal::note(&format!("{stopping}; Ctrl-C again kills"));
     };
     ctrlc::set_handler(handler)
         .map_err(|error| Failure::new(format!("cannot listen to Ctrl-C: {error}")))

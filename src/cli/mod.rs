@@ -3,7 +3,6 @@
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
 mod cosim;
-mod cosim_report;
 mod demo;
 mod export;
 mod failure;
@@ -12,6 +11,7 @@ mod folder;
 mod format;
 mod info;
 mod interrupt;
+mod linearize;
 mod pack;
 mod progress;
 mod terminal;
@@ -48,7 +48,9 @@ enum Command {
     /// Make an FMU of a model of your own.
     Pack(pack::Args),
     /// Wire FMUs together and simulate them.
-    Cosim(cosim::Args),
+    Cosim(Box<cosim::Args>),
+    /// Linearise the coupled system: matrices, poles, margins and effective delay of its loops.
+    Linearize(Box<linearize::Args>),
     /// Check FMUs against the standard, and try them.
     Validate(validate::Args),
     /// Show what an FMU is and which variables it has.
@@ -67,7 +69,8 @@ pub fn main() -> ExitCode {
         Command::Vehicle(args) => vehicle::run(args),
         Command::Export(args) => export::run(args),
         Command::Pack(args) => pack::run(args),
-        Command::Cosim(args) => cosim::run(args),
+        Command::Cosim(args) => cosim::run(*args),
+        Command::Linearize(args) => linearize::run(*args),
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),
         Command::Probe(args) => validate::probe(args),

@@ -3,6 +3,7 @@
 use super::export::FmuArgs;
 use super::{Failure, Outcome, terminal};
 use crate::export::{Provenance, pack};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 /// Arguments of `pilotage pack`.
@@ -25,7 +26,8 @@ pub struct Args {
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
-        true => pack::build(&args.model)?,
+        // A first build takes a minute: whoever watches sees cargo's progress.
+        true => pack::build(&args.model, std::io::stderr().is_terminal())?,
         false => (args.model.clone(), None),
     };
     let provenance = Provenance {

@@ -95,6 +95,15 @@ impl Clock {
         })
     }
 
+    /// No step at all: the slaves are initialised at `start` [s], for a simulation in steps of `step` [s].
+    ///
+    /// # Errors
+    /// As [`Clock::new`].
+    pub fn standing(start: f64, step: f64) -> Result<Self, ClockError> {
+        let one = Self::new(start, start + step, step)?;
+        Ok(Self { steps: 0, ..one })
+    }
+
     /// Start time [s].
     pub fn start(&self) -> f64 {
         self.start

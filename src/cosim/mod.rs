@@ -16,27 +16,38 @@
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
+//! | [`mod@linearize`] | the linear system about where the slaves stand, and its loops |
 //! | [`recorder`] | where the rows go |
 //! | [`report`] | what a run did, and how far its coupling is to be trusted |
+//! | [`selection`] | which signals are recorded, and how often |
+//! | [`source`] | signals over time, from a table |
+//! | [`unit_names`] | what the units in a table's header mean |
 
 pub mod algorithms;
 pub mod clock;
 pub mod fmu_slave;
+pub mod linearize;
 pub mod master;
 pub mod native_slave;
 pub mod recorder;
 pub mod report;
+pub mod selection;
 pub mod slave;
+pub mod source;
 pub mod system;
+pub mod unit_names;
 
 pub use algorithms::{Algorithm, Control, Coupling, Iteration, MAX_EXTRAPOLATION};
 pub use clock::Clock;
 pub use fmu_slave::{FmuSlave, ModelExchangeSlave};
+pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{Calls, ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
+pub use selection::{Selection, SelectionError, Thinned};
 pub use slave::{
     Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable,
 };
+pub use source::{Source, SourceError};
 pub use system::{System, SystemError};

@@ -4,6 +4,7 @@
 use super::slave::{
     Abilities, Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
+use crate::linear::StateSpace;
 use pilotage_models::simulation::Snapshot;
 use pilotage_models::structure::{Structure, Unknown};
 use pilotage_models::{Model, Simulation, variable};
@@ -178,6 +179,27 @@ impl Slave for NativeSlave {
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(())
+    }
+
+    /// Exact, by dual numbers.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        let table = self.simulation.table();
+        let unknowns: Vec<usize> = table.derivatives().chain(table.outputs()).collect();
+        let knowns: Vec<usize> = table.states().chain(table.inputs()).collect();
+        let named = |indices: &[usize]| -> Vec<String> {
+            let variables = table.variables();
+            indices.iter().map(|&i| variables[i].name.clone()).collect()
+        };
+        let n = table.n_states();
+        let names = [
+            named(&knowns[..n]),
+            named(&knowns[n..]),
+            named(&unknowns[n..]),
+        ];
+        StateSpace::from_columns(names, |k| {
+            let seed = [(knowns[k], 1.0)];
+            Ok(self.simulation.directional_derivative(&unknowns, &seed))
+        })
     }
 
     fn abilities(&self) -> Abilities {

@@ -19,6 +19,11 @@ pub trait Recorder {
 
     /// One row: the time [s] and a value for each signal.
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()>;
+
+    /// Whether the run shall end after this row: asked after each.
+    fn is_stop_asked(&mut self) -> bool {
+        false
+    }
 }
 
 /// Keeps the rows as a [`Series`].
@@ -58,19 +63,22 @@ impl Recorder for SeriesRecorder {
     }
 }
 
-/// Writes the rows as CSV, each as it comes.
+/// Writes the rows as CSV, each by one call as it comes: into a file without buffer, all rows survive
+/// whatever ends the process.
 ///
 /// The header is `time,instance.variable,...` without units, numbers are the shortest that read back
 /// as the same `f64`: what `fmpy.util.read_csv` and the FMI cross-check rules expect.
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
+    line: Vec<u8>,
 }
 
 impl<W: Write> CsvRecorder<W> {
-    /// Writes to `to`, which should be buffered.
+    /// Writes to `to`.
     pub fn new(to: W) -> Self {
-        Self { to }
+        let line = Vec::new();
+        Self { to, line }
     }
 
     /// Flushes and hands the writer back.
@@ -82,30 +90,47 @@ impl<W: Write> CsvRecorder<W> {
 
 impl<W: Write> Recorder for CsvRecorder<W> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        self.to.write_all(b"time")?;
+        self.line.extend(b"time");
         for signal in signals {
+            self.line.push(b',');
             if signal.name.contains([',', '"', '\n', '\r']) {
-                write!(self.to, ",\"{}\"", signal.name.replace('"', "\"\""))?;
+                let quoted = format!("\"{}\"", signal.name.replace('"', "\"\""));
+                self.line.extend(quoted.as_bytes());
             } else {
-                write!(self.to, ",{}", signal.name)?;
+                self.line.extend(signal.name.as_bytes());
             }
         }
-        self.to.write_all(b"\n")
+        self.line.push(b'\n');
+        // Longer than a row of numbers will ever be, so that rows allocate nothing.
+        self.line.reserve(LONGEST * (signals.len() + 1));
+        self.write_line()
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        write_number(&mut self.to, time)?;
+        push_number(&mut self.line, time);
         for &value in values {
-            self.to.write_all(b",")?;
-            write_number(&mut self.to, value)?;
+            self.line.push(b',');
+            push_number(&mut self.line, value);
         }
-        self.to.write_all(b"\n")
+        self.line.push(b'\n');
+        self.write_line()
     }
 }
 
+impl<W: Write> CsvRecorder<W> {
+    fn write_line(&mut self) -> io::Result<()> {
+        self.to.write_all(&self.line)?;
+        self.line.clear();
+        Ok(())
+    }
+}
+
+/// Bytes that a number and its comma take at most.
+const LONGEST: usize = 26;
+
 /// The shortest text that reads back as the same number; a whole number without `.0`.
-fn write_number(to: &mut impl Write, value: f64) -> io::Result<()> {
+fn push_number(line: &mut Vec<u8>, value: f64) {
     let mut buffer = zmij::Buffer::new();
     let text = buffer.format(value);
-    to.write_all(text.strip_suffix(".0").unwrap_or(text).as_bytes())
+    line.extend(text.strip_suffix(".0").unwrap_or(text).as_bytes());
 }

@@ -1,5 +1,7 @@
 //! What the master knows of a simulation unit.
 
+use crate::linear::StateSpace;
+
 /// Why a slave's call failed, in the slave's own words.
 pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -39,6 +41,13 @@ pub trait Slave {
 
     /// Ends the simulation.
     fn terminate(&mut self) -> Result<(), SlaveError>;
+
+    /// The linear system that the slave is in continuous time for small changes about where it stands, with
+    /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
+    /// [`variables`](Self::variables), and those that are left out count as constant.
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        Err("it does not say how it depends on its states and inputs".into())
+    }
 
     /// What the slave can do beyond these calls. The calls below are made only where it says so.
     fn abilities(&self) -> Abilities {
@@ -150,6 +159,8 @@ pub struct Variable {
     pub role: Role,
     /// Whether a user may give its start value.
     pub settable: bool,
+    /// Whether it keeps its value between instants at which it jumps, though it may be a real.
+    pub is_discrete: bool,
     /// Unit of a real; `None` if the slave does not say.
     pub unit: Option<Unit>,
     /// Magnitude of a real that counts as not small, in its unit: what tolerances refer to. 1 where
@@ -163,7 +174,8 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// A variable without unit and feedthrough; parameters and inputs are settable.
+    /// A variable without unit and feedthrough; parameters and inputs are settable, all but reals are
+    /// discrete.
     pub fn new(name: impl Into<String>, handle: u32, kind: Kind, role: Role) -> Self {
         Self {
             name: name.into(),
@@ -171,6 +183,7 @@ impl Variable {
             kind,
             role,
             settable: matches!(role, Role::Parameter | Role::Input),
+            is_discrete: kind != Kind::Real,
             unit: None,
             nominal: 1.0,
             feedthrough: Vec::new(),

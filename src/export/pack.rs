@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The function that `pilotage_kit::export!` adds to those of FMI.
 const INTERFACE: &CStr = c"pilotageInterface";
@@ -17,11 +17,17 @@ const INTERFACE: &CStr = c"pilotageInterface";
 /// Builds the crate in a folder, and gives its library and its licence.
 ///
 /// The release profile is changed as far as an FMU needs it: panics unwind, since they become a status;
-/// symbols are stripped.
+/// symbols are stripped, and the folders of this machine stay out of it. With `show`, what cargo says goes
+/// to stderr as it says it, else into the error.
 ///
 /// # Errors
 /// When there is no cargo, the crate cannot be built, or makes no library of type `cdylib`.
-pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
+pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), ExportError> {
+    let read = |source| ExportError::Read {
+        path: folder.join("Cargo.toml"),
+        source,
+    };
+    let manifest = std::fs::canonicalize(folder.join("Cargo.toml")).map_err(read)?;
     let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args([
             "build",
@@ -33,8 +39,13 @@ pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
         .args(["--config", "profile.release.strip=\"symbols\""])
         .args(["--config", "profile.release.lto=\"fat\""])
         .args(["--config", "profile.release.codegen-units=1"])
+        .args(["--config", &unnamed_folders(&manifest)])
         .arg("--manifest-path")
-        .arg(folder.join("Cargo.toml"))
+        .arg(&manifest)
+        .stderr(match show {
+            true => Stdio::inherit(),
+            false => Stdio::piped(),
+        })
         .output()
         .map_err(ExportError::NoCargo)?;
     if !output.status.success() {
@@ -43,11 +54,6 @@ pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
             messages: String::from_utf8_lossy(&output.stderr).into_owned(),
         });
     }
-    let manifest =
-        std::fs::canonicalize(folder.join("Cargo.toml")).map_err(|source| ExportError::Read {
-            path: folder.join("Cargo.toml"),
-            source,
-        })?;
     let built = String::from_utf8_lossy(&output.stdout)
         .lines()
         .filter_map(|line| serde_json::from_str::<Value>(line).ok())
@@ -58,6 +64,22 @@ pub fn build(folder: &Path) -> Result<(PathBuf, Option<String>), ExportError> {
             folder: folder.to_owned(),
         }),
     }
+}
+
+/// Flags of rustc, as a setting of cargo: panic messages name neither the crate's folder nor cargo's. Flags in
+/// the environment variable RUSTFLAGS take their place.
+fn unnamed_folders(manifest: &Path) -> String {
+    let home = std::env::home_dir().map(|home| home.join(".cargo"));
+    let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
+    let crate_folder = manifest.parent().map(Path::to_path_buf);
+    let named = [(cargo, "cargo"), (crate_folder, "model")];
+    let flags: Vec<String> = (named.into_iter())
+        .filter_map(|(folder, name)| {
+            let flag = format!("--remap-path-prefix={}={name}", folder?.display());
+            Some(toml::Value::String(flag).to_string())
+        })
+        .collect();
+    format!("build.rustflags=[{}]", flags.join(", "))
 }
 
 /// The shared library that a message of cargo tells of, if it is this crate's.

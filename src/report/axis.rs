@@ -12,6 +12,8 @@ pub struct Scale {
     pub ticks: Vec<f64>,
     /// Decimals that the ticks' labels need.
     decimals: usize,
+    /// Values are decimal logarithms of what is shown.
+    in_decades: bool,
 }
 
 impl Scale {
@@ -42,7 +44,16 @@ impl Scale {
                 .map(|i| (first + i as f64) * step)
                 .collect(),
             decimals: (-step.log10().floor()).max(0.0) as usize,
+            in_decades: false,
         }
+    }
+
+    /// For values that are decimal logarithms: ticks at whole ones, labelled with the numbers.
+    pub fn in_decades(mut self) -> Self {
+        let (first, last) = (self.low.ceil() as i32, self.high.floor() as i32);
+        self.ticks = (first..=last).map(f64::from).collect();
+        self.in_decades = true;
+        self
     }
 
     /// Where a value lies between the ends: 0 to 1.
@@ -52,6 +63,9 @@ impl Scale {
 
     /// A tick's label, with a true minus sign.
     pub fn label(&self, tick: f64) -> String {
+        if self.in_decades {
+            return format!("{:e}", 10f64.powi(tick as i32)).replace('-', "\u{2212}");
+        }
         // `+ 0.0` turns the tick -0 into 0.
         format!("{:.*}", self.decimals, tick + 0.0).replace('-', "\u{2212}")
     }
@@ -85,6 +99,13 @@ mod tests {
             Scale::covering([0.0, 0.3], 0.0).ticks.last(),
             Some(&(6.0 * 0.05))
         );
+    }
+
+    #[test]
+    fn decades_are_labelled_with_the_numbers() {
+        let scale = Scale::covering([-2.3, 1.7], 0.0).in_decades();
+        let labels: Vec<String> = scale.ticks.iter().map(|&tick| scale.label(tick)).collect();
+        assert_eq!(labels, ["1e\u{2212}2", "1e\u{2212}1", "1e0", "1e1"]);
     }
 
     #[test]

@@ -97,6 +97,7 @@ fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> Stri
         description: description.into(),
         x_label: "time [s]".into(),
         y_label: y_label.into(),
+        x_in_decades: false,
         height,
         lines,
     };

@@ -31,3 +31,15 @@ pub fn table(header: &[&str], numeric: &[usize], rows: &[Vec<String>]) -> String
     }
     html + "</tbody></table></div>\n"
 }
+
+/// A page that needs nothing beside it.
+pub fn whole(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>pilotage: {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}\
+         </main>\n</body>\n</html>\n",
+        escape(title),
+        include_str!("style.css")
+    )
+}

@@ -3,12 +3,14 @@
 mod axis;
 mod figures;
 mod html;
+mod loops;
 mod number;
 mod page;
 mod plot;
 mod tables;
 
 pub use figures::ClosedLoop;
+pub use loops::{LoopFigure, loop_page};
 pub use number::significant;
 pub use page::{Report, page};
 pub use plot::{Line, Plot};

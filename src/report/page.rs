@@ -1,7 +1,7 @@
 //! The report page.
 
 use super::figures::{self, ClosedLoop, Targets};
-use super::html::escape;
+use super::html::{escape, whole};
 use super::number::{self, significant};
 use super::tables;
 use crate::identification::{Fit, Objective, Options, RunFit, Trial};
@@ -54,13 +54,7 @@ pub fn page(report: &Report) -> String {
     );
     body += &closed_loops(report, &targets);
     body += &numbers(report);
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>pilotage: identified pilot</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}\
-         </main>\n</body>\n</html>\n",
-        include_str!("style.css")
-    )
+    whole("identified pilot", &body)
 }
 
 /// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
@@ -173,7 +167,7 @@ fn polynomial(c: &[f64]) -> String {
     html
 }
 
-fn figure(title: &str, caption: &str, svg: &str) -> String {
+pub(super) fn figure(title: &str, caption: &str, svg: &str) -> String {
     format!("<section>\n<h2>{title}</h2>\n<p>{caption}</p>\n<figure>\n{svg}</figure>\n</section>\n")
 }
 

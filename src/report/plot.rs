@@ -32,6 +32,8 @@ pub struct Plot {
     pub x_label: String,
     /// Label of the ordinate, with unit.
     pub y_label: String,
+    /// Whether the abscissae are decimal logarithms, to be labelled with the numbers themselves.
+    pub x_in_decades: bool,
     /// Height of the drawing [px].
     pub height: f64,
     /// The lines, drawn in this order.
@@ -45,6 +47,10 @@ impl Plot {
             self.lines.iter().flat_map(|line| line.x.iter().copied()),
             0.0,
         );
+        let x = match self.x_in_decades {
+            true => x.in_decades(),
+            false => x,
+        };
         let y = Scale::covering(
             self.lines.iter().flat_map(|line| line.y.iter().copied()),
             0.05,
@@ -194,6 +200,7 @@ mod tests {
             description: "test".into(),
             x_label: "time [s]".into(),
             y_label: "position [m]".into(),
+            x_in_decades: false,
             height: 300.0,
             lines: vec![line.clone(), line],
         };

@@ -35,7 +35,8 @@ pub struct Column {
 pub struct Series {
     /// Comment lines of the file, without the leading `#`.
     pub comments: Vec<String>,
-    /// Times [s], strictly increasing.
+    /// Times [s], strictly increasing; equal ones may follow each other after
+    /// [`Series::read_with_jumps`].
     pub time: Vec<f64>,
     /// The signals, each of `time.len()` values.
     pub columns: Vec<Column>,

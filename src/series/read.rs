@@ -9,11 +9,17 @@ impl Series {
     /// # Errors
     /// When the file cannot be read or is not of that form; the message names file, line and column.
     pub fn read(path: &Path) -> Result<Self, SeriesError> {
-        let bytes = std::fs::read(path).map_err(|source| SeriesError::Read {
-            file: path.to_owned(),
-            source,
-        })?;
-        Self::parse(&bytes, &path.display().to_string())
+        Self::parse(&content(path)?, &path.display().to_string())
+    }
+
+    /// Reads a CSV file in which a time may stand in several rows: the signals jump there, from the
+    /// first of these rows to the last.
+    ///
+    /// # Errors
+    /// As [`Series::read`], but that a time may repeat.
+    pub fn read_with_jumps(path: &Path) -> Result<Self, SeriesError> {
+        let after = |time: f64, previous: f64| time >= previous;
+        Self::parse_ordered(&content(path)?, &path.display().to_string(), after)
     }
 
     /// Parses a CSV file's bytes; `file` is its name in messages.
@@ -21,6 +27,15 @@ impl Series {
     /// # Errors
     /// As [`Series::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self, SeriesError> {
+        Self::parse_ordered(bytes, file, |time, previous| time > previous)
+    }
+
+    /// Parses rows of which each time has to come `after` that of the row before.
+    fn parse_ordered(
+        bytes: &[u8],
+        file: &str,
+        after: fn(f64, f64) -> bool,
+    ) -> Result<Self, SeriesError> {
         let text = utf8(bytes, file)?;
         let mut rows = Rows::new(text, file);
         let header = rows.header()?;
@@ -37,7 +52,7 @@ impl Series {
             columns,
         };
         while let Some((line, row)) = rows.next()? {
-            series.push_row(&row, line, &header, file)?;
+            series.push_row(&row, line, &header, file, after)?;
         }
         match series.time.is_empty() {
             true => Err(SeriesError::NoSamples { file: file.into() }),
@@ -52,6 +67,7 @@ impl Series {
         line: usize,
         header: &Header,
         file: &str,
+        after: fn(f64, f64) -> bool,
     ) -> Result<(), SeriesError> {
         if row.len() != header.cells.len() {
             return Err(SeriesError::Ragged {
@@ -78,7 +94,7 @@ impl Series {
             let file = file.into();
             return Err(SeriesError::MissingTime { file, line });
         }
-        if let Some(&previous) = self.time.last().filter(|&&previous| time <= previous) {
+        if let Some(&previous) = self.time.last().filter(|&&previous| !after(time, previous)) {
             return Err(SeriesError::TimeOrder {
                 file: file.into(),
                 line,
@@ -92,6 +108,13 @@ impl Series {
         self.time.push(time);
         Ok(())
     }
+}
+
+fn content(path: &Path) -> Result<Vec<u8>, SeriesError> {
+    std::fs::read(path).map_err(|source| SeriesError::Read {
+        file: path.to_owned(),
+        source,
+    })
 }
 
 /// The file as text, without the byte-order mark that spreadsheets put in front.

@@ -4,5 +4,6 @@
 mod file;
 mod pitch_loop;
 
+pub use crate::linear::Mode;
 pub use file::{VehicleError, parse, read, to_toml};
-pub use pitch_loop::{Mode, PitchLoop};
+pub use pitch_loop::PitchLoop;

@@ -1,38 +1,8 @@
 //! The vehicle's attitude loop, linearised about hover.
 
+use crate::linear::Mode;
 use crate::models::Quadcopter;
 use crate::models::pilot::roots;
-use nalgebra::Complex;
-
-/// One pole, or one pair of conjugate poles.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mode {
-    /// The pole; of a pair the one with the positive imaginary part [1/s].
-    pub pole: Complex<f64>,
-    /// Natural frequency `|s|` [rad/s].
-    pub frequency: f64,
-    /// Damping ratio `-Re s / |s|`; 1 for a stable real pole, negative when unstable.
-    pub damping: f64,
-}
-
-impl Mode {
-    /// The modes of a set of poles that is closed under conjugation, slowest first.
-    pub fn of_poles(poles: &[Complex<f64>]) -> Vec<Self> {
-        let mut modes: Vec<Self> = (poles.iter())
-            .filter(|pole| pole.im >= 0.0)
-            .map(|&pole| Self {
-                pole,
-                frequency: pole.norm(),
-                damping: match pole.norm() {
-                    0.0 => 0.0,
-                    frequency => -pole.re / frequency,
-                },
-            })
-            .collect();
-        modes.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
-        modes
-    }
-}
 
 /// The pitch loop `s³ + a s² + β k_q s + β k_φ` at hover ([`Quadcopter::pitch_polynomial`]).
 #[derive(Debug, Clone, PartialEq)]

@@ -37,7 +37,7 @@ fn packed(folder: &TempDir, version: FmiVersion) -> PathBuf {
         version,
         ..Options::default()
     };
-    let (library, _) = pack::build(&crate::pack::example()).expect("it is built");
+    let (library, _) = pack::build(&crate::pack::example(), false).expect("it is built");
     pack::pack(&library, &Provenance::default(), &options, |_| path).expect("it is packed")
 }
 

@@ -243,7 +243,7 @@ fn model_exchange_is_simulated_by_the_command() {
         "2",
         "--step",
         "0.5",
-        "--tolerance",
+        "--fmu-tolerance",
         "1e-8",
     ]);
     assert_eq!(

@@ -42,7 +42,7 @@ fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
         assert_eq!(validated.code, 0, "{}", validated.stdout);
         // The library alone, as cargo made it, gives the same.
         std::fs::remove_file(folder.path(&name)).unwrap();
-        let (built, _) = pilotage::export::pack::build(&example()).unwrap();
+        let (built, _) = pilotage::export::pack::build(&example(), false).unwrap();
         let built = built.to_str().unwrap();
         let ended = folder.pilotage(&["pack", built, "--fmi", version]);
         assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
@@ -81,7 +81,10 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
             &["pack", "own.so"],
             "error: own.so does not say what its model is: it was not made by pilotage_kit::export!",
         ),
-        (&["pack", "empty"], "error: empty cannot be built:\n"),
+        (
+            &["pack", "empty"],
+            "error: empty/Cargo.toml cannot be read: ",
+        ),
         (
             &["pack", "rlib"],
             "error: rlib makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
@@ -154,8 +157,8 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
 
 #[test]
 fn the_interface_survives_its_way_through_the_library() {
-    let bytes = std::fs::read(pilotage::export::pack::build(&example()).unwrap().0).unwrap();
-    let (library, _) = pilotage::export::pack::build(&example()).unwrap();
+    let bytes = std::fs::read(pilotage::export::pack::build(&example(), false).unwrap().0).unwrap();
+    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
     let found = pilotage::export::pack::ask(&library, &bytes, FmiVersion::V3).unwrap();
     assert_eq!(interface::read(&found.to_json()), Some(found.clone()));
     assert_eq!((found.name.as_str(), found.states.len()), ("drone", 7));
@@ -171,7 +174,7 @@ fn events_end_steps_for_importers_that_handle_them() {
         version: FmiVersion::V3,
         ..Options::default()
     };
-    let (library, _) = pilotage::export::pack::build(&example()).unwrap();
+    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
     let path = folder.path("drone.fmu");
     let path = pilotage::export::pack::pack(&library, &Provenance::default(), &options, |_| path);
     let mut fmu = Fmu::open(&path.unwrap()).unwrap();
@@ -227,5 +230,18 @@ fn events_end_steps_for_importers_that_handle_them() {
     for (k, found) in events.iter().enumerate() {
         let exact = fall * (1.0 + 2.0 * (1.0 - 0.5_f64.powi(k as i32)));
         assert!((found - exact).abs() < 1e-9, "{found} {exact}");
+    }
+}
+
+/// Panic messages and the like name neither the folder of the crate nor that of cargo.
+#[test]
+fn a_packed_library_holds_no_path_of_the_machine_that_built_it() {
+    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
+    let bytes = std::fs::read(library).unwrap();
+    let home = std::env::home_dir().unwrap();
+    for folder in [home, example().canonicalize().unwrap()] {
+        let name = folder.display().to_string();
+        let is_found = bytes.windows(name.len()).any(|w| w == name.as_bytes());
+        assert!(!is_found, "{name}");
     }
 }

@@ -135,7 +135,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let pilot_output = open(&args.output)?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
-    interrupt::listen()?;
+    interrupt::listen("stopping at the next iteration")?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let mut watch = Watch::new(args.time_limit, log, args.verbose);
     let fitted = fit(&set.fit, &options, &mut |iteration| watch.see(iteration));

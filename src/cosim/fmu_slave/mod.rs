@@ -1,17 +1,20 @@
 //! An FMU of FMI 2.0 or 3.0 as a slave. The only place here that knows of FMUs.
 
 mod access;
+mod linear;
 mod model_exchange;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
+use self::linear::Knowns;
 use self::variables::variables;
 use super::slave::{Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use crate::fmi::instance::Saved;
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
+use crate::linear::StateSpace;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a slave of it: of the wanted kind, if it has that one, else
@@ -44,6 +47,7 @@ pub fn open(
 pub struct FmuSlave {
     instance: Instance,
     access: Access,
+    knowns: Knowns,
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
@@ -76,6 +80,7 @@ impl FmuSlave {
             orders: vec![1; variables.len()],
             instance,
             access: Access::of(description),
+            knowns: Knowns::of(description),
             variables,
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
         })
@@ -126,6 +131,11 @@ impl Slave for FmuSlave {
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.instance.terminate()?)
     }
+
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        self.knowns.by_derivatives(&mut self.instance)
+    }
+
     fn abilities(&self) -> Abilities {
         self.abilities
     }

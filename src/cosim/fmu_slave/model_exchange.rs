@@ -1,18 +1,21 @@
 //! An FMU for model exchange, integrated here, as a slave.
 
 use super::access::Access;
+use super::linear::Knowns;
 use super::variables::variables;
 use crate::cosim::slave::{
     Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable,
 };
 use crate::fmi::simulate::{RunWork, SavedRun};
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
+use crate::linear::StateSpace;
 
 /// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
 #[derive(Debug)]
 pub struct ModelExchangeSlave {
     run: ModelExchangeRun,
     access: Access,
+    knowns: Knowns,
     variables: Vec<Variable>,
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
@@ -35,6 +38,7 @@ impl ModelExchangeSlave {
         Ok(Self {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
             access: Access::of(description),
+            knowns: Knowns::of(description),
             variables: variables(description),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
@@ -120,6 +124,7 @@ impl Slave for ModelExchangeSlave {
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.run.instance().terminate()?)
     }
+
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: self.can_save,
@@ -148,5 +153,9 @@ impl Slave for ModelExchangeSlave {
     /// Of the inputs that were set last.
     fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
         Ok(self.run.set_inputs(handles, &self.last, Some(slopes))?)
+    }
+
+    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+        self.knowns.of_run(&mut self.run, &self.access)
     }
 }

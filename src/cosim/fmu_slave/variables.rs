@@ -39,6 +39,7 @@ pub(super) fn variables(description: &ModelDescription) -> Vec<Variable> {
             kind,
             role: role(variable),
             settable: is_settable(variable),
+            is_discrete: variable.variability != Variability::Continuous,
             unit: unit(description, variable),
             nominal: nominal(variable),
             feedthrough,

@@ -2,7 +2,7 @@
 
 use super::history::{Course, History, Outcome};
 use super::wired::{BEGIN, Failure, Values, Wired};
-use super::{Ending, Stage};
+use super::{Ending, Look, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::recorder::Signal;
 use crate::cosim::report::Calls;
@@ -89,7 +89,7 @@ impl Exchange {
         exchange
     }
 
-    /// Takes in a slave; gives each of its outputs a slot.
+    /// Takes in a slave; gives each of its outputs, and what else is to be recorded, a slot.
     fn add(
         &mut self,
         position: usize,
@@ -97,19 +97,27 @@ impl Exchange {
         coupling: &Coupling,
         slots: &mut HashMap<(usize, usize), usize>,
     ) {
-        let Instance { name, slave, parts } = instance;
+        let Instance {
+            name,
+            slave,
+            parts,
+            observed,
+        } = instance;
         let first = self.values.row.len();
         let (mut outputs, mut other_outputs) = (Vec::new(), Vec::new());
-        let all = || slave.variables().iter().enumerate();
-        let is_output = |role| role == Role::Output;
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind == Kind::Real) {
+        let is_read = |index, role| role == Role::Output || observed.contains(&index);
+        let all = || {
+            let variables = slave.variables().iter().enumerate();
+            variables.filter(|(index, variable)| is_read(*index, variable.role))
+        };
+        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
             slots.insert((position, index), self.values.row.len());
             outputs.push(variable.handle);
             let unit = variable.unit.as_ref();
             self.add_signal(&name, &variable.name, unit.map_or("", |u| &u.name));
         }
         let output_slots = first..self.values.row.len();
-        for (index, variable) in all().filter(|(_, v)| is_output(v.role) && v.kind != Kind::Real) {
+        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
             let slot = self.values.others.len();
             slots.insert((position, index), slot);
             other_outputs.push((variable.handle, variable.kind, slot));
@@ -251,6 +259,17 @@ impl Exchange {
             value: self.values.row[self.fed[p]],
             slope: self.values.slopes[p],
         }
+    }
+
+    /// Gives every slave its inputs and shows it.
+    pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
+        for i in 0..self.wired.len() {
+            let wired = &mut self.wired[i];
+            wired.set_newest(&self.values)?;
+            let seen = look(wired.slave.as_mut());
+            seen.map_err(|source| wired.failure(Stage::Linearize, source))?;
+        }
+        Ok(())
     }
 
     /// Keeps the outputs that are no reals, as they are at the begin of a step.

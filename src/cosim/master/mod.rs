@@ -20,7 +20,7 @@ use super::algorithms::{Algorithm, Control, Coupling, MAX_EXTRAPOLATION, gauss_s
 use super::clock::Clock;
 use super::recorder::{Recorder, Signal};
 use super::report::Report;
-use super::slave::{Experiment, SlaveError};
+use super::slave::{Experiment, Slave, SlaveError};
 use super::system::System;
 use std::io;
 use thiserror::Error;
@@ -119,6 +119,8 @@ pub enum Stage {
     Save,
     /// Going back to a saved state.
     Restore,
+    /// Telling how it depends on its states and inputs.
+    Linearize,
     /// Ending.
     Terminate,
 }
@@ -136,6 +138,7 @@ impl std::fmt::Display for Stage {
             Self::GetOutputs => f.write_str("give its outputs"),
             Self::Save => f.write_str("save its state"),
             Self::Restore => f.write_str("go back to a saved state"),
+            Self::Linearize => f.write_str("be linearised"),
             Self::Terminate => f.write_str("terminate"),
         }
     }
@@ -146,6 +149,11 @@ impl std::fmt::Display for Stage {
 pub enum Ending {
     /// At the stop time.
     Completed,
+    /// The recorder asked for the end ([`Recorder::is_stop_asked`]), for the user.
+    Stopped {
+        /// Where the slaves stand [s].
+        time: f64,
+    },
     /// A slave asked for the end.
     EndRequested {
         /// Name of the slave.
@@ -202,13 +210,28 @@ pub struct Run {
 /// If the slaves cannot be coupled like that, or the initialization or the recording fails. A slave
 /// that fails later ends the run, which is told by [`Run::ending`].
 pub fn run(
-    mut system: System,
+    system: System,
     clock: &Clock,
     tolerance: Option<f64>,
     coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
-    let coupling = coupling.into();
+    run_and_look(system, clock, tolerance, coupling.into(), recorder, None)
+}
+
+/// What looks at a slave at the end of a run.
+pub(super) type Look<'a> = &'a mut dyn FnMut(&mut dyn Slave) -> Result<(), SlaveError>;
+
+/// As [`run`]; at the end, if it is reached, every slave is looked at in the order in which they were added,
+/// after it has got the inputs that belong to the outputs there.
+pub(super) fn run_and_look(
+    mut system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    coupling: Coupling,
+    recorder: &mut dyn Recorder,
+    look: Option<Look>,
+) -> Result<Run, MasterError> {
     if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
         return Err(MasterError::Extrapolation { degree });
     }
@@ -229,8 +252,11 @@ pub fn run(
     let exchange = Exchange::new(system, &coupling);
     let mut stepper = Stepper::new(exchange, &coupling, order)?;
     stepper.begin(clock.start())?;
-    let (steps, stop) = follow(&mut stepper, clock, recorder)?;
+    let (steps, mut stop) = follow(&mut stepper, clock, recorder)?;
     let time = clock.time(steps);
+    if let (None, Some(look)) = (&stop, look) {
+        stop = (stepper.exchange.look(look).err()).map(|failure| failure.at(time));
+    }
     let ending = stepper.exchange.end(stop, time);
     let name = |&i: &usize| stepper.exchange.wired[i].name.clone();
     Ok(Run {
@@ -267,6 +293,9 @@ fn follow(
         }
         row(stepper, recorder, next)?;
         time = next;
+        if step + 1 < clock.steps() && recorder.is_stop_asked() {
+            return Ok((step + 1, Some(Ending::Stopped { time })));
+        }
     }
     Ok((clock.steps(), None))
 }

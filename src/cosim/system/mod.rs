@@ -31,6 +31,8 @@ pub struct Connection {
 pub(super) struct Instance {
     pub(super) name: String,
     pub(super) slave: Box<dyn Slave>,
+    /// Positions of variables that are read at each communication point though they are no outputs.
+    pub(super) observed: Vec<usize>,
     /// Parts that it takes each communication step in.
     pub(super) parts: u32,
 }
@@ -68,6 +70,7 @@ impl System {
         self.instances.push(Instance {
             name,
             slave,
+            observed: Vec::new(),
             parts: 1,
         });
         Ok(())
@@ -164,6 +167,29 @@ impl System {
                 [from, unit(c.from), to, unit(c.to)]
             })
             .collect()
+    }
+
+    /// What `instance.variable` is.
+    ///
+    /// # Errors
+    /// If there is no such instance, or it has no such variable.
+    pub fn find(&self, name: &str) -> Result<&Variable, SystemError> {
+        Ok(self.variable(self.resolve(name)?))
+    }
+
+    /// The output that feeds an input, and how its values are converted.
+    pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
+        let connection = self.connections.iter().find(|c| c.to == input)?;
+        Some((connection.from, connection.conversion))
+    }
+
+    /// Has a variable read at each communication point, as outputs are anyway.
+    pub(super) fn observe(&mut self, port: Port) {
+        let is_output = self.variable(port).role == Role::Output;
+        let observed = &mut self.instances[port.slave].observed;
+        if !is_output && !observed.contains(&port.variable) {
+            observed.push(port.variable);
+        }
     }
 
     /// Names of the slaves, in the order in which they were added.

@@ -2,7 +2,7 @@
 
 use super::{Finding, Rule};
 use crate::fmi::archive::Archive;
-use crate::fmi::description::{FmiVersion, ModelDescription};
+use crate::fmi::description::{FmiVersion, ModelDescription, is_within_limits};
 use std::collections::BTreeSet;
 
 /// Folders of FMI 2.0; release 2.0.4 allows the tuples of FMI 3.0 too.
@@ -54,6 +54,9 @@ fn well_formed(archive: &mut Archive, version: Option<FmiVersion>, file: &str) -
     let bytes = archive.read(file).ok()?;
     let why = match std::str::from_utf8(&bytes) {
         Err(error) => error.to_string(),
+        Ok(text) if !is_within_limits(text) => {
+            "it is nested too deeply, or has too many attributes".to_owned()
+        }
         Ok(text) => match roxmltree::Document::parse(text) {
             Err(error) => error.to_string(),
             Ok(_) => return None,

@@ -36,4 +36,9 @@ pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
 pub use validate::validate;
+
+/// Whether XML can be parsed in a time in proportion to its size.
+pub(in crate::fmi) fn is_within_limits(text: &str) -> bool {
+    read::limits::check(text).is_ok()
+}
 pub use variable::{Alias, Dimension, ScalarVariable};

@@ -2,7 +2,8 @@
 
 use super::slaves::Linear;
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, CsvRecorder, Recorder, SeriesRecorder, System, run,
+    Algorithm, Clock, Control, Coupling, CsvRecorder, Recorder, SeriesRecorder, System, Thinned,
+    run,
 };
 use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
@@ -86,6 +87,11 @@ fn more_steps_allocate_no_more() {
             let into_csv =
                 |steps| allocations(steps, coupling, follow, &mut CsvRecorder::new(Dropping));
             assert_eq!(into_csv(10), into_csv(1000), "{coupling:?}");
+            let thinned = |steps| {
+                let csv = CsvRecorder::new(Dropping);
+                allocations(steps, coupling, follow, &mut Thinned::new(csv, None, 3))
+            };
+            assert_eq!(thinned(10), thinned(1000), "{coupling:?}");
         }
     }
 }

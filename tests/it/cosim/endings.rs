@@ -55,6 +55,7 @@ fn failed_discarded_or_asked_to_end() {
         assert_eq!(run.steps, rows as u64 - 1, "{behaviour}");
         let said = match run.ending {
             Ending::Completed => "completed".to_owned(),
+            Ending::Stopped { time } => format!("stopped at {time}"),
             Ending::EndRequested { instance, time } => {
                 format!("{instance} wants the end at {time}")
             }

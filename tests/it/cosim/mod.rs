@@ -8,5 +8,6 @@ mod failures;
 mod initialization;
 mod joint;
 mod slaves;
+mod sources;
 mod strong;
 mod wiring;

@@ -15,7 +15,7 @@ const MAX_ATTRIBUTES: usize = 256;
 const MAX_NAMESPACES: usize = 100;
 
 /// Checks the limits. Text that is not well-formed may pass: that is the parser's to say.
-pub(super) fn check(text: &str) -> Result<(), ReadError> {
+pub(in crate::fmi::description) fn check(text: &str) -> Result<(), ReadError> {
     let mut at = 0;
     // Namespaces declared by each open element.
     let mut open: Vec<usize> = Vec::new();

@@ -6,7 +6,7 @@
 mod element;
 mod interface;
 mod lexical;
-mod limits;
+pub(super) mod limits;
 mod references;
 mod structure;
 mod types;

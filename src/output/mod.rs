@@ -1,4 +1,9 @@
-//! Files that appear complete or not at all.
+//! Files that appear complete or not at all ([`Output`]), or grow beside their place until they are
+//! complete ([`GrowingFile`]).
+
+mod growing;
+
+pub use growing::GrowingFile;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -19,15 +24,8 @@ impl Output {
     /// # Errors
     /// When the folder does not exist or cannot be written, or when `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
-        if path.is_dir() {
-            return Err(io::ErrorKind::IsADirectory.into());
-        }
-        let folder = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
         // Before tempfile, whose message would name the temporary file.
-        std::fs::metadata(folder)?;
+        let folder = folder_of(path)?;
         let mut builder = tempfile::Builder::new();
         builder.prefix(".pilotage-");
         // As any program's output: readable by whom the user's umask allows, not by the user alone.
@@ -67,6 +65,19 @@ impl Write for Output {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
+}
+
+/// The folder of a file to be written.
+fn folder_of(path: &Path) -> io::Result<&Path> {
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    std::fs::metadata(folder)?;
+    Ok(folder)
 }
 
 /// Writes a whole file at once: see [`Output`].

@@ -1,0 +1,78 @@
+//! How a run ended.
+
+use crate::cosim::{Ending, Run};
+use std::error::Error;
+
+/// How a run ended, in words.
+pub struct Words {
+    /// For scripts.
+    pub status: &'static str,
+    /// `note` or `error`.
+    pub severity: &'static str,
+    /// What went wrong, if anything.
+    pub message: Option<String>,
+}
+
+impl Words {
+    /// How that run ended.
+    pub fn of(run: &Run) -> Self {
+        let (status, severity, message) = match &run.ending {
+            Ending::Completed => ("completed", "note", None),
+            Ending::Stopped { time } => {
+                let message = format!("stopped at {time} s");
+                ("stopped", "note", Some(message))
+            }
+            Ending::EndRequested { instance, time } => {
+                let message = format!("`{instance}` asked for the end at {time} s");
+                ("end-requested", "note", Some(message))
+            }
+            Ending::Discarded {
+                instance,
+                time,
+                reached,
+            } => {
+                let message = format!(
+                    "`{instance}` discarded the step from {time} s, it came to {reached} s"
+                );
+                ("discarded", "error", Some(message))
+            }
+            Ending::Failed {
+                instance,
+                time,
+                stage,
+                source,
+            } => {
+                let why = chain(source.as_ref());
+                let message = format!("`{instance}` failed to {stage} at {time} s: {why}");
+                ("failed", "error", Some(message))
+            }
+        };
+        Self {
+            status,
+            severity,
+            message,
+        }
+    }
+
+    /// The same of a run whose rows go to a file.
+    pub fn with_rows(run: &Run) -> Self {
+        let mut words = Self::of(run);
+        if let Some(message) = &mut words.message
+            && !matches!(run.ending, Ending::EndRequested { .. })
+        {
+            *message += &format!("; the rows until {} s are kept", run.time);
+        }
+        words
+    }
+}
+
+/// An error with all that caused it.
+fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text += &format!(": {cause}");
+        next = cause.source();
+    }
+    text
+}

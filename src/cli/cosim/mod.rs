@@ -1,0 +1,234 @@
+//! `pilotage cosim`: FMUs wired together and simulated.
+
+mod coupling;
+pub mod ending;
+mod inputs;
+mod parameters;
+mod report;
+mod summary;
+mod watch;
+pub mod wiring;
+
+use self::coupling::CouplingArgs;
+use self::summary::Summary;
+use self::watch::{Told, Watch};
+use self::wiring::{Wired, Wiring, positive};
+use super::{Failure, Outcome, interrupt, terminal};
+use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
+use crate::output::GrowingFile;
+use std::io;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # The pilot flies the quadcopter to 10 m.
+  pilotage cosim pilot.fmu quadcopter.fmu \\
+    --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
+    --set pilot.target=10 --stop-time 15 --step 0.05 -o result.csv
+
+  # Two pilots of one file, by names of their own.
+  pilotage cosim left=pilot.fmu right=pilot.fmu --stop-time 1 --step 0.1
+
+  # The target over time, from column `target [ft]` of flight.csv; other values from a file.
+  pilotage cosim pilot.fmu --input flight.csv --connect flight.target=pilot.target \\
+    --parameters pilot-values.toml --stop-time 15 --step 0.05
+
+  # Few signals, seldom: a long run.
+  pilotage cosim pilot.fmu --record 'pilot.s*,pilot.theta1' --record-every 1 \\
+    --stop-time 3600 --step 0.05 --progress json
+
+The result has a column `time` and a column `instance.variable` for every output. While the run goes
+it grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name.
+What a crash leaves behind, the next run puts aside and says so.
+Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are
+kept), 2 bad use or input.";
+
+/// Arguments of `pilotage cosim`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(flatten)]
+    wiring: Wiring,
+    /// Start time [s].
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    start_time: f64,
+    /// Stop time [s].
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    stop_time: f64,
+    /// Communication step [s]; must divide the duration.
+    #[arg(long, value_name = "SECONDS")]
+    step: f64,
+    #[command(flatten)]
+    coupling: CouplingArgs,
+    /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?`
+    /// for one; outputs, inputs and locals, or parameters where nothing else fits [default: all outputs].
+    #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
+    record: Vec<String>,
+    /// Time between recorded rows [s]; a multiple of the step [default: the step].
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    record_every: Option<f64>,
+    /// Where the result goes (CSV).
+    #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
+    output: PathBuf,
+    /// How progress is told on stderr.
+    #[arg(long, value_enum, default_value_t)]
+    progress: Told,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
+    let coupling = args.coupling.coupling(&clock);
+    let every = args.rows_between()?;
+    let Wired { mut system, tables } = args.wiring.build()?;
+    args.coupling.apply_parts(&mut system)?;
+    let selection = args.selection(&mut system, &tables)?;
+    let notes = tables.iter().flat_map(|table| table.notes(&clock));
+    let notes = notes.chain(unfed(&system)).collect();
+    let converted = system.converted();
+    interrupt::listen("stopping after this step")?;
+
+    let file = open(&args.output)?;
+    let part = file.part().to_owned();
+    let recorder = Thinned::new(CsvRecorder::new(file), selection, every);
+    let mut watch = Watch::new(recorder, args.progress, &clock);
+    let run = crate::cosim::run(
+        system,
+        &clock,
+        args.coupling.slave_tolerance(),
+        coupling,
+        &mut watch,
+    );
+    let run = match run {
+        Ok(run) => run,
+        Err(error) => {
+            watch.end("failed", args.start_time);
+            return Err(explain(error, watch.inner, &part));
+        }
+    };
+    let ending = ending::Words::with_rows(&run);
+    watch.end(ending.status, run.time);
+    let seconds = watch.elapsed().as_secs_f64();
+    let Thinned {
+        inner: recorder,
+        signals,
+        rows,
+        ..
+    } = watch.inner;
+    save(recorder, &args.output)?;
+    let summary = Summary {
+        args: &args,
+        algorithm: coupling.algorithm,
+        run: &run,
+        ending: &ending,
+        seconds,
+        rows,
+        signals: &signals,
+        converted,
+        notes,
+    };
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", summary.to_json()),
+        false => summary.to_text(),
+    })?;
+    if let Some(message) = &ending.message {
+        terminal::tell(&format!("{}: {message}\n", ending.severity));
+    }
+    Ok(match run.ending {
+        Ending::Completed | Ending::EndRequested { .. } => Outcome::Done,
+        Ending::Stopped { .. } | Ending::Discarded { .. } | Ending::Failed { .. } => Outcome::No,
+    })
+}
+
+impl Args {
+    /// Communication steps from one recorded row to the next.
+    fn rows_between(&self) -> Result<u64, Failure> {
+        let Some(interval) = self.record_every else {
+            return Ok(1);
+        };
+        let ratio = interval / self.step;
+        let whole = ratio.round();
+        match whole >= 1.0 && (ratio - whole).abs() <= 1e-9 * ratio {
+            true => Ok(whole as u64),
+            false => Err(Failure::new(format!(
+                "--record-every {interval} s is no multiple of the step of {} s",
+                self.step
+            ))),
+        }
+    }
+
+    /// What is recorded; `None` for every output.
+    fn selection(
+        &self,
+        system: &mut System,
+        tables: &[inputs::Table],
+    ) -> Result<Option<Selection>, Failure> {
+        if !self.record.is_empty() {
+            return Ok(Some(Selection::new(system, &self.record)?));
+        }
+        let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();
+        Ok((!names.is_empty()).then(|| Selection::without(system, &names)))
+    }
+}
+
+fn unfed(system: &System) -> impl Iterator<Item = String> {
+    let open = system.open_inputs().into_iter();
+    open.map(|input| format!("nothing feeds `{input}`; it keeps its start value"))
+}
+
+fn open(path: &Path) -> Result<GrowingFile, Failure> {
+    let file = GrowingFile::create(path).map_err(|error| {
+        let failure = Failure::new(format!("cannot write {}: {error}", path.display()));
+        match error.kind() {
+            io::ErrorKind::ResourceBusy => {
+                failure.hint("another run is writing it; give this one another --output")
+            }
+            _ => failure,
+        }
+    })?;
+    if let Some(aside) = file.left_behind() {
+        terminal::note(&format!(
+            "an earlier run of {} was killed or crashed; its rows are in {}",
+            path.display(),
+            aside.display()
+        ));
+    }
+    Ok(file)
+}
+
+fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> {
+    let file = recorder.finish().and_then(GrowingFile::finish);
+    file.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+}
+
+/// What to say, and what becomes of the rows so far: none when the run has not begun.
+fn explain(
+    error: MasterError,
+    recorder: Thinned<CsvRecorder<GrowingFile>>,
+    part: &Path,
+) -> Failure {
+    let is_write_error = matches!(error, MasterError::Record { .. });
+    let failure = Failure::from(error);
+    match is_write_error {
+        // A pipe or a device keeps nothing.
+        true if !part.is_file() => failure,
+        true => failure.hint(format!(
+            "is there room? The rows until then are in {}",
+            part.display()
+        )),
+        false => {
+            if let Ok(file) = recorder.inner.finish() {
+                file.discard();
+            }
+            failure
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! What is told while a run goes, and when Ctrl-C ends it.
+
+use super::super::{interrupt, terminal};
+use crate::cosim::recorder::Signal;
+use crate::cosim::{Clock, Recorder};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
+use std::io;
+use std::time::{Duration, Instant};
+
+/// How progress is told, on stderr.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum Told {
+    /// A bar, on a terminal and if the run takes long.
+    #[default]
+    Bar,
+    /// One JSON object a line, about five times a second.
+    Json,
+    /// Not at all.
+    None,
+}
+
+/// Time between two looks at the clock that are told.
+const BETWEEN: Duration = Duration::from_millis(200);
+/// Runs that are done sooner show no bar.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A recorder that tells how far the run is, and ends it on Ctrl-C.
+pub struct Watch<R> {
+    /// Where the rows go.
+    pub inner: R,
+    told: Told,
+    bar: ProgressBar,
+    begin: f64,
+    duration: f64,
+    rows: u64,
+    started: Instant,
+    last_told: Instant,
+    pace: Pace,
+}
+
+/// How many rows may pass between two looks at the clock, so that looking costs nothing and yet is done
+/// often enough, whether a step takes nanoseconds or minutes.
+struct Pace {
+    stride: u64,
+    wait: u64,
+    last: Instant,
+}
+
+impl Pace {
+    fn new(now: Instant) -> Self {
+        Self {
+            stride: 1,
+            wait: 1,
+            last: now,
+        }
+    }
+
+    /// The time, if it is time to look at it.
+    fn look(&mut self) -> Option<Instant> {
+        self.wait -= 1;
+        if self.wait > 0 {
+            return None;
+        }
+        let now = Instant::now();
+        let passed = now - self.last;
+        self.last = now;
+        self.stride = match passed < BETWEEN / 10 {
+            true => (2 * self.stride).min(4096),
+            false => (self.stride / 2).max(1),
+        };
+        self.wait = self.stride;
+        Some(now)
+    }
+}
+
+impl<R> Watch<R> {
+    /// Starts the clock.
+    pub fn new(inner: R, told: Told, clock: &Clock) -> Self {
+        let now = Instant::now();
+        Self {
+            inner,
+            told,
+            bar: ProgressBar::hidden(),
+            begin: clock.start(),
+            duration: clock.stop() - clock.start(),
+            rows: 0,
+            started: now,
+            last_told: now,
+            pace: Pace::new(now),
+        }
+    }
+
+    /// Time since the begin.
+    pub fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    /// Wipes the bar, or tells how the run ended.
+    pub fn end(&mut self, status: &str, time: f64) {
+        self.bar.finish_and_clear();
+        self.tell_json(status, time);
+    }
+
+    fn tell(&mut self, time: f64, now: Instant) {
+        if now - self.last_told < BETWEEN {
+            return;
+        }
+        self.last_told = now;
+        self.tell_json("running", time);
+        if self.told == Told::Bar && now - self.started > PATIENCE {
+            self.show_bar(time);
+        }
+    }
+
+    fn tell_json(&self, status: &str, time: f64) {
+        if self.told == Told::Json {
+            let line = json!({
+                "status": status,
+                "time": time,
+                "fraction": (time - self.begin) / self.duration,
+                "rows": self.rows,
+                "seconds": self.elapsed().as_secs_f64(),
+            });
+            terminal::tell(&format!("{line}\n"));
+        }
+    }
+
+    /// indicatif itself shows nothing where stderr is no terminal.
+    fn show_bar(&mut self, time: f64) {
+        const LENGTH: f64 = 1000.0;
+        if self.bar.is_hidden() {
+            let target = ProgressDrawTarget::stderr_with_hz(5);
+            let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left");
+            self.bar = ProgressBar::with_draw_target(Some(LENGTH as u64), target)
+                .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+                .with_elapsed(self.elapsed());
+        }
+        let position = LENGTH * (time - self.begin) / self.duration;
+        self.bar.set_position(position as u64);
+    }
+}
+
+impl<R: Recorder> Recorder for Watch<R> {
+    fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        self.tell_json("begin", self.begin);
+        self.inner.begin(signals)
+    }
+
+    fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        self.rows += 1;
+        if self.told != Told::None
+            && let Some(now) = self.pace.look()
+        {
+            self.tell(time, now);
+        }
+        self.inner.row(time, values)
+    }
+
+    fn is_stop_asked(&mut self) -> bool {
+        interrupt::is_asked()
+    }
+}

@@ -1,0 +1,150 @@
+//! Arguments that say what is simulated, and the system that they make.
+
+use super::super::Failure;
+use super::{inputs, parameters};
+use crate::cosim::{NativeSlave, Slave, System, fmu_slave};
+use crate::document::{self, Document};
+use crate::fmi::Kind;
+use crate::identification::PilotFile;
+use crate::models::model::Model;
+use crate::vehicle;
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+
+/// FMUs, models, tables, wires and values.
+#[derive(Debug, clap::Args)]
+pub struct Wiring {
+    /// FMUs, or pilot and vehicle files (TOML) that run without being exported; an instance is named
+    /// after its file unless NAME= says otherwise.
+    #[arg(required = true, value_name = "[NAME=]FMU")]
+    models: Vec<String>,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
+    /// Wire an output to an input; may be given many times.
+    #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
+    connect: Vec<(String, String)>,
+    /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like
+    /// an input feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
+    /// samples are interpolated (held, where the input is no real); a repeated time is a jump.
+    #[arg(long, value_name = "[NAME=]CSV")]
+    input: Vec<String>,
+    /// Give a parameter or an unconnected input its value; may be given many times.
+    #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
+    set: Vec<(String, String)>,
+    /// Take such values from a file: TOML (`[instance]`, then `variable = value`) or CSV (columns `name`,
+    /// `value` and, if wanted, `unit`). What --set says comes first.
+    #[arg(long, value_name = "FILE")]
+    parameters: Vec<PathBuf>,
+}
+
+/// [`Kind`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Kind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
+}
+
+/// `a=b`, split at the first `=`.
+pub fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((left, right)) if !left.is_empty() => Ok((left.to_owned(), right.to_owned())),
+        _ => Err("expected two parts with `=` between them".to_owned()),
+    }
+}
+
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a positive number".to_owned()),
+    }
+}
+
+/// A wired system, and what to tell about the tables that feed it.
+pub struct Wired {
+    /// Ready to run.
+    pub system: System,
+    /// The tables.
+    pub tables: Vec<inputs::Table>,
+}
+
+impl Wiring {
+    /// Opens everything and wires it.
+    pub fn build(&self) -> Result<Wired, Failure> {
+        let mut system = System::new();
+        for argument in &self.models {
+            let (name, file) = instance(argument);
+            system.add(&name, self.open(&file, &name)?)?;
+        }
+        let tables = (self.input.iter())
+            .map(|argument| inputs::add(&mut system, argument, &self.connect))
+            .collect::<Result<Vec<_>, Failure>>()?;
+        for (from, to) in &self.connect {
+            system.connect(from, to)?;
+        }
+        for (name, value) in &self.set {
+            system.set(name, value)?;
+        }
+        for file in &self.parameters {
+            parameters::apply(&mut system, file, &self.set)?;
+        }
+        Ok(Wired { system, tables })
+    }
+
+    fn open(&self, file: &Path, name: &str) -> Result<Box<dyn Slave>, Failure> {
+        let is_model = file
+            .extension()
+            .is_some_and(|extension| extension == "toml");
+        match is_model {
+            true => Ok(Box::new(NativeSlave::new(model(file)?))),
+            false => Ok(fmu_slave::open(file, name, self.kind.map(Kind::from))?),
+        }
+    }
+}
+
+/// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
+pub fn instance(argument: &str) -> (String, PathBuf) {
+    let path = Path::new(argument);
+    match argument.split_once('=') {
+        Some((name, file)) if !path.exists() => (name.to_owned(), PathBuf::from(file)),
+        _ => {
+            let stem = path
+                .file_stem()
+                .map(|stem| stem.to_string_lossy().into_owned());
+            (stem.unwrap_or_default(), path.to_owned())
+        }
+    }
+}
+
+/// The model that a pilot or a vehicle file describes: a pilot has θ.
+fn model(file: &Path) -> Result<Model, Failure> {
+    let (text, name) = (document::read(file)?, file.display().to_string());
+    if !Document::parse(&text, &name)?
+        .root()
+        .names()
+        .contains(&"theta")
+    {
+        return Ok(Model::quadcopter(&vehicle::parse(&text, &name)?));
+    }
+    let pilot = PilotFile::parse(&text, &name)?;
+    let order = pilot.theta.len() / 2;
+    match order <= Model::MAX_ORDER {
+        true => Ok(Model::pilot(&pilot.theta, pilot.stick_limit)),
+        false => Err(Failure::new(format!(
+            "{name}: a pilot of order {order} cannot run; the highest order is {}",
+            Model::MAX_ORDER
+        ))),
+    }
+}

@@ -1,0 +1,192 @@
+//! `pilotage linearize`: the coupled system as a linear one, its poles, and the margins of its loops.
+
+mod files;
+mod text;
+
+use super::cosim::ending;
+use super::cosim::wiring::{Wired, Wiring, pair, positive};
+use super::{Failure, Outcome, terminal};
+use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
+use crate::linear::{Mode, StateSpace};
+use crate::output;
+use crate::report::{LoopFigure, loop_page};
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # The loop of pilot and quadcopter at rest: poles, and the margins where the stick is.
+  pilotage linearize pilot.fmu quadcopter.fmu \\
+    --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
+    --loop pilot.stick=quadcopter.stick
+
+  # After 5 s on the way to 10 m; and what a co-simulation in steps of 0.05 s makes of the loop.
+  pilotage linearize pilot.fmu quadcopter.fmu \\
+    --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
+    --set pilot.target=10 --at 5 --step 0.01 \\
+    --loop pilot.stick=quadcopter.stick --in-steps 0.05 --report loop.html --matlab loop.m
+
+At a loop the system is cut open: L is what comes back there, with its sign turned, so that
+1 + L = 0 is the closed loop. The effective delay is that of the crossover model,
+L = ω_c e^(-τ s)/s, with the same crossover and phase.
+FMUs are linearised by their directional derivatives, those for model exchange without them by
+differences, pilot and vehicle files exactly.
+Exit codes: 0 done, 1 an FMU failed or cannot be linearised, 2 bad use or input.";
+
+/// Arguments of `pilotage linearize`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(flatten)]
+    wiring: Wiring,
+    /// Start time [s].
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    start_time: f64,
+    /// When to linearise [s] [default: at the start].
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    at: Option<f64>,
+    /// Communication step on the way there [s]; must divide the time.
+    #[arg(long, value_name = "SECONDS")]
+    step: Option<f64>,
+    /// A connection at which the system is cut open; may be given many times.
+    #[arg(long = "loop", value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
+    loops: Vec<(String, String)>,
+    /// Tell poles and loops also as a co-simulation with Jacobi's scheme in steps of this length has them
+    /// [s].
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    in_steps: Option<f64>,
+    /// Write the matrices as a script for Matlab and Octave.
+    #[arg(long, value_name = "FILE")]
+    matlab: Option<PathBuf>,
+    /// Write the matrices [A B; C D] as a table with names.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write a page with Bode and Nyquist plots of the loops.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print one JSON object, matrices and responses included, instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is told of the system, in continuous time or in steps.
+pub struct View {
+    /// `None` in continuous time, else the communication step [s].
+    pub step: Option<f64>,
+    /// Modes of the coupled system.
+    pub modes: Vec<Mode>,
+    /// Each asked-for loop by its connection.
+    pub loops: Vec<(String, Loop)>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let clock = args.clock()?;
+    if args.report.is_some() && args.loops.is_empty() {
+        return Err(Failure::new("--report draws loops, and none is asked for")
+            .hint("add --loop INSTANCE.OUTPUT=INSTANCE.INPUT"));
+    }
+    let Wired { system, tables } = args.wiring.build()?;
+    for note in tables.iter().flat_map(|table| table.notes(&clock)) {
+        terminal::note(&note);
+    }
+    // Nothing is recorded: no row is ever the last of so many.
+    let mut recorder = Thinned::new(SeriesRecorder::default(), None, u64::MAX);
+    let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)?;
+    let Some(linearization) = linearization else {
+        let ending = ending::Words::of(&run);
+        let message = ending.message.unwrap_or_default();
+        terminal::tell(&format!("{}: {message}\n", ending.severity));
+        return Ok(Outcome::No);
+    };
+    let coupled = linearization.coupled()?;
+    let views = args.views(&linearization, &coupled)?;
+    args.write(&coupled, &views)?;
+    terminal::print(&match args.json {
+        true => format!(
+            "{:#}\n",
+            files::json(run.time, &coupled, &views, &linearization.constant)
+        ),
+        false => text::summary(run.time, &coupled, &views, &linearization.constant),
+    })?;
+    Ok(Outcome::Done)
+}
+
+impl Args {
+    fn clock(&self) -> Result<Clock, Failure> {
+        let at = self.at.unwrap_or(self.start_time);
+        match self.step {
+            // The step is then only what FMUs are told that they may be asked for.
+            step if at == self.start_time => Ok(Clock::standing(at, step.unwrap_or(1.0))?),
+            Some(step) => Ok(Clock::new(self.start_time, at, step)?),
+            None => Err(Failure::new(format!(
+                "--step is missing, to come to {at} s"
+            ))),
+        }
+    }
+
+    fn views(
+        &self,
+        linearization: &Linearization,
+        coupled: &StateSpace,
+    ) -> Result<Vec<View>, Failure> {
+        let mut views = vec![View {
+            step: None,
+            modes: Mode::of_poles(&coupled.poles()),
+            loops: self.loops(linearization, |wire| linearization.loop_at(wire))?,
+        }];
+        if let Some(step) = self.in_steps {
+            views.push(View {
+                step: Some(step),
+                modes: Mode::of_poles(&linearization.poles_in_steps(step)?),
+                loops: self.loops(linearization, |wire| {
+                    linearization.loop_in_steps(wire, step)
+                })?,
+            });
+        }
+        Ok(views)
+    }
+
+    fn loops(
+        &self,
+        linearization: &Linearization,
+        at: impl Fn(usize) -> Result<Loop, crate::cosim::LinearizeError>,
+    ) -> Result<Vec<(String, Loop)>, Failure> {
+        let one = |(from, to): &(String, String)| {
+            let wire = linearization.wire(from, to)?;
+            Ok((format!("{from}={to}"), at(wire)?))
+        };
+        self.loops.iter().map(one).collect()
+    }
+
+    fn write(&self, coupled: &StateSpace, views: &[View]) -> Result<(), Failure> {
+        if let Some(path) = &self.matlab {
+            save(path, &files::matlab(coupled))?;
+        }
+        if let Some(path) = &self.csv {
+            save(path, &files::table(coupled))?;
+        }
+        if let Some(path) = &self.report {
+            let figures: Vec<LoopFigure> = (views.iter())
+                .flat_map(|view| view.loops.iter().map(move |looped| (view, looped)))
+                .map(|(view, (connection, looped))| LoopFigure {
+                    connection,
+                    step: view.step,
+                    response: &looped.response,
+                    margins: &looped.margins,
+                })
+                .collect();
+            save(path, &loop_page(&figures))?;
+        }
+        Ok(())
+    }
+}
+
+fn save(path: &Path, text: &str) -> Result<(), Failure> {
+    output::write(path, text.as_bytes())
+        .map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+}

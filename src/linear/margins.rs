@@ -1,0 +1,240 @@
+//! How far a loop is from instability, read from its frequency response.
+
+use super::modes::Mode;
+use super::state_space::StateSpace;
+use nalgebra::Complex;
+use std::f64::consts::PI;
+
+/// Points of the response in a decade of frequency.
+const POINTS_A_DECADE: f64 = 100.0;
+
+/// The response of an open loop at frequencies from low to high.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Response {
+    /// Frequencies [rad/s], ascending.
+    pub frequency: Vec<f64>,
+    /// `L(jω)`.
+    pub value: Vec<Complex<f64>>,
+}
+
+/// Where the loop's gain is 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GainCrossing {
+    /// Crossover frequency `ω_c` [rad/s].
+    pub frequency: f64,
+    /// `180° + arg L(jω_c)` [rad], between -π and π.
+    pub phase_margin: f64,
+    /// Delay that would take that margin [s]: the margin, taken from 0 to 2π, over `ω_c`.
+    pub delay_margin: f64,
+    /// `τ_e` of the crossover model `L = ω_c e^(-τ_e s) / s` [s] with this crossover and phase: `(π/2 -
+    /// phase margin) / ω_c` (D. T. McRuer, E. S. Krendel, "Mathematical Models of Human Pilot Behavior",
+    /// AGARDograph 188, 1974). Negative for a loop with less phase lag than an integrator.
+    pub effective_delay: f64,
+}
+
+/// Where the loop's phase is -180°.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhaseCrossing {
+    /// Frequency [rad/s].
+    pub frequency: f64,
+    /// `1 / |L|`: factor by which the gain may change until the loop is at its limit; below 1 for a gain
+    /// that must not sink further.
+    pub gain_margin: f64,
+}
+
+/// What limits a loop, at ascending frequencies.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Margins {
+    /// Where the gain is 1.
+    pub gain_crossings: Vec<GainCrossing>,
+    /// Where the phase is -180°.
+    pub phase_crossings: Vec<PhaseCrossing>,
+}
+
+impl Response {
+    /// The response of a loop `L(jω)`, where it turns quickly at more points than elsewhere. `poles` are
+    /// those of the open and of the closed loop: around them the response turns, and about two
+    /// decades around their frequencies it is looked at. `highest` ends it, if there is a highest
+    /// frequency [rad/s].
+    pub fn of(
+        evaluate: impl Fn(f64) -> Complex<f64>,
+        poles: &[Complex<f64>],
+        highest: Option<f64>,
+    ) -> Self {
+        let frequency = frequencies(poles, highest);
+        let value = frequency.iter().map(|&omega| evaluate(omega)).collect();
+        Self { frequency, value }
+    }
+}
+
+impl Response {
+    /// At the lowest frequencies: the gain, with the sign of a steady one, and the power of the frequency
+    /// with which it changes there, 0 for a loop with a steady gain, -1 for one that integrates once.
+    pub fn low(&self) -> (f64, i32) {
+        let (Some(first), Some(second)) = (self.value.first(), self.value.get(1)) else {
+            return (0.0, 0);
+        };
+        let slope =
+            (second.norm() / first.norm()).ln() / (self.frequency[1] / self.frequency[0]).ln();
+        match slope.round() as i32 {
+            0 => (first.norm().copysign(first.re), 0),
+            power => (first.norm(), power),
+        }
+    }
+
+    /// Phase [rad], without jumps from one frequency to the next.
+    pub fn phase(&self) -> Vec<f64> {
+        let mut last = 0.0;
+        let unwrapped = self.value.iter().enumerate().map(|(i, value)| {
+            let phase = value.arg();
+            last = match i {
+                0 => phase,
+                _ => phase + 2.0 * PI * ((last - phase) / (2.0 * PI)).round(),
+            };
+            last
+        });
+        unwrapped.collect()
+    }
+}
+
+/// Logarithmic steps, and finer ones around each resonance.
+fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
+    let modes = Mode::of_poles(poles);
+    // Poles that differ from 0 by rounding alone tell nothing about where to look.
+    let fastest = modes.iter().map(|m| m.frequency).fold(0.0, f64::max);
+    let modes: Vec<Mode> = (modes.into_iter())
+        .filter(|m| m.frequency > 1e-9 * fastest)
+        .collect();
+    let slowest = modes
+        .iter()
+        .map(|m| m.frequency)
+        .fold(f64::INFINITY, f64::min);
+    let (mut low, mut high) = match modes.is_empty() {
+        true => (1e-2, 1e2),
+        false => (slowest * 1e-2, fastest * 1e2),
+    };
+    if let Some(highest) = highest {
+        high = highest;
+        low = low.min(1e-3 * high);
+    }
+    let steps = ((high / low).log10() * POINTS_A_DECADE).ceil().max(2.0);
+    let mut points: Vec<f64> = (0..=steps as usize)
+        .map(|i| low * (high / low).powf(i as f64 / steps))
+        .collect();
+    for mode in &modes {
+        // A resonance is about |damping| wide.
+        let width = mode.damping.abs().clamp(1e-6, 1.0);
+        for i in -40..=40 {
+            points.push(mode.frequency * (1.0 + 0.1 * f64::from(i) * width));
+        }
+    }
+    points.retain(|&point| point >= low && point <= high);
+    points.sort_by(f64::total_cmp);
+    points.dedup();
+    points
+}
+
+impl Margins {
+    /// The crossings of a response, found to the last digits by bisection.
+    pub fn of(response: &Response, evaluate: impl Fn(f64) -> Complex<f64>) -> Self {
+        let crossing = |[low, high]: [usize; 2], function: fn(Complex<f64>) -> f64| {
+            let ends = [response.frequency[low], response.frequency[high]];
+            let omega = root(ends, |omega| function(evaluate(omega)));
+            (omega, evaluate(omega))
+        };
+        let gain_crossings = (sign_changes(&response.value, excess_gain).into_iter())
+            .map(|ends| crossing(ends, excess_gain))
+            .map(|(omega, value)| gain_crossing(omega, value));
+        let phase_crossings = (sign_changes(&response.value, clear_sine).into_iter())
+            .filter(|ends| ends.iter().all(|&i| response.value[i].re < 0.0))
+            .map(|ends| crossing(ends, |value| value.im))
+            .map(|(frequency, value)| PhaseCrossing {
+                frequency,
+                gain_margin: 1.0 / value.norm(),
+            });
+        Self {
+            gain_crossings: gain_crossings.collect(),
+            phase_crossings: phase_crossings.collect(),
+        }
+    }
+
+    /// The smallest phase margin, by magnitude.
+    pub fn phase_margin(&self) -> Option<&GainCrossing> {
+        let by_size = |a: &&GainCrossing, b: &&GainCrossing| {
+            a.phase_margin.abs().total_cmp(&b.phase_margin.abs())
+        };
+        self.gain_crossings.iter().min_by(by_size)
+    }
+
+    /// The gain margin nearest to 1, by its logarithm.
+    pub fn gain_margin(&self) -> Option<&PhaseCrossing> {
+        let by_size = |a: &&PhaseCrossing, b: &&PhaseCrossing| {
+            let size = |crossing: &PhaseCrossing| crossing.gain_margin.ln().abs();
+            size(a).total_cmp(&size(b))
+        };
+        self.phase_crossings.iter().min_by(by_size)
+    }
+}
+
+fn excess_gain(value: Complex<f64>) -> f64 {
+    value.norm().ln()
+}
+
+/// Sine of the phase; what rounding leaves of a phase of exactly ±180° counts as 0.
+fn clear_sine(value: Complex<f64>) -> f64 {
+    let sine = value.im / value.norm();
+    match sine.abs() < 1e-9 {
+        true => 0.0,
+        false => sine,
+    }
+}
+
+/// Between which positions a function of the response changes its sign. Where it is 0 it has none: a
+/// phase that rests at -180° and goes back to where it came from does not cross.
+fn sign_changes(values: &[Complex<f64>], function: fn(Complex<f64>) -> f64) -> Vec<[usize; 2]> {
+    let signs = values.iter().map(|&value| function(value)).enumerate();
+    let signs: Vec<(usize, f64)> = signs.filter(|(_, sign)| *sign != 0.0).collect();
+    (signs.windows(2))
+        .filter(|pair| pair[0].1 * pair[1].1 < 0.0)
+        .map(|pair| [pair[0].0, pair[1].0])
+        .collect()
+}
+
+/// A frequency between the ends at which the function, which changes sign there, is 0.
+fn root(ends: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
+    let [mut low, mut high] = ends;
+    let is_above = function(low) > 0.0;
+    // 60 halvings leave nothing of a double's digits.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        match (function(middle) > 0.0) == is_above {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    0.5 * (low + high)
+}
+
+fn gain_crossing(frequency: f64, value: Complex<f64>) -> GainCrossing {
+    // arg(-L) is 180° + arg L, brought to between -180° and 180°.
+    let phase_margin = (-value).arg();
+    GainCrossing {
+        frequency,
+        phase_margin,
+        delay_margin: phase_margin.rem_euclid(2.0 * PI) / frequency,
+        effective_delay: (PI / 2.0 - phase_margin) / frequency,
+    }
+}
+
+impl StateSpace {
+    /// Response and margins of an open loop ([`StateSpace::open_loop`]).
+    pub fn margins(&self) -> (Response, Margins) {
+        let closed = &self.a - &self.b * &self.c / (1.0 + self.d[(0, 0)]);
+        let mut poles = self.poles();
+        poles.extend(super::modes::eigenvalues(&closed));
+        let evaluate = |omega| self.transfer(0, 0, Complex::new(0.0, omega));
+        let response = Response::of(evaluate, &poles, None);
+        let margins = Margins::of(&response, evaluate);
+        (response, margins)
+    }
+}

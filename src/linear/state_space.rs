@@ -1,0 +1,227 @@
+//! `ẋ = A x + B u`, `y = C x + D u`.
+
+use nalgebra::{Complex, DMatrix, DVector};
+use thiserror::Error;
+
+/// A linear system with names. Values are deviations from the point about which it was linearised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StateSpace {
+    /// States to their derivatives [1/s, times units].
+    pub a: DMatrix<f64>,
+    /// Inputs to the states' derivatives.
+    pub b: DMatrix<f64>,
+    /// States to outputs.
+    pub c: DMatrix<f64>,
+    /// Inputs to outputs (direct feedthrough).
+    pub d: DMatrix<f64>,
+    /// Names of the states.
+    pub states: Vec<String>,
+    /// Names of the inputs.
+    pub inputs: Vec<String>,
+    /// Names of the outputs.
+    pub outputs: Vec<String>,
+}
+
+/// That an input gets `factor` times an output, in addition to what comes from outside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wire {
+    /// Position of the output.
+    pub output: usize,
+    /// Position of the input.
+    pub input: usize,
+    /// Factor, where the units differ.
+    pub factor: f64,
+}
+
+/// The outputs depend on each other at once in a way that has no unique solution.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error(
+    "the connections close a loop of direct feedthrough that has no solution (det(I - D K) is 0), through {}",
+    .through.join(", ")
+)]
+pub struct AlgebraicLoop {
+    /// Inputs that are wired.
+    pub through: Vec<String>,
+}
+
+impl StateSpace {
+    /// A system without states, inputs and outputs.
+    pub fn empty() -> Self {
+        Self {
+            a: DMatrix::zeros(0, 0),
+            b: DMatrix::zeros(0, 0),
+            c: DMatrix::zeros(0, 0),
+            d: DMatrix::zeros(0, 0),
+            states: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+        }
+    }
+
+    /// The system whose states, inputs and outputs have these names. `column(k)` gives what the `k`-th known
+    /// changes, per unit: all states' derivatives, then all outputs. The states are known first, then the
+    /// inputs.
+    ///
+    /// # Errors
+    /// The first one of `column`.
+    ///
+    /// # Panics
+    /// If a column has another length.
+    pub fn from_columns<E>(
+        [states, inputs, outputs]: [Vec<String>; 3],
+        column: impl FnMut(usize) -> Result<Vec<f64>, E>,
+    ) -> Result<Self, E> {
+        let (n, m, p) = (states.len(), inputs.len(), outputs.len());
+        let columns: Vec<Vec<f64>> = (0..n + m).map(column).collect::<Result<_, E>>()?;
+        assert!(columns.iter().all(|column| column.len() == n + p));
+        let part = |row: usize, rows: usize, first: usize, width: usize| {
+            DMatrix::from_fn(rows, width, |i, j| columns[first + j][row + i])
+        };
+        Ok(Self {
+            a: part(0, n, 0, n),
+            b: part(0, n, n, m),
+            c: part(n, p, 0, n),
+            d: part(n, p, n, m),
+            states,
+            inputs,
+            outputs,
+        })
+    }
+
+    /// Several systems as one, which do not act on each other.
+    pub fn side_by_side(parts: &[Self]) -> Self {
+        let diagonal = |of: fn(&Self) -> &DMatrix<f64>| {
+            let (rows, columns) = parts.iter().fold((0, 0), |(rows, columns), part| {
+                (rows + of(part).nrows(), columns + of(part).ncols())
+            });
+            let mut whole = DMatrix::zeros(rows, columns);
+            let mut at = (0, 0);
+            for part in parts.iter().map(of) {
+                whole.view_mut(at, part.shape()).copy_from(part);
+                at = (at.0 + part.nrows(), at.1 + part.ncols());
+            }
+            whole
+        };
+        let names = |of: fn(&Self) -> &Vec<String>| {
+            parts.iter().flat_map(of).cloned().collect::<Vec<String>>()
+        };
+        Self {
+            a: diagonal(|part| &part.a),
+            b: diagonal(|part| &part.b),
+            c: diagonal(|part| &part.c),
+            d: diagonal(|part| &part.d),
+            states: names(|part| &part.states),
+            inputs: names(|part| &part.inputs),
+            outputs: names(|part| &part.outputs),
+        }
+    }
+
+    /// The system with outputs wired to inputs: `u = K y + w`, with `w` the inputs from outside. All
+    /// inputs stay, as places where something may be added.
+    ///
+    /// ```text
+    /// y = (I - D K)⁻¹ (C x + D w)        ẋ = A x + B (K y + w)
+    /// ```
+    ///
+    /// # Errors
+    /// If `I - D K` is singular.
+    ///
+    /// # Panics
+    /// If a wire's output or input does not exist.
+    pub fn closed(&self, wires: &[Wire]) -> Result<Self, AlgebraicLoop> {
+        let mut k = DMatrix::zeros(self.inputs.len(), self.outputs.len());
+        for wire in wires {
+            k[(wire.input, wire.output)] += wire.factor;
+        }
+        let outputs = self.outputs.len();
+        let at_once = (DMatrix::identity(outputs, outputs) - &self.d * &k).lu();
+        let no_solution = || AlgebraicLoop {
+            through: (wires.iter().map(|wire| self.inputs[wire.input].clone())).collect(),
+        };
+        let c = at_once.solve(&self.c).ok_or_else(no_solution)?;
+        let d = at_once.solve(&self.d).ok_or_else(no_solution)?;
+        let bk = &self.b * &k;
+        Ok(Self {
+            a: &self.a + &bk * &c,
+            b: &self.b + &bk * &d,
+            c,
+            d,
+            ..self.clone()
+        })
+    }
+
+    /// The same with some of the inputs alone, in this order.
+    ///
+    /// # Panics
+    /// If one does not exist.
+    pub fn from_inputs(&self, inputs: &[usize]) -> Self {
+        Self {
+            b: self.b.select_columns(inputs),
+            d: self.d.select_columns(inputs),
+            inputs: inputs.iter().map(|&i| self.inputs[i].clone()).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// What comes back to a wire's end if the system is cut open there, with its sign turned, so that
+    /// `1 + L = 0` is the closed loop: one input, one output. All other wires hold.
+    ///
+    /// # Errors
+    /// If the other wires close an algebraic loop.
+    ///
+    /// # Panics
+    /// If there is no wire of that number.
+    pub fn open_loop(&self, wires: &[Wire], cut: usize) -> Result<Self, AlgebraicLoop> {
+        let others = wires.iter().enumerate().filter(|(w, _)| *w != cut);
+        let others: Vec<Wire> = others.map(|(_, wire)| *wire).collect();
+        let open = self.closed(&others)?;
+        let Wire {
+            output,
+            input,
+            factor,
+        } = wires[cut];
+        Ok(Self {
+            a: open.a,
+            b: open.b.columns(input, 1).into_owned(),
+            c: open.c.rows(output, 1) * -factor,
+            d: open.d.view((output, input), (1, 1)) * -factor,
+            states: open.states,
+            inputs: vec![self.inputs[input].clone()],
+            outputs: vec![self.outputs[output].clone()],
+        })
+    }
+
+    /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates side by side.
+    pub fn poles(&self) -> Vec<Complex<f64>> {
+        super::modes::eigenvalues(&self.a)
+    }
+
+    /// The transfer from an input to an output at the complex frequency `s`: `C (s I - A)⁻¹ B + D`.
+    /// Infinite at a pole.
+    ///
+    /// # Panics
+    /// If the output or the input does not exist.
+    pub fn transfer(&self, output: usize, input: usize, s: Complex<f64>) -> Complex<f64> {
+        transfer(self, output, input, s)
+    }
+}
+
+/// `C (s I - A)⁻¹ B + D`, or for a sampled system with `z` for `s`.
+pub(super) fn transfer(
+    system: &StateSpace,
+    output: usize,
+    input: usize,
+    s: Complex<f64>,
+) -> Complex<f64> {
+    let n = system.states.len();
+    let lift = |value: f64| Complex::new(value, 0.0);
+    let resolvent = DMatrix::from_diagonal_element(n, n, s) - system.a.map(lift);
+    let b: DVector<Complex<f64>> = system.b.column(input).map(lift);
+    match resolvent.lu().solve(&b) {
+        Some(x) => {
+            let states = system.c.row(output).map(lift);
+            (states * x)[0] + system.d[(output, input)]
+        }
+        None => Complex::new(f64::INFINITY, 0.0),
+    }
+}

@@ -1,0 +1,227 @@
+//! Loops whose margins are known by formula.
+
+use super::{Sampled, StateSpace, Wire};
+use nalgebra::{Complex, DMatrix};
+use proptest::prelude::*;
+use std::f64::consts::PI;
+
+/// `gain / (s + pole)`, or an integrator for a pole of 0.
+fn lag(name: &str, gain: f64, pole: f64) -> StateSpace {
+    let one = |value| DMatrix::from_element(1, 1, value);
+    StateSpace {
+        a: one(-pole),
+        b: one(gain),
+        c: one(1.0),
+        d: one(0.0),
+        states: vec![format!("{name}.x")],
+        inputs: vec![format!("{name}.u")],
+        outputs: vec![format!("{name}.y")],
+    }
+}
+
+/// `factor` times the input, at once.
+fn gain(name: &str, factor: f64) -> StateSpace {
+    StateSpace {
+        d: DMatrix::from_element(1, 1, factor),
+        b: DMatrix::zeros(0, 1),
+        c: DMatrix::zeros(1, 0),
+        inputs: vec![format!("{name}.u")],
+        outputs: vec![format!("{name}.y")],
+        ..StateSpace::empty()
+    }
+}
+
+fn wire(output: usize, input: usize) -> Wire {
+    Wire {
+        output,
+        input,
+        factor: 1.0,
+    }
+}
+
+/// `L = k / (s (s + p))` with the minus in the wire that closes the loop.
+fn first_order_and_integrator(k: f64, p: f64) -> (StateSpace, [Wire; 2]) {
+    let parts = StateSpace::side_by_side(&[lag("lag", k, p), lag("integrator", 1.0, 0.0)]);
+    let back = Wire {
+        factor: -1.0,
+        ..wire(1, 0)
+    };
+    (parts, [wire(0, 1), back])
+}
+
+fn close(found: f64, expected: f64, tolerance: f64) {
+    assert!(
+        (found - expected).abs() <= tolerance * expected.abs().max(1.0),
+        "{found} is not {expected}"
+    );
+}
+
+/// `|L| = 1` where `ω² (ω² + p²) = k²`; the phase there is `-90° - atan(ω/p)`; it never reaches -180°.
+#[test]
+fn first_order_and_integrator_have_the_margin_of_the_formula() {
+    for (k, p) in [(1.0, 1.0), (20.0, 3.0), (0.01, 5.0), (1e4, 2.0)] {
+        let (parts, wires) = first_order_and_integrator(k, p);
+        for cut in 0..2 {
+            let (_, margins) = parts.open_loop(&wires, cut).unwrap().margins();
+            let [crossing] = margins.gain_crossings[..] else {
+                panic!("{margins:?}")
+            };
+            let square = 0.5 * ((p.powi(4) + 4.0 * k * k).sqrt() - p * p);
+            let omega = square.sqrt();
+            let margin = PI / 2.0 - (omega / p).atan();
+            close(crossing.frequency, omega, 1e-12);
+            close(crossing.phase_margin, margin, 1e-9);
+            close(crossing.delay_margin, margin / omega, 1e-9);
+            // The lag alone is what the crossover model calls delay.
+            close(crossing.effective_delay, (omega / p).atan() / omega, 1e-9);
+            assert!(margins.phase_crossings.is_empty(), "{margins:?}");
+        }
+        // s² + p s + k = 0.
+        let root = Complex::new(p * p - 4.0 * k, 0.0).sqrt();
+        let poles = parts.closed(&wires).unwrap().poles();
+        for pole in [(-p + root) / 2.0, (-p - root) / 2.0] {
+            let nearest = poles.iter().map(|found| (found - pole).norm());
+            assert!(
+                nearest.fold(f64::INFINITY, f64::min) < 1e-9 * pole.norm(),
+                "{poles:?}"
+            );
+        }
+    }
+}
+
+/// `L = k / (s + 1)³`: phase -180° at `ω = √3`, gain there `k/8`; `|L| = 1` at `ω² = k^(2/3) - 1`.
+#[test]
+fn three_lags_have_the_gain_margin_of_the_formula() {
+    for k in [2.0, 8.0 - 1e-6, 30.0] {
+        let parts = [lag("a", k, 1.0), lag("b", 1.0, 1.0), lag("c", -1.0, 1.0)];
+        let parts = StateSpace::side_by_side(&parts);
+        let wires = [wire(0, 1), wire(1, 2), wire(2, 0)];
+        let (_, margins) = parts.open_loop(&wires, 2).unwrap().margins();
+        let [crossing] = margins.phase_crossings[..] else {
+            panic!("{margins:?}")
+        };
+        close(crossing.frequency, 3f64.sqrt(), 1e-9);
+        close(crossing.gain_margin, 8.0 / k, 1e-9);
+        let [crossing] = margins.gain_crossings[..] else {
+            panic!("{margins:?}")
+        };
+        let omega = (k.powf(2.0 / 3.0) - 1.0).sqrt();
+        close(crossing.frequency, omega, 1e-9);
+        close(crossing.phase_margin, PI - 3.0 * omega.atan(), 1e-8);
+    }
+}
+
+/// A sharp resonance between the points of a coarse grid still has its crossings.
+#[test]
+fn a_sharp_resonance_is_not_overlooked() {
+    // L = 1e-3·0.5 / (s² + 2e-5·s + 1): |L| = 1 at |1 - ω²| ≈ 5e-4.
+    let parts = StateSpace {
+        a: DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -1.0, -2e-5]),
+        b: DMatrix::from_row_slice(2, 1, &[0.0, 5e-4]),
+        c: DMatrix::from_row_slice(1, 2, &[-1.0, 0.0]),
+        d: DMatrix::zeros(1, 1),
+        states: vec!["x".into(), "v".into()],
+        inputs: vec!["u".into()],
+        outputs: vec!["y".into()],
+    };
+    let (_, margins) = parts.open_loop(&[wire(0, 0)], 0).unwrap().margins();
+    let found: Vec<f64> = margins.gain_crossings.iter().map(|c| c.frequency).collect();
+    // (1 - w)² + 4e-10 w = 2.5e-7 with w = ω².
+    let (half, rest): (f64, f64) = (1.0 - 2e-10, 1.0 - 2.5e-7);
+    let root = (half * half - rest).sqrt();
+    assert_eq!(found.len(), 2);
+    close(found[0], (half - root).sqrt(), 1e-12);
+    close(found[1], (half + root).sqrt(), 1e-12);
+}
+
+#[test]
+fn a_loop_of_direct_feedthrough_is_solved_or_refused() {
+    // y = 0.5 (y + w): 1 w. And y = 1 (y + w): nothing.
+    let solved = gain("a", 0.5).closed(&[wire(0, 0)]).unwrap();
+    assert_eq!(solved.d[(0, 0)], 1.0);
+    let message = gain("a", 1.0)
+        .closed(&[wire(0, 0)])
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        message,
+        "the connections close a loop of direct feedthrough that has no solution (det(I - D K) is 0), \
+         through a.u"
+    );
+}
+
+/// Gain `u = g (-y)` and integrator `ẏ = u`, each holding for a step: `y` goes on by `h u`, and the gain's
+/// output is that of the step before, so that `z² - z + g h = 0`.
+#[test]
+fn held_parts_have_the_poles_of_the_difference_equation() {
+    let parts = StateSpace::side_by_side(&[gain("p", -2.0), lag("i", 1.0, 0.0)]);
+    let wires = [wire(0, 1), wire(1, 0)];
+    let h = 0.1;
+    let sampled = Sampled::new(&parts, h);
+    let root = Complex::new(1.0 - 4.0 * 2.0 * h, 0.0).sqrt();
+    for z in [(1.0 + root) / 2.0, (1.0 - root) / 2.0] {
+        let pole = z.ln() / h;
+        let poles = sampled.poles(&wires).unwrap();
+        let nearest = poles.iter().map(|found| (found - pole).norm());
+        assert!(
+            nearest.fold(f64::INFINITY, f64::min) < 1e-9,
+            "{poles:?} {pole}"
+        );
+    }
+    // L(z) = g h z⁻¹ / (z - 1): phase -90° - 3/2 ω h, |L| = g h / (2 sin(ω h/2)).
+    let (_, margins) = sampled.margins(&wires, 1).unwrap();
+    let crossing = margins.phase_margin().unwrap();
+    let omega = 2.0 / h * (2.0 * h / 2.0f64).asin();
+    close(crossing.frequency, omega, 1e-10);
+    close(crossing.phase_margin, PI / 2.0 - 1.5 * omega * h, 1e-9);
+    close(crossing.effective_delay, 1.5 * h, 1e-9);
+    close(
+        margins.gain_margin().unwrap().frequency,
+        PI / (3.0 * h),
+        1e-9,
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(5), cases: 64, ..ProptestConfig::default() })]
+
+    /// The coupled system, multiplied out, against its parts: `Y = G (K Y + W)` at some frequency.
+    #[test]
+    fn the_coupled_transfer_is_that_of_the_parts(
+        numbers in prop::collection::vec(-1.0..1.0f64, 2 * (3 * 3 + 3 * 2 + 2 * 3 + 2 * 2)),
+        factors in prop::collection::vec(-0.5..0.5f64, 3),
+        omega in 0.01..100.0f64,
+    ) {
+        let mut numbers = numbers.into_iter();
+        let mut matrix = |rows, columns, scale: f64| {
+            DMatrix::from_fn(rows, columns, |_, _| scale * numbers.next().unwrap())
+        };
+        let mut part = |name: &str| StateSpace {
+            a: matrix(3, 3, 1.0) - DMatrix::identity(3, 3) * 2.0,
+            b: matrix(3, 2, 1.0),
+            c: matrix(2, 3, 1.0),
+            d: matrix(2, 2, 0.3),
+            states: (0..3).map(|i| format!("{name}.x{i}")).collect(),
+            inputs: (0..2).map(|i| format!("{name}.u{i}")).collect(),
+            outputs: (0..2).map(|i| format!("{name}.y{i}")).collect(),
+        };
+        let parts = StateSpace::side_by_side(&[part("a"), part("b")]);
+        let wires = [
+            Wire { output: 0, input: 2, factor: factors[0] },
+            Wire { output: 3, input: 1, factor: factors[1] },
+            Wire { output: 2, input: 0, factor: factors[2] },
+        ];
+        let closed = parts.closed(&wires).unwrap();
+        let s = Complex::new(0.0, omega);
+        let transfer = |system: &StateSpace| {
+            DMatrix::from_fn(4, 4, |i, j| system.transfer(i, j, s))
+        };
+        let (open, closed) = (transfer(&parts), transfer(&closed));
+        let mut k = DMatrix::zeros(4, 4);
+        for wire in wires {
+            k[(wire.input, wire.output)] = Complex::new(wire.factor, 0.0);
+        }
+        let expected = &open + &open * &k * &closed;
+        prop_assert!((expected - closed).norm() < 1e-9);
+    }
+}

@@ -1,0 +1,192 @@
+//! A file that grows beside its place and is put there when it is complete.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A result that is written as the work goes: into `FILE.part`, which becomes `FILE` at the end.
+///
+/// So what was written so far survives the end of the process, whatever ends it, and what stands at
+/// `FILE` is never half a result. A part that a process left behind is put aside by the next one that
+/// writes the same file, never overwritten.
+#[derive(Debug)]
+pub struct GrowingFile {
+    path: PathBuf,
+    part: PathBuf,
+    file: File,
+    left_behind: Option<PathBuf>,
+}
+
+impl GrowingFile {
+    /// Opens the part of `path`.
+    ///
+    /// # Errors
+    /// When the folder does not exist or cannot be written, `path` is a folder
+    /// ([`io::ErrorKind::IsADirectory`]), or another process is writing the same file
+    /// ([`io::ErrorKind::ResourceBusy`]).
+    pub fn create(path: &Path) -> io::Result<Self> {
+        super::folder_of(path)?;
+        if std::fs::metadata(path).is_ok_and(|place| !place.is_file()) {
+            return Self::straight(path);
+        }
+        let part = with_ending(path, ".part");
+        let mut left_behind = None;
+        let file = loop {
+            match OpenOptions::new().write(true).create_new(true).open(&part) {
+                Ok(file) => break file,
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                    left_behind = Some(put_aside(path, &part)?);
+                }
+                Err(error) => return Err(error),
+            }
+        };
+        // Held until the file is closed: how others tell a part that grows from one left behind. Where
+        // the file system knows no locks, they cannot.
+        let _ = file.try_lock();
+        Ok(Self {
+            path: path.to_owned(),
+            part,
+            file,
+            left_behind,
+        })
+    }
+
+    /// A device or a pipe, such as `/dev/stdout`: nothing stands there that half a result could spoil.
+    fn straight(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            path: path.to_owned(),
+            part: path.to_owned(),
+            file: OpenOptions::new().write(true).open(path)?,
+            left_behind: None,
+        })
+    }
+
+    /// Where the part of an earlier process, which did not come to its end, has been put.
+    pub fn left_behind(&self) -> Option<&Path> {
+        self.left_behind.as_deref()
+    }
+
+    /// Where the file is until it is complete.
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// When it cannot be renamed; it is still there as the part.
+    pub fn finish(self) -> io::Result<()> {
+        match self.part == self.path {
+            true => Ok(()),
+            false => std::fs::rename(&self.part, &self.path),
+        }
+    }
+
+    /// Removes it: nothing worth keeping was written.
+    pub fn discard(self) {
+        if self.part == self.path {
+            return;
+        }
+        // Should this fail, an empty part stays, which the next run puts aside.
+        let _ = std::fs::remove_file(&self.part);
+    }
+}
+
+impl Write for GrowingFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+/// Renames a part that nobody writes any more to the first free `FILE.interrupted-N`.
+fn put_aside(path: &Path, part: &Path) -> io::Result<PathBuf> {
+    match File::open(part)?.try_lock() {
+        Err(TryLockError::WouldBlock) => return Err(io::ErrorKind::ResourceBusy.into()),
+        Ok(()) | Err(TryLockError::Error(_)) => {}
+    }
+    let mut number = 1;
+    let aside = loop {
+        let aside = with_ending(path, &format!(".interrupted-{number}"));
+        match aside.try_exists()? {
+            true => number += 1,
+            false => break aside,
+        }
+    };
+    std::fs::rename(part, &aside)?;
+    Ok(aside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_part_becomes_the_file_and_one_left_behind_is_put_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        std::fs::write(&path, "old").unwrap();
+        for n in 1..=2 {
+            let mut file = GrowingFile::create(&path).unwrap();
+            file.write_all(b"rows").unwrap();
+            assert_eq!(file.left_behind().is_some(), n == 2);
+            assert_eq!(std::fs::read(&path).unwrap(), b"old");
+            // Dropped without an end, as by a crash.
+        }
+        let expected = ["r.csv", "r.csv.interrupted-1", "r.csv.part"];
+        assert_eq!(names(folder.path()), expected);
+        let mut file = GrowingFile::create(&path).unwrap();
+        let aside = file.left_behind().unwrap().to_owned();
+        assert!(aside.ends_with("r.csv.interrupted-2"), "{aside:?}");
+        file.write_all(b"new").unwrap();
+        file.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(std::fs::read(&aside).unwrap(), b"rows");
+        GrowingFile::create(&path).unwrap().discard();
+        let expected = ["r.csv", "r.csv.interrupted-1", "r.csv.interrupted-2"];
+        assert_eq!(names(folder.path()), expected);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_written_straight() {
+        let null = Path::new("/dev/null");
+        let mut file = GrowingFile::create(null).unwrap();
+        file.write_all(b"rows").unwrap();
+        assert_eq!(file.part(), null);
+        file.finish().unwrap();
+        GrowingFile::create(null).unwrap().discard();
+        assert!(!std::fs::metadata(null).unwrap().is_file());
+        assert!(!Path::new("/dev/null.part").exists());
+    }
+
+    #[test]
+    fn two_at_a_time_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        let first = GrowingFile::create(&path).unwrap();
+        let error = GrowingFile::create(&path).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::ResourceBusy);
+        drop(first);
+        let error = GrowingFile::create(folder.path()).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
+    }
+}

@@ -1,0 +1,67 @@
+//! Tables that feed slaves, with every algorithm.
+
+use super::slaves::Linear;
+use pilotage::cosim::{
+    Algorithm, Clock, Control, Coupling, SeriesRecorder, Source, Steps, System, run,
+};
+use pilotage::series::{Column, Series};
+
+/// `ẏ = u` from 0, with `u` from a table: `y(1)` and the steps that it took.
+fn integral(times: &[f64], values: &[f64], h: f64, coupling: Coupling) -> (f64, Steps) {
+    let table = Series {
+        comments: Vec::new(),
+        time: times.to_vec(),
+        columns: vec![Column {
+            name: "u".into(),
+            unit: String::new(),
+            values: values.to_vec(),
+        }],
+    };
+    let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().following();
+    let mut system = System::new();
+    system.add("integrator", Box::new(integrator)).unwrap();
+    system
+        .add("table", Box::new(Source::new(&table).unwrap()))
+        .unwrap();
+    system.connect("table.u", "integrator.u").unwrap();
+    let clock = Clock::new(0.0, 1.0, h).unwrap();
+    let mut recorder = SeriesRecorder::default();
+    let run = run(system, &clock, None, coupling, &mut recorder).unwrap();
+    let y = recorder.series.column("integrator.y").unwrap();
+    (*y.values.last().unwrap(), run.report.steps)
+}
+
+/// `u = t`, whose integral is 1/2: held from the begin of a step it is `h/2` late, held from the end `h/2`
+/// early, and what goes between both ends is exact.
+#[test]
+fn a_ramp_is_late_early_or_exact_as_the_algorithm_says() {
+    for h in [0.5, 0.1, 0.02] {
+        for (algorithm, expected) in [
+            (Algorithm::Jacobi, 0.5 - 0.5 * h),
+            (Algorithm::GaussSeidel, 0.5 + 0.5 * h),
+            (Algorithm::Strong, 0.5),
+        ] {
+            let (y, _) = integral(&[0.0, 1.0], &[0.0, 1.0], h, algorithm.into());
+            assert!((y - expected).abs() < 1e-12, "{algorithm}, {h}: {y}");
+        }
+    }
+}
+
+/// A corner that no communication point hits: step-size control comes as near to it as it is asked to, and
+/// the table goes back with the others.
+#[test]
+fn step_size_control_finds_the_corners() {
+    let (times, values) = ([0.0, 0.37, 0.37 + 1e-3, 1.0], [0.0, 0.0, 1.0, 1.0]);
+    let exact = 1.0 - 0.37 - 0.5e-3;
+    let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+    let coarse: Coupling = Algorithm::Strong.into();
+    let fine = Coupling {
+        control: Some(Control::new(1e-4, &clock)),
+        ..coarse
+    };
+    let (coarse, _) = integral(&times, &values, 0.1, coarse);
+    let (fine, steps) = integral(&times, &values, 0.1, fine);
+    assert!((coarse - exact).abs() > 5e-3, "{coarse}");
+    assert!((fine - exact).abs() < 1e-4, "{fine} {exact}");
+    assert!(steps.rejected > 0 && steps.accepted < 200, "{steps:?}");
+}

@@ -1,0 +1,418 @@
+//! `pilotage linearize` and what it stands on: against the exact Jacobian of the joint equations, against
+//! transfer functions multiplied out, and against NumPy.
+
+use crate::command::{Ended, Folder};
+use crate::{foreign, python};
+use num_dual::Dual64;
+use pilotage::cosim::{
+    Algorithm, Clock, Linearization, NativeSlave, SeriesRecorder, System, linearize,
+};
+use pilotage::models::{Dynamics, Joint, Model, Pilot, Quadcopter};
+use serde_json::{Value, json};
+use std::io::{Cursor, Read};
+
+/// A pilot who brings the vehicle to its target.
+const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
+const CONNECTIONS: [&str; 4] = [
+    "--connect",
+    "pilot.stick=quadcopter.stick",
+    "--connect",
+    "quadcopter.z=pilot.position",
+];
+const LOOP: [&str; 2] = ["--loop", "pilot.stick=quadcopter.stick"];
+
+/// A state off the trim, where the vehicle is not what it is at hover: pilot, then vehicle.
+const PILOT: [(&str, f64); 3] = [("x1", 3.0), ("x2", -2.0), ("x3", 1.5)];
+const VEHICLE: [(&str, f64); 6] = [
+    ("z", 2.0),
+    ("phi", 0.3),
+    ("v", -1.0),
+    ("q", 0.2),
+    ("omega_f", 0.02),
+    ("omega_b", -0.03),
+];
+
+/// The start values as `instance.variable=value`.
+fn starts() -> Vec<String> {
+    let pilot = PILOT
+        .iter()
+        .map(|(name, value)| format!("pilot.{name}_start={value}"));
+    let vehicle = VEHICLE.iter();
+    let vehicle = vehicle.map(|(name, value)| format!("quadcopter.{name}_start={value}"));
+    pilot.chain(vehicle).collect()
+}
+
+fn native() -> Linearization {
+    let mut system = System::new();
+    for (name, model) in [
+        ("pilot", Model::pilot(&THETA, 1.0)),
+        ("quadcopter", Model::quadcopter(&Quadcopter::default())),
+    ] {
+        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+    }
+    system.connect("pilot.stick", "quadcopter.stick").unwrap();
+    system.connect("quadcopter.z", "pilot.position").unwrap();
+    for start in starts() {
+        let (name, value) = start.split_once('=').unwrap();
+        system.set(name, value).unwrap();
+    }
+    let clock = Clock::standing(0.0, 1.0).unwrap();
+    let recorder = &mut SeriesRecorder::default();
+    let (_, found) = linearize(system, &clock, None, Algorithm::Jacobi, recorder).unwrap();
+    found.unwrap()
+}
+
+/// The Jacobian of the joint equations, by dual numbers, by the names of states.
+fn jacobian() -> (Vec<String>, Vec<Vec<f64>>) {
+    let joint = Joint {
+        vehicle: Quadcopter::default(),
+        pilot: Pilot::default(),
+    };
+    let vehicle = VEHICLE
+        .iter()
+        .map(|(name, value)| (format!("quadcopter.{name}"), *value));
+    let pilot = PILOT
+        .iter()
+        .map(|(name, value)| (format!("pilot.{name}"), *value));
+    let (names, at): (Vec<String>, Vec<f64>) = vehicle.chain(pilot).unzip();
+    let n = at.len();
+    let theta = THETA.map(Dual64::from);
+    let columns: Vec<Vec<f64>> = (0..n)
+        .map(|j| {
+            let mut x: Vec<Dual64> = at.iter().map(|&value| value.into()).collect();
+            x[j].eps = 1.0;
+            let mut dx = vec![Dual64::from(0.0); n];
+            joint.derivative(&x, &[0.0], &theta, &mut dx);
+            dx.iter().map(|dual| dual.eps).collect()
+        })
+        .collect();
+    let rows = (0..n).map(|i| columns.iter().map(|column| column[i]).collect());
+    (names, rows.collect())
+}
+
+/// Largest difference between a linearization's `A` and the joint Jacobian, relative to each entry or 1.
+fn distance(states: &[String], a: impl Fn(usize, usize) -> f64) -> f64 {
+    let (names, expected) = jacobian();
+    assert_eq!(states.len(), names.len());
+    let at = |name: &String| states.iter().position(|state| state == name).unwrap();
+    let mut largest = 0.0f64;
+    for (i, row) in names.iter().enumerate() {
+        for (j, column) in names.iter().enumerate() {
+            let difference = (a(at(row), at(column)) - expected[i][j]).abs();
+            largest = largest.max(difference / expected[i][j].abs().max(1.0));
+        }
+    }
+    largest
+}
+
+#[test]
+fn the_coupled_matrix_is_the_jacobian_of_the_joint_equations() {
+    let coupled = native().coupled().unwrap();
+    let found = distance(&coupled.states, |i, j| coupled.a[(i, j)]);
+    assert!(found < 1e-12, "{found}");
+    assert_eq!(coupled.inputs, ["pilot.target"]);
+    // Far from hover, so that this says something.
+    let (_, expected) = jacobian();
+    assert!((expected[2][1] + 9.80665).abs() > 0.3, "{expected:?}");
+}
+
+/// `P(s) V(s)` of pilot and vehicle at hover, from their transfer functions (module docs of the pilot;
+/// docs/method.md for the pitch loop).
+fn transfer(omega: f64) -> nalgebra::Complex<f64> {
+    let s = nalgebra::Complex::new(0.0, omega);
+    let polynomial = |c: &[f64]| {
+        c.iter()
+            .rev()
+            .fold(nalgebra::Complex::from(0.0), |p, c| p * s + c)
+    };
+    let [t1, t2, t3, t4, t5, t6] = THETA;
+    let pilot = polynomial(&[t4, t5, t6]) / polynomial(&[t1, t2, t3, 1.0]);
+    let vehicle = Quadcopter::default();
+    let [c0, c1, c2] = vehicle.pitch_polynomial();
+    let pitch = vehicle.max_pitch * c0 / polynomial(&[c0, c1, c2, 1.0]);
+    pilot * pitch * -vehicle.gravity / (s * s)
+}
+
+#[test]
+fn the_margins_are_those_of_the_transfer_functions() {
+    let folder = folder_with_models();
+    let report = ["--json", "--report", "loop.html"];
+    let ended = run(&folder, "toml", &[&LOOP[..], &report].concat());
+    let json = ended.json();
+    let looped = &json["loops"][0];
+    let number = |value: &Value| value.as_f64().unwrap();
+    let crossing = &looped["gainCrossings"][0];
+    let omega = number(&crossing["frequency"]);
+    let value = transfer(omega);
+    assert!((value.norm() - 1.0).abs() < 1e-9, "{value}");
+    let margin = (-value).arg();
+    assert!((number(&crossing["phaseMargin"]) - margin).abs() < 1e-9);
+    assert!((number(&crossing["delayMargin"]) - margin / omega).abs() < 1e-9);
+    let delay = (std::f64::consts::FRAC_PI_2 - margin) / omega;
+    assert!((number(&crossing["effectiveDelay"]) - delay).abs() < 1e-9);
+    let crossing = &looped["phaseCrossings"][0];
+    let value = transfer(number(&crossing["frequency"]));
+    assert!(value.im.abs() < 1e-9 && value.re < 0.0, "{value}");
+    assert!((number(&crossing["gainMargin"]) * value.norm() - 1.0).abs() < 1e-9);
+    // Each point of the response, and what is drawn of it.
+    let response = &looped["response"];
+    let list = |name: &str| -> Vec<f64> { serde_json::from_value(response[name].clone()).unwrap() };
+    let (frequency, gain, phase) = (list("frequency"), list("gain"), list("phase"));
+    assert!(frequency.len() > 500);
+    for ((omega, gain), phase) in frequency.iter().zip(gain).zip(phase) {
+        let expected = transfer(*omega);
+        let found = nalgebra::Complex::from_polar(gain, phase);
+        assert!(
+            (found - expected).norm() < 1e-6 * expected.norm(),
+            "{omega}: {found} {expected}"
+        );
+    }
+    assert_eq!(
+        folder
+            .read("loop.html")
+            .matches("<svg viewBox=\"0 0 920")
+            .count(),
+        3
+    );
+    assert_eq!(looped["lowFrequencyPower"], -2);
+}
+
+fn folder_with_models() -> Folder {
+    let folder = Folder::new();
+    folder.write(
+        "quadcopter.toml",
+        folder.pilotage(&["vehicle", "show"]).stdout,
+    );
+    let theta = THETA.iter().zip(1..);
+    let theta: String = theta
+        .map(|(value, i)| format!("theta{i} = {value}\n"))
+        .collect();
+    folder.write("pilot.toml", format!("[theta]\n{theta}"));
+    folder
+}
+
+fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
+    let files = ["pilot", "quadcopter"].map(|name| format!("{name}.{ending}"));
+    let files = ["linearize", &files[0], &files[1]];
+    let ended = folder.pilotage(&[&files[..], &CONNECTIONS, more].concat());
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    ended
+}
+
+/// Exported FMUs of both versions, for co-simulation and model exchange, at the same point: by directional
+/// derivatives, and by differences where the description offers none.
+#[test]
+fn fmus_of_every_kind_give_the_same_matrices() {
+    let folder = folder_with_models();
+    let starts = starts();
+    let set: Vec<&str> = starts
+        .iter()
+        .flat_map(|start| ["--set", start.as_str()])
+        .collect();
+    for version in ["2", "3"] {
+        for name in ["pilot", "quadcopter"] {
+            let (file, fmu) = (format!("{name}.toml"), format!("{name}.fmu"));
+            let ended = folder.pilotage(&["export", name, &file, "--fmi", version, "-o", &fmu]);
+            assert_eq!(ended.code, 0, "{ended:?}");
+        }
+        for (kind, tolerance) in [("cs", 1e-12), ("me", 1e-12)] {
+            let json = run(
+                &folder,
+                "fmu",
+                &[&set[..], &["--kind", kind, "--json"]].concat(),
+            )
+            .json();
+            let found = distance_of(&json);
+            assert!(found < tolerance, "FMI {version} {kind}: {found}");
+        }
+        for name in ["pilot", "quadcopter"] {
+            let fmu = std::fs::read(folder.path(&format!("{name}.fmu"))).unwrap();
+            folder.write(&format!("{name}.fmu"), without_derivatives(&fmu));
+        }
+        let json = run(
+            &folder,
+            "fmu",
+            &[&set[..], &["--kind", "me", "--json"]].concat(),
+        )
+        .json();
+        let found = distance_of(&json);
+        assert!(
+            found < 1e-7 && found > 0.0,
+            "FMI {version} by differences: {found}"
+        );
+    }
+    let files = ["linearize", "pilot.fmu", "quadcopter.fmu"];
+    let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &["--kind", "cs"]].concat());
+    assert_eq!(ended.code, 1);
+    assert_eq!(
+        ended.stderr,
+        "error: `pilot` failed to be linearised at 0 s: it is for co-simulation and gives no directional \
+         derivatives, so that nothing is known of its states; take it for model exchange (--kind me), if \
+         it can be\n"
+    );
+}
+
+fn distance_of(json: &Value) -> f64 {
+    let states: Vec<String> = serde_json::from_value(json["states"].clone()).unwrap();
+    let a: Vec<Vec<f64>> = serde_json::from_value(json["A"].clone()).unwrap();
+    distance(&states, |i, j| a[i][j])
+}
+
+/// The FMU with a description that offers no directional derivatives.
+fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(fmu)).unwrap();
+    let mut files = Vec::new();
+    for i in 0..archive.len() {
+        let mut file = archive.by_index(i).unwrap();
+        let (name, mut content) = (file.name().unwrap().into_owned(), Vec::new());
+        file.read_to_end(&mut content).unwrap();
+        if name == "modelDescription.xml" {
+            let text = String::from_utf8(content).unwrap();
+            let text = text.replace("providesDirectionalDerivative=\"true\"", "");
+            let text = text.replace("providesDirectionalDerivatives=\"true\"", "");
+            content = text.into_bytes();
+        }
+        files.push((name, content));
+    }
+    let files: Vec<(&str, &[u8])> = (files.iter())
+        .map(|(name, content)| (name.as_str(), content.as_slice()))
+        .collect();
+    foreign::archive(&files)
+}
+
+/// Poles by NumPy from the printed matrix, the files against the JSON, and what a time later looks like.
+#[test]
+fn poles_agree_with_numpy_and_files_with_the_json() {
+    let folder = folder_with_models();
+    let later = ["--set", "pilot.target=10", "--at", "2", "--step", "0.05"];
+    let files = [
+        "--json",
+        "--csv",
+        "m.csv",
+        "--matlab",
+        "m.m",
+        "--in-steps",
+        "0.05",
+    ];
+    let json = run(&folder, "toml", &[&later[..], &files, &LOOP].concat()).json();
+    assert_eq!(json["time"], 2.0);
+    folder.write("linear.json", json.to_string());
+    let paths = ["linear.json", "m.csv"].map(|name| folder.path(name).into_os_string());
+    let found: Value = serde_json::from_str(&python::run("linear.py", paths)).unwrap();
+    for (what, limit) in [("poles", 1e-9), ("table", 0.0), ("sampled", 1e-8)] {
+        let difference = found[what].as_f64().unwrap();
+        assert!(difference <= limit, "{what}: {difference}");
+    }
+    let matlab = folder.read("m.m");
+    let first = matlab
+        .split("A = [\n")
+        .nth(1)
+        .unwrap()
+        .lines()
+        .next()
+        .unwrap();
+    assert_eq!(first, "0.0 1.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0");
+    assert!(
+        matlab.contains("\ninputs = {'pilot.target'};\n"),
+        "{matlab}"
+    );
+}
+
+#[test]
+fn what_is_printed() {
+    let folder = folder_with_models();
+    let ended = run(&folder, "toml", &LOOP);
+    let text: Vec<&str> = ended.stdout.lines().take(16).collect();
+    insta::assert_snapshot!(text.join("\n"), @"
+    linear at 0 s; states 9, inputs 1, outputs 8
+
+    poles of the closed loop
+      pole [1/s]            frequency [rad/s]  damping
+      -0.341                            0.341    1.000
+      -0.065 ± 0.511 i                  0.515    0.126
+      -0.286 ± 0.659 i                  0.718    0.398
+      -4.222 ± 3.166 i                  5.277    0.800
+      -5.992                            5.992    1.000
+      -14.480                          14.480    1.000
+
+    loop at pilot.stick=quadcopter.stick
+      gain at 0.00303 rad/s  16729, going as ω^-2
+      gain 1 at          0.4979 rad/s: phase margin 7.6 deg, delay margin 0.266 s, effective delay 2.89 s
+      phase -180° at     0.6279 rad/s: gain margin 1.253 (2.0 dB)
+    ");
+}
+
+/// FMU and model file mix, and what a table feeds is an input from outside, at the value that it has there.
+#[test]
+fn mixed_slaves_and_a_table() {
+    let folder = folder_with_models();
+    let ended = folder.pilotage(&["export", "pilot", "pilot.toml"]);
+    assert_eq!(ended.code, 0);
+    folder.write("course.csv", "time,pilot.target\n0,0\n1,10\n");
+    let files = [
+        "linearize",
+        "pilot.fmu",
+        "quadcopter.toml",
+        "--input",
+        "course.csv",
+    ];
+    let at = ["--at", "2", "--step", "0.01", "--json"];
+    let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &at].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert_eq!(
+        ended.stderr,
+        "note: course.csv ends at 1 s; from then on its last values are held\n"
+    );
+    let json = ended.json();
+    assert_eq!(json["inputs"], json!(["pilot.target"]));
+    assert_eq!(json["outputs"].as_array().unwrap().len(), 8);
+    // The vehicle has been moved, so that its third derivative of position is that of another attitude.
+    let (v, phi) = (5, 4);
+    assert_eq!(json["states"][v], "quadcopter.v");
+    let moved = json["A"][v][phi].as_f64().unwrap();
+    assert!((moved + 9.80665).abs() > 0.01, "{moved}");
+}
+
+#[test]
+fn questions_without_an_answer() {
+    let folder = folder_with_models();
+    for (more, message) in [
+        (
+            vec!["--loop", "pilot.stik=quadcopter.stick"],
+            "error: there is no connection `pilot.stik=quadcopter.stick`; did you mean \
+             `pilot.stick=quadcopter.stick`?\n",
+        ),
+        (
+            vec!["--at", "1"],
+            "error: --step is missing, to come to 1 s\n",
+        ),
+        (
+            vec!["--at", "1", "--step", "0.3"],
+            "error: 1 s are 3.33333333 steps of 0.3 s, expected a whole number: stop at 0.9 s or 1.2 s, or \
+             change the step\n",
+        ),
+        (
+            vec!["--report", "r.html"],
+            "error: --report draws loops, and none is asked for\nhint: add --loop \
+             INSTANCE.OUTPUT=INSTANCE.INPUT\n",
+        ),
+    ] {
+        let files = ["linearize", "pilot.toml", "quadcopter.toml"];
+        let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &more].concat());
+        assert_eq!((ended.code, ended.stderr.as_str()), (2, message));
+    }
+    let chain = ["linearize", "pilot.toml", "quadcopter.toml"];
+    let ended = folder.pilotage(&[&chain[..], &CONNECTIONS[..2], &LOOP].concat());
+    assert_eq!(
+        (ended.code, ended.stderr.as_str()),
+        (
+            2,
+            "error: the connection `pilot.stick=quadcopter.stick` is in no loop: what goes in there does \
+             not come back\n"
+        )
+    );
+    assert_eq!(
+        json!(folder.files()),
+        json!(["pilot.toml", "quadcopter.toml"])
+    );
+}
