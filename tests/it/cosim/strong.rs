@@ -3,8 +3,10 @@
 use super::blocks::RandomLoop;
 use super::slaves::{Linear, Log, simulate};
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Ending, SeriesRecorder, System, Transfer, run,
+    Abilities, Algorithm, Clock, Control, Coupling, Ending, SeriesRecorder, Source, System,
+    Transfer, run,
 };
+use pilotage::series::{Column, Series};
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
 fn controller_and_integrator(change: impl Fn(Linear) -> Linear) -> System {
@@ -233,7 +235,41 @@ fn no_set_is_followed_by_a_get_without_a_step() {
     }
 }
 
-/// A jump in time: steps are rejected until it is bridged by a short one, and grow again.
+/// A jump of an input from 0 to 1 at 0.55 s, between two points of the clock: steps are rejected until a
+/// very short one bridges it, and grow again.
+#[test]
+fn jumps_are_found_by_the_error() {
+    let mut table = Series {
+        time: vec![0.0, 0.55, 0.55, 1.0],
+        ..Series::default()
+    };
+    table.columns.push(Column {
+        name: "u".to_owned(),
+        unit: String::new(),
+        values: vec![0.0, 0.0, 1.0, 1.0],
+    });
+    let mut system = System::new();
+    let follower = Linear::new(-1.0, 1.0, 1.0, 0.0).revocable().following();
+    system
+        .add("table", Box::new(Source::new(&table).unwrap()))
+        .unwrap();
+    system.add("follower", Box::new(follower)).unwrap();
+    system.connect("table.u", "follower.u").unwrap();
+    let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-4, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    let (run, recorder) = simulate(system, 1.0, 0.1, coupling);
+    let error = last(&recorder, "follower.y") - (1.0 - (-0.45_f64).exp());
+    assert!(error.abs() < 1e-6, "{error}");
+    let steps = run.report.steps;
+    assert_eq!(steps.over_tolerance, 1, "{steps:?}");
+    assert!(steps.rejected > 3 && steps.accepted < 200, "{steps:?}");
+    assert!(steps.shortest < 1e-8 && steps.longest > 0.04, "{steps:?}");
+}
+
+/// No step is repeated, and the next ones are shorter: the error is near the tolerance all the same.
 #[test]
 fn a_slave_without_rollback_only_shortens_the_next_steps() {
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
