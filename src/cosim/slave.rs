@@ -11,7 +11,7 @@ pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
 /// [`enter_initialization`](Self::enter_initialization), exchanges values until they are consistent,
 /// [`exit_initialization`](Self::exit_initialization), then in turn sets inputs,
 /// [`step`](Self::step)s and gets outputs, and at the end [`terminate`](Self::terminate)s.
-pub trait Slave {
+pub trait Slave: Send {
     /// The variables, in an order that never changes.
     fn variables(&self) -> &[Variable];
 

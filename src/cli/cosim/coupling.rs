@@ -32,6 +32,10 @@ pub struct CouplingArgs {
     /// Have an FMU take every communication step in that many equal parts; may be given many times.
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
     parts: Vec<(String, String)>,
+    /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where steps
+    /// take much longer than 10 µs. Instances of one FMU then run on several threads.
+    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
+    parallel: bool,
     /// Measure and show coupling errors, calls and times.
     #[arg(long)]
     pub report: bool,
@@ -52,13 +56,21 @@ enum AlgorithmName {
 
 impl CouplingArgs {
     /// The coupling for that clock.
-    pub fn coupling(&self, clock: &Clock) -> Coupling {
+    ///
+    /// # Errors
+    /// If `--parallel` does not go with the algorithm.
+    pub fn coupling(&self, clock: &Clock) -> Result<Coupling, Failure> {
         let algorithm = match self.algorithm {
             AlgorithmName::Jacobi => Algorithm::Jacobi,
             AlgorithmName::GaussSeidel => Algorithm::GaussSeidel,
             AlgorithmName::Strong => Algorithm::Strong,
         };
-        Coupling {
+        if self.parallel && algorithm != Algorithm::Jacobi {
+            let message = format!("--parallel does not go with --algorithm {algorithm}");
+            return Err(Failure::new(message).hint("only jacobi lets FMUs step independently"));
+        }
+        Ok(Coupling {
+            parallel: self.parallel,
             extrapolation: self.extrapolation.map(usize::from),
             control: self.tolerance.map(|tolerance| {
                 let control = Control::new(tolerance, clock);
@@ -70,7 +82,7 @@ impl CouplingArgs {
             }),
             measure: self.report,
             ..algorithm.into()
-        }
+        })
     }
 
     /// Relative tolerance for slaves with error control of their own.

@@ -86,7 +86,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
-    let coupling = args.coupling.coupling(&clock);
+    let coupling = args.coupling.coupling(&clock)?;
     let every = args.rows_between()?;
     let Wired { mut system, tables } = args.wiring.build()?;
     args.coupling.apply_parts(&mut system)?;

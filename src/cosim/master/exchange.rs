@@ -8,6 +8,7 @@ use crate::cosim::recorder::Signal;
 use crate::cosim::report::Calls;
 use crate::cosim::slave::{Conversion, Kind, Role, Value};
 use crate::cosim::system::{Instance, System};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::time::Duration;
 
@@ -177,6 +178,7 @@ impl Exchange {
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
+        parallel: bool,
         t: f64,
         h: f64,
     ) -> Result<(), Ending> {
@@ -194,8 +196,13 @@ impl Exchange {
         for wired in &mut self.wired {
             wired.set_newest(values).map_err(failed)?;
         }
-        for wired in &mut self.wired {
-            wired.step(t, h, false)?;
+        let step = |wired: &mut Wired| wired.step(t, h, false);
+        match parallel {
+            // Of several failures the first slave's is told, whichever came first.
+            true => (self.wired.par_iter_mut().map(step))
+                .find_first(Result::is_err)
+                .unwrap_or(Ok(()))?,
+            false => self.wired.iter_mut().try_for_each(step)?,
         }
         for wired in &mut self.wired {
             wired.get_outputs(values).map_err(failed)?;

@@ -89,8 +89,13 @@ impl Stepper {
     /// From the communication point at `t` to the one at `end`, `h` [s] later.
     pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
-            let (algorithm, order) = (self.coupling.algorithm, &self.order);
-            self.exchange.advance_held(algorithm, order, t, h)?;
+            let Coupling {
+                algorithm,
+                parallel,
+                ..
+            } = self.coupling;
+            let exchange = &mut self.exchange;
+            exchange.advance_held(algorithm, &self.order, parallel, t, h)?;
             // All steps are equally long.
             match self.steps.accepted {
                 0 => self.count(h),

@@ -315,3 +315,34 @@ fn two_hundred_slaves_in_one_system() {
         }
     }
 }
+
+/// Jacobi on several threads: the same bits as on one.
+#[test]
+fn parallel_steps_change_nothing() {
+    let fly = |parallel| {
+        let mut system = System::new();
+        for k in 0..9 {
+            let block = Linear::new(-1.0 - 0.1 * f64::from(k), 1.0, 1.0, 0.0).from(f64::from(k));
+            system.add(format!("s{k}"), Box::new(block)).unwrap();
+        }
+        for k in 0..9 {
+            let from = format!("s{k}.y");
+            system
+                .connect(&from, &format!("s{}.u", (k + 1) % 9))
+                .unwrap();
+        }
+        let coupling = Coupling {
+            parallel,
+            ..Algorithm::Jacobi.into()
+        };
+        let (run, recorder) = simulate(system, 1.0, 0.01, coupling);
+        assert_eq!(run.steps, 100);
+        let columns = recorder.series.columns.into_iter();
+        columns
+            .flat_map(|column| column.values.into_iter().map(f64::to_bits))
+            .collect::<Vec<u64>>()
+    };
+    let bits = fly(false);
+    assert_eq!(bits.len(), 9 * 101);
+    assert_eq!(fly(true), bits);
+}

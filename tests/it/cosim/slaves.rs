@@ -5,8 +5,7 @@ use pilotage::cosim::{
     Abilities, Clock, Coupling, Experiment, Kind, Progress, Role, Run, SeriesRecorder, Slave,
     System, Unit, Value, Variable, run,
 };
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 /// `ẋ = a x + b u`, `y = c x + d u`, solved exactly with `u` held during a step. Input `u`, output `y`,
 /// parameter `x0`. It keeps a log of its calls.
@@ -26,7 +25,19 @@ pub struct Linear {
 }
 
 /// Calls of several slaves in the order in which they were made.
-pub type Log = Rc<RefCell<Vec<String>>>;
+#[derive(Debug, Clone, Default)]
+pub struct Log(Arc<Mutex<Vec<String>>>);
+
+impl Log {
+    fn push(&self, call: String) {
+        self.0.lock().unwrap().push(call);
+    }
+
+    /// The calls since the last time.
+    pub fn take(&self) -> Vec<String> {
+        std::mem::take(&mut *self.0.lock().unwrap())
+    }
+}
 
 impl Linear {
     pub fn new(a: f64, b: f64, c: f64, d: f64) -> Self {
@@ -118,7 +129,7 @@ impl Linear {
 
     fn note(&self, what: &str) {
         if !self.name.is_empty() {
-            self.log.borrow_mut().push(format!("{}.{what}", self.name));
+            self.log.push(format!("{}.{what}", self.name));
         }
     }
 }
