@@ -231,3 +231,37 @@ fn exported_fmus_are_valid_and_run() {
     );
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
 }
+
+/// 200 FMUs in one system, 100 loops: the first flies as it does alone, to the last bit.
+#[test]
+fn two_hundred_fmus_in_one_system() {
+    let folder = Folder::new();
+    let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
+    assert_eq!(folder.pilotage(&export).code, 0);
+    assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
+    let fly = |loops: usize, output: &str| {
+        let mut arguments: Vec<String> = vec!["cosim".into()];
+        for k in 0..loops {
+            arguments.extend([format!("p{k}=pilot.fmu"), format!("q{k}=quadcopter.fmu")]);
+            for wire in [
+                format!("p{k}.stick=q{k}.stick"),
+                format!("q{k}.z=p{k}.position"),
+            ] {
+                arguments.extend(["--connect".into(), wire]);
+            }
+            arguments.extend(["--set".into(), format!("p{k}.target={}", 10 + k)]);
+        }
+        let rest = ["--stop-time", "1", "--step", "0.05", "-o", output];
+        arguments.extend(rest.map(str::to_owned));
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let ended = folder.pilotage(&arguments);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        folder.read(output)
+    };
+    let (alone, many) = (fly(1, "alone.csv"), fly(100, "many.csv"));
+    assert_eq!(many.lines().next().unwrap().split(',').count(), 1 + 100 * 8);
+    assert_eq!(alone.lines().count(), many.lines().count());
+    for (alone, many) in alone.lines().zip(many.lines()) {
+        assert!(many.starts_with(&format!("{alone},")), "{alone}");
+    }
+}
