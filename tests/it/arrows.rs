@@ -26,7 +26,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "output",
         ],
     ),
-    ("integrate", &[]),
+    ("integrate", &["kit"]),
     ("fmi", &["abi", "nearest", "integrate"]),
     ("export", &["abi", "kit", "models", "fmi", "output"]),
     ("linear", &[]),

@@ -11,10 +11,10 @@
 //! calls give equal bits, and there is no memory to save with an FMU state.
 
 /// Nodes `c` of the seven stages.
-const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
+pub const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 
 /// Rows of `A`; the last one is also the fifth-order solution (first same as last).
-const A: [[f64; 6]; 7] = [
+pub const A: [[f64; 6]; 7] = [
     [0.0; 6],
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
@@ -46,7 +46,7 @@ const A: [[f64; 6]; 7] = [
 ];
 
 /// Weights of the error: fifth-order minus fourth-order solution.
-const E: [f64; 7] = [
+pub const E: [f64; 7] = [
     71.0 / 57600.0,
     0.0,
     -71.0 / 16695.0,
