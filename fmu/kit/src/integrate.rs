@@ -256,32 +256,23 @@ impl Integrator {
         relative: f64,
     ) -> f64 {
         self.work.evaluations += 6;
-        let x = &x[..n];
-        let next = &mut self.next[..n];
-        for stage in 1..7 {
-            let (known, rest) = self.slopes.split_at_mut(stage);
-            next.fill(0.0);
-            for (slope, a) in known.iter().zip(&A[stage]) {
-                for (sum, slope) in next.iter_mut().zip(&slope[..n]) {
-                    *sum += a * slope;
-                }
-            }
-            for (sum, x) in next.iter_mut().zip(x) {
-                *sum = x + step * *sum;
-            }
-            ode.derivative(time + C[stage] * step, next, &mut rest[0][..n]);
+        let (x, next) = (&x[..n], &mut self.next[..n]);
+        // A macro, since the number of slopes known at a stage must be known to the compiler too.
+        macro_rules! stages {
+            ($($stage:literal)*) => {$({
+                let (known, rest) = self.slopes.split_at_mut($stage);
+                combine::<$stage>(known, &A[$stage], x, step, next);
+                ode.derivative(time + C[$stage] * step, next, &mut rest[0][..n]);
+            })*};
         }
-        let delta = &mut self.stage[..n];
-        delta.fill(0.0);
-        for (slope, e) in self.slopes.iter().zip(E) {
-            for (sum, slope) in delta.iter_mut().zip(&slope[..n]) {
-                *sum += e * slope;
-            }
-        }
+        stages!(1 2 3 4 5 6);
+        let slopes: [&[f64]; 7] = std::array::from_fn(|j| &self.slopes[j][..n]);
+        let absolute = &self.absolute[..n];
         let mut sum = 0.0;
-        for (i, delta) in delta.iter().enumerate() {
+        for i in 0..n {
+            let delta = (0..7).fold(0.0, |delta, j| delta + E[j] * slopes[j][i]);
             let size = x[i].abs().max(next[i].abs());
-            let scale = relative * (self.absolute[i] + size);
+            let scale = relative * (absolute[i] + size);
             sum += (step * delta / scale).powi(2);
         }
         // An overflow in the solution alone would else pass for no error.
@@ -360,6 +351,22 @@ impl Integrator {
             let slopes = h10 * self.slopes[0][i] + h11 * self.slopes[6][i];
             self.stage[i] = x + h01 * (self.next[i] - x) + step * slopes;
         }
+    }
+}
+
+/// `next = x + step · Σ weights_j slopes_j` over the first `S` slopes.
+#[inline(always)]
+fn combine<const S: usize>(
+    slopes: &[Vec<f64>],
+    weights: &[f64; 6],
+    x: &[f64],
+    step: f64,
+    next: &mut [f64],
+) {
+    let slopes: [&[f64]; S] = std::array::from_fn(|j| &slopes[j][..x.len()]);
+    for (i, (next, x)) in next.iter_mut().zip(x).enumerate() {
+        let sum = (0..S).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i]);
+        *next = x + step * sum;
     }
 }
 
