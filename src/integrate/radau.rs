@@ -256,8 +256,9 @@ impl Radau {
             let Some(size) = self.correct(h, x, scale).filter(|size| size.is_finite()) else {
                 return Ok(false);
             };
-            // So small that the rate is that of rounding errors.
-            if size <= 1e-3 * tolerance {
+            // So small that the rate is that of rounding errors, of a correction or of the states.
+            let rounding = 4.0 * f64::EPSILON / scale.relative;
+            if size <= rounding.max(1e-3 * tolerance) {
                 self.convergence = rate;
                 return Ok(true);
             }
