@@ -69,6 +69,10 @@ const P: [[f64; STAGES]; STAGES] = [
     [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
 ];
 
+/// Largest remaining correction, beside the error that a step may have, with which an iteration that gets
+/// no further has converged: what [`Radau::newton`] asks for with the loosest tolerances.
+const STAGNATION: f64 = 0.03;
+
 /// Longest Newton iteration.
 const ITERATIONS: i32 = 6;
 
@@ -267,7 +271,12 @@ impl Radau {
                 let left = ITERATIONS - 1 - iteration;
                 let hopeless = rate >= 1.0 || rate.powi(left) / (1.0 - rate) * size > tolerance;
                 if hopeless {
-                    return Ok(false);
+                    // Corrections that no longer shrink are rounding errors of the derivatives where they
+                    // are small beside the step's error.
+                    let error = (rate / (1.0 - rate)).max(1.0) * size;
+                    let is_done = if rate < 1.0 { error } else { size } <= STAGNATION;
+                    self.convergence = rate;
+                    return Ok(is_done);
                 }
                 if rate / (1.0 - rate) * size < tolerance {
                     self.convergence = rate;

@@ -252,3 +252,27 @@ fn held_inputs_jump_and_sloped_inputs_rise() {
     run.instance().get_real(&[22], &mut y).unwrap();
     assert!((y[0] - 2.0).abs() < 1e-9, "x + u = 1 + 1, not {}", y[0]);
 }
+
+/// In steady flight a strict tolerance asks for corrections that are smaller than the rounding errors of the
+/// derivatives; that must not cost thousands of short steps.
+#[test]
+fn rounding_errors_in_steady_flight_cost_no_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("quadcopter.fmu");
+    let provenance = pilotage::export::Provenance::vehicle(None);
+    pilotage::export::export_quadcopter(&Default::default(), &provenance, &path).unwrap();
+    let library = Fmu::open(&path).unwrap().load().unwrap();
+    let mut instance = library.instantiate("steady", Kind::ModelExchange).unwrap();
+    instance.setup_experiment(None, 0.0, None).unwrap();
+    instance.enter_initialization_mode().unwrap();
+    instance.set_real(&[0], &[0.1]).unwrap();
+    instance.exit_initialization_mode().unwrap();
+    let mut run = ModelExchangeRun::new(instance, library.description(), RunOptions::default());
+    run.set_tolerance(1e-10);
+    run.begin(0.0).unwrap();
+    for k in 1..=20 {
+        run.step_to(2.0 * f64::from(k)).unwrap();
+    }
+    let work = run.work().solver;
+    assert!(work.jacobians > 0 && work.steps < 1000, "{work:?}");
+}
