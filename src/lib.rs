@@ -5,6 +5,7 @@
 //! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
 //! fits the vehicle's response, not the stick.
 
+pub mod causes;
 pub mod cosim;
 pub mod document;
 pub mod export;

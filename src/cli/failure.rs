@@ -1,5 +1,6 @@
 //! How a command ends.
 
+use crate::causes::with_causes;
 use std::error::Error;
 use std::fmt;
 
@@ -53,13 +54,6 @@ impl fmt::Display for Failure {
 impl<E: Error> From<E> for Failure {
     /// Joins the chain of sources into one message: `what: why: why`.
     fn from(error: E) -> Self {
-        let mut message = error.to_string();
-        let mut source = error.source();
-        while let Some(cause) = source {
-            message.push_str(": ");
-            message.push_str(&cause.to_string());
-            source = cause.source();
-        }
-        Self::new(message)
+        Self::new(with_causes(&error))
     }
 }

@@ -1,11 +1,10 @@
 //! Platforms: what they are called in the two versions, and whether a library is made for one.
 
 use super::ExportError;
+use crate::fmi::binary;
 use crate::fmi::description::FmiVersion;
-use object::read::macho::{FatArch, MachOFatFile32};
-use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind};
+use object::{Architecture, BinaryFormat, Object, ObjectKind};
 use pilotage_abi::{fmi2, fmi3};
-use std::collections::BTreeSet;
 
 /// A system and a processor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,8 +94,7 @@ impl Platform {
             platform: self.tuple,
             found,
         };
-        let bytes = self
-            .slice(bytes)
+        let bytes = binary::thin(bytes, |architecture| architecture == self.architecture)
             .map_err(|error| wrong(error.to_string()))?;
         let file = object::File::parse(bytes).map_err(|error| wrong(error.to_string()))?;
         let made_for = (file.format(), file.architecture());
@@ -106,15 +104,7 @@ impl Platform {
         if file.kind() != ObjectKind::Dynamic {
             return Err(wrong(format!("it is of kind {:?}", file.kind())));
         }
-        let exports = file.exports().map_err(|error| wrong(error.to_string()))?;
-        // Symbols have an underscore before them in Mach-O.
-        let exported: BTreeSet<&[u8]> = exports
-            .iter()
-            .map(|e| match self.format {
-                BinaryFormat::MachO => e.name().strip_prefix(b"_").unwrap_or(e.name()),
-                _ => e.name(),
-            })
-            .collect();
+        let exported = binary::exported(&file).map_err(|error| wrong(error.to_string()))?;
         let names: Vec<&str> = match version {
             FmiVersion::V2 => fmi2::Function::ALL.iter().map(|f| f.name()).collect(),
             FmiVersion::V3 => fmi3::Function::ALL.iter().map(|f| f.name()).collect(),
@@ -122,19 +112,6 @@ impl Platform {
         match names.iter().find(|n| !exported.contains(n.as_bytes())) {
             Some(missing) => Err(wrong(format!("it lacks the function {missing}"))),
             None => Ok(()),
-        }
-    }
-
-    /// The part of a universal library of macOS that is for this processor; any other file as it is.
-    fn slice<'b>(&self, bytes: &'b [u8]) -> object::read::Result<&'b [u8]> {
-        if FileKind::parse(bytes)? != FileKind::MachOFat32 {
-            return Ok(bytes);
-        }
-        let fat = MachOFatFile32::parse(bytes)?;
-        let ours = |arch: &&object::macho::FatArch32| arch.architecture() == self.architecture;
-        match fat.arches().iter().find(ours) {
-            Some(arch) => arch.data(bytes),
-            None => Ok(bytes),
         }
     }
 }

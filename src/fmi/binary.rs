@@ -3,6 +3,7 @@
 
 use object::read::macho::{FatArch, MachOFatFile32};
 use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind, ObjectSegment};
+use std::collections::BTreeSet;
 use thiserror::Error;
 
 /// Why a library cannot be loaded on this machine.
@@ -61,6 +62,36 @@ pub fn check(bytes: &[u8]) -> Result<(), BinaryError> {
         };
     }
     check_thin(bytes)
+}
+
+/// The part of a universal library of macOS for a wanted architecture, else its first part; any other file
+/// as it is.
+pub(crate) fn thin(
+    bytes: &[u8],
+    is_wanted: impl Fn(Architecture) -> bool,
+) -> Result<&[u8], object::read::Error> {
+    if FileKind::parse(bytes)? != FileKind::MachOFat32 {
+        return Ok(bytes);
+    }
+    let fat = MachOFatFile32::parse(bytes)?;
+    let arches = fat.arches();
+    let wanted = arches.iter().find(|arch| is_wanted(arch.architecture()));
+    match wanted.or(arches.first()) {
+        Some(arch) => arch.data(bytes),
+        None => Ok(bytes),
+    }
+}
+
+/// Names in C of the functions that a library exports.
+pub(crate) fn exported<'b>(
+    file: &object::File<'b>,
+) -> Result<BTreeSet<&'b [u8]>, object::read::Error> {
+    let name = |export: &object::Export<'b>| match file.format() {
+        // Mach-O puts an underscore before every symbol of C.
+        BinaryFormat::MachO => export.name().strip_prefix(b"_").unwrap_or(export.name()),
+        _ => export.name(),
+    };
+    Ok(file.exports()?.iter().map(name).collect())
 }
 
 fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {

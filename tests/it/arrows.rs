@@ -27,7 +27,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("integrate", &["kit"]),
-    ("fmi", &["abi", "nearest", "integrate"]),
+    ("fmi", &["abi", "nearest", "integrate", "causes"]),
     ("export", &["abi", "kit", "models", "fmi", "output"]),
     ("linear", &[]),
     ("cosim", &["series", "linear", "nearest"]),
@@ -49,6 +49,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("document", &["nearest"]),
     ("nearest", &[]),
+    ("causes", &[]),
     ("output", &[]),
 ];
 

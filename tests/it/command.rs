@@ -54,8 +54,14 @@ impl Folder {
 
     /// Runs `pilotage` here.
     pub fn pilotage(&self, arguments: &[&str]) -> Ended {
+        self.pilotage_with(arguments, &[])
+    }
+
+    /// The same with variables in the environment.
+    pub fn pilotage_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Ended {
         let output = Command::new(env!("CARGO_BIN_EXE_pilotage"))
             .args(arguments)
+            .envs(variables.iter().copied())
             .current_dir(self.0.path())
             .output()
             .unwrap();

@@ -2,7 +2,6 @@
 
 use crate::command::{Ended, Folder};
 use crate::python;
-use std::process::Command;
 
 /// A folder with `Lag.fmu` and `Decay.fmu`, and the library of Python that they expect in their host.
 fn made() -> (Folder, String) {
@@ -18,17 +17,7 @@ fn made() -> (Folder, String) {
 
 /// Runs `pilotage` as their users do: with Python in the process.
 fn pilotage(folder: &Folder, library: &str, arguments: &[&str]) -> Ended {
-    let output = Command::new(env!("CARGO_BIN_EXE_pilotage"))
-        .args(arguments)
-        .current_dir(folder.path("."))
-        .env("LD_PRELOAD", library)
-        .output()
-        .unwrap();
-    Ended {
-        code: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    folder.pilotage_with(arguments, &[("LD_PRELOAD", library)])
 }
 
 /// The findings without those that depend on the tool's binaries for other platforms.

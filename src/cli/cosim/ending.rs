@@ -1,7 +1,7 @@
 //! How a run ended.
 
+use crate::causes::with_causes;
 use crate::cosim::{Ending, Run};
-use std::error::Error;
 
 /// How a run ended, in words.
 pub struct Words {
@@ -42,7 +42,7 @@ impl Words {
                 stage,
                 source,
             } => {
-                let why = chain(source.as_ref());
+                let why = with_causes(source.as_ref());
                 let message = format!("`{instance}` failed to {stage} at {time} s: {why}");
                 ("failed", "error", Some(message))
             }
@@ -64,15 +64,4 @@ impl Words {
         }
         words
     }
-}
-
-/// An error with all that caused it.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        text += &format!(": {cause}");
-        next = cause.source();
-    }
-    text
 }

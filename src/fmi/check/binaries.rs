@@ -4,9 +4,9 @@ use super::finding::NOT_USED;
 use super::layout::{extension, identifiers};
 use super::{Finding, Rule};
 use crate::fmi::archive::Archive;
+use crate::fmi::binary;
 use crate::fmi::description::{FmiVersion, ModelDescription};
-use object::read::macho::{FatArch, MachOFatFile32};
-use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind};
+use object::{Architecture, BinaryFormat, Object, ObjectKind};
 use pilotage_abi::{Part, fmi2, fmi3};
 use std::collections::BTreeSet;
 
@@ -52,7 +52,8 @@ fn library(
     description: &ModelDescription,
     beside: &BTreeSet<&str>,
 ) -> Vec<Rule> {
-    let file = match thin(bytes, folder).and_then(object::File::parse) {
+    let fits_here = |architecture| fits(folder, BinaryFormat::MachO, architecture);
+    let file = match binary::thin(bytes, fits_here).and_then(object::File::parse) {
         Ok(file) => file,
         Err(error) => {
             let why = format!("it is not a shared library: {error}");
@@ -76,20 +77,6 @@ fn library(
     let mut rules = functions(&file, stem, description);
     rules.extend(needs(&file, beside));
     rules
-}
-
-/// The part of a universal library for the folder's architecture; other files as they are.
-fn thin<'a>(bytes: &'a [u8], folder: &str) -> Result<&'a [u8], object::read::Error> {
-    if FileKind::parse(bytes)? != FileKind::MachOFat32 {
-        return Ok(bytes);
-    }
-    let fat = MachOFatFile32::parse(bytes)?;
-    let arches = fat.arches();
-    let fitting = (arches.iter()).find(|a| fits(folder, BinaryFormat::MachO, a.architecture()));
-    match fitting.or(arches.first()) {
-        Some(arch) => arch.data(bytes),
-        None => Ok(bytes),
-    }
 }
 
 /// Whether a library of that format and architecture belongs into a folder of that name.
@@ -118,15 +105,7 @@ fn fits(folder: &str, format: BinaryFormat, architecture: Architecture) -> bool 
 
 /// The functions that the standard wants and the library lacks.
 fn functions(file: &object::File, stem: &str, description: &ModelDescription) -> Vec<Rule> {
-    let exports = file.exports().unwrap_or_default();
-    let found: BTreeSet<&[u8]> = (exports.iter())
-        .map(|e| e.name())
-        // Mach-O puts an underscore before every symbol of C.
-        .map(|name| match file.format() {
-            BinaryFormat::MachO => name.strip_prefix(b"_").unwrap_or(name),
-            _ => name,
-        })
-        .collect();
+    let found = binary::exported(file).unwrap_or_default();
     (wanted(stem, description).into_iter())
         .filter(|(function, _)| !found.contains(function.as_bytes()))
         .map(|(function, is_used)| Rule::NoFunction {

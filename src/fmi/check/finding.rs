@@ -3,7 +3,6 @@
 use crate::fmi::Kind;
 use crate::fmi::archive::DESCRIPTION;
 use crate::fmi::description::{self, FmiVersion, ModelDescription, Place, Severity};
-use std::error::Error;
 use std::fmt;
 
 /// One thing that is wrong with an FMU.
@@ -97,17 +96,6 @@ impl fmt::Display for Finding {
             None => Ok(()),
         }
     }
-}
-
-/// An error and its causes: `what: why: why`.
-pub(super) fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        text += &format!(": {cause}");
-        source = cause.source();
-    }
-    text
 }
 
 /// What can be wrong with an archive and the files in it, the description apart.

@@ -20,6 +20,7 @@ pub use finding::{Finding, Rule};
 
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use super::description::{self, FmiVersion, ModelDescription, Severity};
+use crate::causes::with_causes;
 use std::fs;
 use std::path::Path;
 
@@ -74,7 +75,7 @@ fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
         findings.push(Finding::archive(
             None,
             Rule::Refused {
-                why: finding::chain(&error),
+                why: with_causes(&error),
             },
         ));
     }
@@ -92,10 +93,10 @@ fn described(archive: &mut Archive) -> Checked {
     };
     let bytes = match archive.read(DESCRIPTION) {
         Ok(bytes) => bytes,
-        Err(error) => return refused(finding::chain(&error)),
+        Err(error) => return refused(with_causes(&error)),
     };
     match description::read(&bytes) {
-        Err(error) => refused(finding::chain(&error)),
+        Err(error) => refused(with_causes(&error)),
         Ok(reading) => Checked {
             findings: (description::validate(&reading).iter())
                 .map(|f| Finding::description(reading.description.fmi_version, f))
@@ -114,7 +115,7 @@ fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec
             version,
             name,
             Rule::Refused {
-                why: finding::chain(&error),
+                why: with_causes(&error),
             },
         ))
     };

@@ -9,7 +9,8 @@ mod repeats;
 mod subject;
 mod values;
 
-use super::{Finding, finding};
+use super::Finding;
+use crate::causes::with_causes;
 use crate::fmi::description::ModelDescription;
 use crate::fmi::fmu::Library;
 use crate::fmi::{CallError, Fmu, FmuError, Kind};
@@ -214,8 +215,8 @@ pub fn run(path: &Path, trial: Trial, tell: &mut dyn FnMut(Told)) {
     };
     if let Err(stop) = teller.run(path, trial) {
         let why = match &stop {
-            Stop::Call(error) => finding::chain(error),
-            Stop::Fmu(error) => finding::chain(error),
+            Stop::Call(error) => with_causes(error),
+            Stop::Fmu(error) => with_causes(error),
             Stop::Told => return,
         };
         let what = format!("while {}: {why}", teller.stage);
