@@ -5,6 +5,9 @@
 //! own so that the two cargos do not wait for each other's lock. It needs no network where the outer
 //! build needs none: `Cargo.lock` is the same, and it is locked.
 
+#[path = "src/export/old_glibc.rs"]
+mod old_glibc;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
@@ -14,13 +17,20 @@ const PACKAGE: &str = "pilotage-fmu";
 const PROFILE: &str = "fmu";
 
 fn main() {
-    for input in ["build.rs", "Cargo.toml", "Cargo.lock", "fmu"] {
+    for input in [
+        "build.rs",
+        "src/export/old_glibc.rs",
+        "Cargo.toml",
+        "Cargo.lock",
+        "fmu",
+    ] {
         println!("cargo::rerun-if-changed={input}");
     }
     let out = PathBuf::from(variable("OUT_DIR"));
     let target = variable("TARGET");
     let folder = target_folder(&out);
-    build(&folder, &target);
+    let flags = [portable_flags(), flags_for_old_systems(&out, &target)].concat();
+    build(&folder, &target, &flags);
     let built = folder.join(&target).join(PROFILE).join(file_name());
     let embedded = out.join("fmu-binary");
     if let Err(error) = fs::copy(&built, &embedded) {
@@ -40,7 +50,7 @@ fn target_folder(out: &Path) -> PathBuf {
     }
 }
 
-fn build(folder: &Path, target: &str) {
+fn build(folder: &Path, target: &str, flags: &[String]) {
     let mut command = Command::new(variable("CARGO"));
     command
         .args(["build", "--package", PACKAGE, "--profile", PROFILE])
@@ -50,7 +60,7 @@ fn build(folder: &Path, target: &str) {
         // Lints are the outer build's business; a wrapper would only make two builds out of one.
         .env_remove("RUSTC_WORKSPACE_WRAPPER")
         .env_remove("CLIPPY_ARGS")
-        .env("CARGO_ENCODED_RUSTFLAGS", portable_flags().join("\x1f"));
+        .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"));
     match command.status() {
         Ok(status) if status.success() => {}
         Ok(status) => fail(&format!(
@@ -91,6 +101,20 @@ fn portable_flags() -> Vec<String> {
         ));
     }
     kept
+}
+
+/// FMUs travel to older systems too. Where the linker's files are not as expected, they run on systems like
+/// this one.
+fn flags_for_old_systems(out: &Path, target: &str) -> Vec<String> {
+    if !(old_glibc::IS_HERE && target == old_glibc::TARGET) {
+        return Vec::new();
+    }
+    old_glibc::flags(&out.join("glibc")).unwrap_or_else(|error| {
+        println!(
+            "cargo::warning=exported FMUs will not run on systems older than this one: {error}"
+        );
+        Vec::new()
+    })
 }
 
 fn file_name() -> &'static str {

@@ -9,6 +9,7 @@
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | what a library says of its model |
 //! | [`pack`] | FMUs of a user's models |
+//! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `picture` | model.png |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
@@ -18,6 +19,7 @@ pub mod description;
 mod documentation;
 mod error;
 pub mod interface;
+mod old_glibc;
 pub mod pack;
 pub mod package;
 mod picture;

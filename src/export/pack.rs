@@ -1,7 +1,7 @@
 //! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
 
 use super::package::{Contents, archive};
-use super::{ExportError, Platform, Provenance, interface, write};
+use super::{ExportError, Platform, Provenance, interface, old_glibc, write};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
 use pilotage_kit::Interface;
@@ -28,18 +28,20 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
         source,
     };
     let manifest = std::fs::canonicalize(folder.join("Cargo.toml")).map_err(read)?;
-    let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args([
-            "build",
-            "--release",
-            "--message-format",
-            "json-render-diagnostics",
-        ])
+    let mut build = cargo();
+    build
+        .args(["build", "--release"])
+        .args(["--message-format", "json-render-diagnostics"])
         .args(["--config", "profile.release.panic=\"unwind\""])
         .args(["--config", "profile.release.strip=\"symbols\""])
         .args(["--config", "profile.release.lto=\"fat\""])
         .args(["--config", "profile.release.codegen-units=1"])
-        .args(["--config", &unnamed_folders(&manifest)])
+        .args(["--config", &flags(&manifest)]);
+    if old_glibc::IS_HERE {
+        // With a target, the flags are not those of build scripts.
+        build.args(["--target", old_glibc::TARGET]);
+    }
+    let output = build
         .arg("--manifest-path")
         .arg(&manifest)
         .stderr(match show {
@@ -66,20 +68,45 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
     }
 }
 
-/// Flags of rustc, as a setting of cargo: panic messages name neither the crate's folder nor cargo's. Flags in
-/// the environment variable RUSTFLAGS take their place.
-fn unnamed_folders(manifest: &Path) -> String {
+fn cargo() -> Command {
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// Flags of rustc, as a setting of cargo: panic messages name neither the workspace's folder nor cargo's, and
+/// the library runs on old systems where that can be had. Flags in the environment variable RUSTFLAGS take
+/// their place.
+fn flags(manifest: &Path) -> String {
     let home = std::env::home_dir().map(|home| home.join(".cargo"));
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
-    let crate_folder = manifest.parent().map(Path::to_path_buf);
-    let named = [(cargo, "cargo"), (crate_folder, "model")];
-    let flags: Vec<String> = (named.into_iter())
+    let [workspace, target] = folders(manifest);
+    let renamed = [(cargo, "cargo"), (workspace, "model")]
+        .into_iter()
         .filter_map(|(folder, name)| {
-            let flag = format!("--remap-path-prefix={}={name}", folder?.display());
-            Some(toml::Value::String(flag).to_string())
-        })
+            Some(format!("--remap-path-prefix={}={name}", folder?.display()))
+        });
+    // The folder stays, so that the flags do, and cargo need not build all again.
+    let for_old_systems = target
+        .filter(|_| old_glibc::IS_HERE)
+        .and_then(|folder| old_glibc::flags(&folder.join("glibc")).ok())
+        .unwrap_or_default();
+    let flags: Vec<String> = renamed
+        .chain(for_old_systems)
+        .map(|flag| toml::Value::String(flag).to_string())
         .collect();
     format!("build.rustflags=[{}]", flags.join(", "))
+}
+
+/// The folder of a crate's workspace, and the one that cargo builds it in.
+fn folders(manifest: &Path) -> [Option<PathBuf>; 2] {
+    let metadata = cargo()
+        .args(["metadata", "--no-deps", "--format-version", "1"])
+        .arg("--manifest-path")
+        .arg(manifest)
+        .output()
+        .ok()
+        .and_then(|output| serde_json::from_slice::<Value>(&output.stdout).ok())
+        .unwrap_or_default();
+    ["workspace_root", "target_directory"].map(|key| metadata[key].as_str().map(PathBuf::from))
 }
 
 /// The shared library that a message of cargo tells of, if it is this crate's.

@@ -1,7 +1,7 @@
 //! The exported FMUs in fmpy, a tool that is not ours: both versions, both kinds.
 
 use crate::python;
-use pilotage::export::{Options, Provenance, export_as, pack};
+use pilotage::export::{Options, Provenance, export_as};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter, Simulation};
@@ -30,15 +30,10 @@ fn exported(folder: &TempDir, model: &Model, version: FmiVersion) -> PathBuf {
     path
 }
 
-/// The example of a user's own model.
-fn packed(folder: &TempDir, version: FmiVersion) -> PathBuf {
-    let path = folder.path().join(format!("drone-{version}.fmu"));
-    let options = Options {
-        version,
-        ..Options::default()
-    };
-    let (library, _) = pack::build(&crate::pack::example(), false).expect("it is built");
-    pack::pack(&library, &Provenance::default(), &options, |_| path).expect("it is packed")
+/// One of the examples of users' own models.
+fn packed(folder: &TempDir, example: &str, version: FmiVersion) -> PathBuf {
+    let path = folder.path().join(format!("{example}-{version}.fmu"));
+    crate::pack::packed(&crate::pack::example(example), version, path)
 }
 
 /// FMI rules 1, 2, 5, 7 to 15 and 30: fmpy's schema and its own checks find nothing.
@@ -48,14 +43,15 @@ fn fmpy_finds_nothing_wrong() {
     let mut fmus = Vec::new();
     for version in VERSIONS {
         fmus.extend([pilot(), quadcopter()].map(|model| exported(&folder, &model, version)));
-        fmus.push(packed(&folder, version));
+        fmus.extend(["vehicle-fmu", "landing-fmu"].map(|name| packed(&folder, name, version)));
     }
     let printed = python::run("validate.py", &fmus);
     let numbers: Vec<_> = printed
         .lines()
         .filter(|l| l.parse::<u32>().is_ok())
         .collect();
-    assert_eq!(numbers, ["20", "29", "32", "21", "30", "33"], "{printed}");
+    let expected = ["20", "29", "24", "32", "21", "30", "25", "33"];
+    assert_eq!(numbers, expected, "{printed}");
 }
 
 /// What fmpy's simulation gives at the communication points, after events: time and outputs.
@@ -155,7 +151,7 @@ fn a_users_model_in_fmpy_bounces_alike_in_all_versions_and_kinds() {
     let folder = tempfile::tempdir().expect("a folder");
     let settings = [("left", 4.0), ("right", 4.1), ("height_start", 2.0)];
     let run = |version, kind| {
-        let fmu = packed(&folder, version);
+        let fmu = packed(&folder, "landing-fmu", version);
         simulated(&fmu, kind, [4.0, 0.05], &settings)
     };
     let inside = run(FmiVersion::V2, "CoSimulation");
@@ -176,6 +172,48 @@ fn a_users_model_in_fmpy_bounces_alike_in_all_versions_and_kinds() {
                     (a - b).abs() < 1e-5,
                     "FMI {version}: {outside:?} {inside:?}"
                 );
+            }
+        }
+    }
+}
+
+/// The example of 30 lines, under a constant turning moment: what fmpy makes of it is the integral that it
+/// has to be.
+#[test]
+fn the_small_vehicle_flies_in_fmpy_as_the_integral_says() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (left, right, stop) = (6.2, 6.1, 2.0);
+    let turning = (left - right) * 0.16 / 0.0123;
+    // The k-th quarter of a second by Simpson's rule: x = ∫ (t - s) T/m sin(ω̇ s²/2) ds, height likewise.
+    let flown = |t: f64, force: fn(f64) -> f64, gravity: f64| {
+        let n = 2000;
+        let h = t / f64::from(n);
+        let value = |i: i32| {
+            let s = f64::from(i) * h;
+            (t - s) * ((left + right) / 1.2 * force(turning * s * s / 2.0) - gravity)
+        };
+        let weight = |i: i32| match i {
+            0 => 1.0,
+            i if i == n => 1.0,
+            i => f64::from(2 + 2 * (i % 2)),
+        };
+        h / 3.0 * (0..=n).map(|i| weight(i) * value(i)).sum::<f64>()
+    };
+    for version in VERSIONS {
+        let fmu = packed(&folder, "vehicle-fmu", version);
+        for (kind, tolerance) in [("CoSimulation", 1e-8), ("ModelExchange", 1e-4)] {
+            let settings = [("left", left), ("right", right)];
+            for row in simulated(&fmu, kind, [stop, 0.25], &settings) {
+                let t = row[0];
+                let exact = [
+                    flown(t, f64::sin, 0.0),
+                    1.0 + flown(t, f64::cos, 9.80665),
+                    turning * t * t / 2.0,
+                ];
+                for (found, exact) in row[1..4].iter().zip(exact) {
+                    let off = (found - exact).abs();
+                    assert!(off < tolerance, "FMI {version} {kind} {t}: {row:?} {exact}");
+                }
             }
         }
     }

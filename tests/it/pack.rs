@@ -1,16 +1,28 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
 use crate::command::Folder;
-use pilotage::export::{Options, Platform, Provenance, binary, interface, package_as};
+use pilotage::export::{Options, Platform, Provenance, binary, interface, pack, package_as};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
 use pilotage::fmi::{Fmu, Kind};
 use pilotage::models::{Model, Quadcopter};
 use std::path::{Path, PathBuf};
 
-/// The example's crate.
-pub fn example() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/vehicle-fmu")
+/// The crate of one of the examples.
+pub fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("examples")
+        .join(name)
+}
+
+/// Builds and packs a crate.
+pub fn packed(crate_folder: &Path, version: FmiVersion, path: PathBuf) -> PathBuf {
+    let options = Options {
+        version,
+        ..Options::default()
+    };
+    let (library, _) = pack::build(crate_folder, false).expect("it is built");
+    pack::pack(&library, &Provenance::default(), &options, |_| path).expect("it is packed")
 }
 
 fn names(fmu: &[u8]) -> Vec<String> {
@@ -25,7 +37,7 @@ fn names(fmu: &[u8]) -> Vec<String> {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
     let folder = Folder::new();
-    let crate_folder = example();
+    let crate_folder = example("vehicle-fmu");
     let crate_folder = crate_folder.to_str().unwrap();
     for (version, library) in [("2", "linux64"), ("3", "x86_64-linux")] {
         let name = format!("drone{version}.fmu");
@@ -42,7 +54,7 @@ fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
         assert_eq!(validated.code, 0, "{}", validated.stdout);
         // The library alone, as cargo made it, gives the same.
         std::fs::remove_file(folder.path(&name)).unwrap();
-        let (built, _) = pilotage::export::pack::build(&example(), false).unwrap();
+        let (built, _) = pack::build(&example("vehicle-fmu"), false).unwrap();
         let built = built.to_str().unwrap();
         let ended = folder.pilotage(&["pack", built, "--fmi", version]);
         assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
@@ -157,11 +169,11 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
 
 #[test]
 fn the_interface_survives_its_way_through_the_library() {
-    let bytes = std::fs::read(pilotage::export::pack::build(&example(), false).unwrap().0).unwrap();
-    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
-    let found = pilotage::export::pack::ask(&library, &bytes, FmiVersion::V3).unwrap();
+    let bytes = std::fs::read(pack::build(&example("landing-fmu"), false).unwrap().0).unwrap();
+    let (library, _) = pack::build(&example("landing-fmu"), false).unwrap();
+    let found = pack::ask(&library, &bytes, FmiVersion::V3).unwrap();
     assert_eq!(interface::read(&found.to_json()), Some(found.clone()));
-    assert_eq!((found.name.as_str(), found.states.len()), ("drone", 7));
+    assert_eq!((found.name.as_str(), found.states.len()), ("lander", 7));
     assert_eq!(found.structure.indicators.len(), 2);
 }
 
@@ -170,14 +182,9 @@ fn the_interface_survives_its_way_through_the_library() {
 #[test]
 fn events_end_steps_for_importers_that_handle_them() {
     let folder = Folder::new();
-    let options = Options {
-        version: FmiVersion::V3,
-        ..Options::default()
-    };
-    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
-    let path = folder.path("drone.fmu");
-    let path = pilotage::export::pack::pack(&library, &Provenance::default(), &options, |_| path);
-    let mut fmu = Fmu::open(&path.unwrap()).unwrap();
+    let path = folder.path("lander.fmu");
+    let path = packed(&example("landing-fmu"), FmiVersion::V3, path);
+    let mut fmu = Fmu::open(&path).unwrap();
     let library = fmu.load().unwrap();
     let reference = |name: &str| {
         let (_, variable) = library.description().variable(name).unwrap();
@@ -191,17 +198,17 @@ fn events_end_steps_for_importers_that_handle_them() {
             ..instance::Options::default()
         };
         let kind = Kind::CoSimulation;
-        let mut drone = library.instantiate_with("drone", kind, options).unwrap();
-        drone.setup_experiment(None, 0.0, None).unwrap();
-        drone.enter_initialization_mode().unwrap();
-        drone.exit_initialization_mode().unwrap();
+        let mut lander = library.instantiate_with("lander", kind, options).unwrap();
+        lander.setup_experiment(None, 0.0, None).unwrap();
+        lander.enter_initialization_mode().unwrap();
+        lander.exit_initialization_mode().unwrap();
         if handles {
-            assert!(!drone.update_discrete_states().unwrap().states_changed);
-            drone.enter_step_mode().unwrap();
+            assert!(!lander.update_discrete_states().unwrap().states_changed);
+            lander.enter_step_mode().unwrap();
         }
         let (mut time, mut events) = (0.0, Vec::new());
         while time < 2.5 {
-            match drone.do_step(time, 2.5 - time).unwrap() {
+            match lander.do_step(time, 2.5 - time).unwrap() {
                 Step::Done => time = 2.5,
                 Step::Stopped {
                     reached, is_event, ..
@@ -209,15 +216,15 @@ fn events_end_steps_for_importers_that_handle_them() {
                     assert!(is_event && reached < 2.5);
                     time = reached;
                     events.push(time);
-                    drone.enter_event_mode().unwrap();
-                    assert!(drone.update_discrete_states().unwrap().states_changed);
-                    drone.enter_step_mode().unwrap();
+                    lander.enter_event_mode().unwrap();
+                    assert!(lander.update_discrete_states().unwrap().states_changed);
+                    lander.enter_step_mode().unwrap();
                 }
                 discarded => panic!("{discarded:?}"),
             }
         }
         let mut values = [f64::NAN; 2];
-        drone.get_real(&[height, landed], &mut values).unwrap();
+        lander.get_real(&[height, landed], &mut values).unwrap();
         (values, events)
     };
     let (inside, none) = run(false);
@@ -233,13 +240,36 @@ fn events_end_steps_for_importers_that_handle_them() {
     }
 }
 
+/// The unwinder lies in the library itself: a model's panic becomes a status, and all else goes on.
+#[test]
+fn a_model_that_panics_says_so_and_ends_nothing_but_itself() {
+    let folder = Folder::new();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/panicking-fmu");
+    for version in [FmiVersion::V2, FmiVersion::V3] {
+        let mut fmu = Fmu::open(&packed(&model, version, folder.path("panicking.fmu"))).unwrap();
+        let library = fmu.load().unwrap();
+        let (_, u) = library.description().variable("u").unwrap();
+        for (input, panics) in [(-1.0, false), (1.0, true), (-1.0, false)] {
+            let mut instance = library
+                .instantiate("panicking", Kind::CoSimulation)
+                .unwrap();
+            instance.setup_experiment(None, 0.0, None).unwrap();
+            instance.enter_initialization_mode().unwrap();
+            instance.exit_initialization_mode().unwrap();
+            instance.set_real(&[u.value_reference], &[input]).unwrap();
+            let stepped = instance.do_step(0.0, 0.1);
+            assert_eq!(stepped.is_err(), panics, "{version}: {stepped:?}");
+        }
+    }
+}
+
 /// Panic messages and the like name neither the folder of the crate nor that of cargo.
 #[test]
 fn a_packed_library_holds_no_path_of_the_machine_that_built_it() {
-    let (library, _) = pilotage::export::pack::build(&example(), false).unwrap();
+    let (library, _) = pack::build(&example("landing-fmu"), false).unwrap();
     let bytes = std::fs::read(library).unwrap();
     let home = std::env::home_dir().unwrap();
-    for folder in [home, example().canonicalize().unwrap()] {
+    for folder in [home, example("landing-fmu").canonicalize().unwrap()] {
         let name = folder.display().to_string();
         let is_found = bytes.windows(name.len()).any(|w| w == name.as_bytes());
         assert!(!is_found, "{name}");

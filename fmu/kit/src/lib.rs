@@ -66,6 +66,8 @@ pub mod interface;
 mod json;
 pub mod log;
 pub mod lti;
+#[cfg(all(old_glibc, target_os = "linux", target_arch = "x86_64"))]
+mod old_glibc;
 pub mod problem;
 pub mod resources;
 pub mod shared;

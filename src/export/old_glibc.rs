@@ -1,0 +1,235 @@
+//! Libraries that run on old Linux systems, though they are linked on new ones.
+//!
+//! A library refers to each function of glibc in the newest version that was there when it was linked, and
+//! older systems then refuse to load it. So FMUs are linked against stand-ins for glibc's libraries, which
+//! offer every function in its version of glibc 2.17 (2012; RHEL 7 and all that came after). What is newer
+//! is offered without a version: it is used where it is there, as Rust's standard library does with `statx`.
+//! The functions that cannot be missed are in the kit (`fmu/kit/src/old_glibc.rs`). Beside these lies the
+//! unwinder as a static library, so that no `libgcc_s` has to be there.
+//!
+//! Both the build script and [`super::pack`] use this file.
+
+use object::read::elf::ElfFile64;
+use object::{Endianness, Object, ObjectSymbol, SymbolKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs};
+
+/// Major and minor version of glibc.
+type Version = Vec<u32>;
+
+/// What libraries may need.
+const BASELINE: [u32; 2] = [2, 17];
+
+/// The release that moved what stood in libpthread and libdl into libc.
+const MERGED: [u32; 2] = [2, 34];
+
+/// The libraries: the name at run time, and that of the stand-in, by which the linker asks for it.
+const LIBRARIES: [(&str, &str); 5] = [
+    ("libc.so.6", "libc-stand-in.so"),
+    ("libpthread.so.0", "libpthread.so"),
+    ("libdl.so.2", "libdl.so"),
+    ("libm.so.6", "libm.so"),
+    ("ld-linux-x86-64.so.2", "ld-stand-in.so"),
+];
+
+/// A function or variable of a stand-in; without a version if glibc 2.17 did not have it.
+struct Symbol {
+    name: String,
+    version: Option<Version>,
+    is_data: bool,
+}
+
+/// The target (of rustc) that all this is for.
+pub const TARGET: &str = "x86_64-unknown-linux-gnu";
+
+/// Is that what this machine runs? The stand-ins are made from its libraries.
+pub const IS_HERE: bool = cfg!(all(
+    target_os = "linux",
+    target_env = "gnu",
+    target_arch = "x86_64"
+));
+
+/// The flags of rustc that link with stand-ins, which lie in a folder; they are made where it is not there.
+///
+/// # Errors
+/// With what is missing, when the C compiler that Rust links with is not there or does not know its
+/// libraries.
+pub fn flags(folder: &Path) -> Result<Vec<String>, String> {
+    if !folder.exists() {
+        // Others may do the same meanwhile: the folder appears when it is complete.
+        let (process, thread) = (std::process::id(), std::thread::current().id());
+        let new = folder.with_added_extension(format!("{process}-{thread:?}"));
+        let made = make(&new, folder);
+        if made.is_ok() {
+            // If the other one was faster, its folder holds the same.
+            let _ = fs::rename(&new, folder);
+        }
+        let _ = fs::remove_dir_all(&new);
+        made?;
+    }
+    Ok(vec![
+        format!("-Lnative={}", folder.display()),
+        "--cfg=old_glibc".to_owned(),
+    ])
+}
+
+/// Makes the stand-ins in a folder that will get another name.
+fn make(folder: &Path, named: &Path) -> Result<(), String> {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut stand_ins: BTreeMap<&str, Vec<Symbol>> = BTreeMap::new();
+    for (library, _) in LIBRARIES {
+        for (home, symbol) in symbols(library)? {
+            stand_ins.entry(home).or_default().push(symbol);
+        }
+    }
+    for (library, file) in LIBRARIES {
+        let symbols = stand_ins.remove(library).unwrap_or_default();
+        link(folder, library, file, &symbols)?;
+    }
+    // Linker scripts, as glibc's own libc.so is one. What lies in the static parts is in each library anyway.
+    let [libc, threads, loader] = ["libc-stand-in.so", "libpthread.so", "ld-stand-in.so"]
+        .map(|file| format!("\"{}\"", named.join(file).display()));
+    let rest = known("libc_nonshared.a")?;
+    let libc = format!(
+        "GROUP ( {libc} \"{}\" AS_NEEDED ( {loader} {threads} ) )\n",
+        rest.display()
+    );
+    let unwinder = format!("GROUP ( \"{}\" )\n", known("libgcc_eh.a")?.display());
+    write(&folder.join("libc.so"), &libc)?;
+    write(&folder.join("libgcc_s.so"), &unwinder)
+}
+
+/// What a library of this system offers, and in which library of old systems it lies.
+fn symbols(library: &'static str) -> Result<Vec<(&'static str, Symbol)>, String> {
+    let path = known(library)?;
+    let unreadable = |error: String| format!("{}: {error}", path.display());
+    let bytes = fs::read(&path).map_err(|error| unreadable(error.to_string()))?;
+    let file = ElfFile64::<Endianness>::parse(&*bytes).map_err(|e| unreadable(e.to_string()))?;
+    let versions = file
+        .elf_section_table()
+        .versions(file.endian(), file.data());
+    let versions = (versions.map_err(|e| unreadable(e.to_string()))?)
+        .ok_or_else(|| unreadable("it has no symbol versions".to_owned()))?;
+    let mut offered: BTreeMap<&str, (BTreeSet<Version>, bool)> = BTreeMap::new();
+    for symbol in file.dynamic_symbols().filter(|s| !s.is_undefined()) {
+        let index = versions.version_index(file.endian(), symbol.index());
+        let version = versions.version(index).ok().flatten();
+        let version = version.and_then(|version| parsed(version.name()));
+        // Versions themselves are symbols too.
+        let name = symbol.name().ok().filter(|n| !n.starts_with("GLIBC_"));
+        if let (Some(version), Some(name)) = (version, name) {
+            let (versions, is_data) = offered.entry(name).or_default();
+            versions.insert(version);
+            *is_data |= symbol.kind() == SymbolKind::Data;
+        }
+    }
+    let symbol = |(name, (versions, is_data)): (&str, (BTreeSet<Version>, bool))| {
+        let version = versions.range(..=BASELINE.to_vec()).next_back().cloned();
+        let moved = version.is_some() && versions.contains(&MERGED[..]);
+        let home = match name {
+            _ if !moved => library,
+            _ if name.starts_with("dl") => "libdl.so.2",
+            _ if name.starts_with("pthread_") || name.starts_with("sem_") => "libpthread.so.0",
+            _ => library,
+        };
+        let name = name.to_owned();
+        (
+            home,
+            Symbol {
+                name,
+                version,
+                is_data,
+            },
+        )
+    };
+    Ok(offered.into_iter().map(symbol).collect())
+}
+
+/// `2.17` of `GLIBC_2.17`; nothing of `GLIBC_PRIVATE`.
+fn parsed(version: &[u8]) -> Option<Version> {
+    let numbers = std::str::from_utf8(version).ok()?.strip_prefix("GLIBC_")?;
+    numbers
+        .split('.')
+        .map(|number| number.parse().ok())
+        .collect()
+}
+
+/// Links a stand-in: no code, only names.
+fn link(folder: &Path, library: &str, file: &str, symbols: &[Symbol]) -> Result<(), String> {
+    let named = |version: &Version| {
+        let numbers: Vec<String> = version.iter().map(u32::to_string).collect();
+        format!("GLIBC_{}", numbers.join("."))
+    };
+    let mut assembly = String::from(".text\n");
+    for (i, symbol) in symbols.iter().enumerate() {
+        let Symbol {
+            name,
+            version,
+            is_data,
+        } = symbol;
+        let kind = if *is_data { "object" } else { "function" };
+        let label = version
+            .as_ref()
+            .map_or(name.clone(), |_| format!("stand_in_{i}"));
+        assembly += &format!(".globl {label}\n.type {label},@{kind}\n{label}: .byte 0\n");
+        if let Some(version) = version {
+            assembly += &format!(".symver {label}, {name}@@{}\n", named(version));
+        }
+    }
+    let versions: BTreeSet<_> = symbols.iter().filter_map(|s| s.version.as_ref()).collect();
+    let nodes = versions
+        .iter()
+        .map(|version| format!("{} {{ local: stand_in_*; }};\n", named(version)));
+    let [source, map] =
+        ["s", "map"].map(|extension| folder.join(library).with_added_extension(extension));
+    write(&source, &assembly)?;
+    write(&map, &nodes.collect::<String>())?;
+    let linked = Command::new(compiler())
+        .args(["-shared", "-nostdlib"])
+        .arg(format!("-Wl,-soname,{library}"))
+        .arg(format!("-Wl,--version-script={}", map.display()))
+        .arg(&source)
+        .arg("-o")
+        .arg(folder.join(file))
+        .output()
+        .map_err(no_compiler)?;
+    match linked.status.success() {
+        true => Ok(()),
+        false => Err(format!(
+            "the stand-in for {library} could not be linked: {}",
+            String::from_utf8_lossy(&linked.stderr)
+        )),
+    }
+}
+
+/// Where the C compiler finds a library.
+fn known(file: &str) -> Result<PathBuf, String> {
+    let asked = Command::new(compiler())
+        .arg(format!("-print-file-name={file}"))
+        .output();
+    let answer = asked.map_err(no_compiler)?;
+    let path = PathBuf::from(String::from_utf8_lossy(&answer.stdout).trim());
+    // A file that it does not know it names as it was named to it.
+    match path.is_absolute() {
+        true => Ok(path),
+        false => Err(format!("the C compiler does not know {file}")),
+    }
+}
+
+/// The C compiler that Rust links with.
+fn compiler() -> std::ffi::OsString {
+    env::var_os("RUSTC_LINKER").unwrap_or_else(|| "cc".into())
+}
+
+fn no_compiler(error: std::io::Error) -> String {
+    format!(
+        "the C compiler {} cannot be started: {error}",
+        compiler().display()
+    )
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
