@@ -5,9 +5,19 @@ use pilotage_kit::structure::{Dependency, Structure, Unknown};
 use pilotage_kit::{Interface, Role, Unit, Variable};
 use serde_json::Value;
 
-/// The interface that a library's text describes; `None` if it is not one.
-pub fn read(text: &str) -> Option<Interface> {
-    let json: Value = serde_json::from_str(text).ok()?;
+/// The interface that a library's text describes.
+///
+/// # Errors
+/// When it describes none: what the user should know.
+pub fn read(text: &str) -> Result<Interface, String> {
+    let json = serde_json::from_str(text).unwrap_or_default();
+    interface(&json).ok_or_else(|| match json["panic"].as_str() {
+        Some(message) => format!("the model panics: {message}"),
+        None => "what it says cannot be read; use the same release of pilotage for both".to_owned(),
+    })
+}
+
+fn interface(json: &Value) -> Option<Interface> {
     let list = |name: &str| json[name].as_array();
     if json["format"] != 1 {
         return None;
@@ -96,12 +106,14 @@ mod tests {
             Model::quadcopter(&Quadcopter::default()),
         ] {
             let interface = Interface::of(&model);
-            assert_eq!(read(&interface.to_json()), Some(interface));
+            assert_eq!(read(&interface.to_json()), Ok(interface));
         }
     }
 
     #[test]
-    fn other_text_is_none() {
+    fn other_text_is_refused() {
+        let error = read(r#"{"panic": "unit furlong"}"#).unwrap_err();
+        assert_eq!(error, "the model panics: unit furlong");
         let text = Interface::of(&Model::pilot(&PAPER_THETA, 1.0)).to_json();
         for (from, to) in [
             ("\"format\": 1", "\"format\": 2"),
@@ -110,7 +122,8 @@ mod tests {
             ("{", ""),
         ] {
             assert!(text.contains(from), "{from}");
-            assert_eq!(read(&text.replacen(from, to, 1)), None, "{from}");
+            let error = read(&text.replacen(from, to, 1)).unwrap_err();
+            assert!(error.starts_with("what it says cannot be read"), "{from}");
         }
     }
 }

@@ -158,9 +158,7 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     })?;
     // SAFETY: it takes no arguments and gives a C string that lives as long as the library.
     let text = unsafe { CStr::from_ptr(function()) };
-    interface::read(&text.to_string_lossy()).ok_or_else(|| {
-        refuse("what it says cannot be read; use the same release of pilotage for both".into())
-    })
+    interface::read(&text.to_string_lossy()).map_err(refuse)
 }
 
 /// Writes the FMU of a user's library.

@@ -172,7 +172,7 @@ fn the_interface_survives_its_way_through_the_library() {
     let bytes = std::fs::read(pack::build(&example("landing-fmu"), false).unwrap().0).unwrap();
     let (library, _) = pack::build(&example("landing-fmu"), false).unwrap();
     let found = pack::ask(&library, &bytes, FmiVersion::V3).unwrap();
-    assert_eq!(interface::read(&found.to_json()), Some(found.clone()));
+    assert_eq!(interface::read(&found.to_json()), Ok(found.clone()));
     assert_eq!((found.name.as_str(), found.states.len()), ("lander", 7));
     assert_eq!(found.structure.indicators.len(), 2);
 }

@@ -246,7 +246,7 @@ pub unsafe fn free<E, V: Version>(component: *mut c_void) {
 }
 
 /// What a panic says.
-fn message(panic: &(dyn Any + Send)) -> String {
+pub(crate) fn message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     let string = || panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(string).unwrap_or("panic").to_owned()

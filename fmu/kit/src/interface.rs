@@ -2,7 +2,7 @@
 
 use crate::structure::{Structure, Unknown};
 use crate::variable::Variable;
-use crate::{Equations, json};
+use crate::{Equations, guard, json};
 
 /// A model seen from outside: what stands in its modelDescription.xml.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,10 +78,20 @@ fn unknown(unknown: &Unknown) -> String {
     ])
 }
 
-/// The text of a model's interface, for the C function that `export!` makes.
+/// The text of a model's interface, for the C function that `export!` makes; where the model panics, what it
+/// says then: `{"panic": "..."}`.
 pub fn text_of<E: Equations + Default>() -> std::ffi::CString {
+    // A library has panic hooks of its own: the importer's are left alone. What is said here is in the text,
+    // or belongs to a point where the equations do not hold.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    let text = std::panic::catch_unwind(|| Interface::of(&E::default()).to_json());
+    std::panic::set_hook(hook);
+    let text = text.unwrap_or_else(|panic| {
+        json::object([("panic", json::string(&guard::message(panic.as_ref())))])
+    });
     // JSON has no zero byte: it is escaped.
-    std::ffi::CString::new(Interface::of(&E::default()).to_json()).unwrap_or_default()
+    std::ffi::CString::new(text).unwrap_or_default()
 }
 
 /// Loads a model that is part of the library: see [`Load`](crate::Load).

@@ -9,6 +9,7 @@
 use crate::variable::Role;
 use crate::{At, Equations, Scalar, Table};
 use num_dual::Dual64;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// How many points are tried besides the start values.
 const POINTS: usize = 48;
@@ -145,7 +146,8 @@ pub fn evaluate<E: Equations, T: Scalar>(
 struct Tracer<'e, E> {
     equations: &'e E,
     table: &'e Table,
-    points: Vec<Vec<f64>>,
+    /// Number of the point, and its values.
+    points: Vec<(usize, Vec<f64>)>,
 }
 
 impl<'e, E: Equations> Tracer<'e, E> {
@@ -176,11 +178,19 @@ impl<'e, E: Equations> Tracer<'e, E> {
         };
         let starts = variables.iter().map(|v| v.start.unwrap_or(0.0)).collect();
         let points = std::iter::once(starts).chain((0..POINTS).map(&mut point));
-        Self {
+        let points: Vec<_> = points.enumerate().collect();
+        let mut tracer = Self {
             equations,
             table,
-            points: points.collect(),
-        }
+            points: Vec::new(),
+        };
+        // Equations may panic where they do not hold; at the start values that is an error of the model.
+        let holds = |(k, point): &(usize, Vec<f64>)| {
+            let run = || tracer.run(*k, point, table.time(), 0.0);
+            *k == 0 || catch_unwind(AssertUnwindSafe(run)).is_ok()
+        };
+        tracer.points = points.into_iter().filter(holds).collect();
+        tracer
     }
 
     /// How far inputs and states go; 0 for parameters that have a size of their own.
@@ -203,9 +213,9 @@ impl<'e, E: Equations> Tracer<'e, E> {
     fn column(&self, known: usize) -> Vec<Option<bool>> {
         let mut column = vec![None; self.table.variables().len()];
         let mut factors = vec![None; column.len()];
-        for (k, point) in self.points.iter().enumerate() {
-            let marked = self.run(k, point, known, f64::NAN);
-            let real = self.run(k, point, known, 1.0);
+        for (k, point) in &self.points {
+            let marked = self.run(*k, point, known, f64::NAN);
+            let real = self.run(*k, point, known, 1.0);
             for (i, (mark, real)) in marked.iter().zip(&real).enumerate() {
                 // Outside the domain of a function all is NaN and tells nothing.
                 if real.re.is_nan() {

@@ -1,6 +1,6 @@
 //! Dependencies and derivatives of a model in which each kind of them occurs.
 
-use pilotage_kit::structure::{Structure, Unknown};
+use pilotage_kit::structure::{Dependency, Structure, Unknown};
 use pilotage_kit::{At, Equations, Interface, Scalar, Simulation, Table, Unit, Variable};
 use proptest::prelude::*;
 
@@ -170,4 +170,52 @@ proptest! {
         let backward: f64 = adjoint.iter().zip(&seeds).map(|(a, s)| a * s).sum();
         prop_assert!((forward - backward).abs() < 1e-12);
     }
+}
+
+/// Equations that hold in a part of their inputs' range alone, and say so.
+#[derive(Default)]
+struct Guarded;
+
+impl Equations for Guarded {
+    fn table(&self) -> Table {
+        Table::new("guarded", "Panics when its input is positive.")
+            .input("u", "1", "Input")
+            .output_state("x", "1", 0.0, "Integral of the input")
+    }
+
+    fn derivative<T: Scalar>(&self, At { u, .. }: At<T>, dx: &mut [T]) {
+        assert!(u[0].re() <= 0.0, "u is {}", u[0].re());
+        dx[0] = u[0] * u[0];
+    }
+}
+
+#[test]
+fn points_where_the_equations_panic_are_left_out() {
+    let table = Guarded.table();
+    let structure = Structure::of(&Guarded, &table);
+    let on_input = [Dependency {
+        index: table.inputs().start,
+        constant: false,
+    }];
+    assert_eq!(structure.derivatives[0].dependencies, on_input);
+}
+
+/// A model whose start values already are outside.
+#[derive(Default)]
+struct Impossible;
+
+impl Equations for Impossible {
+    fn table(&self) -> Table {
+        Table::new("impossible", "Always panics.").output_state("x", "1", 0.0, "State")
+    }
+
+    fn derivative<T: Scalar>(&self, _: At<T>, _: &mut [T]) {
+        panic!("no \"equations\"");
+    }
+}
+
+#[test]
+fn a_model_that_always_panics_says_so_in_its_interface() {
+    let text = pilotage_kit::interface::text_of::<Impossible>();
+    assert_eq!(text.to_str(), Ok(r#"{"panic": "no \"equations\""}"#));
 }
