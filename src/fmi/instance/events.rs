@@ -142,6 +142,9 @@ impl Instance {
     /// If there are not as many values as states, here and in the calls below.
     pub fn set_continuous_states(&mut self, values: &[f64]) -> Result<(), CallError> {
         self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
         let (v, n) = (values.as_ptr(), values.len());
         // SAFETY: as above, and there are `n` values, here and below.
         unsafe {
@@ -153,6 +156,9 @@ impl Instance {
     /// `fmi2GetContinuousStates`, `fmi3GetContinuousStates`.
     pub fn get_continuous_states(&mut self, values: &mut [f64]) -> Result<(), CallError> {
         self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
         let (v, n) = (values.as_mut_ptr(), values.len());
         // SAFETY: as above.
         unsafe {
@@ -164,6 +170,9 @@ impl Instance {
     /// `fmi2GetDerivatives`, `fmi3GetContinuousStateDerivatives`.
     pub fn get_derivatives(&mut self, values: &mut [f64]) -> Result<(), CallError> {
         self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
         let (v, n) = (values.as_mut_ptr(), values.len());
         // SAFETY: as above.
         unsafe {
@@ -175,6 +184,9 @@ impl Instance {
     /// `fmi2GetNominalsOfContinuousStates`, `fmi3GetNominalsOfContinuousStates`.
     pub fn get_nominals(&mut self, values: &mut [f64]) -> Result<(), CallError> {
         self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
         let (v, n) = (values.as_mut_ptr(), values.len());
         // SAFETY: as above.
         unsafe {
@@ -189,6 +201,9 @@ impl Instance {
     /// If there are not as many values as indicators.
     pub fn get_event_indicators(&mut self, values: &mut [f64]) -> Result<(), CallError> {
         assert_eq!(values.len(), self.facts.indicators, "event indicators");
+        if values.is_empty() {
+            return Ok(());
+        }
         let (v, n) = (values.as_mut_ptr(), values.len());
         // SAFETY: as above.
         unsafe {
