@@ -49,6 +49,12 @@ impl Finding {
             | KindNotReal { .. }
             | UnitWithoutBase { .. }
             | UnknownCapability { .. }
+            | SchemaInstance { .. }
+            | StopAtStart { .. }
+            | StepBeyondStop { .. }
+            | AliasVariability { .. }
+            | UnusedPriority
+            | ShiftWithoutInterval
             | DateFormat { .. } => Severity::Warning,
             _ => Severity::Error,
         }
@@ -78,6 +84,7 @@ impl Rule {
             | UnexpectedText { .. }
             | MisplacedElement { .. }
             | EmptyElement { .. }
+            | SchemaInstance { .. }
             | Namespace { .. }
             | NotUtf8 { .. } => ("2.2", "2.4"),
             FmiVersion { .. }
@@ -90,7 +97,8 @@ impl Rule {
             }
             DuplicateSource { .. } | SourceOutside { .. } => ("4.3.1", "2.5"),
             ClocksWithoutEventMode { .. } => ("4.3.1", "4.4"),
-            NoPriority => ("2.2.3", "5.4"),
+            NoPriority | UnusedPriority => ("2.2.3", "5.4"),
+            DuplicateTool { .. } => ("2.2.6", "2.4.9"),
             DuplicateUnit { .. }
             | DuplicateDisplayUnit { .. }
             | BadConversion { .. }
@@ -108,6 +116,7 @@ impl Rule {
             | NoInterval { .. }
             | NotForInterval { .. }
             | ClockNeeds { .. }
+            | ShiftWithoutInterval
             | NegativeShift { .. } => ("2.2.3", "2.4.4"),
             DuplicateCategory { .. } => ("2.2.4", "2.4.5"),
             NotPositive { attribute, .. } | NotFinite { attribute, .. } => match *attribute {
@@ -115,8 +124,12 @@ impl Rule {
                 "intervalDecimal" | "intervalCounter" | "resolution" => ("2.2.3", "2.4.4"),
                 _ => ("2.2.5", "2.4.6"),
             },
-            StopBeforeStart { .. } => ("2.2.5", "2.4.6"),
-            NotStructured { .. } | EmptyName | ControlInName { .. } => ("2.2.9", "2.4.7.5.1"),
+            StopBeforeStart { .. } | StopAtStart { .. } | StepBeyondStop { .. } => {
+                ("2.2.5", "2.4.6")
+            }
+            NotStructured { .. } | EmptyName | ControlInName { .. } | DerivativeName { .. } => {
+                ("2.2.9", "2.4.7.5.1")
+            }
             MissingUnknown { .. }
             | DuplicateUnknown { .. }
             | NoSuchIndex { .. }
