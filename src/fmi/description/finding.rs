@@ -98,7 +98,16 @@ impl Rule {
             DuplicateSource { .. } | SourceOutside { .. } => ("4.3.1", "2.5"),
             ClocksWithoutEventMode { .. } => ("4.3.1", "4.4"),
             NoPriority | UnusedPriority => ("2.2.3", "5.4"),
-            DuplicateTool { .. } => ("2.2.6", "2.4.9"),
+            DuplicateTool { .. } => ("2.2.6", "2.4"),
+            WrongRoot { .. } | PartVersion { .. } => ("2.3", "2.5"),
+            CoordinateOrder
+            | EmptyArea { .. }
+            | DuplicateTerminal { .. }
+            | DuplicateMember { .. }
+            | UnknownMember { .. } => ("2.3", "2.4.9"),
+            UnknownIdentifier { .. } | OptionsWithoutCompiler | DuplicateInBuild { .. } => {
+                ("2.3", "2.5")
+            }
             DuplicateUnit { .. }
             | DuplicateDisplayUnit { .. }
             | BadConversion { .. }
@@ -121,6 +130,7 @@ impl Rule {
             DuplicateCategory { .. } => ("2.2.4", "2.4.5"),
             NotPositive { attribute, .. } | NotFinite { attribute, .. } => match *attribute {
                 "fixedInternalStepSize" => ("4.3.1", "4.4"),
+                "suggestedScalingFactorTo_mm" | "defaultConnectionStrokeSize" => ("2.3", "2.4.9"),
                 "intervalDecimal" | "intervalCounter" | "resolution" => ("2.2.3", "2.4.4"),
                 _ => ("2.2.5", "2.4.6"),
             },

@@ -46,6 +46,30 @@ pub enum Rule {
     #[error("tool `{name}` has annotations twice")]
     DuplicateTool { name: String },
 
+    #[error("the root element is <{found}>, expected <{expected}>")]
+    WrongRoot {
+        found: String,
+        expected: &'static str,
+    },
+    #[error("fmiVersion=\"{found}\", while modelDescription.xml says \"{expected}\"")]
+    PartVersion { found: String, expected: String },
+    #[error("<CoordinateSystem> goes from its lower left to its upper right: x1 < x2 and y1 < y2")]
+    CoordinateOrder,
+    #[error("<{element}> has no area: x1 equals x2, or y1 equals y2")]
+    EmptyArea { element: String },
+    #[error("terminal `{name}` is defined twice")]
+    DuplicateTerminal { name: String },
+    #[error("`{name}` is a member of the terminal twice under the same name")]
+    DuplicateMember { name: String },
+    #[error("<{element}> names `{name}`, which no variable is called")]
+    UnknownMember { element: String, name: String },
+    #[error("modelIdentifier=\"{found}\" is that of no interface in modelDescription.xml")]
+    UnknownIdentifier { found: String },
+    #[error("compilerOptions without compiler: nobody knows whose options these are")]
+    OptionsWithoutCompiler,
+    #[error("<{element}> `{name}` is listed twice")]
+    DuplicateInBuild { element: String, name: String },
+
     #[error("fmiVersion=\"{found}\", expected \"{expected}\"")]
     FmiVersion { found: String, expected: FmiVersion },
     #[error("generationDateAndTime=\"{found}\" is not of the form YYYY-MM-DDThh:mm:ssZ")]

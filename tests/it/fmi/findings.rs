@@ -28,9 +28,7 @@ fn report(good: &str, faults: &[(&str, &str)]) -> String {
     for (number, (from, to)) in (1..).zip(faults) {
         assert_eq!(good.matches(from).count(), 1, "ambiguous or absent: {from}");
         let found = findings(&good.replace(from, to));
-        if found.is_empty() {
-            println!("NOTHING {number}: {from} -> {to}");
-        }
+        assert!(!found.is_empty(), "nothing found: {from} -> {to}");
         report.push_str(&format!("{number}. {from}\n-> {to}\n"));
         for finding in found {
             report.push_str(&format!("   {finding}\n"));

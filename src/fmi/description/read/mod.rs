@@ -3,15 +3,20 @@
 //! Reading gathers findings instead of stopping at the first; [`Reading::into_usable`] is for those who
 //! want to run the FMU and not to judge the file.
 
+mod build;
 mod element;
 mod interface;
 mod lexical;
 pub(super) mod limits;
 mod references;
 mod structure;
+mod terminals;
 mod types;
 mod variable2;
 mod variable3;
+
+pub(in crate::fmi) use build::build;
+pub(in crate::fmi) use terminals::terminals;
 
 use super::text::decode;
 use super::*;
