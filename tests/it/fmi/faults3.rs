@@ -569,19 +569,9 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
     ),
     (
         r#"clocks="12" previous="15""#,
-        r#"clocks="99" previous="15""#,
-    ),
-    (
-        r#"clocks="12" previous="15""#,
-        r#"clocks="7" previous="15""#,
-    ),
-    (
-        r#"clocks="12" previous="15""#,
         r#"clocks="a" previous="15""#,
     ),
     (r#"previous="15""#, r#"previous="99""#),
-    (r#"previous="15""#, r#"previous="14""#),
-    (r#"previous="15""#, r#"previous="9""#),
     (
         r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant"/>"#,
         r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant" intermediateUpdate="true"/>"#,
@@ -591,18 +581,6 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant" previous="13"/>"#,
     ),
     // The structure, further.
-    (
-        r#"<Output valueReference="7" dependencies=""/>"#,
-        r#"<Output valueReference="99" dependencies=""/>"#,
-    ),
-    (
-        r#"<Output valueReference="7" dependencies=""/>"#,
-        r#"<Output valueReference="14" dependencies=""/>"#,
-    ),
-    (
-        r#"<Output valueReference="7" dependencies=""/>"#,
-        r#"<Output valueReference="7" dependencies="99"/>"#,
-    ),
     (
         r#"<Output valueReference="7" dependencies=""/>"#,
         r#"<Output valueReference="7" dependencies="-1"/>"#,
@@ -640,24 +618,12 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<ClockedState valueReference="13"/>"#,
     ),
     (
-        r#"<ClockedState valueReference="14"/>"#,
-        r#"<ClockedState valueReference="15"/>"#,
-    ),
-    (
-        r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
-        r#"<InitialUnknown valueReference="6" dependencies=""/><InitialUnknown valueReference="17" dependencies="2"/>"#,
-    ),
-    (
         r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
         r#"<InitialUnknown valueReference="17" dependencies="2"/><InitialUnknown valueReference="17" dependencies="2"/>"#,
     ),
     (
         r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
         r#"<InitialUnknown valueReference="17" dependencies="5"/>"#,
-    ),
-    (
-        r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
-        r#"<InitialUnknown valueReference="17" dependencies="2" dependenciesKind="fixed"/>"#,
     ),
     (
         r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
