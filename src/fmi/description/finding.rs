@@ -54,6 +54,7 @@ impl Finding {
             | StepBeyondStop { .. }
             | AliasVariability { .. }
             | UnusedPriority
+            | DuplicateMember { .. }
             | ShiftWithoutInterval
             | DateFormat { .. } => Severity::Warning,
             _ => Severity::Error,

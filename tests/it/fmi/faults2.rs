@@ -504,4 +504,6 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<SimpleType name="Length"><Real unit="m" min="-100" max="100"/>"#,
         r#"<SimpleType name="Length">"#,
     ),
+    (r#"name="y""#, r#"name="'\z'""#),
+    (r#"name="y""#, r#"name="der(-)""#),
 ];
