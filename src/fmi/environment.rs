@@ -103,6 +103,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Messages with an environment that no instance was given.
+static STRAYS: AtomicUsize = AtomicUsize::new(0);
+
+/// How many messages since the last time came with an environment that no living instance was given.
+pub(super) fn take_strays() -> usize {
+    STRAYS.swap(0, Ordering::AcqRel)
+}
+
 fn find(environment: *mut c_void) -> Option<Arc<Environment>> {
     lock(&ENVIRONMENTS).get(&environment.addr()).cloned()
 }
@@ -110,6 +118,7 @@ fn find(environment: *mut c_void) -> Option<Arc<Environment>> {
 /// Notes a message and hands it to `tracing`.
 pub(super) fn deliver(environment: *mut c_void, message: Message) {
     let Some(environment) = find(environment) else {
+        STRAYS.fetch_add(1, Ordering::AcqRel);
         return;
     };
     message.trace(&environment.name);

@@ -24,6 +24,7 @@ mod environment;
 pub mod fmu;
 pub mod instance;
 mod logger;
+mod memory;
 pub mod platform;
 pub mod simulate;
 mod version;

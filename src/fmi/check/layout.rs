@@ -2,7 +2,7 @@
 
 use super::{Finding, Rule};
 use crate::fmi::archive::Archive;
-use crate::fmi::description::{FmiVersion, ModelDescription, is_within_limits};
+use crate::fmi::description::{self, FmiVersion, ModelDescription, is_within_limits};
 use std::collections::BTreeSet;
 
 /// Folders of FMI 2.0; release 2.0.4 allows the tuples of FMI 3.0 too.
@@ -35,23 +35,38 @@ pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Ve
             findings.push(Finding::file(version, picture, Rule::NotPng));
         }
     }
-    for file in files.iter().filter(|f| is_xml_of_the_standard(f)) {
-        findings.extend(well_formed(archive, version, file));
+    for (file, judge) in XML_FILES {
+        if has(file) {
+            findings.extend(xml(archive, description, file, judge));
+        }
     }
     findings
 }
 
-/// XML files that FMI 3.0 defines beside the description.
-fn is_xml_of_the_standard(file: &str) -> bool {
-    [
-        "terminalsAndIcons/terminalsAndIcons.xml",
-        "sources/buildDescription.xml",
-    ]
-    .contains(&file)
-}
+/// Judges an XML file beside the description.
+type Judge =
+    fn(&str, &roxmltree::Document, &ModelDescription) -> Vec<crate::fmi::description::Finding>;
 
-fn well_formed(archive: &mut Archive, version: Option<FmiVersion>, file: &str) -> Option<Finding> {
-    let bytes = archive.read(file).ok()?;
+/// XML files that FMI 3.0 defines beside the description, and FMI 2.0.4 takes over.
+const XML_FILES: [(&str, Judge); 2] = [
+    (
+        "terminalsAndIcons/terminalsAndIcons.xml",
+        description::terminals,
+    ),
+    ("sources/buildDescription.xml", description::build),
+];
+
+fn xml(
+    archive: &mut Archive,
+    description: &ModelDescription,
+    file: &str,
+    judge: Judge,
+) -> Vec<Finding> {
+    let version = description.fmi_version;
+    // What cannot be unpacked is told by the caller.
+    let Ok(bytes) = archive.read(file) else {
+        return Vec::new();
+    };
     let why = match std::str::from_utf8(&bytes) {
         Err(error) => error.to_string(),
         Ok(text) if !is_within_limits(text) => {
@@ -59,10 +74,17 @@ fn well_formed(archive: &mut Archive, version: Option<FmiVersion>, file: &str) -
         }
         Ok(text) => match roxmltree::Document::parse(text) {
             Err(error) => error.to_string(),
-            Ok(_) => return None,
+            Ok(document) => {
+                let found = judge(text, &document, description);
+                let finding = |f| Finding {
+                    file: file.to_owned(),
+                    ..Finding::description(version, f)
+                };
+                return found.iter().map(finding).collect();
+            }
         },
     };
-    Some(Finding::file(version, file, Rule::NotXml { why }))
+    vec![Finding::file(Some(version), file, Rule::NotXml { why })]
 }
 
 /// What stands at the top of the archive.
@@ -76,7 +98,8 @@ fn tops(files: &[String], version: FmiVersion) -> Vec<Finding> {
         "extra",
     ];
     match version {
-        FmiVersion::V2 => known.extend(["model.png", "licenses"]),
+        // Release 2.0.4 takes over terminalsAndIcons.
+        FmiVersion::V2 => known.extend(["model.png", "licenses", "terminalsAndIcons"]),
         FmiVersion::V3 => known.push("terminalsAndIcons"),
     }
     let top = |file: &String| file.split('/').next().unwrap_or_default().to_owned();

@@ -6,7 +6,7 @@
 //! | module | what it checks |
 //! | --- | --- |
 //! | `directory` | the zip directory as it stands in the file, entry by entry |
-//! | `layout` | which files there are, and whether they are those that the description names |
+//! | `layout` | which files there are, whether they are those that the description names, terminalsAndIcons.xml, buildDescription.xml |
 //! | `binaries` | each platform's library: format, architecture, functions, what it needs |
 //! | [`trial`] | the binary of this machine, run |
 

@@ -49,6 +49,13 @@ impl Finding {
             | KindNotReal { .. }
             | UnitWithoutBase { .. }
             | UnknownCapability { .. }
+            | SchemaInstance { .. }
+            | StopAtStart { .. }
+            | StepBeyondStop { .. }
+            | AliasVariability { .. }
+            | UnusedPriority
+            | DuplicateMember { .. }
+            | ShiftWithoutInterval
             | DateFormat { .. } => Severity::Warning,
             _ => Severity::Error,
         }
@@ -78,6 +85,7 @@ impl Rule {
             | UnexpectedText { .. }
             | MisplacedElement { .. }
             | EmptyElement { .. }
+            | SchemaInstance { .. }
             | Namespace { .. }
             | NotUtf8 { .. } => ("2.2", "2.4"),
             FmiVersion { .. }
@@ -90,7 +98,17 @@ impl Rule {
             }
             DuplicateSource { .. } | SourceOutside { .. } => ("4.3.1", "2.5"),
             ClocksWithoutEventMode { .. } => ("4.3.1", "4.4"),
-            NoPriority => ("2.2.3", "5.4"),
+            NoPriority | UnusedPriority => ("2.2.3", "5.4"),
+            DuplicateTool { .. } => ("2.2.6", "2.4"),
+            WrongRoot { .. } | PartVersion { .. } => ("2.3", "2.5"),
+            CoordinateOrder
+            | EmptyArea { .. }
+            | DuplicateTerminal { .. }
+            | DuplicateMember { .. }
+            | UnknownMember { .. } => ("2.3", "2.4.9"),
+            UnknownIdentifier { .. } | OptionsWithoutCompiler | DuplicateInBuild { .. } => {
+                ("2.3", "2.5")
+            }
             DuplicateUnit { .. }
             | DuplicateDisplayUnit { .. }
             | BadConversion { .. }
@@ -108,15 +126,21 @@ impl Rule {
             | NoInterval { .. }
             | NotForInterval { .. }
             | ClockNeeds { .. }
+            | ShiftWithoutInterval
             | NegativeShift { .. } => ("2.2.3", "2.4.4"),
             DuplicateCategory { .. } => ("2.2.4", "2.4.5"),
             NotPositive { attribute, .. } | NotFinite { attribute, .. } => match *attribute {
                 "fixedInternalStepSize" => ("4.3.1", "4.4"),
+                "suggestedScalingFactorTo_mm" | "defaultConnectionStrokeSize" => ("2.3", "2.4.9"),
                 "intervalDecimal" | "intervalCounter" | "resolution" => ("2.2.3", "2.4.4"),
                 _ => ("2.2.5", "2.4.6"),
             },
-            StopBeforeStart { .. } => ("2.2.5", "2.4.6"),
-            NotStructured { .. } | EmptyName | ControlInName { .. } => ("2.2.9", "2.4.7.5.1"),
+            StopBeforeStart { .. } | StopAtStart { .. } | StepBeyondStop { .. } => {
+                ("2.2.5", "2.4.6")
+            }
+            NotStructured { .. } | EmptyName | ControlInName { .. } | DerivativeName { .. } => {
+                ("2.2.9", "2.4.7.5.1")
+            }
             MissingUnknown { .. }
             | DuplicateUnknown { .. }
             | NoSuchIndex { .. }

@@ -30,6 +30,7 @@ pub use kind::{
 };
 pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
 pub use read::read;
+pub(in crate::fmi) use read::{build, terminals};
 pub use reading::{Places, ReadError, Reading};
 pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};

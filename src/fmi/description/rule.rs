@@ -41,6 +41,35 @@ pub enum Rule {
     )]
     UnknownCapability { element: String, attribute: String },
 
+    #[error("<{element}> has xsi:{attribute}, which readers of FMUs ignore")]
+    SchemaInstance { element: String, attribute: String },
+    #[error("tool `{name}` has annotations twice")]
+    DuplicateTool { name: String },
+
+    #[error("the root element is <{found}>, expected <{expected}>")]
+    WrongRoot {
+        found: String,
+        expected: &'static str,
+    },
+    #[error("fmiVersion=\"{found}\", while modelDescription.xml says \"{expected}\"")]
+    PartVersion { found: String, expected: String },
+    #[error("<CoordinateSystem> goes from its lower left to its upper right: x1 < x2 and y1 < y2")]
+    CoordinateOrder,
+    #[error("<{element}> has no area: x1 equals x2, or y1 equals y2")]
+    EmptyArea { element: String },
+    #[error("terminal `{name}` is defined twice")]
+    DuplicateTerminal { name: String },
+    #[error("`{name}` is a member of the terminal twice under the same name")]
+    DuplicateMember { name: String },
+    #[error("<{element}> names `{name}`, which no variable is called")]
+    UnknownMember { element: String, name: String },
+    #[error("modelIdentifier=\"{found}\" is that of no interface in modelDescription.xml")]
+    UnknownIdentifier { found: String },
+    #[error("compilerOptions without compiler: nobody knows whose options these are")]
+    OptionsWithoutCompiler,
+    #[error("<{element}> `{name}` is listed twice")]
+    DuplicateInBuild { element: String, name: String },
+
     #[error("fmiVersion=\"{found}\", expected \"{expected}\"")]
     FmiVersion { found: String, expected: FmiVersion },
     #[error("generationDateAndTime=\"{found}\" is not of the form YYYY-MM-DDThh:mm:ssZ")]
@@ -111,6 +140,10 @@ pub enum Rule {
     DuplicateCategory { name: String },
     #[error("stopTime={stop} is before startTime={start}")]
     StopBeforeStart { start: f64, stop: f64 },
+    #[error("stopTime={stop} is the start time, so that nothing is simulated")]
+    StopAtStart { stop: f64 },
+    #[error("stepSize={step} is longer than the experiment, which lasts {duration} s")]
+    StepBeyondStop { step: f64, duration: f64 },
     #[error("{attribute}={found} is not positive")]
     NotPositive {
         attribute: &'static str,
@@ -134,6 +167,8 @@ pub enum Rule {
     DuplicateReference { reference: u32, first: String },
     #[error("name `{name}` does not follow variableNamingConvention=\"structured\"")]
     NotStructured { name: String },
+    #[error("name `{name}` is that of a derivative, which nothing of base type {base} is")]
+    DerivativeName { name: String, base: &'static str },
     #[error(
         "variability=\"continuous\" is for reals, not for {base}: say `discrete`, `fixed` or `tunable`{}",
         if *.is_default { " (the default is `continuous`)" } else { "" }
@@ -255,8 +290,25 @@ pub enum Rule {
     NegativeShift { found: f32 },
     #[error("<ScheduledExecution> needs the attribute `priority` of every input clock")]
     NoPriority,
+    #[error("priority is for input clocks of <ScheduledExecution>; here nobody uses it")]
+    UnusedPriority,
+    #[error("shiftCounter without intervalCounter: there are no ticks to count")]
+    ShiftWithoutInterval,
     #[error("shares valueReference {reference} with `{other}`: only one of them may be settable")]
     SettableAlias { reference: u32, other: String },
+    #[error(
+        "shares valueReference {reference} with `{other}`, which can be set: the independent variable cannot"
+    )]
+    SettableIndependent { reference: u32, other: String },
+    #[error(
+        "shares valueReference {reference} with `{other}` and has variability=\"{variability}\", expected \"{expected}\""
+    )]
+    AliasVariability {
+        reference: u32,
+        other: String,
+        variability: Variability,
+        expected: Variability,
+    },
     #[error(
         "shares valueReference {reference} with `{other}`: only one of them may have a start value"
     )]

@@ -4,8 +4,8 @@ use super::{CallError, Experiment, Instance, Loaded, c_string};
 use crate::fmi::binding::Functions;
 use crate::fmi::description::ModelDescription;
 use crate::fmi::environment::{self, IntermediateUpdate, Registered};
-use crate::fmi::logger;
 use crate::fmi::version::{Function, Kind, State};
+use crate::fmi::{logger, memory};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
 use std::ffi::c_void;
@@ -179,9 +179,10 @@ impl Start<'_> {
     ) -> Result<(*mut c_void, Box<CallbackFunctions>), CallError> {
         let function = Function::Fmi2(fmi2::Function::Instantiate);
         let instantiate = instantiate.ok_or(CallError::MissingFunction { function })?;
+        let (allocate, free) = memory::callbacks();
         let callbacks = Box::new(CallbackFunctions {
             logger: Some(logger::fmi2::callback()),
-            allocate_memory: Some(calloc),
+            allocate_memory: Some(allocate),
             free_memory: Some(free),
             step_finished: None,
             component_environment: self.environment,
@@ -206,6 +207,7 @@ impl Start<'_> {
                 TRUE,
             )
         };
+        memory::spoil([name, guid, resources]);
         Ok((made, callbacks))
     }
 
@@ -222,13 +224,14 @@ impl Start<'_> {
         };
         let (name, token) = (c_string(self.name)?, c_string(self.token)?);
         let resources = c_string(&folder_path(&self.loaded.folder.path().join("resources")))?;
-        let (name, token, resources) = (name.as_ptr(), token.as_ptr(), resources.as_ptr());
+        let given = [name, token, resources];
+        let [name, token, resources] = given.each_ref().map(|text| text.as_ptr());
         let (visible, environment) = (self.visible, self.environment);
         let log = Some(logger::fmi3::callback());
         // SAFETY: all strings end with a NUL and live until the call returns, as do the `len`
         // variables; the callbacks are functions of this program.
-        unsafe {
-            Ok(match self.kind {
+        let made = unsafe {
+            match self.kind {
                 Kind::ModelExchange => {
                     let function = F::InstantiateModelExchange;
                     let call = f.instantiate_model_exchange;
@@ -279,16 +282,11 @@ impl Start<'_> {
                     );
                     (made, function)
                 }
-            })
-        }
+            }
+        };
+        memory::spoil(given);
+        Ok(made)
     }
-}
-
-unsafe extern "C" {
-    /// C library: zeroed memory, or NULL. Given to FMUs as it is.
-    fn calloc(count: usize, size: usize) -> *mut c_void;
-    /// C library: gives memory of `calloc` back. Given to FMUs as it is.
-    fn free(memory: *mut c_void);
 }
 
 /// The absolute path of a folder with a separator at its end, as FMI 3.0 wants `resourcePath` (section

@@ -85,11 +85,16 @@ fn with_binary(content: &[u8]) -> Vec<u8> {
     packed(&files)
 }
 
+/// The description of that fault with a replacement.
+fn described_as(fault: &str, from: &str, to: &str) -> String {
+    assert_eq!(DESCRIPTION.matches(from).count(), 1, "{from}");
+    description(fault).replace(from, to)
+}
+
 /// The good FMU with a replacement in its description.
 fn described(from: &str, to: &str) -> Vec<u8> {
-    assert_eq!(DESCRIPTION.matches(from).count(), 1, "{from}");
     let mut files = files();
-    files[0].1 = description("good").replace(from, to).into();
+    files[0].1 = described_as("good", from, to).into();
     packed(&files)
 }
 
@@ -166,6 +171,25 @@ fn validated(content: &[u8]) -> (i32, Vec<String>) {
     (ended.code, lines.map(plain).collect())
 }
 
+/// A fault's name, the FMU that has it, and how the finding begins.
+pub(super) type Case = (&'static str, Vec<u8>, &'static str);
+
+/// All of them. `peer_rules.rs` refers to their names.
+pub(super) fn cases() -> Vec<Case> {
+    [
+        archives(),
+        files_beside_the_description(),
+        binaries(),
+        behaviour(),
+    ]
+    .concat()
+}
+
+#[test]
+fn each_fault_is_found() {
+    check(&cases());
+}
+
 /// Each fault gives the expected finding, and the exit code fits its severity.
 fn check(cases: &[(&str, Vec<u8>, &str)]) {
     let wrong: Vec<String> = (cases.par_iter())
@@ -195,9 +219,8 @@ fn the_good_fmu_is_clean() {
 }
 
 /// FMI rule 17: methods, versions, encryption, links, backslashes; and names that would leave the folder.
-#[test]
-fn archives() {
-    let cases = [
+fn archives() -> Vec<Case> {
+    vec![
         (
             "traversal",
             with_entry("../evil"),
@@ -299,17 +322,15 @@ fn archives() {
             without("modelDescription.xml"),
             "error: it has no modelDescription.xml",
         ),
-    ];
-    check(&cases);
+    ]
 }
 
 /// FMI rules 4 and 18: the binary's name and folder; and the other files.
-#[test]
-fn files_beside_the_description() {
+fn files_beside_the_description() -> Vec<Case> {
     let entry = binary_entry();
     let (prefix, name) = entry.rsplit_once('/').unwrap();
     let other = format!("{prefix}/lib{name}");
-    let cases = [
+    vec![
         (
             "a file at the top",
             with_file("notes.txt", b""),
@@ -363,13 +384,11 @@ fn files_beside_the_description() {
             with_file("extra/mine/a.txt", b""),
             "warning: extra/: `extra/mine` is not named by a reverse domain",
         ),
-    ];
-    check(&cases);
+    ]
 }
 
 /// FMI rules 18 and 20: binaries of their platform, with all functions; here of any platform.
-#[test]
-fn binaries() {
+fn binaries() -> Vec<Case> {
     let elf = foreign::faulty();
     // `e_machine` and `e_type` of the ELF header.
     let changed = |at: usize, value: u8| {
@@ -377,7 +396,7 @@ fn binaries() {
         bytes[at] = value;
         bytes
     };
-    let cases = [
+    vec![
         (
             "no library",
             with_binary(b"text"),
@@ -409,13 +428,21 @@ fn binaries() {
             with_binary(foreign::faulty_without_cancel_step()),
             "warning: ENTRY: it has no function `fmi2CancelStep`",
         ),
-    ];
-    check(&cases);
+        (
+            "other types",
+            with_binary(foreign::faulty_with_odd_platform()),
+            "error: co-simulation: while loading: ",
+        ),
+        (
+            "another version",
+            with_binary(foreign::faulty_with_odd_version()),
+            "error: co-simulation: while loading: ",
+        ),
+    ]
 }
 
 /// What the binary does, against its description and the standard. FMI rules 3, 9, 22, 23, 26, 27, 28, 29.
-#[test]
-fn behaviour() {
+fn behaviour() -> Vec<Case> {
     let cases = [
         (
             "wrong-start",
@@ -539,11 +566,90 @@ fn behaviour() {
             "error-in-fmi2GetContinuousStates",
             "error: model exchange: ",
         ),
+        (
+            "error-in-fmi2EnterEventMode",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2NewDiscreteStates",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2EnterContinuousTimeMode",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2CompletedIntegratorStep",
+            "error: model exchange: while ",
+        ),
+        ("error-in-fmi2SetTime", "error: model exchange: while "),
+        (
+            "error-in-fmi2SetContinuousStates",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2GetDerivatives",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2GetEventIndicators",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2GetNominalsOfContinuousStates",
+            "error: model exchange: while ",
+        ),
+        (
+            "error-in-fmi2ExitInitializationMode",
+            "error: co-simulation: while reading all variables: fmi2ExitInitializationMode returned",
+        ),
+        (
+            "leak",
+            "warning: co-simulation: freeing the instance left memory behind that it got by allocateMemory, 1 block",
+        ),
+        (
+            "odd-free",
+            "error: co-simulation: it calls freeMemory with what it did not get",
+        ),
+        (
+            "odd-environment",
+            "error: co-simulation: it logs with an environment that it was not given",
+        ),
+        (
+            "own-name",
+            "warning: co-simulation: it did not copy the instance name",
+        ),
+        (
+            "discards",
+            "error: co-simulation: the step of 0.1 s from 0 s was discarded, and the FMU does not tell",
+        ),
     ];
-    let cases: Vec<_> = (cases.into_iter())
+    let with_enumeration = |fault: &str| {
+        let variable = r#"<ScalarVariable name="mode" valueReference="9" variability="discrete"><Enumeration declaredType="Mode"/></ScalarVariable></ModelVariables>"#;
+        let types = r#"<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="on" value="1"/></Enumeration></SimpleType></TypeDefinitions><LogCategories>"#;
+        let xml = described_as(fault, "</ModelVariables>", variable);
+        let mut files = files();
+        files[0].1 = xml.replace("<LogCategories>", types).into();
+        packed(&files)
+    };
+    let of_enumeration = [
+        (
+            "odd-item",
+            "error: co-simulation: `mode` is 7, which is no item of its type",
+        ),
+        (
+            "error-in-fmi2GetInteger",
+            "error: co-simulation: `mode` cannot be read: fmi2GetInteger returned fmi2Error",
+        ),
+    ];
+    let of_enumeration = of_enumeration.map(|(fault, expected)| {
+        let content = with_enumeration(fault);
+        (fault, content, expected)
+    });
+    (cases.into_iter())
         .map(|(fault, expected)| (fault, behaving(fault), expected))
-        .collect();
-    check(&cases);
+        .chain(of_enumeration)
+        .collect()
 }
 
 /// `--strict` makes warnings matter; `--no-run` leaves the binary alone; the findings as JSON.

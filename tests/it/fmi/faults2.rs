@@ -433,4 +433,77 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<Unknown index="7" dependencies="4 5"/></InitialUnknowns>"#,
         r#"<Unknown index="7" dependencies="4 6"/></InitialUnknowns>"#,
     ),
+    // Names, types and annotations.
+    (
+        r#"stepSize="0.1"/>"#,
+        r#"stepSize="0.1"/><VendorAnnotations><Tool name="t"/><Tool name="t"/></VendorAnnotations>"#,
+    ),
+    (
+        r#"<Boolean start="false"/>"#,
+        r#"<Boolean start="false"/><Annotations><Tool name="t"/><Tool name="t"/></Annotations>"#,
+    ),
+    (r#"name="note""#, r#"name="der(note)""#),
+    (
+        r#"<Boolean start="false"/>"#,
+        r#"<Boolean declaredType="Mode" start="false"/>"#,
+    ),
+    (
+        r#"<String start="hello"/>"#,
+        r#"<String declaredType="Length" start="hello"/>"#,
+    ),
+    (
+        r#"unit="m" min="-100" max="100""#,
+        r#"unit="m" min="-100" max="1e400""#,
+    ),
+    (
+        r#"unit="m" min="-100" max="100""#,
+        r#"unit="m" min="-100" max="100" nominal="0""#,
+    ),
+    (
+        r#"unit="m" min="-100" max="100""#,
+        r#"unit="m" displayUnit="mile" min="-100" max="100""#,
+    ),
+    (
+        r#"<BaseUnit m="1" s="-1"/>"#,
+        r#"<BaseUnit m="1" s="-1" factor="0"/>"#,
+    ),
+    // The experiment.
+    (r#"stopTime="1""#, r#"stopTime="0""#),
+    (r#"stepSize="0.1""#, r#"stepSize="2""#),
+    // Aliases.
+    (
+        r#"<ScalarVariable name="time" valueReference="0" causality="independent"><Real/>"#,
+        r#"<ScalarVariable name="time" valueReference="2" causality="independent"><Real declaredType="Length"/>"#,
+    ),
+    (
+        r#"name="y" valueReference="5" causality="output"><Real unit="m"/>"#,
+        r#"name="y" valueReference="3" causality="output" variability="discrete"><Real unit="m"/>"#,
+    ),
+    (
+        r#"name="x" valueReference="3""#,
+        r#"name="x" valueReference="3" previous="1""#,
+    ),
+    // The text and its markup, further.
+    (r#"</ModelVariables>"#, r#""#),
+    (r#"fmiVersion="2.0" "#, r#""#),
+    (r#"fmiVersion="2.0""#, r#"fmiVersion="4.0""#),
+    (
+        r#"<DefaultExperiment "#,
+        r#"<DefaultExperiment xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:nil="true" "#,
+    ),
+    (r#"valueReference="2""#, r#"valueReference="-2""#),
+    (
+        r#"<CoSimulation modelIdentifier="m" "#,
+        r#"<ModelExchange modelIdentifier="m"><SourceFiles><File name="a.c"/><File name="a.c"/></SourceFiles></ModelExchange><CoSimulation modelIdentifier="m" "#,
+    ),
+    (
+        r#"<Unknown index="8" dependencies=""/>"#,
+        r#"<Unknown index="8" dependencies="0"/>"#,
+    ),
+    (
+        r#"<SimpleType name="Length"><Real unit="m" min="-100" max="100"/>"#,
+        r#"<SimpleType name="Length">"#,
+    ),
+    (r#"name="y""#, r#"name="'\z'""#),
+    (r#"name="y""#, r#"name="der(-)""#),
 ];

@@ -448,4 +448,190 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<EventIndicator valueReference="6" dependencies="4"/>"#,
         r#"<EventIndicator valueReference="7" dependencies="4"/>"#,
     ),
+    // Units and types, further.
+    (r#"<Unit name="m/s">"#, r#"<Unit name="m">"#),
+    (
+        r#"<DisplayUnit name="ft" factor="3.28"/>"#,
+        r#"<DisplayUnit name="ft" factor="3.28"/><DisplayUnit name="ft"/>"#,
+    ),
+    (r#"factor="3.28""#, r#"factor="0""#),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><BooleanType name="Length"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Float32Type name="T" min="1" max="0"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Int8Type name="T" min="1" max="0"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Int8Type name="T" max="128"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Float32Type name="T" max="1e39"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Float64Type name="T" displayUnit="ft"/>"#,
+    ),
+    (
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/>"#,
+        r#"<Float64Type name="Length" unit="m" min="-100" max="100"/><Float64Type name="T" unit="kg"/>"#,
+    ),
+    (
+        r#"<Item name="on" value="1"/>"#,
+        r#"<Item name="on" value="0"/>"#,
+    ),
+    (
+        r#"<Category name="logStatusError"/>"#,
+        r#"<Category name="logEvents"/>"#,
+    ),
+    (
+        r#"intervalDecimal="0.1""#,
+        r#"intervalDecimal="0.1" supportsFraction="true" resolution="10" shiftCounter="1""#,
+    ),
+    (
+        r#"intervalVariability="constant" intervalDecimal="0.1""#,
+        r#"intervalVariability="triggered" resolution="10""#,
+    ),
+    (
+        r#"intervalDecimal="0.1""#,
+        r#"intervalDecimal="0.1" supportsFraction="true" intervalCounter="1""#,
+    ),
+    // The experiment.
+    (r#"stopTime="1""#, r#"stopTime="0""#),
+    (r#"stepSize="0.1""#, r#"stepSize="2""#),
+    (r#"tolerance="1e-6""#, r#"tolerance="-1""#),
+    // Variables, further.
+    (r#"name="flag""#, r#"name="der(flag)""#),
+    (
+        r#"name="y" valueReference="16""#,
+        r#"name="y" valueReference="16" max="1e39""#,
+    ),
+    (
+        r#"<Dimension valueReference="1"/>"#,
+        r#"<Dimension valueReference="3"/>"#,
+    ),
+    (
+        r#"min="-1" max="5"/>"#,
+        r#"min="-1" max="5"><Alias name="g" displayUnit="ft"/></Int8>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6"><Alias name="zz" displayUnit="ft"/></Float64>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" nominal="0"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" min="1" max="0"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" displayUnit="ft"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" unit="kg"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" declaredType="Len"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" initial="exact"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" variability="constant"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" initial="approx"/>"#,
+    ),
+    (r#"<Float64 name="z" valueReference="6"/>"#, r#""#),
+    (r#"<Start value="hello"/>"#, r#"<Start/>"#),
+    (r#"<Start value="CAFE"/>"#, r#""#),
+    (r#"start="1" min="-1""#, r#"start="1.5" min="-1""#),
+    // Clocks, further.
+    (r#"<ScheduledExecution modelIdentifier="m"/>"#, r#""#),
+    (
+        r#"causality="output" intervalVariability="triggered""#,
+        r#"causality="output" intervalVariability="triggered" priority="2""#,
+    ),
+    (
+        r#"clocks="12" previous="15""#,
+        r#"clocks="a" previous="15""#,
+    ),
+    (r#"previous="15""#, r#"previous="99""#),
+    (
+        r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant"/>"#,
+        r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant" intermediateUpdate="true"/>"#,
+    ),
+    (
+        r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant"/>"#,
+        r#"<Clock name="tick" valueReference="12" causality="input" declaredType="Sampling" intervalVariability="constant" previous="13"/>"#,
+    ),
+    // The structure, further.
+    (
+        r#"<Output valueReference="7" dependencies=""/>"#,
+        r#"<Output valueReference="7" dependencies="-1"/>"#,
+    ),
+    (
+        r#"<Output valueReference="7" dependencies=""/>"#,
+        r#"<Output valueReference="7" dependencies="a"/>"#,
+    ),
+    (
+        r#"<Output valueReference="7" dependencies=""/>"#,
+        r#"<Output valueReference="7" dependenciesKind="constant"/>"#,
+    ),
+    (
+        r#"<Output valueReference="7" dependencies=""/>"#,
+        r#"<Output valueReference="7" dependencies="" dependenciesKind="constant"/>"#,
+    ),
+    (
+        r#"<Output valueReference="7" dependencies=""/>"#,
+        r#"<Output valueReference="7" dependencies="3 3"/>"#,
+    ),
+    (
+        r#"<ContinuousStateDerivative valueReference="5" dependencies="3"/>"#,
+        r#"<ContinuousStateDerivative valueReference="99" dependencies="3"/>"#,
+    ),
+    (
+        r#"<ContinuousStateDerivative valueReference="5" dependencies="3"/>"#,
+        r#"<ContinuousStateDerivative valueReference="16" dependencies="3"/>"#,
+    ),
+    (
+        r#"<ClockedState valueReference="14"/>"#,
+        r#"<ClockedState valueReference="14"/><ClockedState valueReference="14"/>"#,
+    ),
+    (
+        r#"<ClockedState valueReference="14"/>"#,
+        r#"<ClockedState valueReference="13"/>"#,
+    ),
+    (
+        r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
+        r#"<InitialUnknown valueReference="17" dependencies="2"/><InitialUnknown valueReference="17" dependencies="2"/>"#,
+    ),
+    (
+        r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
+        r#"<InitialUnknown valueReference="17" dependencies="5"/>"#,
+    ),
+    (
+        r#"<InitialUnknown valueReference="17" dependencies="2"/>"#,
+        r#"<InitialUnknown valueReference="7" dependencies=""/><InitialUnknown valueReference="17" dependencies="2"/>"#,
+    ),
+    (
+        r#"<EventIndicator valueReference="6" dependencies="4"/>"#,
+        r#"<EventIndicator valueReference="99" dependencies="4"/>"#,
+    ),
+    (r#"</ModelVariables>"#, r#""#),
 ];

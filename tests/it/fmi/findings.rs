@@ -23,13 +23,17 @@ fn good_descriptions_have_no_finding() {
 }
 
 /// Each fault, and the findings that it leads to; none of them more than once.
-fn report(good: &str, faults: &[(&str, &str)]) -> String {
+pub(super) fn report(
+    good: &str,
+    faults: &[(&str, &str)],
+    findings: impl Fn(&str) -> Vec<String>,
+) -> String {
     let mut report = String::new();
-    for (from, to) in faults {
+    for (number, (from, to)) in (1..).zip(faults) {
         assert_eq!(good.matches(from).count(), 1, "ambiguous or absent: {from}");
         let found = findings(&good.replace(from, to));
         assert!(!found.is_empty(), "nothing found: {from} -> {to}");
-        report.push_str(&format!("{from}\n-> {to}\n"));
+        report.push_str(&format!("{number}. {from}\n-> {to}\n"));
         for finding in found {
             report.push_str(&format!("   {finding}\n"));
         }
@@ -39,12 +43,12 @@ fn report(good: &str, faults: &[(&str, &str)]) -> String {
 
 #[test]
 fn every_fault_of_fmi_2_is_found() {
-    insta::assert_snapshot!(report(faults2::GOOD, faults2::FAULTS));
+    insta::assert_snapshot!(report(faults2::GOOD, faults2::FAULTS, findings));
 }
 
 #[test]
 fn every_fault_of_fmi_3_is_found() {
-    insta::assert_snapshot!(report(faults3::GOOD, faults3::FAULTS));
+    insta::assert_snapshot!(report(faults3::GOOD, faults3::FAULTS, findings));
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_void};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const OK: c_int = 0;
+const DISCARD: c_int = 2;
 const ERROR: c_int = 3;
 
 type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
@@ -40,6 +41,10 @@ struct Fmu {
     values: Values,
     /// First step size, for the fault `fixed-step`.
     step: Option<f64>,
+    /// Memory of the importer.
+    block: *mut c_void,
+    /// The importer's text, for the fault `own-name`.
+    name: *const c_char,
 }
 
 impl Fmu {
@@ -94,12 +99,12 @@ fn text(p: *const c_char) -> String {
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
-    c"default".as_ptr()
+    if cfg!(odd_platform) { c"standard32" } else { c"default" }.as_ptr()
 }
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2GetVersion() -> *const c_char {
-    c"2.0".as_ptr()
+    if cfg!(odd_version) { c"1.0" } else { c"2.0" }.as_ptr()
 }
 
 #[unsafe(no_mangle)]
@@ -122,6 +127,8 @@ unsafe extern "C" fn fmi2Instantiate(
         fault: guid.trim_end_matches('!').to_owned(),
         values: START,
         step: None,
+        block: std::ptr::null_mut(),
+        name: std::ptr::null(),
     };
     if fmu.is("wrong-start") {
         fmu.values.k = 2.0;
@@ -134,6 +141,23 @@ unsafe extern "C" fn fmi2Instantiate(
     if fmu.is("odd-category") {
         fmu.log(&given, c"logChatter");
     }
+    if fmu.is("odd-environment") {
+        fmu.callbacks.environment = (&raw mut fmu).cast();
+        fmu.log(&given, c"logStatusWarning");
+    }
+    if fmu.is("own-name") {
+        fmu.name = name;
+    }
+    unsafe {
+        let (allocate, free) = (fmu.callbacks.allocate.unwrap(), fmu.callbacks.free.unwrap());
+        fmu.block = allocate(2, 8);
+        if fmu.is("leak") {
+            allocate(1, 100);
+        }
+        if fmu.is("odd-free") {
+            free((&raw mut fmu).cast());
+        }
+    }
     if fmu.is("odd-name") {
         fmu.log(c"somebody", c"logStatusWarning");
     }
@@ -143,6 +167,7 @@ unsafe extern "C" fn fmi2Instantiate(
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2FreeInstance(c: *mut c_void) {
     of(c).crash("free");
+    unsafe { of(c).callbacks.free.unwrap()(of(c).block) };
     drop(unsafe { Box::from_raw(c.cast::<Fmu>()) });
 }
 
@@ -164,12 +189,15 @@ extern "C" fn fmi2EnterInitializationMode(c: *mut c_void) -> c_int {
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn fmi2ExitInitializationMode(_: *mut c_void) -> c_int {
-    OK
+extern "C" fn fmi2ExitInitializationMode(c: *mut c_void) -> c_int {
+    of(c).status("fmi2ExitInitializationMode")
 }
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2Terminate(c: *mut c_void) -> c_int {
+    if of(c).is("own-name") {
+        of(c).log(unsafe { CStr::from_ptr(of(c).name) }, c"logStatusWarning");
+    }
     of(c).status("terminate")
 }
 
@@ -211,6 +239,9 @@ unsafe extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, _: c_int) -> c_i
         SHARED.store(fmu.values.x.to_bits(), Ordering::Relaxed);
     }
     fmu.values.time = t + h;
+    if fmu.is("discards") {
+        return DISCARD;
+    }
     fmu.status("step")
 }
 
@@ -246,6 +277,18 @@ unsafe extern "C" fn fmi2SetReal(c: *mut c_void, vr: *const c_uint, n: usize, fr
     OK
 }
 
+/// Of an enumeration that the description may declare.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2GetInteger(c: *mut c_void, vr: *const c_uint, n: usize, to: *mut c_int) -> c_int {
+    for i in 0..n {
+        if unsafe { *vr.add(i) } != 9 {
+            return ERROR;
+        }
+        unsafe { *to.add(i) = if of(c).is("odd-item") { 7 } else { 1 } };
+    }
+    of(c).status("fmi2GetInteger")
+}
+
 /// Functions of types that this FMU has no variables of.
 macro_rules! none {
     ($($name:ident: $pointer:ty;)*) => {
@@ -257,7 +300,6 @@ macro_rules! none {
 }
 
 none! {
-    fmi2GetInteger: *mut c_int;
     fmi2GetBoolean: *mut c_int;
     fmi2GetString: *mut *const c_char;
     fmi2SetInteger: *const c_int;
@@ -410,8 +452,8 @@ struct EventInfo {
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn fmi2EnterEventMode(_: *mut c_void) -> c_int {
-    OK
+extern "C" fn fmi2EnterEventMode(c: *mut c_void) -> c_int {
+    of(c).status("fmi2EnterEventMode")
 }
 
 #[unsafe(no_mangle)]
@@ -427,35 +469,36 @@ unsafe extern "C" fn fmi2NewDiscreteStates(c: *mut c_void, info: *mut EventInfo)
             next_event_time: -1.0,
         };
     }
-    OK
+    fmu.status("fmi2NewDiscreteStates")
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn fmi2EnterContinuousTimeMode(_: *mut c_void) -> c_int {
-    OK
+extern "C" fn fmi2EnterContinuousTimeMode(c: *mut c_void) -> c_int {
+    of(c).status("fmi2EnterContinuousTimeMode")
 }
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2CompletedIntegratorStep(
-    _: *mut c_void,
+    c: *mut c_void,
     _: c_int,
     enter_event_mode: *mut c_int,
     terminate: *mut c_int,
 ) -> c_int {
-    unsafe { (*enter_event_mode, *terminate) = (0, 0) };
-    OK
+    let is_event = of(c).is("error-in-fmi2EnterEventMode");
+    unsafe { (*enter_event_mode, *terminate) = (is_event.into(), 0) };
+    of(c).status("fmi2CompletedIntegratorStep")
 }
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2SetTime(c: *mut c_void, time: f64) -> c_int {
     of(c).values.time = time;
-    OK
+    of(c).status("fmi2SetTime")
 }
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2SetContinuousStates(c: *mut c_void, from: *const f64, n: usize) -> c_int {
     of(c).values.x = unsafe { *from };
-    if n == 1 { OK } else { ERROR }
+    if n == 1 { of(c).status("fmi2SetContinuousStates") } else { ERROR }
 }
 
 /// Writes one number.
@@ -480,6 +523,6 @@ one! {
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn fmi2GetEventIndicators(_: *mut c_void, _: *mut f64, n: usize) -> c_int {
-    if n == 0 { OK } else { ERROR }
+extern "C" fn fmi2GetEventIndicators(c: *mut c_void, _: *mut f64, n: usize) -> c_int {
+    if n == 0 { of(c).status("fmi2GetEventIndicators") } else { ERROR }
 }

@@ -110,6 +110,10 @@ binaries! {
     faulty: "faulty.rs", [];
     /// `fmi2DoStep` is missing.
     faulty_without_do_step: "faulty.rs", ["--cfg", "without_do_step"];
+    /// It says that its types are others.
+    faulty_with_odd_platform: "faulty.rs", ["--cfg", "odd_platform"];
+    /// It says that it is of another version.
+    faulty_with_odd_version: "faulty.rs", ["--cfg", "odd_version"];
     /// `fmi2CancelStep` is missing.
     faulty_without_cancel_step: "faulty.rs", ["--cfg", "without_cancel_step"];
     /// Models for model exchange.

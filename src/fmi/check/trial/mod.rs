@@ -13,7 +13,8 @@ use super::Finding;
 use crate::causes::with_causes;
 use crate::fmi::description::ModelDescription;
 use crate::fmi::fmu::Library;
-use crate::fmi::{CallError, Fmu, FmuError, Kind};
+use crate::fmi::memory::{self, Watch};
+use crate::fmi::{CallError, Fmu, FmuError, Kind, environment};
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
@@ -290,6 +291,8 @@ impl Teller<'_> {
 
     /// The usual way through a simulation, and what the FMU says on it.
     fn simulate(&mut self, library: &Library) -> Result<(), Stop> {
+        let watch = Watch::new();
+        environment::take_strays();
         let mut subject = Subject::start(library, "trial", self)?;
         self.stage("stepping");
         for _ in 0..subject.plan.steps {
@@ -302,7 +305,24 @@ impl Teller<'_> {
         self.messages(&mut subject);
         self.stage("freeing the instance");
         drop(subject);
+        self.memory(&watch);
         Ok(())
+    }
+
+    /// An instance gives back the memory that it got, and no other (FMI 2.0.5, section 2.1.5).
+    fn memory(&mut self, watch: &Watch) {
+        match watch.kept() {
+            0 => {}
+            kept => self.warn(format!(
+                "freeing the instance left memory behind that it got by allocateMemory, {kept} block(s)"
+            )),
+        }
+        if watch.strays() > 0 {
+            self.error("it calls freeMemory with what it did not get by allocateMemory".into());
+        }
+        if environment::take_strays() > 0 {
+            self.error("it logs with an environment that it was not given".into());
+        }
     }
 
     /// Messages are of declared categories and carry the instance's name (FMI 2.0.5, section 2.1.5).
@@ -321,9 +341,14 @@ impl Teller<'_> {
         let names = messages.iter().filter_map(|m| m.instance_name.as_ref());
         let others: BTreeSet<&String> = names.filter(|name| **name != subject.name).collect();
         for name in others {
-            self.warn(format!(
-                "it logs under the instance name `{name}`, not under that which it was given"
-            ));
+            self.warn(match name.bytes().all(|byte| byte == memory::SPOILT) {
+                true => "it did not copy the instance name, but kept the address of the text, \
+                         which was its own only while it was instantiated"
+                    .into(),
+                false => format!(
+                    "it logs under the instance name `{name}`, not under that which it was given"
+                ),
+            });
         }
     }
 

@@ -156,8 +156,16 @@ impl Subject {
                 Ok(true)
             }
             Step::Discarded {
-                is_end_requested, ..
+                is_end_requested,
+                last_successful,
             } => {
+                if last_successful.is_none() {
+                    teller.error(format!(
+                        "the step of {h} s from {} s was discarded, and the FMU does not tell up to \
+                         which time it came",
+                        self.time
+                    ));
+                }
                 if !is_end_requested {
                     teller.warn(format!(
                         "the step of {h} s from {} s was discarded",

@@ -2,8 +2,12 @@
 
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
-use crate::fmi::CallError;
-use crate::fmi::description::{BaseType, Causality, Initial, ScalarVariable, VariableKind};
+use crate::fmi::description::{
+    BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, TypeKind,
+    VariableKind,
+};
+use crate::fmi::instance::Number;
+use crate::fmi::{CallError, Instance};
 
 /// Relative difference up to which a start value is the description's: some tools print few digits.
 const START_TOLERANCE: f64 = 1e-6;
@@ -47,10 +51,27 @@ impl Teller<'_> {
     pub(super) fn read_all(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         let description = subject.description.clone();
         for variable in (description.variables.iter()).filter(|v| v.dimensions.is_empty()) {
-            let Err(error) = read(subject, variable) else {
-                continue;
-            };
             let name = &variable.name;
+            let value = read(subject, variable).and_then(|()| item(subject, variable));
+            let error = match value {
+                Ok(value) => {
+                    let declared = variable.kind.declared_type();
+                    let items = (description.types.iter())
+                        .filter(|t| Some(t.name.as_str()) == declared)
+                        .find_map(|t| match &t.kind {
+                            TypeKind::Enumeration { items, .. } => Some(items),
+                            _ => None,
+                        });
+                    let is_no_item =
+                        |value: &i64| items.is_some_and(|i| i.iter().all(|i| i.value != *value));
+                    if let Some(value) = value.filter(is_no_item) {
+                        let what = format!("`{name}` is {value}, which is no item of its type");
+                        self.find(what, true, Some(name));
+                    }
+                    continue;
+                }
+                Err(error) => error,
+            };
             self.find(
                 format!("`{name}` cannot be read: {error}"),
                 true,
@@ -84,13 +105,48 @@ impl Teller<'_> {
 fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallError> {
     let instance = &mut subject.instance;
     let reference = variable.value_reference;
-    match variable.kind.base_type() {
-        BaseType::Real(_) if is_double(variable) => instance.get_real(&[reference], &mut [0.0]),
-        BaseType::Boolean => instance.get_boolean(reference).map(|_| ()),
-        BaseType::String => instance.get_string(reference).map(|_| ()),
-        BaseType::Integer(crate::fmi::description::IntegerType::Int32) => {
-            instance.get_integer(reference).map(|_| ())
+    /// One value, not used.
+    fn number<T: Number>(instance: &mut Instance, reference: u32) -> Result<(), CallError> {
+        instance.get(&[reference], &mut [T::default()])
+    }
+    let read = match variable.kind.base_type() {
+        BaseType::Real(Precision::Double) => number::<f64>,
+        BaseType::Real(Precision::Single) => number::<f32>,
+        BaseType::Boolean => |i: &mut Instance, r| i.get_boolean(r).map(|_| ()),
+        BaseType::String => |i: &mut Instance, r| i.get_string(r).map(|_| ()),
+        BaseType::Integer(integer) => match integer {
+            IntegerType::Int8 => number::<i8>,
+            IntegerType::UInt8 => number::<u8>,
+            IntegerType::Int16 => number::<i16>,
+            IntegerType::UInt16 => number::<u16>,
+            IntegerType::Int32 => number::<i32>,
+            IntegerType::UInt32 => number::<u32>,
+            IntegerType::Int64 => number::<i64>,
+            IntegerType::UInt64 => number::<u64>,
+        },
+        // Enumerations have values to look at, binaries any length, and clocks are for events.
+        BaseType::Enumeration | BaseType::Binary | BaseType::Clock => return Ok(()),
+    };
+    read(instance, reference)
+}
+
+/// The value of an enumeration; `None` for another type.
+fn item(subject: &mut Subject, variable: &ScalarVariable) -> Result<Option<i64>, CallError> {
+    let instance = &mut subject.instance;
+    let reference = [variable.value_reference];
+    if variable.kind.base_type() != BaseType::Enumeration {
+        return Ok(None);
+    }
+    match instance.version() {
+        FmiVersion::V2 => {
+            let mut value = [0_i32];
+            instance.get(&reference, &mut value)?;
+            Ok(Some(value[0].into()))
         }
-        _ => Ok(()),
+        FmiVersion::V3 => {
+            let mut value = [0_i64];
+            instance.get(&reference, &mut value)?;
+            Ok(Some(value[0]))
+        }
     }
 }

@@ -276,19 +276,25 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema.
+    /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema; they say where a
+    /// schema is, or that the element is not what its name says.
     pub(super) fn finish(&self) {
         const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
         let taken = self.taken.borrow();
-        let is_unknown = |attribute: &roxmltree::Attribute| match attribute.namespace() {
-            None => !taken.contains(&attribute.name()),
-            Some(namespace) => namespace != XSI,
-        };
-        for attribute in self.node.attributes().filter(is_unknown) {
-            self.report(Rule::UnknownAttribute {
-                element: self.name().to_owned(),
-                attribute: attribute.name().to_owned(),
-            });
+        for attribute in self.node.attributes() {
+            let (element, name) = (self.name().to_owned(), attribute.name().to_owned());
+            match attribute.namespace() {
+                None if taken.contains(&attribute.name()) => {}
+                Some(XSI) if !matches!(attribute.name(), "nil" | "type") => {}
+                Some(XSI) => self.report(Rule::SchemaInstance {
+                    element,
+                    attribute: name,
+                }),
+                _ => self.report(Rule::UnknownAttribute {
+                    element,
+                    attribute: name,
+                }),
+            }
         }
     }
 

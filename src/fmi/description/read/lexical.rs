@@ -33,7 +33,7 @@ pub(super) fn real_name(precision: Precision) -> &'static str {
 }
 
 /// Parses an `xs:double` or `xs:float`: `INF`, `-INF`, `NaN` or a decimal. Rust's own parser would
-/// also accept `inf` and `nan`.
+/// also accept `inf` and `nan`, and takes what the type cannot hold for infinite.
 pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
     match text {
         "INF" => return Some(f64::INFINITY),
@@ -45,10 +45,11 @@ pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
     if text.bytes().any(is_letter) {
         return None;
     }
-    match precision {
+    let value = match precision {
         Precision::Double => text.parse().ok(),
         Precision::Single => text.parse::<f32>().ok().map(f64::from),
-    }
+    };
+    value.filter(|value| value.is_finite())
 }
 
 /// What an integer of that type looks like.

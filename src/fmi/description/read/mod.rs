@@ -3,19 +3,26 @@
 //! Reading gathers findings instead of stopping at the first; [`Reading::into_usable`] is for those who
 //! want to run the FMU and not to judge the file.
 
+mod build;
 mod element;
 mod interface;
 mod lexical;
 pub(super) mod limits;
 mod references;
 mod structure;
+mod terminals;
 mod types;
 mod variable2;
 mod variable3;
 
+pub(in crate::fmi) use build::build;
+pub(in crate::fmi) use terminals::terminals;
+
 use super::text::decode;
 use super::*;
 use element::{Context, Element};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 
 /// Reads the bytes of a modelDescription.xml.
 ///
@@ -289,16 +296,23 @@ fn read_annotations(list: &Element) -> Vec<Tool> {
         FmiVersion::V2 => ("Tool", "name"),
         FmiVersion::V3 => ("Annotation", "type"),
     };
+    let seen = RefCell::new(BTreeSet::new());
     read_list(list, &[item], &mut Vec::new(), |e| {
+        let tool = Tool {
+            name: e.required_text(name),
+            content: e.inner_xml().to_owned(),
+        };
         if e.version() == FmiVersion::V2 {
             // The schema has one element here, of any name.
             e.no_text();
             e.children().skip(1).for_each(|child| child.unexpected());
+            if !seen.borrow_mut().insert(tool.name.clone()) {
+                e.report(Rule::DuplicateTool {
+                    name: tool.name.clone(),
+                });
+            }
         }
-        Tool {
-            name: e.required_text(name),
-            content: e.inner_xml().to_owned(),
-        }
+        tool
     })
 }
 

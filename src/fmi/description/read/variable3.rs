@@ -95,9 +95,7 @@ impl Children {
                 "Annotations" => children.annotations = read_annotations(&child),
                 "Dimension" => children.dimensions.extend(dimension(&child)),
                 "Start" => {
-                    children
-                        .starts
-                        .push(child.text("value").unwrap_or_default());
+                    children.starts.push(child.required_text("value"));
                     child.children_in_order(&[]);
                     child.finish();
                 }

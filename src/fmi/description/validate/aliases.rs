@@ -27,8 +27,7 @@ impl Checker<'_> {
         let all = &self.description.variables;
         let reference = all[set[0]].value_reference;
         let is_constant = |i: usize| all[i].variability == Variability::Constant;
-        let is_settable =
-            |i: usize| matches!(all[i].causality, Causality::Input | Causality::Parameter);
+        let is_settable = |i: usize| is_settable(&all[i]);
         let has_start = |i: usize| all[i].kind.has_start() && !is_constant(i);
         let name = |i: usize| all[i].name.clone();
 
@@ -45,6 +44,8 @@ impl Checker<'_> {
                 rules.extend(members.map(|i| (i, make(name(first)))));
             }
         }
+        rules.extend(self.settable_independent(set));
+        rules.extend(self.alias_variability(set));
         for &i in &set[1..] {
             let (unit, other_unit) = (self.unit_of(i), self.unit_of(set[0]));
             if unit != other_unit {
@@ -68,6 +69,45 @@ impl Checker<'_> {
         }
     }
 
+    /// Whoever sets a variable that shares its value with the time would set the time.
+    fn settable_independent(&self, set: &[usize]) -> Option<(usize, Rule)> {
+        let all = &self.description.variables;
+        let mut members = set.iter().copied();
+        let other = members.clone().find(|&i| is_settable(&all[i]))?;
+        let time = members.find(|&i| all[i].causality == Causality::Independent)?;
+        let rule = Rule::SettableIndependent {
+            reference: all[time].value_reference,
+            other: all[other].name.clone(),
+        };
+        Some((time, rule))
+    }
+
+    /// All have the variability of the input or parameter among them, else the highest. Constants are
+    /// told apart.
+    fn alias_variability(&self, set: &[usize]) -> Option<(usize, Rule)> {
+        let all = &self.description.variables;
+        let members = || set.iter().copied();
+        if members().any(|i| all[i].variability == Variability::Constant) {
+            return None;
+        }
+        let rank = |i: &usize| {
+            Variability::ALL
+                .iter()
+                .position(|v| *v == all[*i].variability)
+        };
+        let settable = members().find(|&i| is_settable(&all[i]));
+        let leading = settable.or_else(|| members().max_by_key(rank))?;
+        let expected = all[leading].variability;
+        let odd = members().find(|&i| all[i].variability != expected)?;
+        let rule = Rule::AliasVariability {
+            reference: all[odd].value_reference,
+            other: all[leading].name.clone(),
+            variability: all[odd].variability,
+            expected,
+        };
+        Some((odd, rule))
+    }
+
     fn unit_of(&self, index: usize) -> Option<&str> {
         let variable = &self.description.variables[index];
         let VariableKind::Real(real) = &variable.kind else {
@@ -79,6 +119,10 @@ impl Checker<'_> {
         };
         real.attributes.unit.as_deref().or(inherited)
     }
+}
+
+fn is_settable(variable: &ScalarVariable) -> bool {
+    matches!(variable.causality, Causality::Input | Causality::Parameter)
 }
 
 /// Whether the start values are equal; integers and enumerations share value references.

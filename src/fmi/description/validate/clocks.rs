@@ -103,11 +103,12 @@ impl Checker<'_> {
             rules.push(Rule::NoInterval { interval });
         }
         let inherited = declared.and_then(|c| c.priority);
-        if self.description.scheduled_execution.is_some()
-            && causality == Causality::Input
-            && attributes.priority.or(inherited).is_none()
-        {
-            rules.push(Rule::NoPriority);
+        let has_priority = attributes.priority.or(inherited).is_some();
+        match (&self.description.scheduled_execution, causality) {
+            (Some(_), Causality::Input) if !has_priority => rules.push(Rule::NoPriority),
+            (Some(_), Causality::Input | Causality::Local) => {}
+            _ if has_priority => rules.push(Rule::UnusedPriority),
+            _ => {}
         }
         rules
     }
@@ -148,6 +149,11 @@ pub(super) fn attribute_rules(
             let needed = "resolution";
             rules.push(Rule::ClockNeeds { attribute, needed });
         }
+    }
+    let has_counter =
+        clock.interval_counter.is_some() || declared.is_some_and(|d| d.interval_counter.is_some());
+    if clock.shift_counter != 0 && !has_counter {
+        rules.push(Rule::ShiftWithoutInterval);
     }
     let interval = clock
         .interval_decimal

@@ -135,8 +135,16 @@ impl<'r> Checker<'r> {
         };
         let place = self.places.default_experiment;
         let start = experiment.start_time.unwrap_or(0.0);
-        if let Some(stop) = experiment.stop_time.filter(|&stop| stop < start) {
-            self.report(place, Rule::StopBeforeStart { start, stop });
+        if let Some(stop) = experiment.stop_time {
+            let duration = stop - start;
+            let step = experiment.step_size.filter(|&step| step > duration);
+            if stop < start {
+                self.report(place, Rule::StopBeforeStart { start, stop });
+            } else if stop == start {
+                self.report(place, Rule::StopAtStart { stop });
+            } else if let Some(step) = step {
+                self.report(place, Rule::StepBeyondStop { step, duration });
+            }
         }
         for (attribute, value) in [
             ("startTime", experiment.start_time),

@@ -11,7 +11,7 @@ impl Checker<'_> {
             let mut rules = Vec::new();
             let aliases = variable.aliases.iter().map(|alias| alias.name.as_str());
             for name in std::iter::once(variable.name.as_str()).chain(aliases) {
-                rules.extend(self.name(name));
+                rules.extend(self.name(name, variable.kind.base_type()));
             }
             rules.extend(combination::combination(variable, self.version));
             if !self.doubtful.contains(variable.name.as_str()) {
@@ -27,7 +27,7 @@ impl Checker<'_> {
         }
     }
 
-    fn name(&self, name: &str) -> Option<Rule> {
+    fn name(&self, name: &str, base: BaseType) -> Option<Rule> {
         let is_structured = self.description.naming_convention == NamingConvention::Structured;
         let name_owned = || name.to_owned();
         if name.is_empty() {
@@ -39,6 +39,11 @@ impl Checker<'_> {
             })
         } else if is_structured && !names::is_structured(name) {
             Some(Rule::NotStructured { name: name_owned() })
+        } else if is_structured && name.starts_with("der(") && !base.is_real() {
+            Some(Rule::DerivativeName {
+                name: name_owned(),
+                base: base.name(self.version),
+            })
         } else {
             None
         }

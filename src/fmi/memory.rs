@@ -1,0 +1,99 @@
+//! Memory that FMUs of FMI 2.0 get by callbacks: the C library's, and its books while somebody looks.
+
+use std::collections::BTreeSet;
+use std::ffi::{CString, c_void};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// How many [`Watch`]es there are.
+static WATCHES: AtomicUsize = AtomicUsize::new(0);
+/// Blocks that instances made under a watch got and did not give back.
+static BLOCKS: Mutex<BTreeSet<usize>> = Mutex::new(BTreeSet::new());
+/// How often such an instance gave back what it had not got.
+static STRAYS: AtomicUsize = AtomicUsize::new(0);
+
+/// What a spoilt text is full of.
+pub(super) const SPOILT: u8 = b'?';
+
+type Allocate = unsafe extern "C" fn(usize, usize) -> *mut c_void;
+type Free = unsafe extern "C" fn(*mut c_void);
+
+/// While this lives, books are kept for instances that are made: of all threads, so that only a process
+/// that runs one FMU at a time learns something of that FMU.
+#[derive(Debug)]
+pub(super) struct Watch(());
+
+impl Watch {
+    pub(super) fn new() -> Self {
+        WATCHES.fetch_add(1, Ordering::AcqRel);
+        Self(())
+    }
+
+    /// Blocks that were not given back.
+    pub(super) fn kept(&self) -> usize {
+        blocks(|blocks| blocks.len())
+    }
+
+    /// How often something was given back that had not been got.
+    pub(super) fn strays(&self) -> usize {
+        STRAYS.load(Ordering::Acquire)
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        WATCHES.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+fn is_watched() -> bool {
+    WATCHES.load(Ordering::Acquire) > 0
+}
+
+/// The callbacks for an instance that is made now.
+pub(super) fn callbacks() -> (Allocate, Free) {
+    match is_watched() {
+        true => (noted_calloc, noted_free),
+        false => (calloc, free),
+    }
+}
+
+/// After a call that got these texts: whoever kept an address rather than a copy will read question marks.
+pub(super) fn spoil<const N: usize>(texts: [CString; N]) {
+    for text in texts.into_iter().filter(|_| is_watched()) {
+        // Never freed, as the address may still be used; written to through the very address.
+        let length = text.as_bytes().len();
+        // SAFETY: there are as many bytes, which nobody else holds but, wrongly, the FMU.
+        unsafe { text.into_raw().cast::<u8>().write_bytes(SPOILT, length) };
+    }
+}
+
+fn blocks<T>(look: impl FnOnce(&mut BTreeSet<usize>) -> T) -> T {
+    look(&mut BLOCKS.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+unsafe extern "C" fn noted_calloc(count: usize, size: usize) -> *mut c_void {
+    // SAFETY: any arguments are allowed.
+    let block = unsafe { calloc(count, size) };
+    if !block.is_null() {
+        blocks(|blocks| blocks.insert(block.addr()));
+    }
+    block
+}
+
+unsafe extern "C" fn noted_free(block: *mut c_void) {
+    if block.is_null() {
+    } else if blocks(|blocks| blocks.remove(&block.addr())) {
+        // SAFETY: `calloc` gave it, and it was not given back before.
+        unsafe { free(block) };
+    } else {
+        STRAYS.fetch_add(1, Ordering::AcqRel);
+    }
+}
+
+unsafe extern "C" {
+    /// C library: zeroed memory, or NULL. Given to FMUs as it is.
+    fn calloc(count: usize, size: usize) -> *mut c_void;
+    /// C library: gives memory of `calloc` back. Given to FMUs as it is.
+    fn free(memory: *mut c_void);
+}
