@@ -61,12 +61,12 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// True when nothing at all was found.
+    /// True when nothing was found that troubles any tool.
     pub(super) fn is_clean(&self) -> bool {
-        self.findings.is_empty()
+        self.is_valid() && self.count(Severity::Warning) == 0
     }
 
-    /// True when nothing but warnings was found.
+    /// True when no error was found.
     pub(super) fn is_valid(&self) -> bool {
         self.count(Severity::Error) == 0
     }
@@ -109,13 +109,15 @@ pub(super) fn check(path: &Path, limit: Option<Duration>) -> Result<Report, Fail
     let checked = check::check(path)?;
     let description = checked.description.as_ref().filter(|_| checked.can_run());
     let mut findings = checked.findings.clone();
-    let tried = limit.zip(description);
-    if let Some((limit, description)) = tried {
-        findings.extend(probe::try_all(path, description, limit)?);
+    let mut is_tried = false;
+    if let Some((limit, description)) = limit.zip(description) {
+        let tried = probe::try_all(path, description, limit)?;
+        findings.extend(tried.findings);
+        is_tried = tried.is_loaded;
     }
     Ok(Report {
         path: path.to_owned(),
         findings,
-        is_tried: tried.is_some(),
+        is_tried,
     })
 }

@@ -43,31 +43,46 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     }
 }
 
-/// Tries everything; the findings, each once.
+/// What came of trying a binary.
+pub(super) struct Tried {
+    /// The findings, each once.
+    pub findings: Vec<Finding>,
+    /// Whether it could be loaded here, so that the rest was tried.
+    pub is_loaded: bool,
+}
+
+/// Tries everything.
 pub(super) fn try_all(
     path: &Path,
     description: &ModelDescription,
     limit: Duration,
-) -> Result<Vec<Finding>, Failure> {
+) -> Result<Tried, Failure> {
     let mut findings: Vec<Finding> = Vec::new();
+    let mut is_loaded = true;
     let mut progress = Spinner::new();
     for trial in trial::all(description) {
         progress.show(format!("{}: {trial}", path.display()));
         let found = try_one(path, description, trial, limit)?;
-        let is_unloadable =
-            trial.what == What::Load && found.iter().any(|f| f.severity == Severity::Error);
+        // A warning of that trial is about a library that was loaded.
+        let ends = |f: &Finding| f.severity != Severity::Warning;
+        if trial.what == What::Load && found.iter().any(ends) {
+            is_loaded = false;
+        }
         for finding in found {
             if !findings.contains(&finding) {
                 findings.push(finding);
             }
         }
         // What cannot be loaded cannot be tried any further.
-        if is_unloadable {
+        if !is_loaded {
             break;
         }
     }
     progress.clear();
-    Ok(findings)
+    Ok(Tried {
+        findings,
+        is_loaded,
+    })
 }
 
 /// One trial in a process of its own.
@@ -123,7 +138,7 @@ fn try_one(
         findings.push(Finding::behaviour(
             description,
             trial.kind,
-            true,
+            Severity::Error,
             format!("{why} while {stage}"),
         ));
     }

@@ -15,6 +15,7 @@ pub(in crate::cli) fn to_text(report: &Report) -> String {
     let counts = [
         count(Severity::Error, "error"),
         count(Severity::Warning, "warning"),
+        count(Severity::Note, "note"),
     ];
     let counts: Vec<String> = counts.into_iter().flatten().collect();
     let verdict = match (report.is_valid(), report.is_tried) {
@@ -40,6 +41,7 @@ pub(super) fn to_json(report: &Report) -> Value {
         "run": report.is_tried,
         "errors": report.count(Severity::Error),
         "warnings": report.count(Severity::Warning),
+        "notes": report.count(Severity::Note),
         "findings": report.findings.iter().map(finding_to_json).collect::<Vec<_>>(),
     })
 }
@@ -63,7 +65,7 @@ pub(super) fn finding_from_json(value: &Value) -> Option<Finding> {
     let text = |key: &str| value[key].as_str().map(str::to_owned);
     let number = |key: &str| value[key].as_u64().and_then(|n| u32::try_from(n).ok());
     Some(Finding {
-        severity: [Severity::Warning, Severity::Error]
+        severity: Severity::ALL
             .into_iter()
             .find(|s| text("severity").as_deref() == Some(&s.to_string()))?,
         file: text("file").unwrap_or_default(),

@@ -45,7 +45,7 @@ impl Finding {
     pub fn behaviour(
         description: &ModelDescription,
         kind: Kind,
-        is_error: bool,
+        severity: Severity,
         what: String,
     ) -> Self {
         let section = match (description.fmi_version, kind) {
@@ -55,10 +55,7 @@ impl Finding {
             (FmiVersion::V3, _) => "FMI 3.0, sections 2.2 and 4.2",
         };
         Self {
-            severity: match is_error {
-                true => Severity::Error,
-                false => Severity::Warning,
-            },
+            severity,
             file: String::new(),
             place: None,
             variable: None,

@@ -215,7 +215,7 @@ fn sources(files: &[String], description: &ModelDescription) -> Vec<Finding> {
         .flat_map(|e| &e.source_files);
     let named: BTreeSet<&String> = cs.chain(me).collect();
     let mut findings: Vec<Finding> = (named.into_iter())
-        .filter(|name| !has(&format!("sources/{name}")))
+        .filter(|name| !has(&format!("sources/{}", name.trim_start_matches("./"))))
         .map(|name| Finding::file(version, "sources/", Rule::NoSource { name: name.clone() }))
         .collect();
     let has_source = files.iter().any(|file| file.starts_with("sources/"));

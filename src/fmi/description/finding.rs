@@ -1,11 +1,13 @@
 //! What is wrong with a description: findings, each by its rule of the standard.
 
-use super::{FmiVersion, Place, Rule};
+use super::{Causality, FmiVersion, Place, Rule};
 use thiserror::Error;
 
 /// How bad a [`Finding`] is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
+    /// Legal, good to know, and no reason to change anything.
+    Note,
     /// Legal, but known to trouble other tools.
     Warning,
     /// Against the standard.
@@ -15,6 +17,7 @@ pub enum Severity {
 impl std::fmt::Display for Severity {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
+            Self::Note => "note",
             Self::Warning => "warning",
             Self::Error => "error",
         })
@@ -35,6 +38,11 @@ pub struct Finding {
     pub rule: Rule,
 }
 
+impl Severity {
+    /// All of them, the worst first.
+    pub const ALL: [Self; 3] = [Self::Error, Self::Warning, Self::Note];
+}
+
 impl Finding {
     /// How bad it is.
     pub fn severity(&self) -> Severity {
@@ -42,12 +50,18 @@ impl Finding {
         match self.rule {
             DependenciesNotDeclared { .. }
             | NeedsExecutionTool
-            | UnsortedDependencies { .. }
+            | UnitWithoutBase { .. }
+            | DateFormat { .. } => Severity::Note,
+            UnsortedDependencies { .. }
+            // Importers pass it over; some exporters list parameters that way.
+            | BadKnown {
+                causality: Causality::Parameter,
+                ..
+            }
             | NominalNotPositive { .. }
             | NotANumber { .. }
             | NotUtf8 { .. }
             | KindNotReal { .. }
-            | UnitWithoutBase { .. }
             | UnknownCapability { .. }
             | SchemaInstance { .. }
             | StopAtStart { .. }
@@ -55,8 +69,7 @@ impl Finding {
             | AliasVariability { .. }
             | UnusedPriority
             | DuplicateMember { .. }
-            | ShiftWithoutInterval
-            | DateFormat { .. } => Severity::Warning,
+            | ShiftWithoutInterval => Severity::Warning,
             _ => Severity::Error,
         }
     }

@@ -6,7 +6,7 @@
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
 use crate::fmi::Kind;
-use crate::fmi::description::{Causality, ScalarVariable, Variability, VariableKind};
+use crate::fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
 use crate::fmi::fmu::Library;
 
 /// Relative size of the change of a known.
@@ -95,7 +95,7 @@ impl Teller<'_> {
             let what = format!(
                 "`{y}` changes with `{u}` at once, which <ModelStructure> does not declare"
             );
-            self.find(what, true, Some(y));
+            self.find(what, Severity::Error, Some(y));
         }
     }
 
@@ -122,7 +122,7 @@ impl Teller<'_> {
                     "the directional derivative of `{y}` by `{u}` is {found}, differences give {}",
                     shown(slope.value)
                 );
-                self.find(what, true, Some(y));
+                self.find(what, Severity::Error, Some(y));
             }
         }
         Ok(())

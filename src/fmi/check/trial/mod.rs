@@ -11,7 +11,7 @@ mod values;
 
 use super::Finding;
 use crate::causes::with_causes;
-use crate::fmi::description::ModelDescription;
+use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi::fmu::Library;
 use crate::fmi::memory::{self, Watch};
 use crate::fmi::{CallError, Fmu, FmuError, Kind, environment};
@@ -220,8 +220,12 @@ pub fn run(path: &Path, trial: Trial, tell: &mut dyn FnMut(Told)) {
             Stop::Fmu(error) => with_causes(error),
             Stop::Told => return,
         };
+        let severity = match &stop {
+            Stop::Fmu(error) if teller.is_no_fault(error) => Severity::Note,
+            _ => Severity::Error,
+        };
         let what = format!("while {}: {why}", teller.stage);
-        teller.error(what);
+        teller.find(what, severity, None);
     }
 }
 
@@ -259,23 +263,39 @@ impl Teller<'_> {
         }
     }
 
+    /// Whether the FMU cannot be tried here, but elsewhere: it is for other machines, or for a tool that it
+    /// says it needs and that is not here.
+    fn is_no_fault(&self, error: &FmuError) -> bool {
+        let cs = self.description.co_simulation.iter();
+        let me = self.description.model_exchange.iter();
+        let needs_tool = cs
+            .map(|cs| cs.needs_execution_tool)
+            .chain(me.map(|me| me.needs_execution_tool))
+            .any(|needs| needs);
+        match error {
+            FmuError::NoPlatform { .. } => true,
+            FmuError::Binding { .. } => needs_tool,
+            _ => false,
+        }
+    }
+
     fn stage(&mut self, what: &str) {
         self.stage = what.to_owned();
         (self.tell)(Told::Stage(self.stage.clone()));
     }
 
     fn error(&mut self, what: String) {
-        self.find(what, true, None);
+        self.find(what, Severity::Error, None);
     }
 
     fn warn(&mut self, what: String) {
-        self.find(what, false, None);
+        self.find(what, Severity::Warning, None);
     }
 
-    fn find(&mut self, what: String, is_error: bool, variable: Option<&str>) {
+    fn find(&mut self, what: String, severity: Severity, variable: Option<&str>) {
         let finding = Finding {
             variable: variable.map(str::to_owned),
-            ..Finding::behaviour(&self.description, self.kind, is_error, what)
+            ..Finding::behaviour(&self.description, self.kind, severity, what)
         };
         (self.tell)(Told::Finding(finding));
     }

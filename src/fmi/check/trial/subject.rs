@@ -2,7 +2,9 @@
 
 use super::exchange::Solver;
 use super::{Facts, Stop, Teller};
-use crate::fmi::description::{BaseType, Causality, ModelDescription, Precision, ScalarVariable};
+use crate::fmi::description::{
+    BaseType, Causality, ModelDescription, Precision, ScalarVariable, Severity,
+};
 use crate::fmi::fmu::Library;
 use crate::fmi::instance::{Saved, Serialized};
 use crate::fmi::{CallError, Instance, Kind, Message, Step};
@@ -200,7 +202,7 @@ impl Subject {
         for (name, value) in self.names.iter().zip(values) {
             if !value.is_finite() {
                 let what = format!("`{name}` is {value} at {} s", self.time);
-                teller.find(what, false, Some(name));
+                teller.find(what, Severity::Warning, Some(name));
             }
         }
         Ok(())

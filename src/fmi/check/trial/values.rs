@@ -3,8 +3,8 @@
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
 use crate::fmi::description::{
-    BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, TypeKind,
-    VariableKind,
+    BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, Severity,
+    TypeKind, VariableKind,
 };
 use crate::fmi::instance::Number;
 use crate::fmi::{CallError, Instance};
@@ -41,7 +41,7 @@ impl Teller<'_> {
                     "`{name}` starts with {} in the binary and with {start} in the description",
                     found[0]
                 );
-                self.find(what, true, Some(name));
+                self.find(what, Severity::Error, Some(name));
             }
         }
         Ok(())
@@ -66,7 +66,7 @@ impl Teller<'_> {
                         |value: &i64| items.is_some_and(|i| i.iter().all(|i| i.value != *value));
                     if let Some(value) = value.filter(is_no_item) {
                         let what = format!("`{name}` is {value}, which is no item of its type");
-                        self.find(what, true, Some(name));
+                        self.find(what, Severity::Error, Some(name));
                     }
                     continue;
                 }
@@ -74,7 +74,7 @@ impl Teller<'_> {
             };
             self.find(
                 format!("`{name}` cannot be read: {error}"),
-                true,
+                Severity::Error,
                 Some(name),
             );
             // After an error nothing else can be done with the instance; a call that was not made
