@@ -251,7 +251,7 @@ impl Demo {
             ),
             (
                 "pilot.fmu, quadcopter.fmu",
-                "for any tool that reads FMI 2.0 co-simulation",
+                "for any tool that reads FMI 2.0",
             ),
             (&results.join(", "), "what the two FMUs do together"),
             ("trials/", "the six recorded flights"),

@@ -21,7 +21,7 @@ use std::time::Duration;
 /// Arguments of `pilotage validate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
+    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nErrors are against the standard; warnings are legal and trouble some tools; notes are good to know.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
 )]
 pub struct Args {
     /// The FMUs.
