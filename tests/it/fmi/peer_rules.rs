@@ -175,7 +175,7 @@ fn the_table_is_whole() {
         [
             ("FMI Library", (173, 6)),
             ("FMUComplianceChecker", (41, 2)),
-            ("VDMCheck", (254, 7)),
+            ("VDMCheck", (267, 9)),
         ]
     );
 }
