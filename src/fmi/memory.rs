@@ -1,7 +1,7 @@
 //! Memory that FMUs of FMI 2.0 get by callbacks: the C library's, and its books while somebody looks.
 
 use std::collections::BTreeSet;
-use std::ffi::{CString, c_void};
+use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -58,14 +58,35 @@ pub(super) fn callbacks() -> (Allocate, Free) {
     }
 }
 
-/// After a call that got these texts: whoever kept an address rather than a copy will read question marks.
-pub(super) fn spoil<const N: usize>(texts: [CString; N]) {
-    for text in texts.into_iter().filter(|_| is_watched()) {
-        // Never freed, as the address may still be used; written to through the very address.
-        let length = text.as_bytes().len();
-        // SAFETY: there are as many bytes, which nobody else holds but, wrongly, the FMU.
-        unsafe { text.into_raw().cast::<u8>().write_bytes(SPOILT, length) };
+/// Texts that an FMU got for one call, full of question marks afterwards: whoever kept an address rather than
+/// a copy will read these. Freed when this goes.
+#[derive(Debug, Default)]
+pub(super) struct Spoilt(Vec<*mut c_char>);
+
+impl Spoilt {
+    /// Spoils the texts if somebody watches.
+    pub(super) fn new<const N: usize>(texts: [CString; N]) -> Self {
+        let texts = texts.into_iter().filter(|_| is_watched());
+        Self(texts.map(spoil).collect())
     }
+}
+
+impl Drop for Spoilt {
+    fn drop(&mut self) {
+        for text in self.0.drain(..) {
+            // SAFETY: it came from `CString::into_raw` and is as long as it was.
+            drop(unsafe { CString::from_raw(text) });
+        }
+    }
+}
+
+/// Overwrites a text through the very address that was given away.
+fn spoil(text: CString) -> *mut c_char {
+    let length = text.as_bytes().len();
+    let text = text.into_raw();
+    // SAFETY: there are as many bytes, which nobody else holds but, wrongly, the FMU.
+    unsafe { text.cast::<u8>().write_bytes(SPOILT, length) };
+    text
 }
 
 fn blocks<T>(look: impl FnOnce(&mut BTreeSet<usize>) -> T) -> T {

@@ -35,6 +35,7 @@ use super::binding::{Binding, Functions};
 use super::description::FmiVersion;
 use super::environment::Registered;
 use super::logger::Message;
+use super::memory::Spoilt;
 use super::version::{Kind, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
 use pilotage_abi::{fmi2, fmi3};
@@ -61,6 +62,8 @@ pub struct Instance {
     component: *mut c_void,
     /// The FMU may keep the address until it is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
+    /// Freed after the FMU's instance, which may keep addresses that it should not.
+    _texts: Spoilt,
     environment: Registered,
     kind: Kind,
     state: State,

@@ -4,8 +4,9 @@ use super::{CallError, Experiment, Instance, Loaded, c_string};
 use crate::fmi::binding::Functions;
 use crate::fmi::description::ModelDescription;
 use crate::fmi::environment::{self, IntermediateUpdate, Registered};
+use crate::fmi::logger;
+use crate::fmi::memory::{self, Spoilt};
 use crate::fmi::version::{Function, Kind, State};
-use crate::fmi::{logger, memory};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
 use std::ffi::c_void;
@@ -104,17 +105,17 @@ impl Instance {
             visible: options.visible,
         };
         let variables = &options.required_intermediate_variables;
-        let (made, callbacks, function, state) = match &loaded.binding.functions {
+        let (made, callbacks, texts, function, state) = match &loaded.binding.functions {
             Functions::Fmi2(f) => {
-                let (made, callbacks) = start.fmi2(f.instantiate)?;
+                let (made, callbacks, texts) = start.fmi2(f.instantiate)?;
                 let function = Function::Fmi2(fmi2::Function::Instantiate);
                 let state = State::Fmi2(fmi2::State::Instantiated);
-                (made, Some(callbacks), function, state)
+                (made, Some(callbacks), texts, function, state)
             }
             Functions::Fmi3(f) => {
-                let (made, function) = start.fmi3(f, run, variables)?;
+                let ((made, function), texts) = start.fmi3(f, run, variables)?;
                 let state = State::Fmi3(fmi3::State::Instantiated);
-                (made, None, Function::Fmi3(function), state)
+                (made, None, texts, Function::Fmi3(function), state)
             }
         };
         if made.is_null() {
@@ -127,6 +128,7 @@ impl Instance {
             loaded,
             component: made,
             _callbacks: callbacks,
+            _texts: texts,
             environment,
             kind,
             state,
@@ -176,7 +178,7 @@ impl Start<'_> {
     fn fmi2(
         &self,
         instantiate: Option<fmi2::functions::pointers::Instantiate>,
-    ) -> Result<(*mut c_void, Box<CallbackFunctions>), CallError> {
+    ) -> Result<(*mut c_void, Box<CallbackFunctions>, Spoilt), CallError> {
         let function = Function::Fmi2(fmi2::Function::Instantiate);
         let instantiate = instantiate.ok_or(CallError::MissingFunction { function })?;
         let (allocate, free) = memory::callbacks();
@@ -207,8 +209,7 @@ impl Start<'_> {
                 TRUE,
             )
         };
-        memory::spoil([name, guid, resources]);
-        Ok((made, callbacks))
+        Ok((made, callbacks, Spoilt::new([name, guid, resources])))
     }
 
     /// `fmi3InstantiateXXX`. `run` says whether event mode is used and early return allowed.
@@ -217,7 +218,7 @@ impl Start<'_> {
         f: &crate::fmi::binding::fmi3::Functions,
         run: (bool, bool),
         variables: &[u32],
-    ) -> Result<(*mut c_void, fmi3::Function), CallError> {
+    ) -> Result<((*mut c_void, fmi3::Function), Spoilt), CallError> {
         use fmi3::Function as F;
         let missing = |function: F| CallError::MissingFunction {
             function: Function::Fmi3(function),
@@ -284,8 +285,7 @@ impl Start<'_> {
                 }
             }
         };
-        memory::spoil(given);
-        Ok(made)
+        Ok((made, Spoilt::new(given)))
     }
 }
 

@@ -506,4 +506,21 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
     ),
     (r#"name="y""#, r#"name="'\z'""#),
     (r#"name="y""#, r#"name="der(-)""#),
+    // Causality, variability and initial, further.
+    (
+        r#"<ScalarVariable name="u" valueReference="2" causality="input">"#,
+        r#"<ScalarVariable name="u" valueReference="2" causality="input" variability="fixed">"#,
+    ),
+    (
+        r#"causality="local" variability="constant""#,
+        r#"causality="local" variability="fixed" initial="exact""#,
+    ),
+    (
+        r#"name="y" valueReference="5" causality="output""#,
+        r#"name="y" valueReference="5" causality="calculatedParameter""#,
+    ),
+    (
+        r#"<ScalarVariable name="u" "#,
+        r#"<ScalarVariable name="u" canHandleMultipleSetPerTimeInstant="false" "#,
+    ),
 ];

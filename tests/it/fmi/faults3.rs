@@ -634,4 +634,33 @@ pub(super) const FAULTS: &[(&str, &str)] = &[
         r#"<EventIndicator valueReference="99" dependencies="4"/>"#,
     ),
     (r#"</ModelVariables>"#, r#""#),
+    // What VDMCheck looks at beside these.
+    (
+        r#"  <ModelExchange modelIdentifier="m" canGetAndSetFMUState="true" canSerializeFMUState="true" providesDirectionalDerivatives="true"/>
+  <CoSimulation modelIdentifier="m" hasEventMode="true" providesIntermediateUpdate="true" canReturnEarlyAfterIntermediateUpdate="true" fixedInternalStepSize="0.01"/>
+  <ScheduledExecution modelIdentifier="m"/>
+"#,
+        "",
+    ),
+    (r#"05Z""#, r#"05""#),
+    (
+        r#"<Item name="on" value="1"/>"#,
+        r#"<Item name="off" value="1"/>"#,
+    ),
+    (
+        r#"causality="output" intervalVariability="triggered""#,
+        r#"causality="output" intervalVariability="triggered" supportsFraction="true" resolution="10" intervalCounter="1""#,
+    ),
+    (
+        r#"<Float64 name="der(x)" "#,
+        r#"<Float64 name="der(x)" variability="discrete" "#,
+    ),
+    (
+        r#"causality="calculatedParameter"/>"#,
+        r#"causality="calculatedParameter" variability="continuous"/>"#,
+    ),
+    (
+        r#"<Float64 name="z" valueReference="6"/>"#,
+        r#"<Float64 name="z" valueReference="6" variability="fixed" initial="exact" start="1"/>"#,
+    ),
 ];

@@ -230,6 +230,14 @@ fn kind(version: FmiVersion) -> BoxedStrategy<VariableKind> {
     }
 }
 
+/// Annotations, each tool's once.
+fn tools() -> impl Strategy<Value = Vec<Tool>> {
+    vec(tool(), 0..3).prop_map(|mut tools| {
+        tools.dedup_by(|a, b| a.name == b.name);
+        tools
+    })
+}
+
 fn tool() -> impl Strategy<Value = Tool> {
     let content = select(
         &[
@@ -280,7 +288,7 @@ fn variable(version: FmiVersion) -> BoxedStrategy<ScalarVariable> {
         of(select(Initial::ALL)),
     );
     let kind = kind(version).prop_flat_map(|kind| (Just(kind.clone()), additions(&kind)));
-    let rest = (of(any::<bool>()), kind, vec(tool(), 0..3));
+    let rest = (of(any::<bool>()), kind, tools());
     (text(), any::<u32>(), of(text()), roles, rest)
         .prop_map(
             move |(
@@ -545,7 +553,7 @@ fn description_of(version: FmiVersion) -> BoxedStrategy<ModelDescription> {
     let naming = select(NamingConvention::ALL);
     let rest = (
         experiment,
-        vec(tool(), 0..3),
+        tools(),
         vec(variable(version), VARIABLES as usize),
         structure(version),
     );
