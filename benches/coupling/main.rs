@@ -35,7 +35,10 @@ fn main() {
             fmu.load().expect("the FMU loads")
         })
     });
-    let csv = || CsvRecorder::new(BufWriter::new(tempfile::tempfile().expect("a file")));
+    let csv = || {
+        let file = tempfile::tempfile().expect("a file");
+        CsvRecorder::new(BufWriter::with_capacity(1 << 16, file))
+    };
     let series = || SeriesRecorder::with_capacity(STEPS as usize + 1);
     // In turn, so that whatever else the machine does falls on all of them; the least counts.
     let mut least = [f64::INFINITY; 6];

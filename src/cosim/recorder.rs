@@ -71,6 +71,7 @@ impl Recorder for SeriesRecorder {
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
+    /// Room for the longest row.
     line: Vec<u8>,
 }
 
@@ -90,47 +91,59 @@ impl<W: Write> CsvRecorder<W> {
 
 impl<W: Write> Recorder for CsvRecorder<W> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        self.line.extend(b"time");
+        let mut header = b"time".to_vec();
         for signal in signals {
-            self.line.push(b',');
+            header.push(b',');
             if signal.name.contains([',', '"', '\n', '\r']) {
                 let quoted = format!("\"{}\"", signal.name.replace('"', "\"\""));
-                self.line.extend(quoted.as_bytes());
+                header.extend(quoted.as_bytes());
             } else {
-                self.line.extend(signal.name.as_bytes());
+                header.extend(signal.name.as_bytes());
             }
         }
-        self.line.push(b'\n');
-        // Longer than a row of numbers will ever be, so that rows allocate nothing.
-        self.line.reserve(LONGEST * (signals.len() + 1));
-        self.write_line()
+        header.push(b'\n');
+        self.line = vec![0; LONGEST * (signals.len() + 1)];
+        self.to.write_all(&header)
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        push_number(&mut self.line, time);
+        let mut end = put_number(&mut self.line, time);
         for &value in values {
-            self.line.push(b',');
-            push_number(&mut self.line, value);
+            self.line[end] = b',';
+            end += 1 + put_number(&mut self.line[end + 1..], value);
         }
-        self.line.push(b'\n');
-        self.write_line()
+        self.line[end] = b'\n';
+        self.to.write_all(&self.line[..=end])
     }
 }
 
-impl<W: Write> CsvRecorder<W> {
-    fn write_line(&mut self) -> io::Result<()> {
-        self.to.write_all(&self.line)?;
-        self.line.clear();
-        Ok(())
-    }
-}
+/// Bytes that a number and what follows it take at most: 24 and one.
+const LONGEST: usize = 25;
 
-/// Bytes that a number and its comma take at most.
-const LONGEST: usize = 26;
-
-/// The shortest text that reads back as the same number; a whole number without `.0`.
-fn push_number(line: &mut Vec<u8>, value: f64) {
+/// Writes the shortest text that reads back as the same number, a whole number without `.0`; its length.
+#[inline]
+fn put_number(room: &mut [u8], value: f64) -> usize {
     let mut buffer = zmij::Buffer::new();
     let text = buffer.format(value);
-    line.extend(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+    let text = text.strip_suffix(".0").unwrap_or(text).as_bytes();
+    copy_short(&mut room[..text.len()], text);
+    text.len()
+}
+
+/// Copies up to 32 bytes in overlapping pieces of fixed sizes: a call of `memcpy` for a length that changes
+/// from number to number takes a fourth of the time of formatting it.
+#[inline]
+fn copy_short(to: &mut [u8], from: &[u8]) {
+    let n = from.len();
+    if n >= 16 {
+        to[..16].copy_from_slice(&from[..16]);
+        to[n - 16..].copy_from_slice(&from[n - 16..]);
+    } else if n >= 8 {
+        to[..8].copy_from_slice(&from[..8]);
+        to[n - 8..].copy_from_slice(&from[n - 8..]);
+    } else {
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = *from;
+        }
+    }
 }

@@ -36,7 +36,7 @@ pub struct CouplingArgs {
     /// take much longer than 10 µs. Instances of one FMU then run on several threads.
     #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
     parallel: bool,
-    /// Measure and show coupling errors, calls and times.
+    /// Time every call, and report each connection, its lag and error, and all calls.
     #[arg(long)]
     pub report: bool,
 }

@@ -61,7 +61,7 @@ pub struct Coupling {
     /// rayon has (`RAYON_NUM_THREADS`). The results are the same. It pays where steps take much longer
     /// than handing them out, some 10 µs.
     pub parallel: bool,
-    /// Whether to measure coupling errors and times for the [report](super::Report).
+    /// Whether to time every call for the [report](super::Report), instead of those in a few steps.
     pub measure: bool,
 }
 

@@ -1,6 +1,7 @@
 //! The stepping loop's slaves and the values between them.
 
 use super::history::{Course, History, Outcome};
+use super::stopwatch::Stopwatch;
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
@@ -10,7 +11,6 @@ use crate::cosim::slave::{Conversion, Kind, Role, Value};
 use crate::cosim::system::{Instance, System};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::time::Duration;
 
 /// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
 pub(super) struct Exchange {
@@ -42,7 +42,7 @@ impl Exchange {
         // Slot of each output: in the row for reals, in `others` for the rest.
         let mut slots = HashMap::new();
         for (slave, instance) in system.instances.into_iter().enumerate() {
-            exchange.add(slave, instance, coupling, &mut slots);
+            exchange.add(slave, instance, &mut slots);
         }
         let mut nominals = Vec::new();
         for connection in &system.connections {
@@ -95,7 +95,6 @@ impl Exchange {
         &mut self,
         position: usize,
         instance: Instance,
-        coupling: &Coupling,
         slots: &mut HashMap<(usize, usize), usize>,
     ) {
         let Instance {
@@ -140,6 +139,7 @@ impl Exchange {
             output_slots,
             fed: Vec::new(),
             fed_positions: Vec::new(),
+            changes: Vec::new(),
             sloped: Vec::new(),
             slope_values: Vec::new(),
             settled: Vec::new(),
@@ -154,10 +154,11 @@ impl Exchange {
             input_values: Vec::new(),
             slopes: Vec::new(),
             used: Vec::new(),
+            errors: Vec::new(),
             conversions: Vec::new(),
             other_inputs: Vec::new(),
             calls: Calls::default(),
-            time: coupling.measure.then_some(Duration::ZERO),
+            watch: Stopwatch::default(),
         });
     }
 
@@ -189,7 +190,7 @@ impl Exchange {
                 let wired = &mut self.wired[i];
                 wired.set_newest(values).map_err(failed)?;
                 wired.step(t, h, false)?;
-                wired.get_outputs(values).map_err(failed)?;
+                wired.get_next_outputs(values).map_err(failed)?;
             }
             return Ok(());
         }
@@ -205,7 +206,7 @@ impl Exchange {
             false => self.wired.iter_mut().try_for_each(step)?,
         }
         for wired in &mut self.wired {
-            wired.get_outputs(values).map_err(failed)?;
+            wired.get_next_outputs(values).map_err(failed)?;
         }
         Ok(())
     }

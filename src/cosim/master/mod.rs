@@ -1,12 +1,14 @@
 //! Initialization and the stepping loop.
 
 mod algebraic_loop;
+mod change;
 mod controller;
 mod exchange;
 mod history;
 mod initialize;
 mod lu;
 mod stepper;
+mod stopwatch;
 mod strong;
 mod summary;
 mod travel;
@@ -264,7 +266,7 @@ pub(super) fn run_and_look(
         steps,
         time,
         order: stepper.order().iter().map(name).collect(),
-        report: wires.report(&stepper, &coupling, time - clock.start()),
+        report: wires.report(&stepper, &coupling, steps, time - clock.start()),
         signals: stepper.exchange.signals,
         unrecorded: stepper.exchange.unrecorded,
     })

@@ -2,12 +2,12 @@
 
 use super::controller::Controller;
 use super::exchange::Exchange;
+use super::stopwatch::Sampler;
 use super::strong::Strong;
 use super::wired::Failure;
 use super::{Ending, MasterError};
 use crate::cosim::algorithms::{Algorithm, Control, Coupling};
-use crate::cosim::report::{CouplingError, Steps};
-use std::time::Instant;
+use crate::cosim::report::Steps;
 
 /// After so many rejected steps in a row, there must be a jump.
 const REJECTIONS_AT_A_JUMP: u32 = 3;
@@ -20,18 +20,15 @@ pub(super) struct Stepper {
     pub(super) exchange: Exchange,
     coupling: Coupling,
     order: Vec<usize>,
-    /// Every input is held at the newest value, and nothing is measured.
-    is_plain: bool,
+    /// Every input is held at the newest value, in steps that are all equal.
+    pub(super) is_plain: bool,
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
     /// Whether all slaves can go back.
     can_reject: bool,
     pub(super) steps: Steps,
-    /// Integral of the magnitude and largest magnitude of the error of each slave's inputs.
-    pub(super) errors: Vec<Vec<CouplingError>>,
     room: Vec<f64>,
-    /// When the stepping loop began, if that is to be measured.
-    pub(super) started: Option<Instant>,
+    pub(super) sampler: Sampler,
 }
 
 impl Stepper {
@@ -43,13 +40,7 @@ impl Stepper {
         let is_strong = coupling.algorithm == Algorithm::Strong;
         let degree = coupling.extrapolation.unwrap_or(0);
         let has_parts = exchange.wired.iter().any(|w| w.parts > 1);
-        let is_plain = !is_strong
-            && degree == 0
-            && coupling.control.is_none()
-            && !coupling.measure
-            && !has_parts;
-        let errors = exchange.wired.iter();
-        let errors = errors.map(|w| vec![CouplingError::default(); w.inputs.len()]);
+        let is_plain = !is_strong && degree == 0 && coupling.control.is_none() && !has_parts;
         if coupling.control.is_some()
             && let Some(fixed) = exchange.wired.iter().find(|w| !w.abilities.variable_steps)
         {
@@ -68,9 +59,8 @@ impl Stepper {
                 shortest: f64::INFINITY,
                 ..Steps::default()
             },
-            errors: errors.collect(),
             room: vec![0.0; exchange.values.row.len()],
-            started: None,
+            sampler: Sampler::new(coupling.measure),
             exchange,
         })
     }
@@ -82,12 +72,31 @@ impl Stepper {
             got.map_err(Failure::at_start)?;
         }
         self.exchange.keep(time);
-        self.started = self.coupling.measure.then(Instant::now);
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        wired.iter_mut().for_each(|w| w.begin_changes(values));
+        self.sampler = Sampler::new(self.coupling.measure);
         Ok(())
     }
 
     /// From the communication point at `t` to the one at `end`, `h` [s] later.
+    #[inline]
     pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        match self.sampler.is_due() {
+            false => self.step(t, end, h),
+            true => self.step_timed(t, end, h),
+        }
+    }
+
+    #[cold]
+    fn step_timed(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let begun = self.sampler.begin(&mut self.exchange.wired);
+        let result = self.step(t, end, h);
+        self.sampler.end(begun, &mut self.exchange.wired);
+        result
+    }
+
+    #[inline]
+    fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
             let Coupling {
                 algorithm,
@@ -112,8 +121,7 @@ impl Stepper {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         self.attempt(h, false)?;
-        self.accept(end, h);
-        Ok(())
+        self.accept(end, h)
     }
 
     /// One step by `h`; whether the outputs at its end are consistent.
@@ -127,12 +135,15 @@ impl Stepper {
         Ok(true)
     }
 
-    fn accept(&mut self, end: f64, h: f64) {
-        if self.coupling.measure {
-            self.measure(h);
-        }
+    fn accept(&mut self, end: f64, h: f64) -> Result<(), Ending> {
+        self.measure(h);
         self.count(h);
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        let mut all = wired.iter_mut();
+        let followed = all.try_for_each(|w| w.follow(values, self.steps.accepted));
+        followed.map_err(|failure| failure.at(end))?;
         self.exchange.keep(end);
+        Ok(())
     }
 
     fn count(&mut self, h: f64) {
@@ -141,20 +152,28 @@ impl Stepper {
         self.steps.longest = self.steps.longest.max(h);
     }
 
-    /// By how much input `k` of a slave was wrong in the mean over the last step.
-    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> f64 {
+    /// By how much input `k` of a slave was wrong in the mean over the last step: by what it differs from
+    /// the polynomial of degree 2 (or the cubic with the slopes) through the communication points; and by
+    /// how much that may be wrong.
+    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> (f64, f64) {
         let wired = &exchange.wired[slave];
         let p = wired.input_positions[k];
-        let course = exchange.history.interpolated(p, 2, h, exchange.outcome(p));
-        (wired.used[k] - course.mean).abs()
+        let end = exchange.outcome(p);
+        let course = exchange.history.interpolated(p, 2, h, end);
+        let doubt = exchange.history.interpolation_error(p, h, end);
+        ((wired.used[k] - course.mean).abs(), doubt)
     }
 
+    /// Adds the errors of the last step.
     fn measure(&mut self, h: f64) {
-        for (slave, errors) in self.errors.iter_mut().enumerate() {
-            for (k, error) in errors.iter_mut().enumerate() {
-                let defect = Self::defect(&self.exchange, slave, k, h);
-                error.mean += h * defect;
-                error.max = error.max.max(defect);
+        for slave in 0..self.exchange.wired.len() {
+            for k in 0..self.exchange.wired[slave].inputs.len() {
+                let (defect, doubt) = Self::defect(&self.exchange, slave, k, h);
+                // What was used is of a lower order than the polynomial, or it is the polynomial.
+                let size = defect.max(doubt);
+                let error = &mut self.exchange.wired[slave].errors[k];
+                error.mean += h * size;
+                error.max = error.max.max(size);
             }
         }
     }
@@ -201,7 +220,7 @@ impl Stepper {
                 controller.reject(h, error);
                 continue;
             }
-            self.accept(next, h);
+            self.accept(next, h)?;
             controller.accept(h, error);
             if error > 1.0 {
                 self.steps.over_tolerance += 1;
@@ -219,10 +238,9 @@ impl Stepper {
         for slave in 0..self.exchange.wired.len() {
             let exchange = &self.exchange;
             for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
-                let end = exchange.outcome(p);
-                let defect = Self::defect(exchange, slave, k, h)
-                    + exchange.history.interpolation_error(p, h, end);
-                largest = largest.max(defect / exchange.history.magnitudes[p].max(end.value.abs()));
+                let size = exchange.outcome(p).value.abs();
+                let (defect, doubt) = Self::defect(exchange, slave, k, h);
+                largest = largest.max((defect + doubt) / exchange.history.magnitudes[p].max(size));
             }
         }
         match self.strong.is_some() && self.can_reject {

@@ -1,7 +1,7 @@
 //! A communication step of one slave whose inputs change within it.
 
 use super::history::Course;
-use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired, timed};
+use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
 use super::{Ending, Stage};
 
 impl Wired {
@@ -101,9 +101,9 @@ impl Wired {
         }
         self.calls.sets += 1;
         let (inputs, slopes) = (&self.inputs, &self.slopes);
-        let set = timed(&mut self.time, || {
-            self.slave.set_input_derivatives(inputs, slopes)
-        });
+        let set = self
+            .watch
+            .time(|| self.slave.set_input_derivatives(inputs, slopes));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 

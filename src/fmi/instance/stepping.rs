@@ -96,6 +96,15 @@ impl Instance {
     /// A step of FMI 2.0 that ended with a status.
     #[inline]
     fn ended(&mut self, status: Status) -> Result<Step, CallError> {
+        match status {
+            Status::OK => Ok(Step::Done),
+            _ => self.ended_badly(status),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn ended_badly(&mut self, status: Status) -> Result<Step, CallError> {
         if status == Status::DISCARD {
             self.state = State::Fmi2(fmi2::State::StepFailed);
             return Ok(self.discarded());

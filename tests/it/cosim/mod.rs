@@ -4,6 +4,7 @@ mod algorithms;
 mod allocations;
 mod blocks;
 mod endings;
+mod errors;
 mod failures;
 mod initialization;
 mod joint;
