@@ -13,6 +13,8 @@ pub struct Report {
     /// coupling would need it: strong coupling gives them extrapolated inputs, and with step-size
     /// control no step is repeated.
     pub irrevocable: Vec<String>,
+    /// Names of the slaves that cannot vary their steps, where [jumps became ramps](Steps::ramps).
+    pub fixed: Vec<String>,
     /// Time of the stepping loop without the calls to the slaves [s]: the master and the recorder. With
     /// slaves that step at the same time, it says little.
     pub master_seconds: f64,
@@ -37,6 +39,15 @@ pub struct Steps {
     pub matrices: u64,
     /// Steps in which the corrections were ended before they had converged.
     pub unconverged: u64,
+    /// Steps that were repeated, since values that are no reals had changed within them.
+    pub repeated: u64,
+    /// Steps in which such values did not settle; those of their begin were passed on.
+    pub unsettled: u64,
+    /// Jumps of signals at which steps were cut, and those that became ramps over a step, since a slave
+    /// cannot vary its steps.
+    pub jumps: u64,
+    /// See [`Self::jumps`].
+    pub ramps: u64,
     /// Shortest accepted step [s].
     pub shortest: f64,
     /// Longest accepted step [s].

@@ -88,6 +88,12 @@ pub trait Slave: Send {
         Err(format!("the derivatives of the outputs {handles:?} are not known").into())
     }
 
+    /// The next time after `t` [s] at which outputs jump, where that is known beforehand.
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let _ = t;
+        None
+    }
+
     /// The derivatives of real outputs in the direction of `seed`, a part for each of `inputs`:
     /// `Σ ∂output/∂input · part` at this instant.
     fn directional_derivative(

@@ -43,12 +43,17 @@ pub fn to_json(report: &Report) -> Value {
             "corrections": steps.corrections,
             "matrices": steps.matrices,
             "unconverged": steps.unconverged,
+            "repeated": steps.repeated,
+            "unsettled": steps.unsettled,
+            "jumps": steps.jumps,
+            "ramps": steps.ramps,
             "shortest": steps.shortest,
             "longest": steps.longest,
         },
         "slaves": slaves,
         "connections": connections,
         "irrevocable": report.irrevocable,
+        "fixed": report.fixed,
         "masterSeconds": report.master_seconds,
         "timedSteps": report.timed_steps,
     })
@@ -76,6 +81,21 @@ pub fn to_text(report: &Report, is_long: bool) -> String {
         let n = steps.over_tolerance;
         text += &format!("warning: the error of {n} steps is larger than the tolerance\n");
     }
+    if steps.unsettled > 0 {
+        let n = steps.unsettled;
+        text += &format!(
+            "warning: in {n} of {} steps integers, booleans, enumerations or texts did not settle: they \
+             are passed on a step late\n",
+            steps.accepted
+        );
+    }
+    if steps.ramps > 0 {
+        let (n, fixed) = (steps.ramps, report.fixed.join("`, `"));
+        text += &format!(
+            "warning: {n} jumps of the inputs became ramps over a step: `{fixed}` cannot take steps of \
+             different lengths\n"
+        );
+    }
     text += &divergences(report);
     text += &match is_long {
         true => details(report),
@@ -89,9 +109,11 @@ fn divergences(report: &Report) -> String {
     let mut lines: Vec<String> = (report.connections.iter())
         .filter_map(|c| {
             let why = match c.divergence? {
-                Divergence::Alternating => "swings further from step to step: its coupling diverges",
+                Divergence::Alternating => {
+                    "swings further from step to step: its coupling diverges"
+                }
                 Divergence::Growing => {
-                    "grows tenfold every few steps: its coupling diverges, or the system is unstable"
+                    "grows without end: its coupling diverges, or the system is unstable"
                 }
             };
             Some(format!("`{}` -> `{}` {why}", c.from, c.to))

@@ -4,10 +4,11 @@ use crate::cosim::report::Divergence;
 
 /// Steps that are looked at together.
 const WINDOW: u64 = 16;
-/// Growth of the largest change within such a window that is not just a lively signal, and so many windows
-/// in a row.
-const GROWTH: f64 = 10.0;
-const WINDOWS: u32 = 4;
+/// Growth of the largest change within such a window that is not just a lively signal, if it goes on for so
+/// many windows or so far.
+const GROWTH: f64 = 3.0;
+const WINDOWS: u32 = 6;
+const FAR: f64 = 1e6;
 /// Largest changes in a row, each in the other direction than the one before and larger.
 const TURNS: u32 = 6;
 const LARGER: f64 = 1.02;
@@ -31,10 +32,11 @@ struct Growth {
     step: u64,
     is_up: bool,
     turns: u32,
-    /// The window of that step, the largest change before it, and for how many windows it grew.
+    /// The window of that step, the largest change before it, for how many windows it grew, and from what.
     window: u64,
     before: f64,
     windows: u32,
+    begin: f64,
     found: Option<Divergence>,
 }
 
@@ -85,12 +87,16 @@ impl Growth {
         if window != self.window {
             let grew =
                 window == self.window + 1 && self.before > 0.0 && before > GROWTH * self.before;
-            self.windows = if grew { self.windows + 1 } else { 0 };
+            match grew {
+                true => self.windows += 1,
+                false => (self.windows, self.begin) = (0, before),
+            }
             (self.window, self.before) = (window, before);
         }
+        let is_far = self.windows > 0 && before > FAR * self.begin;
         if self.turns >= TURNS {
             self.found = Some(Divergence::Alternating);
-        } else if self.windows >= WINDOWS {
+        } else if self.windows >= WINDOWS || is_far {
             self.found.get_or_insert(Divergence::Growing);
         }
     }
@@ -124,6 +130,7 @@ mod tests {
         );
         // Smooth beginnings, decay, bounded oscillation, a slow instability: these are signals.
         assert_eq!(divergence(1000, |k| k.powi(5)), None);
+        assert_eq!(divergence(1000, |k| k.powi(8)), None);
         assert_eq!(divergence(1000, |k| sign(k) * 0.9_f64.powf(k)), None);
         assert_eq!(divergence(1000, sign), None);
         assert_eq!(divergence(1000, |k| (0.05 * k).exp()), None);

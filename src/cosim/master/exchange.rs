@@ -23,8 +23,9 @@ pub(super) struct Exchange {
     pub(super) history: History,
     /// How the fed outputs go within the step, by position.
     pub(super) courses: Vec<Course>,
-    /// Outputs that are no reals, at the begin of the step.
+    /// Outputs that are no reals, at the begin of the step, and what the slaves are given for them.
     pub(super) others_before: Vec<Value>,
+    pub(super) others_given: Vec<Value>,
 }
 
 impl Exchange {
@@ -38,6 +39,7 @@ impl Exchange {
             history: History::default(),
             courses: Vec::new(),
             others_before: Vec::new(),
+            others_given: Vec::new(),
         };
         // Slot of each output: in the row for reals, in `others` for the rest.
         let mut slots = HashMap::new();
@@ -87,6 +89,7 @@ impl Exchange {
         exchange.courses = vec![Course::default(); n];
         exchange.values.slopes = vec![0.0; n];
         exchange.others_before = exchange.values.others.clone();
+        exchange.others_given = exchange.values.others.clone();
         exchange
     }
 
@@ -145,6 +148,7 @@ impl Exchange {
             settled: Vec::new(),
             settled_slots: Vec::new(),
             settled_values: Vec::new(),
+            settled_others: Vec::new(),
             has_feedthrough: false,
             feeds_through: false,
             other_outputs,
@@ -283,6 +287,7 @@ impl Exchange {
     /// Keeps the outputs that are no reals, as they are at the begin of a step.
     pub(super) fn keep_others(&mut self) {
         self.others_before.clone_from_slice(&self.values.others);
+        self.others_given.clone_from_slice(&self.values.others);
     }
 
     /// Saves the state of all slaves that can.

@@ -15,6 +15,12 @@ const REJECTIONS_AT_A_JUMP: u32 = 3;
 /// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
 
+/// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
+const OVER_A_JUMP: f64 = 1e-6;
+
+/// Rounding errors of counted times.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 /// The slaves and how they are stepped.
 pub(super) struct Stepper {
     pub(super) exchange: Exchange,
@@ -24,8 +30,11 @@ pub(super) struct Stepper {
     pub(super) is_plain: bool,
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
-    /// Whether all slaves can go back.
+    /// Whether inputs change within a step, so that jumps would become ramps.
+    has_courses: bool,
+    /// Whether all slaves can go back, and vary their steps.
     can_reject: bool,
+    can_vary: bool,
     pub(super) steps: Steps,
     room: Vec<f64>,
     pub(super) sampler: Sampler,
@@ -54,6 +63,8 @@ impl Stepper {
             is_plain,
             strong: is_strong.then(|| Strong::new(&exchange, coupling)),
             control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
+            has_courses: is_strong || degree > 0 || coupling.control.is_some(),
+            can_vary: exchange.wired.iter().all(|w| w.abilities.variable_steps),
             can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
             steps: Steps {
                 shortest: f64::INFINITY,
@@ -112,11 +123,59 @@ impl Stepper {
             }
             return Ok(());
         }
-        if let Some((control, mut controller)) = self.control.take() {
-            let result = self.advance_controlled(&control, &mut controller, t, end);
-            self.control = Some((control, controller));
-            return result;
+        match self.has_courses {
+            true => self.step_between_jumps(t, end, h),
+            false => self.stride(t, end, h),
         }
+    }
+
+    /// In steps that are cut at the jumps of signals: one ends shortly before the jump, a very short one
+    /// crosses it, and nothing before it counts for what comes.
+    fn step_between_jumps(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let short = (OVER_A_JUMP * h).max(16.0 * ROUNDING * end.abs());
+        let mut t = begin;
+        while let Some(jump) = self.jump_within(t, end) {
+            if !self.can_vary {
+                self.steps.ramps += 1;
+                break;
+            }
+            let before = jump - short;
+            if before > t + short {
+                self.stride(t, before, before - t)?;
+                t = before;
+            }
+            let after = if jump > end - short { end } else { jump };
+            self.stride_once(t, after, after - t)?;
+            self.exchange.history.restart();
+            self.steps.jumps += 1;
+            t = after;
+        }
+        match t {
+            t if t == begin => self.stride(t, end, h),
+            t if t < end => self.stride(t, end, end - t),
+            _ => Ok(()),
+        }
+    }
+
+    /// The first jump after `t` until `end`.
+    fn jump_within(&self, t: f64, end: f64) -> Option<f64> {
+        let slaves = self.exchange.wired.iter();
+        let jumps = slaves.filter_map(|w| w.slave.next_jump(t));
+        let last = end + ROUNDING * end.abs();
+        jumps.filter(|&jump| jump <= last).reduce(f64::min)
+    }
+
+    /// From `t` to `end`, `h` [s] later: in one step, or in as many as the control wants.
+    fn stride(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let Some((control, mut controller)) = self.control.take() else {
+            return self.stride_once(t, end, h);
+        };
+        let result = self.advance_controlled(&control, &mut controller, t, end);
+        self.control = Some((control, controller));
+        result
+    }
+
+    fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
@@ -259,13 +318,14 @@ impl Stepper {
                 courses,
                 history,
                 fed,
+                others_given,
                 ..
             } = &mut self.exchange;
             let wired = &mut wired[slave];
             if !wired.has_stairs() {
                 continue;
             }
-            wired.effect_of_stairs(values, courses, span, &mut self.room)?;
+            wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
             for &p in &wired.fed_positions {
                 let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
                 largest = largest.max(effect / history.magnitudes[p]);

@@ -75,6 +75,10 @@ impl Wires {
             connections: (self.0.iter())
                 .map(|wire| wire.report(stepper, coupling, duration))
                 .collect(),
+            fixed: (wired.iter())
+                .filter(|w| steps.ramps > 0 && !w.abilities.variable_steps)
+                .map(|w| w.name.clone())
+                .collect(),
             irrevocable: irrevocable.map(|w| w.name.clone()).collect(),
             master_seconds: (stepper.sampler.elapsed() - in_slaves).max(0.0),
             timed_steps: stepper.sampler.timed,

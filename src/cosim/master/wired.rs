@@ -47,10 +47,12 @@ pub(super) struct Wired {
     /// Handles of these, if their derivatives are to be read too, and room for them.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
-    /// Handles and slots of the real outputs without direct feedthrough from a fed input.
+    /// Handles and slots of the real outputs without direct feedthrough from a fed input; and which of the
+    /// other outputs have none.
     pub(super) settled: Vec<u32>,
     pub(super) settled_slots: Vec<usize>,
     pub(super) settled_values: Vec<f64>,
+    pub(super) settled_others: Vec<usize>,
     /// Whether an output, or a fed one, has direct feedthrough from a fed input.
     pub(super) has_feedthrough: bool,
     pub(super) feeds_through: bool,
@@ -118,12 +120,20 @@ impl Wired {
             }
         }
         self.changes = vec![Change::default(); self.fed.len()];
-        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
+        let is_direct = |handle: u32, kind: Kind| {
             let mut variables = self.slave.variables().iter();
-            let is_direct = variables
-                .find(|v| v.handle == *handle && v.role == Role::Output && v.kind == Kind::Real)
-                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)));
-            if is_direct {
+            variables
+                .find(|v| v.handle == handle && v.role == Role::Output && v.kind == kind)
+                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)))
+        };
+        for (k, &(handle, kind, _)) in self.other_outputs.iter().enumerate() {
+            match is_direct(handle, kind) {
+                true => self.has_feedthrough = true,
+                false => self.settled_others.push(k),
+            }
+        }
+        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
+            if is_direct(*handle, Kind::Real) {
                 self.has_feedthrough = true;
                 self.feeds_through |= self.fed.contains(&slot);
             } else {
@@ -286,20 +296,25 @@ impl Wired {
     }
 
     fn get_each_other(&mut self, values: &mut Values) -> Result<(), Failure> {
-        for k in 0..self.other_outputs.len() {
-            let (handle, kind, slot) = self.other_outputs[k];
-            self.calls.gets += 1;
-            let got = self.watch.time(|| self.slave.get(handle, kind));
-            values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-            if let Some(column) = values.other_slots[slot] {
-                values.row[column] = values.others[slot].as_number();
-            }
+        (0..self.other_outputs.len()).try_for_each(|k| self.get_other(k, values))
+    }
+
+    fn get_other(&mut self, k: usize, values: &mut Values) -> Result<(), Failure> {
+        let (handle, kind, slot) = self.other_outputs[k];
+        self.calls.gets += 1;
+        let got = self.watch.time(|| self.slave.get(handle, kind));
+        values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        if let Some(column) = values.other_slots[slot] {
+            values.row[column] = values.others[slot].as_number();
         }
         Ok(())
     }
 
-    /// Reads the real outputs without direct feedthrough.
+    /// Reads the outputs without direct feedthrough.
     pub(super) fn get_settled(&mut self, values: &mut Values) -> Result<(), Failure> {
+        for k in 0..self.settled_others.len() {
+            self.get_other(self.settled_others[k], values)?;
+        }
         if self.settled.is_empty() {
             return Ok(());
         }

@@ -3,6 +3,7 @@
 mod algorithms;
 mod allocations;
 mod blocks;
+mod discrete;
 mod endings;
 mod errors;
 mod failures;

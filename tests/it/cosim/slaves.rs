@@ -81,6 +81,12 @@ impl Linear {
         self
     }
 
+    /// One whose steps must all be of one length.
+    pub fn fixed(mut self) -> Self {
+        self.abilities.variable_steps = false;
+        self
+    }
+
     /// One whose input can be a ramp within a step.
     pub fn following(mut self) -> Self {
         self.abilities.input_derivatives = true;
