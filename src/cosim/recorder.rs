@@ -107,27 +107,37 @@ impl<W: Write> Recorder for CsvRecorder<W> {
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        let mut end = put_number(&mut self.line, time);
-        for &value in values {
-            self.line[end] = b',';
-            end += 1 + put_number(&mut self.line[end + 1..], value);
+        let mut end = put_numbers(&mut self.line, 0, &[time]);
+        for some in values.chunks(TOGETHER) {
+            end = put_numbers(&mut self.line, end, some);
         }
-        self.line[end] = b'\n';
-        self.to.write_all(&self.line[..=end])
+        self.line[end - 1] = b'\n';
+        self.to.write_all(&self.line[..end])
     }
 }
 
 /// Bytes that a number and what follows it take at most: 24 and one.
 const LONGEST: usize = 25;
 
-/// Writes the shortest text that reads back as the same number, a whole number without `.0`; its length.
-#[inline]
-fn put_number(room: &mut [u8], value: f64) -> usize {
-    let mut buffer = zmij::Buffer::new();
-    let text = buffer.format(value);
-    let text = text.strip_suffix(".0").unwrap_or(text).as_bytes();
-    copy_short(&mut room[..text.len()], text);
-    text.len()
+/// Numbers that are formatted before the first is copied, since what was just written is slow to read.
+const TOGETHER: usize = 8;
+
+/// Writes up to [`TOGETHER`] numbers from `at` on, each with a comma behind it; where the last comma ends. A
+/// text is the shortest that reads back as the same number; whole numbers are without `.0`.
+fn put_numbers(line: &mut [u8], mut at: usize, numbers: &[f64]) -> usize {
+    let mut buffers: [zmij::Buffer; TOGETHER] = std::array::from_fn(|_| zmij::Buffer::new());
+    let mut texts = [""; TOGETHER];
+    for ((text, buffer), &number) in texts.iter_mut().zip(&mut buffers).zip(numbers) {
+        *text = buffer.format(number);
+    }
+    for text in &texts[..numbers.len()] {
+        let text = text.strip_suffix(".0").unwrap_or(text).as_bytes();
+        let end = at + text.len();
+        copy_short(&mut line[at..end], text);
+        line[end] = b',';
+        at = end + 1;
+    }
+    at
 }
 
 /// Copies up to 32 bytes in overlapping pieces of fixed sizes: a call of `memcpy` for a length that changes

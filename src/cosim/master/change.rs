@@ -8,7 +8,7 @@ const WINDOW: u64 = 16;
 /// many windows or so far.
 const GROWTH: f64 = 3.0;
 const WINDOWS: u32 = 6;
-const FAR: f64 = 1e6;
+const FAR: f64 = 1e7;
 /// Largest changes in a row, each in the other direction than the one before and larger.
 const TURNS: u32 = 6;
 const LARGER: f64 = 1.02;

@@ -252,7 +252,7 @@ impl Wired {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn read_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
         if !self.outputs.is_empty() {
             self.calls.gets += 1;
