@@ -15,6 +15,9 @@ pub struct Report {
     pub irrevocable: Vec<String>,
     /// Names of the slaves that cannot vary their steps, where [jumps became ramps](Steps::ramps).
     pub fixed: Vec<String>,
+    /// Names of the slaves that hold their inputs within each step, or part of it, where these could change:
+    /// they take no input derivatives (FMI 2.0) and no intermediate updates (FMI 3.0).
+    pub holding: Vec<String>,
     /// Time of the stepping loop without the calls to the slaves [s]: the master and the recorder. With
     /// slaves that step at the same time, it says little.
     pub master_seconds: f64,

@@ -340,6 +340,16 @@ impl Value {
         })
     }
 
+    /// Its type; that of an enumeration's value is an integer.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Real(_) => Kind::Real,
+            Self::Integer(_) => Kind::Integer,
+            Self::Boolean(_) => Kind::Boolean,
+            Self::String(_) => Kind::String,
+        }
+    }
+
     /// As a number for a table; booleans are 0 and 1, a string is NaN.
     pub fn as_number(&self) -> f64 {
         match self {

@@ -54,6 +54,7 @@ pub fn to_json(report: &Report) -> Value {
         "connections": connections,
         "irrevocable": report.irrevocable,
         "fixed": report.fixed,
+        "holding": report.holding,
         "masterSeconds": report.master_seconds,
         "timedSteps": report.timed_steps,
     })
@@ -97,6 +98,12 @@ pub fn to_text(report: &Report, is_long: bool) -> String {
         );
     }
     text += &divergences(report);
+    for name in &report.holding {
+        text += &format!(
+            "note: `{name}` cannot let its inputs change within a step (no input derivatives, no \
+             intermediate updates): it holds their means; --parts {name}=N makes that finer\n"
+        );
+    }
     text += &match is_long {
         true => details(report),
         false => brief(report),

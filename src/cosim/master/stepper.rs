@@ -31,7 +31,7 @@ pub(super) struct Stepper {
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
     /// Whether inputs change within a step, so that jumps would become ramps.
-    has_courses: bool,
+    pub(super) has_courses: bool,
     /// Whether all slaves can go back, and vary their steps.
     can_reject: bool,
     can_vary: bool,

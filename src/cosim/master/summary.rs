@@ -79,6 +79,11 @@ impl Wires {
                 .filter(|w| steps.ramps > 0 && !w.abilities.variable_steps)
                 .map(|w| w.name.clone())
                 .collect(),
+            holding: (wired.iter())
+                .filter(|w| stepper.has_courses && !w.inputs.is_empty())
+                .filter(|w| !w.abilities.input_derivatives)
+                .map(|w| w.name.clone())
+                .collect(),
             irrevocable: irrevocable.map(|w| w.name.clone()).collect(),
             master_seconds: (stepper.sampler.elapsed() - in_slaves).max(0.0),
             timed_steps: stepper.sampler.timed,

@@ -6,6 +6,7 @@ mod blocks;
 mod discrete;
 mod endings;
 mod errors;
+mod events;
 mod failures;
 mod initialization;
 mod joint;
