@@ -44,8 +44,10 @@ pub trait Slave: Send {
 
     /// The linear system that the slave is in continuous time for small changes about where it stands, with
     /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
-    /// [`variables`](Self::variables), and those that are left out count as constant.
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+    /// [`variables`](Self::variables), and those that are left out count as constant. `step` [s] is for slaves
+    /// of which nothing is known but what they do in steps; all others take none.
+    fn linearize(&mut self, step: f64) -> Result<Linear, SlaveError> {
+        let _ = step;
         Err("it does not say how it depends on its states and inputs".into())
     }
 
@@ -108,6 +110,21 @@ pub trait Slave: Send {
     }
 }
 
+/// A linear system, and how it was found where that is not by derivatives.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// The system.
+    pub system: StateSpace,
+    /// How it was found.
+    pub note: Option<String>,
+}
+
+impl From<StateSpace> for Linear {
+    fn from(system: StateSpace) -> Self {
+        Self { system, note: None }
+    }
+}
+
 /// What a slave can do beyond stepping forward; by default nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Abilities {
@@ -146,7 +163,7 @@ pub enum Progress {
 pub struct Experiment {
     /// Start time [s].
     pub start: f64,
-    /// Stop time [s].
+    /// Stop time [s]; infinite if there is none.
     pub stop: f64,
     /// Relative tolerance for slaves with error control; `None` leaves it to each slave.
     pub tolerance: Option<f64>,

@@ -1,7 +1,7 @@
 //! Signals over time, from a table, as a slave that feeds others.
 
 use super::slave::{
-    Abilities, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
 use crate::linear::StateSpace;
 use crate::series::{Column, Series};
@@ -270,8 +270,8 @@ impl Slave for Source {
     }
 
     /// Nothing: what it feeds are inputs from outside.
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
-        Ok(StateSpace::empty())
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+        Ok(StateSpace::empty().into())
     }
 }
 

@@ -4,6 +4,7 @@ mod access;
 mod linear;
 mod model_exchange;
 mod newer;
+mod responses;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
@@ -12,11 +13,12 @@ use self::access::Access;
 use self::linear::Knowns;
 use self::newer::Newer;
 use self::variables::variables;
-use super::slave::{Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
+use super::slave::{
+    Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
+};
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use crate::fmi::instance::Saved;
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
-use crate::linear::StateSpace;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a slave of it: of the wanted kind, if it has that one, else
@@ -54,6 +56,8 @@ pub struct FmuSlave {
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
     abilities: Abilities,
+    /// Where it stands [s].
+    time: f64,
     /// Of FMI 3.0.
     newer: Option<Newer>,
     /// Saved states, and when the next time event comes after each [s].
@@ -89,6 +93,7 @@ impl FmuSlave {
         Ok(Self {
             abilities: abilities(description, &instance, newer.as_ref()),
             newer,
+            time: 0.0,
             saved: Vec::new(),
             orders: vec![1; variables.len()],
             instance,
@@ -108,6 +113,8 @@ impl Slave for FmuSlave {
     fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
         let tolerance = experiment.tolerance.or(self.tolerance);
         let (start, stop) = (experiment.start, experiment.stop);
+        let stop = stop.is_finite().then_some(stop);
+        self.time = start;
         Ok(self.instance.setup_experiment(tolerance, start, stop)?)
     }
 
@@ -150,6 +157,7 @@ impl Slave for FmuSlave {
     }
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
         match &mut self.newer {
             Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), false),
             None => Ok(progress(self.instance.do_step(t, h)?, t)),
@@ -160,8 +168,15 @@ impl Slave for FmuSlave {
         Ok(self.instance.terminate()?)
     }
 
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
-        self.knowns.by_derivatives(&mut self.instance)
+    /// By directional derivatives, if the description lists the states; else by responses in steps of
+    /// `step`, if the instance can go back.
+    fn linearize(&mut self, step: f64) -> Result<Linear, SlaveError> {
+        let can_derive = self.instance.provides_directional_derivatives();
+        if can_derive && self.knowns.has_states() || !self.abilities.rollback {
+            let system = self.knowns.by_derivatives(&mut self.instance)?;
+            return Ok(system.into());
+        }
+        responses::linearize(self, step)
     }
 
     fn abilities(&self) -> Abilities {
@@ -195,6 +210,7 @@ impl Slave for FmuSlave {
     }
 
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
         match &mut self.newer {
             Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), true),
             None => Ok(progress(self.instance.do_step_revocably(t, h)?, t)),
