@@ -188,7 +188,8 @@ impl Newer {
         Ok(())
     }
 
-    /// Sets reals; those that are held until a ramp is set.
+    /// Sets reals; those that are held until a ramp is set. Kept out of the way of FMI 2.0, as is the step.
+    #[inline(never)]
     pub(super) fn set_reals(
         &mut self,
         access: &Access,
@@ -264,6 +265,7 @@ impl Newer {
     }
 
     /// Takes a step from `t` by `h` [s], with all events in it.
+    #[inline(never)]
     pub(super) fn step(
         &mut self,
         access: &Access,
