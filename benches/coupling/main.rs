@@ -1,8 +1,9 @@
 //! What the master costs beside FMUs that cost nothing: P controller and integrator in C, 10,000 steps,
 //! by a bare loop over their functions, by the master, by the whole command, and by a loop in fmpy, all in
-//! one run. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`; with
+//! one run; and from which cost of a step on `--parallel` pays. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`; with
 //! `-- --long` it runs 10 million steps too and prints what memory that takes.
 
+mod busy;
 mod fmus;
 // Its other function runs scripts of the tests.
 #[allow(dead_code)]
@@ -71,6 +72,7 @@ fn main() {
         "The whole command, 8 signals into a CSV file: {:.1} ms.",
         command / 1e3
     );
+    busy::print();
     if std::env::args().any(|argument| argument == "--long") {
         long(&libraries[0]);
     }

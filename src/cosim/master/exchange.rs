@@ -1,5 +1,6 @@
 //! The stepping loop's slaves and the values between them.
 
+use super::crew::Crew;
 use super::history::{Course, History, Outcome};
 use super::stopwatch::Stopwatch;
 use super::wired::{BEGIN, Failure, Values, Wired};
@@ -9,7 +10,6 @@ use crate::cosim::recorder::Signal;
 use crate::cosim::report::Calls;
 use crate::cosim::slave::{Conversion, Kind, Role, Value};
 use crate::cosim::system::{Instance, System};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
@@ -163,6 +163,7 @@ impl Exchange {
             other_inputs: Vec::new(),
             calls: Calls::default(),
             watch: Stopwatch::default(),
+            ended: None,
         });
     }
 
@@ -183,7 +184,7 @@ impl Exchange {
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
-        parallel: bool,
+        crew: Option<&mut Crew>,
         t: f64,
         h: f64,
     ) -> Result<(), Ending> {
@@ -201,13 +202,9 @@ impl Exchange {
         for wired in &mut self.wired {
             wired.set_newest(values).map_err(failed)?;
         }
-        let step = |wired: &mut Wired| wired.step(t, h, false);
-        match parallel {
-            // Of several failures the first slave's is told, whichever came first.
-            true => (self.wired.par_iter_mut().map(step))
-                .find_first(Result::is_err)
-                .unwrap_or(Ok(()))?,
-            false => self.wired.iter_mut().try_for_each(step)?,
+        match crew {
+            Some(crew) => crew.step(&mut self.wired, t, h)?,
+            None => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
         }
         for wired in &mut self.wired {
             wired.get_next_outputs(values).map_err(failed)?;

@@ -3,6 +3,7 @@
 mod algebraic_loop;
 mod change;
 mod controller;
+mod crew;
 mod exchange;
 mod history;
 mod initialize;

@@ -1,6 +1,7 @@
 //! From one communication point of the clock to the next, by the algorithm that was asked for.
 
 use super::controller::Controller;
+use super::crew::Crew;
 use super::exchange::Exchange;
 use super::stopwatch::Sampler;
 use super::strong::Strong;
@@ -37,6 +38,8 @@ pub(super) struct Stepper {
     can_vary: bool,
     pub(super) steps: Steps,
     room: Vec<f64>,
+    /// Threads, if slaves step at the same time.
+    crew: Option<Crew>,
     pub(super) sampler: Sampler,
 }
 
@@ -71,6 +74,7 @@ impl Stepper {
                 ..Steps::default()
             },
             room: vec![0.0; exchange.values.row.len()],
+            crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
             sampler: Sampler::new(coupling.measure),
             exchange,
         })
@@ -109,13 +113,8 @@ impl Stepper {
     #[inline]
     fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
-            let Coupling {
-                algorithm,
-                parallel,
-                ..
-            } = self.coupling;
-            let exchange = &mut self.exchange;
-            exchange.advance_held(algorithm, &self.order, parallel, t, h)?;
+            let (algorithm, crew) = (self.coupling.algorithm, self.crew.as_mut());
+            (self.exchange).advance_held(algorithm, &self.order, crew, t, h)?;
             // All steps are equally long.
             match self.steps.accepted {
                 0 => self.count(h),

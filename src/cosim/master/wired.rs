@@ -76,6 +76,8 @@ pub(super) struct Wired {
     pub(super) other_inputs: Vec<(u32, usize)>,
     pub(super) calls: Calls,
     pub(super) watch: Stopwatch,
+    /// How its last step ended, if not well, where others stepped at the same time.
+    pub(super) ended: Option<Ending>,
 }
 
 /// A failed call.

@@ -16,6 +16,7 @@ pub struct Linear {
     pub d: f64,
     pub x: f64,
     pub u: f64,
+    pub panics: bool,
     slope: f64,
     abilities: Abilities,
     saved: Vec<[f64; 3]>,
@@ -58,6 +59,7 @@ impl Linear {
             d,
             x: 0.0,
             u: 0.0,
+            panics: false,
             slope: 0.0,
             abilities: Abilities {
                 variable_steps: true,
@@ -190,6 +192,7 @@ impl Slave for Linear {
     }
 
     fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
+        assert!(!self.panics, "as it was told");
         self.advance(h);
         self.note("step");
         Ok(Progress::Done)
