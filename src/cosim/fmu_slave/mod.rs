@@ -1,6 +1,7 @@
 //! An FMU of FMI 2.0 or 3.0 as a slave. The only place here that knows of FMUs.
 
 mod access;
+mod arrays;
 mod linear;
 mod model_exchange;
 mod newer;
@@ -10,6 +11,7 @@ mod variables;
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
+use self::arrays::Arrays;
 use self::linear::Knowns;
 use self::newer::Newer;
 use self::variables::variables;
@@ -89,15 +91,17 @@ impl FmuSlave {
             }
         };
         let instance = library.instantiate_with(name, fmi::Kind::CoSimulation, options)?;
-        let variables = variables(description);
+        let arrays = Arrays::of(description);
+        let variables = variables(description, &arrays);
+        let access = Access::with(description, arrays);
         Ok(Self {
-            abilities: abilities(description, &instance, newer.as_ref()),
+            abilities: abilities(description, &instance, &access, newer.as_ref()),
             newer,
             time: 0.0,
             saved: Vec::new(),
             orders: vec![1; variables.len()],
             instance,
-            access: Access::of(description),
+            access,
             knowns: Knowns::of(description),
             variables,
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
@@ -256,26 +260,27 @@ impl Slave for FmuSlave {
     }
 }
 
-/// What the description says that the FMU can do. Reals of 32 bits have no derivatives here.
+/// What the description says that the FMU can do. Reals of 32 bits and arrays have no derivatives here.
 fn abilities(
     description: &ModelDescription,
     instance: &Instance,
+    access: &Access,
     newer: Option<&Newer>,
 ) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
     };
-    let is_double = !Access::of(description).has_singles();
+    let is_simple = access.is_simple();
     Abilities {
         rollback: cs.can_get_and_set_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
         // In FMI 3.0 there are intermediate updates for this.
         input_derivatives: match newer {
-            Some(newer) => newer.has_ramps() && is_double,
+            Some(newer) => newer.has_ramps() && is_simple,
             None => cs.can_interpolate_inputs,
         },
-        output_derivatives: cs.max_output_derivative_order >= 1 && is_double,
-        directional_derivatives: instance.provides_directional_derivatives() && is_double,
+        output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,
+        directional_derivatives: instance.provides_directional_derivatives() && is_simple,
     }
 }
 

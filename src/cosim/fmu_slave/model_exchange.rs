@@ -1,6 +1,7 @@
 //! An FMU for model exchange, integrated here, as a slave.
 
 use super::access::Access;
+use super::arrays::Arrays;
 use super::linear::Knowns;
 use super::variables::variables;
 use crate::cosim::slave::{
@@ -38,7 +39,7 @@ impl ModelExchangeSlave {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
             access: Access::of(description),
             knowns: Knowns::of(description),
-            variables: variables(description),
+            variables: variables(description, &Arrays::default()),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
             has_begun: false,

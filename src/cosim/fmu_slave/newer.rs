@@ -120,7 +120,8 @@ impl Newer {
         };
         let is_updated = cs.is_some_and(|cs| cs.provides_intermediate_update)
             && continuous().all(|v| v.intermediate_update)
-            && continuous().next().is_some();
+            && continuous().next().is_some()
+            && inputs().all(|v| v.dimensions.is_empty());
         let ramps = is_updated.then(Arc::<Mutex<Ramps>>::default);
         let update = ramps.clone().map(|ramps| {
             IntermediateUpdate::new(move |intermediate| {

@@ -21,10 +21,15 @@ fn slave(system: &mut System, behaviour: &str, is_updated: bool) {
     if is_updated {
         let u = "name=\"u\" valueReference=\"1\"";
         description = description.replace(u, &format!("{u} intermediateUpdate=\"true\""));
-        // All continuous inputs take them.
-        let is_single = |line: &&str| {
-            line.contains("<Float32") || line.contains("<Output valueReference=\"30\"")
-        };
+        // All continuous inputs take them, and there are no others.
+        let others = [
+            "<Float32",
+            "<Output valueReference=\"30\"",
+            "\"array\"",
+            "\"sums\"",
+            "<Output valueReference=\"72\"",
+        ];
+        let is_single = |line: &&str| others.iter().any(|other| line.contains(other));
         let kept: Vec<&str> = description
             .lines()
             .filter(|line| !is_single(line))

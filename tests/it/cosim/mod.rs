@@ -2,6 +2,7 @@
 
 mod algorithms;
 mod allocations;
+mod arrays;
 mod blocks;
 mod discrete;
 mod endings;
