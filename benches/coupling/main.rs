@@ -1,8 +1,9 @@
 //! What the master costs beside FMUs that cost nothing: P controller and integrator in C, 10,000 steps,
 //! by a bare loop over their functions, by the master, by the whole command, and by a loop in fmpy, all in
-//! one run. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`; with
+//! one run; and from which cost of a step on `--parallel` pays. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`; with
 //! `-- --long` it runs 10 million steps too and prints what memory that takes.
 
+mod busy;
 mod fmus;
 // Its other function runs scripts of the tests.
 #[allow(dead_code)]
@@ -16,7 +17,6 @@ use pilotage::cosim::{
 };
 use pilotage::fmi::{Fmu, fmu};
 use std::hint::black_box;
-use std::io::BufWriter;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
@@ -35,7 +35,7 @@ fn main() {
             fmu.load().expect("the FMU loads")
         })
     });
-    let csv = || CsvRecorder::new(BufWriter::new(tempfile::tempfile().expect("a file")));
+    let csv = || CsvRecorder::in_portions(tempfile::tempfile().expect("a file"), 1 << 18);
     let series = || SeriesRecorder::with_capacity(STEPS as usize + 1);
     // In turn, so that whatever else the machine does falls on all of them; the least counts.
     let mut least = [f64::INFINITY; 6];
@@ -45,7 +45,7 @@ fn main() {
             coupled(&libraries[0], Algorithm::Jacobi.into(), &mut Nothing),
             coupled(&libraries[1], Algorithm::Jacobi.into(), &mut Nothing),
             coupled(&libraries[1], Algorithm::Jacobi.into(), &mut series()),
-            coupled(&libraries[1], Algorithm::Jacobi.into(), &mut csv()),
+            into_csv(&libraries[1], csv()),
             command(&many, folder.path()),
         ];
         for (least, time) in least.iter_mut().zip(times) {
@@ -72,6 +72,7 @@ fn main() {
         "The whole command, 8 signals into a CSV file: {:.1} ms.",
         command / 1e3
     );
+    busy::print();
     if std::env::args().any(|argument| argument == "--long") {
         long(&libraries[0]);
     }
@@ -100,6 +101,14 @@ fn coupled(libraries: &[fmu::Library; 2], coupling: Coupling, recorder: &mut dyn
     let elapsed = started.elapsed();
     assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
     elapsed.as_secs_f64() * 1e6 / STEPS as f64
+}
+
+/// The same, until all rows are in the file.
+fn into_csv(libraries: &[fmu::Library; 2], mut recorder: CsvRecorder<std::fs::File>) -> f64 {
+    let stepping = coupled(libraries, Algorithm::Jacobi.into(), &mut recorder);
+    let started = Instant::now();
+    recorder.finish().expect("there is room");
+    stepping + started.elapsed().as_secs_f64() * 1e6 / STEPS as f64
 }
 
 fn system(libraries: &[fmu::Library; 2]) -> System {

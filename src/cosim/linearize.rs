@@ -4,7 +4,7 @@ use super::algorithms::Coupling;
 use super::clock::Clock;
 use super::master::{Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
-use super::slave::{Kind, Slave};
+use super::slave::{Kind, Linear, Slave};
 use super::system::System;
 use crate::linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wire};
 use crate::nearest::{did_you_mean, nearest};
@@ -46,6 +46,8 @@ pub struct Linearization {
     pub wires: Vec<Wire>,
     /// Connections that carry no changes: of other types than reals, or of what a slave counts as constant.
     pub constant: Vec<String>,
+    /// How the parts were found whose derivatives are not known.
+    pub notes: Vec<String>,
 }
 
 /// How a loop responds where it is cut.
@@ -79,16 +81,21 @@ pub fn linearize(
         })
         .collect();
     let mut parts: Vec<StateSpace> = Vec::new();
+    let mut notes = Vec::new();
     let mut look = |slave: &mut dyn Slave| {
-        let part = slave.linearize()?;
+        let Linear { system, note } = slave.linearize(clock.step())?;
         let instance = &names[parts.len()];
-        parts.push(prefixed(part, instance));
+        notes.extend(note.map(|note| format!("`{instance}` {note}")));
+        parts.push(prefixed(system, instance));
         Ok(())
     };
     let look: Option<Look> = Some(&mut look);
     let run = run_and_look(system, clock, tolerance, coupling.into(), recorder, look)?;
     let is_complete = parts.len() == names.len();
-    let linearization = is_complete.then(|| wired(&parts, &connections));
+    let linearization = is_complete.then(|| Linearization {
+        notes,
+        ..wired(&parts, &connections)
+    });
     Ok((run, linearization))
 }
 
@@ -123,6 +130,7 @@ fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) ->
         parts,
         wires,
         constant,
+        notes: Vec::new(),
     }
 }
 

@@ -44,7 +44,9 @@ pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{Ending, MasterError, Run, run};
 pub use native_slave::NativeSlave;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
-pub use report::{Calls, ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
+pub use report::{
+    Calls, ConnectionReport, CouplingError, Divergence, Report, SlaveReport, Steps, Transfer,
+};
 pub use selection::{Selection, SelectionError, Thinned};
 pub use slave::{
     Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable,

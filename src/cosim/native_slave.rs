@@ -2,7 +2,8 @@
 //! [`Simulation`] as the exported FMUs.
 
 use super::slave::{
-    Abilities, Base, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+    Abilities, Base, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value,
+    Variable,
 };
 use crate::linear::StateSpace;
 use pilotage_models::simulation::Snapshot;
@@ -182,7 +183,7 @@ impl Slave for NativeSlave {
     }
 
     /// Exact, by dual numbers.
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
         let table = self.simulation.table();
         let unknowns: Vec<usize> = table.derivatives().chain(table.outputs()).collect();
         let knowns: Vec<usize> = table.states().chain(table.inputs()).collect();
@@ -196,10 +197,11 @@ impl Slave for NativeSlave {
             named(&knowns[n..]),
             named(&unknowns[n..]),
         ];
-        StateSpace::from_columns(names, |k| {
+        let system = StateSpace::from_columns(names, |k| {
             let seed = [(knowns[k], 1.0)];
-            Ok(self.simulation.directional_derivative(&unknowns, &seed))
-        })
+            Ok::<_, SlaveError>(self.simulation.directional_derivative(&unknowns, &seed))
+        })?;
+        Ok(system.into())
     }
 
     fn abilities(&self) -> Abilities {

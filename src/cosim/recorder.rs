@@ -63,74 +63,122 @@ impl Recorder for SeriesRecorder {
     }
 }
 
-/// Writes the rows as CSV, each by one call as it comes: into a file without buffer, all rows survive
-/// whatever ends the process.
+/// Writes the rows as CSV: each by one call as it comes, so that in a file without buffer all rows survive
+/// whatever ends the process; or, which is faster, in larger portions.
 ///
 /// The header is `time,instance.variable,...` without units, numbers are the shortest that read back
 /// as the same `f64`: what `fmpy.util.read_csv` and the FMI cross-check rules expect.
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
-    line: Vec<u8>,
+    /// Bytes that are waited for before they are written, those there are, and room for them and the
+    /// longest row.
+    portion: usize,
+    filled: usize,
+    room: Vec<u8>,
 }
 
 impl<W: Write> CsvRecorder<W> {
-    /// Writes to `to`.
+    /// Writes each row to `to` as it comes.
     pub fn new(to: W) -> Self {
-        let line = Vec::new();
-        Self { to, line }
+        Self::in_portions(to, 0)
     }
 
-    /// Flushes and hands the writer back.
+    /// Writes as soon as there are so many bytes, and at the [end](Self::finish).
+    pub fn in_portions(to: W, portion: usize) -> Self {
+        Self {
+            to,
+            portion,
+            filled: 0,
+            room: Vec::new(),
+        }
+    }
+
+    /// Writes what is left, flushes and hands the writer back.
+    ///
+    /// # Errors
+    /// If that fails.
     pub fn finish(mut self) -> io::Result<W> {
+        self.write()?;
         self.to.flush()?;
         Ok(self.to)
+    }
+
+    fn write(&mut self) -> io::Result<()> {
+        let filled = std::mem::take(&mut self.filled);
+        self.to.write_all(&self.room[..filled])
     }
 }
 
 impl<W: Write> Recorder for CsvRecorder<W> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        self.line.extend(b"time");
+        let mut header = b"time".to_vec();
         for signal in signals {
-            self.line.push(b',');
+            header.push(b',');
             if signal.name.contains([',', '"', '\n', '\r']) {
                 let quoted = format!("\"{}\"", signal.name.replace('"', "\"\""));
-                self.line.extend(quoted.as_bytes());
+                header.extend(quoted.as_bytes());
             } else {
-                self.line.extend(signal.name.as_bytes());
+                header.extend(signal.name.as_bytes());
             }
         }
-        self.line.push(b'\n');
-        // Longer than a row of numbers will ever be, so that rows allocate nothing.
-        self.line.reserve(LONGEST * (signals.len() + 1));
-        self.write_line()
+        header.push(b'\n');
+        self.room = vec![0; self.portion + LONGEST * (signals.len() + 1)];
+        self.to.write_all(&header)
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        push_number(&mut self.line, time);
-        for &value in values {
-            self.line.push(b',');
-            push_number(&mut self.line, value);
+        let mut end = put_numbers(&mut self.room, self.filled, &[time]);
+        for some in values.chunks(TOGETHER) {
+            end = put_numbers(&mut self.room, end, some);
         }
-        self.line.push(b'\n');
-        self.write_line()
+        self.room[end - 1] = b'\n';
+        self.filled = end;
+        match end > self.portion {
+            true => self.write(),
+            false => Ok(()),
+        }
     }
 }
 
-impl<W: Write> CsvRecorder<W> {
-    fn write_line(&mut self) -> io::Result<()> {
-        self.to.write_all(&self.line)?;
-        self.line.clear();
-        Ok(())
+/// Bytes that a number and what follows it take at most: 24 and one.
+const LONGEST: usize = 25;
+
+/// Numbers that are formatted before the first is copied, since what was just written is slow to read.
+const TOGETHER: usize = 8;
+
+/// Writes up to [`TOGETHER`] numbers from `at` on, each with a comma behind it; where the last comma ends. A
+/// text is the shortest that reads back as the same number; whole numbers are without `.0`.
+fn put_numbers(line: &mut [u8], mut at: usize, numbers: &[f64]) -> usize {
+    let mut buffers: [zmij::Buffer; TOGETHER] = std::array::from_fn(|_| zmij::Buffer::new());
+    let mut texts = [""; TOGETHER];
+    for ((text, buffer), &number) in texts.iter_mut().zip(&mut buffers).zip(numbers) {
+        *text = buffer.format(number);
     }
+    for text in &texts[..numbers.len()] {
+        let text = text.strip_suffix(".0").unwrap_or(text).as_bytes();
+        let end = at + text.len();
+        copy_short(&mut line[at..end], text);
+        line[end] = b',';
+        at = end + 1;
+    }
+    at
 }
 
-/// Bytes that a number and its comma take at most.
-const LONGEST: usize = 26;
-
-/// The shortest text that reads back as the same number; a whole number without `.0`.
-fn push_number(line: &mut Vec<u8>, value: f64) {
-    let mut buffer = zmij::Buffer::new();
-    let text = buffer.format(value);
-    line.extend(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+/// Copies up to 32 bytes in overlapping pieces of fixed sizes: a call of `memcpy` for a length that changes
+/// from number to number takes a fourth of the time of formatting it.
+#[inline]
+fn copy_short(to: &mut [u8], from: &[u8]) {
+    let n = from.len();
+    if n >= 16 {
+        to[..16].copy_from_slice(&from[..16]);
+        to[n - 16..].copy_from_slice(&from[n - 16..]);
+    } else if n >= 8 {
+        to[..8].copy_from_slice(&from[..8]);
+        to[n - 8..].copy_from_slice(&from[n - 8..]);
+    } else {
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = *from;
+        }
+    }
 }

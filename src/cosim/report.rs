@@ -13,9 +13,17 @@ pub struct Report {
     /// coupling would need it: strong coupling gives them extrapolated inputs, and with step-size
     /// control no step is repeated.
     pub irrevocable: Vec<String>,
-    /// Time of the stepping loop without the calls to the slaves [s], if measured: the master and the
-    /// recorder.
-    pub master_seconds: Option<f64>,
+    /// Names of the slaves that cannot vary their steps, where [jumps became ramps](Steps::ramps).
+    pub fixed: Vec<String>,
+    /// Names of the slaves that hold their inputs within each step, or part of it, where these could change:
+    /// they take no input derivatives (FMI 2.0) and no intermediate updates (FMI 3.0).
+    pub holding: Vec<String>,
+    /// Time of the stepping loop without the calls to the slaves [s]: the master and the recorder. With
+    /// slaves that step at the same time, it says little.
+    pub master_seconds: f64,
+    /// Steps of the clock in which calls were timed; the slaves' times are estimates from these. All of
+    /// them with [`Coupling::measure`](super::Coupling::measure).
+    pub timed_steps: u64,
 }
 
 /// Communication steps, counted.
@@ -34,6 +42,15 @@ pub struct Steps {
     pub matrices: u64,
     /// Steps in which the corrections were ended before they had converged.
     pub unconverged: u64,
+    /// Steps that were repeated, since values that are no reals had changed within them.
+    pub repeated: u64,
+    /// Steps in which such values did not settle; those of their begin were passed on.
+    pub unsettled: u64,
+    /// Jumps of signals at which steps were cut, and those that became ramps over a step, since a slave
+    /// cannot vary its steps.
+    pub jumps: u64,
+    /// See [`Self::jumps`].
+    pub ramps: u64,
     /// Shortest accepted step [s].
     pub shortest: f64,
     /// Longest accepted step [s].
@@ -62,8 +79,8 @@ pub struct SlaveReport {
     pub name: String,
     /// Its calls.
     pub calls: Calls,
-    /// Time in these calls [s], if measured.
-    pub seconds: Option<f64>,
+    /// Time in these calls [s].
+    pub seconds: f64,
 }
 
 /// What a connection did.
@@ -80,8 +97,10 @@ pub struct ConnectionReport {
     /// How late the input's values are, averaged over a step [s]; negative if early. Parts of second
     /// order in the step are left to the errors.
     pub lag: f64,
-    /// By how much the input was wrong, if measured.
+    /// By how much the input was wrong; `None` without a step.
     pub error: Option<CouplingError>,
+    /// Whether the output ran away from step to step.
+    pub divergence: Option<Divergence>,
 }
 
 /// What an input gets within a communication step.
@@ -108,12 +127,33 @@ impl std::fmt::Display for Transfer {
     }
 }
 
-/// By how much the mean of an input over a step was wrong, in the unit of the feeding output. What it
-/// should have been is estimated by a polynomial of degree 2 through the communication points.
+/// By how much the mean of an input over a step was wrong, in the unit of the feeding output.
+///
+/// What it should have been is estimated from the communication points: of an input that is held in a
+/// fixed step, by a straight line; else by a polynomial of degree 2 or, where the slopes are known, 3; where
+/// the input was just that, what the next lower degree makes of it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CouplingError {
     /// Magnitude, averaged over time.
     pub mean: f64,
     /// Largest magnitude.
     pub max: f64,
+}
+
+/// How an output ran away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Divergence {
+    /// Up and down in turn, each time further: this comes from the coupling.
+    Alternating,
+    /// Each few steps ten times as far: this comes from the coupling, or the system is unstable.
+    Growing,
+}
+
+impl std::fmt::Display for Divergence {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Alternating => "alternating",
+            Self::Growing => "growing",
+        })
+    }
 }

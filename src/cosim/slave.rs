@@ -44,8 +44,10 @@ pub trait Slave: Send {
 
     /// The linear system that the slave is in continuous time for small changes about where it stands, with
     /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
-    /// [`variables`](Self::variables), and those that are left out count as constant.
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
+    /// [`variables`](Self::variables), and those that are left out count as constant. `step` [s] is for slaves
+    /// of which nothing is known but what they do in steps; all others take none.
+    fn linearize(&mut self, step: f64) -> Result<Linear, SlaveError> {
+        let _ = step;
         Err("it does not say how it depends on its states and inputs".into())
     }
 
@@ -88,6 +90,12 @@ pub trait Slave: Send {
         Err(format!("the derivatives of the outputs {handles:?} are not known").into())
     }
 
+    /// The next time after `t` [s] at which outputs jump, where that is known beforehand.
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let _ = t;
+        None
+    }
+
     /// The derivatives of real outputs in the direction of `seed`, a part for each of `inputs`:
     /// `Σ ∂output/∂input · part` at this instant.
     fn directional_derivative(
@@ -99,6 +107,21 @@ pub trait Slave: Send {
     ) -> Result<(), SlaveError> {
         let _ = (inputs, seed, result);
         Err(format!("the outputs {outputs:?} have no directional derivatives").into())
+    }
+}
+
+/// A linear system, and how it was found where that is not by derivatives.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// The system.
+    pub system: StateSpace,
+    /// How it was found.
+    pub note: Option<String>,
+}
+
+impl From<StateSpace> for Linear {
+    fn from(system: StateSpace) -> Self {
+        Self { system, note: None }
     }
 }
 
@@ -140,7 +163,7 @@ pub enum Progress {
 pub struct Experiment {
     /// Start time [s].
     pub start: f64,
-    /// Stop time [s].
+    /// Stop time [s]; infinite if there is none.
     pub stop: f64,
     /// Relative tolerance for slaves with error control; `None` leaves it to each slave.
     pub tolerance: Option<f64>,
@@ -332,6 +355,16 @@ impl Value {
             }),
             Kind::String => Self::String(text.to_owned()),
         })
+    }
+
+    /// Its type; that of an enumeration's value is an integer.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Real(_) => Kind::Real,
+            Self::Integer(_) => Kind::Integer,
+            Self::Boolean(_) => Kind::Boolean,
+            Self::String(_) => Kind::String,
+        }
     }
 
     /// As a number for a table; booleans are 0 and 1, a string is NaN.

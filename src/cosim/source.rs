@@ -1,7 +1,7 @@
 //! Signals over time, from a table, as a slave that feeds others.
 
 use super::slave::{
-    Abilities, Experiment, Kind, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
 use crate::linear::StateSpace;
 use crate::series::{Column, Series};
@@ -42,12 +42,14 @@ pub enum SourceError {
 /// in several rows is a jump: from it on the last of these rows counts. Before the first and after the
 /// last sample of a column its value is held.
 ///
-/// A master sees a table as it sees any slave, at its communication points; a jump belongs on one. One that
-/// interpolates between them makes a ramp of a jump, over the step that ends there.
+/// A master sees a table as it sees any slave, at its communication points; so that a jump is one for a master
+/// that interpolates between them, [`next_jump`](Slave::next_jump) tells when it comes.
 #[derive(Debug, Clone)]
 pub struct Source {
     variables: Vec<Variable>,
     columns: Vec<Samples>,
+    /// Times at which some column jumps, in order.
+    jumps: Vec<f64>,
     time: f64,
     saved: Vec<f64>,
 }
@@ -69,6 +71,7 @@ impl Source {
         let mut source = Self {
             variables: Vec::new(),
             columns: Vec::new(),
+            jumps: Vec::new(),
             time: series.time.first().copied().unwrap_or(0.0),
             saved: Vec::new(),
         };
@@ -79,7 +82,14 @@ impl Source {
                 ..Variable::new(&column.name, handle, Kind::Real, Role::Output)
             });
         }
+        source.find_jumps();
         Ok(source)
+    }
+
+    fn find_jumps(&mut self) {
+        self.jumps = self.columns.iter().flat_map(Samples::jumps).collect();
+        self.jumps.sort_by(f64::total_cmp);
+        self.jumps.dedup();
     }
 
     /// Turns a column into one of another type, whose values are held between samples.
@@ -110,6 +120,7 @@ impl Source {
         samples.is_held = true;
         variable.kind = kind;
         variable.unit = variable.unit.take().filter(|_| kind == Kind::Real);
+        self.find_jumps();
         Ok(())
     }
 
@@ -140,6 +151,15 @@ fn samples(times: &[f64], column: &Column) -> Result<Samples, SourceError> {
 }
 
 impl Samples {
+    /// Where values change at once.
+    fn jumps(&self) -> impl Iterator<Item = f64> {
+        let pairs = self.times.windows(2).zip(self.values.windows(2));
+        let jumping = pairs.filter(|(times, values)| {
+            values[0] != values[1] && (self.is_held || times[0] == times[1])
+        });
+        jumping.map(|(times, _)| times[1])
+    }
+
     /// The value at a time; at a jump the one after it.
     fn at(&self, time: f64) -> f64 {
         let next = self.times.partition_point(|&t| is_reached(t, time));
@@ -228,6 +248,11 @@ impl Slave for Source {
         }
     }
 
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let next = self.jumps.partition_point(|&jump| is_reached(jump, t));
+        self.jumps.get(next).copied()
+    }
+
     fn save(&mut self, place: usize) -> Result<(), SlaveError> {
         if self.saved.len() <= place {
             self.saved.resize(place + 1, self.time);
@@ -245,8 +270,8 @@ impl Slave for Source {
     }
 
     /// Nothing: what it feeds are inputs from outside.
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
-        Ok(StateSpace::empty())
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+        Ok(StateSpace::empty().into())
     }
 }
 

@@ -43,8 +43,18 @@ fn a_table_feeds_inputs_of_every_type_in_their_units() {
     );
     let ended = short_run(&folder, &["--input", "flight.csv"]);
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    // What follows tells times.
+    let (told, report) = ended.stdout.split_once("4 communication").unwrap();
+    let steps = " steps taken, 0 rejected, in ";
+    assert!(report.starts_with(steps), "{report}");
+    for line in [
+        "  good: 4 steps, ",
+        "  flight.good.u -> good.u: held, 0.250000 s late, off by ",
+    ] {
+        assert!(report.contains(line), "{report}");
+    }
     assert_eq!(
-        ended.stdout,
+        told,
         "4 steps of 0.5 s from 0 s to 2 s (jacobi)\n\
          5 rows of 9 signals in result.csv\n\
          note: `flight.good.u` [ft] is converted for `good.u` [m]\n\
@@ -372,6 +382,7 @@ fn progress_as_json_lines() {
         (last["rows"].as_u64(), last["time"].as_f64()),
         (Some(5), Some(2.0))
     );
+    assert_eq!(last["report"]["steps"]["accepted"], 4);
 }
 
 #[cfg(unix)]

@@ -241,15 +241,86 @@ fn fmus_of_every_kind_give_the_same_matrices() {
             "FMI {version} by differences: {found}"
         );
     }
+    let pilot = std::fs::read(folder.path("pilot.fmu")).unwrap();
+    let without = changed(
+        &pilot,
+        &[
+            ("canGetAndSetFMUState=\"true\"", ""),
+            ("canSerializeFMUState=\"true\"", ""),
+        ],
+    );
+    folder.write("pilot.fmu", without);
     let files = ["linearize", "pilot.fmu", "quadcopter.fmu"];
     let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &["--kind", "cs"]].concat());
     assert_eq!(ended.code, 1);
     assert_eq!(
         ended.stderr,
-        "error: `pilot` failed to be linearised at 0 s: it is for co-simulation and gives no directional \
-         derivatives, so that nothing is known of its states; take it for model exchange (--kind me), if \
-         it can be\n"
+        "error: `pilot` failed to be linearised at 0 s: it is for co-simulation, gives no directional \
+         derivatives and cannot go back to a saved state, so that nothing can be found of its states; take it \
+         for model exchange (--kind me), if it can be\n"
     );
+}
+
+/// Co-simulation FMUs of which nothing is known but how they respond: poles of the closed loop, margins and
+/// frequency response of the open one are those of the exact equations.
+#[test]
+fn fmus_without_derivatives_are_found_by_their_responses() {
+    let folder = folder_with_models();
+    let more = [
+        "--json",
+        "--step",
+        "0.02",
+        "--loop",
+        "pilot.stick=quadcopter.stick",
+    ];
+    let exact = run(&folder, "toml", &more).json();
+    for version in ["2", "3"] {
+        for name in ["pilot", "quadcopter"] {
+            let (file, path) = (format!("{name}.toml"), format!("{name}.fmu"));
+            let ended = folder.pilotage(&["export", name, &file, "--fmi", version, "-o", &path]);
+            assert_eq!(ended.code, 0, "{ended:?}");
+            let fmu = std::fs::read(folder.path(&path)).unwrap();
+            folder.write(&path, without_derivatives(&fmu));
+        }
+        let found = run(&folder, "fmu", &more).json();
+        for name in ["pilot", "quadcopter"] {
+            let begin = format!("`{name}` gives no derivatives: found by its responses");
+            let notes = found["notes"].as_array().unwrap();
+            assert!(
+                notes
+                    .iter()
+                    .any(|note| note.as_str().unwrap().starts_with(&begin))
+            );
+        }
+        let poles = |json: &Value| -> Vec<[f64; 2]> {
+            let modes = json["poles"].as_array().unwrap().iter();
+            modes
+                .map(|m| ["real", "imaginary"].map(|part| m[part].as_f64().unwrap()))
+                .collect()
+        };
+        let (found_poles, mut exact_poles) = (poles(&found), poles(&exact));
+        // Both rotors faster or slower alike: the stick does not do that, nor does anything show it.
+        exact_poles.retain(|pole| (pole[0] + 14.48).abs() > 1e-9);
+        assert_eq!(
+            found_poles.len(),
+            exact_poles.len(),
+            "{found_poles:?} {exact_poles:?}"
+        );
+        for (found, exact) in found_poles.iter().zip(&exact_poles) {
+            let error = (found[0] - exact[0]).hypot(found[1] - exact[1]);
+            assert!(
+                error < 1e-6 * exact[0].hypot(exact[1]).max(1.0),
+                "{found:?} {exact:?}"
+            );
+        }
+        let crossing = |json: &Value| {
+            let first = &json["loops"][0]["gainCrossings"][0];
+            ["frequency", "phaseMargin"].map(|name| first[name].as_f64().unwrap())
+        };
+        for (found, exact) in crossing(&found).iter().zip(crossing(&exact)) {
+            assert!((found / exact - 1.0).abs() < 1e-6, "{found} {exact}");
+        }
+    }
 }
 
 fn distance_of(json: &Value) -> f64 {
@@ -260,6 +331,15 @@ fn distance_of(json: &Value) -> f64 {
 
 /// The FMU with a description that offers no directional derivatives.
 fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
+    let flags = [
+        "providesDirectionalDerivative=\"true\"",
+        "providesDirectionalDerivatives=\"true\"",
+    ];
+    changed(fmu, &flags.map(|flag| (flag, "")))
+}
+
+/// The FMU with texts of its description replaced.
+fn changed(fmu: &[u8], replaced: &[(&str, &str)]) -> Vec<u8> {
     let mut archive = zip::ZipArchive::new(Cursor::new(fmu)).unwrap();
     let mut files = Vec::new();
     for i in 0..archive.len() {
@@ -268,9 +348,8 @@ fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
         file.read_to_end(&mut content).unwrap();
         if name == "modelDescription.xml" {
             let text = String::from_utf8(content).unwrap();
-            let text = text.replace("providesDirectionalDerivative=\"true\"", "");
-            let text = text.replace("providesDirectionalDerivatives=\"true\"", "");
-            content = text.into_bytes();
+            let replace = |text: String, (old, new): &(&str, &str)| text.replace(old, new);
+            content = replaced.iter().fold(text, replace).into_bytes();
         }
         files.push((name, content));
     }

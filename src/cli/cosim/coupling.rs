@@ -32,11 +32,12 @@ pub struct CouplingArgs {
     /// Have an FMU take every communication step in that many equal parts; may be given many times.
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
     parts: Vec<(String, String)>,
-    /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where steps
-    /// take much longer than 10 µs. Instances of one FMU then run on several threads.
+    /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where their steps
+    /// take more than some microseconds and no other program wants the processors. Instances of one FMU
+    /// then run on several threads.
     #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
     parallel: bool,
-    /// Measure and show coupling errors, calls and times.
+    /// Time every call, and report each connection, its lag and error, and all calls.
     #[arg(long)]
     pub report: bool,
 }

@@ -110,12 +110,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let run = match run {
         Ok(run) => run,
         Err(error) => {
-            watch.end("failed", args.start_time);
+            watch.end("failed", args.start_time, None);
             return Err(explain(error, watch.inner, &part));
         }
     };
     let ending = ending::Words::with_rows(&run);
-    watch.end(ending.status, run.time);
+    watch.end(ending.status, run.time, Some(report::to_json(&run.report)));
     let seconds = watch.elapsed().as_secs_f64();
     let Thinned {
         inner: recorder,

@@ -1,6 +1,6 @@
 //! The report of a co-simulation, in words and for machines.
 
-use crate::cosim::Report;
+use crate::cosim::{ConnectionReport, Divergence, Report};
 use serde_json::{Value, json};
 
 /// As JSON.
@@ -31,6 +31,7 @@ pub fn to_json(report: &Report) -> Value {
                 "transfer": connection.transfer.to_string(),
                 "lag": connection.lag,
                 "error": connection.error.map(|e| json!({ "mean": e.mean, "max": e.max })),
+                "divergence": connection.divergence.map(|d| d.to_string()),
             })
         })
         .collect();
@@ -42,17 +43,24 @@ pub fn to_json(report: &Report) -> Value {
             "corrections": steps.corrections,
             "matrices": steps.matrices,
             "unconverged": steps.unconverged,
+            "repeated": steps.repeated,
+            "unsettled": steps.unsettled,
+            "jumps": steps.jumps,
+            "ramps": steps.ramps,
             "shortest": steps.shortest,
             "longest": steps.longest,
         },
         "slaves": slaves,
         "connections": connections,
         "irrevocable": report.irrevocable,
+        "fixed": report.fixed,
+        "holding": report.holding,
         "masterSeconds": report.master_seconds,
+        "timedSteps": report.timed_steps,
     })
 }
 
-/// In words: what is to be warned of and, if `is_long`, all.
+/// In words: what is to be warned of, then a few lines or, if `is_long`, all.
 pub fn to_text(report: &Report, is_long: bool) -> String {
     let steps = &report.steps;
     let mut text = String::new();
@@ -74,13 +82,122 @@ pub fn to_text(report: &Report, is_long: bool) -> String {
         let n = steps.over_tolerance;
         text += &format!("warning: the error of {n} steps is larger than the tolerance\n");
     }
-    if is_long {
-        text += &details(report);
+    if steps.unsettled > 0 {
+        let n = steps.unsettled;
+        text += &format!(
+            "warning: in {n} of {} steps integers, booleans, enumerations or texts did not settle: they \
+             are passed on a step late\n",
+            steps.accepted
+        );
+    }
+    if steps.ramps > 0 {
+        let (n, fixed) = (steps.ramps, report.fixed.join("`, `"));
+        text += &format!(
+            "warning: {n} jumps of the inputs became ramps over a step: `{fixed}` cannot take steps of \
+             different lengths\n"
+        );
+    }
+    text += &divergences(report);
+    for name in &report.holding {
+        text += &format!(
+            "note: `{name}` cannot let its inputs change within a step (no input derivatives, no \
+             intermediate updates): it holds their means; --parts {name}=N makes that finer\n"
+        );
+    }
+    text += &match is_long {
+        true => details(report),
+        false => brief(report),
+    };
+    text
+}
+
+/// Connections whose signals ran away, those that alternate first.
+fn divergences(report: &Report) -> String {
+    let mut lines: Vec<String> = (report.connections.iter())
+        .filter_map(|c| {
+            let why = match c.divergence? {
+                Divergence::Alternating => {
+                    "swings further from step to step: its coupling diverges"
+                }
+                Divergence::Growing => {
+                    "grows without end: its coupling diverges, or the system is unstable"
+                }
+            };
+            Some(format!("`{}` -> `{}` {why}", c.from, c.to))
+        })
+        .collect();
+    lines.sort_by_key(|line| !line.contains("swings"));
+    match &lines[..] {
+        [] => String::new(),
+        [first, rest @ ..] => {
+            let more = match rest.len() {
+                0 => String::new(),
+                n => format!("; so do {n} more connections"),
+            };
+            format!(
+                "warning: {first}{more}; try --algorithm strong, a lower --extrapolation or a shorter \
+                 --step\n"
+            )
+        }
+    }
+}
+
+/// Connections and slaves that a short report names.
+const NAMED: usize = 6;
+
+/// A few lines: steps, times, calls; the lag of the connections and what it does to their signals.
+fn brief(report: &Report) -> String {
+    let steps = &report.steps;
+    let in_slaves: f64 = report.slaves.iter().map(|slave| slave.seconds).sum();
+    let all = in_slaves + report.master_seconds;
+    let part = |seconds: f64| 100.0 * seconds / all.max(f64::MIN_POSITIVE);
+    let mut text = format!(
+        "{} communication steps taken, {} rejected, in {}, {:.0} % of it in the master\n",
+        steps.accepted,
+        steps.rejected,
+        match all {
+            all if all < 1.0 => format!("{:.2} ms", 1e3 * all),
+            all => format!("{all:.2} s"),
+        },
+        part(report.master_seconds)
+    );
+    let mut slaves: Vec<_> = report.slaves.iter().collect();
+    slaves.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+    for slave in slaves.iter().take(NAMED) {
+        let calls = &slave.calls;
+        let others = calls.sets + calls.gets + calls.saves + calls.restores;
+        text += &format!(
+            "  {}: {} steps, {others} other calls, {:.0} % of the time\n",
+            slave.name,
+            calls.steps,
+            part(slave.seconds)
+        );
+    }
+    let mean = |c: &ConnectionReport| c.error.map_or(0.0, |error| error.mean);
+    let mut connections: Vec<_> = report.connections.iter().collect();
+    connections.sort_by(|a, b| mean(b).total_cmp(&mean(a)));
+    for c in connections.iter().take(NAMED) {
+        let late = match c.lag {
+            lag if lag > 0.0 => format!("{lag:.6} s late"),
+            lag if lag < 0.0 => format!("{:.6} s early", -lag),
+            _ => "no lag".to_owned(),
+        };
+        text += &format!("  {} -> {}: {}, {late}", c.from, c.to, c.transfer);
+        if let Some(error) = c.error {
+            let text_of = format!(", off by {:.1e} {}", error.mean, c.unit);
+            text += &format!("{} in the mean", text_of.trim_end());
+        }
+        text.push('\n');
+    }
+    let unnamed = |all: usize| all.saturating_sub(NAMED);
+    let rest = unnamed(report.slaves.len()) + unnamed(report.connections.len());
+    if rest > 0 {
+        text += "  the others by --report\n";
     }
     text
 }
 
-/// The errors of an instance's inputs, if measured.
+/// The errors of an instance's inputs, if it took a step.
 fn errors_of(report: &Report, name: &str) -> String {
     let is_own = |to: &str| {
         to.strip_prefix(name)
@@ -92,7 +209,7 @@ fn errors_of(report: &Report, name: &str) -> String {
         .map(|text| text.trim_end().to_owned())
         .collect();
     match errors.is_empty() {
-        true => "; --report tells the error that this causes".to_owned(),
+        true => String::new(),
         false => format!("; wrong in the mean are {}", errors.join(", ")),
     }
 }
@@ -126,13 +243,8 @@ fn details(report: &Report) -> String {
             "{}: {} set, {} step, {} get, {} save, {} restore",
             slave.name, calls.sets, calls.steps, calls.gets, calls.saves, calls.restores
         );
-        if let Some(seconds) = slave.seconds {
-            text += &format!(", {seconds:.6} s");
-        }
-        text.push('\n');
+        text += &format!(", {:.6} s\n", slave.seconds);
     }
-    if let Some(seconds) = report.master_seconds {
-        text += &format!("master and recorder: {seconds:.6} s\n");
-    }
+    text += &format!("master and recorder: {:.6} s\n", report.master_seconds);
     text
 }

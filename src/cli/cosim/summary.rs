@@ -74,10 +74,9 @@ impl Summary<'_> {
         for note in &self.notes {
             text += &format!("note: {note}\n");
         }
-        text += &report::to_text(&self.run.report, self.args.coupling.report);
         for output in &self.run.unrecorded {
             text += &format!("note: `{output}` is text and not in the table\n");
         }
-        text
+        text + &report::to_text(&self.run.report, self.args.coupling.report)
     }
 }

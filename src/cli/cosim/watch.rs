@@ -5,7 +5,7 @@ use crate::cosim::recorder::Signal;
 use crate::cosim::{Clock, Recorder};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -97,10 +97,10 @@ impl<R> Watch<R> {
         self.started.elapsed()
     }
 
-    /// Wipes the bar, or tells how the run ended.
-    pub fn end(&mut self, status: &str, time: f64) {
+    /// Wipes the bar, or tells how the run ended and what it did, if it has begun.
+    pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
         self.bar.finish_and_clear();
-        self.tell_json(status, time);
+        self.tell_json(status, time, report);
     }
 
     fn tell(&mut self, time: f64, now: Instant) {
@@ -108,21 +108,24 @@ impl<R> Watch<R> {
             return;
         }
         self.last_told = now;
-        self.tell_json("running", time);
+        self.tell_json("running", time, None);
         if self.told == Told::Bar && now - self.started > PATIENCE {
             self.show_bar(time);
         }
     }
 
-    fn tell_json(&self, status: &str, time: f64) {
+    fn tell_json(&self, status: &str, time: f64, report: Option<Value>) {
         if self.told == Told::Json {
-            let line = json!({
+            let mut line = json!({
                 "status": status,
                 "time": time,
                 "fraction": (time - self.begin) / self.duration,
                 "rows": self.rows,
                 "seconds": self.elapsed().as_secs_f64(),
             });
+            if let Some(report) = report {
+                line["report"] = report;
+            }
             terminal::tell(&format!("{line}\n"));
         }
     }
@@ -144,7 +147,7 @@ impl<R> Watch<R> {
 
 impl<R: Recorder> Recorder for Watch<R> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        self.tell_json("begin", self.begin);
+        self.tell_json("begin", self.begin, None);
         self.inner.begin(signals)
     }
 

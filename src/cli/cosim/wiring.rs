@@ -21,7 +21,8 @@ pub struct Wiring {
     /// What FMUs that can be both are used for [default: cs].
     #[arg(long, value_enum)]
     kind: Option<KindName>,
-    /// Wire an output to an input; may be given many times.
+    /// Wire an output to an input; may be given many times. Arrays of the same dimensions are wired element
+    /// by element, `NAME[1]` is one of them.
     #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     connect: Vec<(String, String)>,
     /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like

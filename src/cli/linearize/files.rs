@@ -1,13 +1,18 @@
 //! A linear system for other programs.
 
 use super::View;
-use crate::cosim::Loop;
+use crate::cosim::{Linearization, Loop};
 use crate::linear::{Mode, StateSpace};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
 /// Everything as one JSON object; angles in radian.
-pub fn json(time: f64, system: &StateSpace, views: &[View], constant: &[String]) -> Value {
+pub fn json(
+    time: f64,
+    system: &StateSpace,
+    views: &[View],
+    linearization: &Linearization,
+) -> Value {
     let mut object = json!({
         "time": time,
         "states": system.states,
@@ -17,7 +22,8 @@ pub fn json(time: f64, system: &StateSpace, views: &[View], constant: &[String])
         "B": rows(&system.b),
         "C": rows(&system.c),
         "D": rows(&system.d),
-        "constant": constant,
+        "constant": linearization.constant,
+        "notes": linearization.notes,
     });
     for view in views {
         let told = json!({

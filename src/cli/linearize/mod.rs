@@ -28,8 +28,9 @@ Examples:
 At a loop the system is cut open: L is what comes back there, with its sign turned, so that
 1 + L = 0 is the closed loop. The effective delay is that of the crossover model,
 L = ω_c e^(-τ s)/s, with the same crossover and phase.
-FMUs are linearised by their directional derivatives, those for model exchange without them by
-differences, pilot and vehicle files exactly.
+FMUs are linearised by their directional derivatives; without them those for model exchange by
+differences, those for co-simulation by their responses to pulses in steps of --step, if they can go
+back to a saved state; pilot and vehicle files exactly.
 Exit codes: 0 done, 1 an FMU failed or cannot be linearised, 2 bad use or input.";
 
 /// Arguments of `pilotage linearize`.
@@ -49,7 +50,8 @@ pub struct Args {
     /// When to linearise [s] [default: at the start].
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     at: Option<f64>,
-    /// Communication step on the way there [s]; must divide the time.
+    /// Communication step on the way there [s]; must divide the time. Also that in which the responses of
+    /// FMUs without derivatives are taken [default there: 1].
     #[arg(long, value_name = "SECONDS")]
     step: Option<f64>,
     /// A connection at which the system is cut open; may be given many times.
@@ -109,9 +111,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     terminal::print(&match args.json {
         true => format!(
             "{:#}\n",
-            files::json(run.time, &coupled, &views, &linearization.constant)
+            files::json(run.time, &coupled, &views, &linearization)
         ),
-        false => text::summary(run.time, &coupled, &views, &linearization.constant),
+        false => text::summary(run.time, &coupled, &views, &linearization),
     })?;
     Ok(Outcome::Done)
 }

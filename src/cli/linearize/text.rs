@@ -2,6 +2,7 @@
 
 use super::View;
 use crate::cli::format;
+use crate::cosim::Linearization;
 use crate::linear::{Margins, Response, StateSpace};
 use crate::report::significant;
 use nalgebra::DMatrix;
@@ -10,7 +11,12 @@ use nalgebra::DMatrix;
 const PRINTED: usize = 16;
 
 /// All that is told.
-pub fn summary(time: f64, coupled: &StateSpace, views: &[View], constant: &[String]) -> String {
+pub fn summary(
+    time: f64,
+    coupled: &StateSpace,
+    views: &[View],
+    linearization: &Linearization,
+) -> String {
     let mut text = format!(
         "linear at {time} s; states {}, inputs {}, outputs {}\n",
         coupled.states.len(),
@@ -28,8 +34,11 @@ pub fn summary(time: f64, coupled: &StateSpace, views: &[View], constant: &[Stri
     if coupled.states.len() <= PRINTED {
         text += &matrices(coupled);
     }
-    for connection in constant {
+    for connection in &linearization.constant {
         text += &format!("note: `{connection}` carries no real; it counts as constant\n");
+    }
+    for note in &linearization.notes {
+        text += &format!("note: {note}\n");
     }
     text
 }

@@ -30,7 +30,8 @@ pub enum Algorithm {
     /// come from a step that ends right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose
     /// matrix comes from differences of repeated steps and is kept as long as it serves; algebraic
     /// loops between slaves are thereby solved too. Slaves that cannot go back take their step first,
-    /// with extrapolated inputs.
+    /// with extrapolated inputs. Values that are no reals are held through a step, at those of its end if
+    /// these settle.
     Strong,
 }
 
@@ -58,10 +59,11 @@ pub struct Coupling {
     /// How strong coupling iterates.
     pub iteration: Iteration,
     /// Jacobi with held inputs and fixed steps: the slaves step at the same time, on as many threads as
-    /// rayon has (`RAYON_NUM_THREADS`). The results are the same. It pays where steps take much longer
-    /// than handing them out, some 10 µs.
+    /// rayon would use (`RAYON_NUM_THREADS`), which look for work all the time. The results are the same.
+    /// From which cost of a step on it pays, `cargo bench --bench coupling` tells: some microseconds, if no
+    /// other program wants the processors.
     pub parallel: bool,
-    /// Whether to measure coupling errors and times for the [report](super::Report).
+    /// Whether to time every call for the [report](super::Report), instead of those in a few steps.
     pub measure: bool,
 }
 

@@ -1,11 +1,13 @@
 //! Values of an FMU's variables, whatever type they have in its version of FMI.
 
+use super::arrays::Arrays;
 use crate::cosim::slave::{Kind, SlaveError, Value};
 use crate::fmi::description::{
     BaseType, Causality, FmiVersion, IntegerType, ModelDescription, Precision,
 };
 use crate::fmi::instance::Number;
 use crate::fmi::{CallError, Instance};
+use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use thiserror::Error;
 
@@ -26,23 +28,41 @@ pub(super) struct Access {
     structural: HashSet<u32>,
     /// Whether some reals are of 32 bits.
     has_singles: bool,
+    /// Arrays, if they are reached by their elements.
+    arrays: Option<RefCell<Arrays>>,
+    /// Whether all reals are scalars of 64 bits.
+    is_simple: bool,
 }
 
 impl Access {
+    /// With these arrays.
+    pub(super) fn with(description: &ModelDescription, arrays: Arrays) -> Self {
+        let scalars = Self::of(description);
+        Self {
+            is_simple: scalars.is_simple && arrays.is_empty(),
+            arrays: (!arrays.is_empty()).then(|| RefCell::new(arrays)),
+            ..scalars
+        }
+    }
+
+    /// Of the scalars.
     pub(super) fn of(description: &ModelDescription) -> Self {
         let is_fmi3 = description.fmi_version == FmiVersion::V3;
         let variables = || description.variables.iter().filter(|_| is_fmi3);
         let types: HashMap<_, _> = variables()
             .map(|v| (v.value_reference, v.kind.base_type()))
             .collect();
+        let has_singles = types
+            .values()
+            .any(|t| *t == BaseType::Real(Precision::Single));
         Self {
             structural: variables()
                 .filter(|v| v.causality == Causality::StructuralParameter)
                 .map(|v| v.value_reference)
                 .collect(),
-            has_singles: types
-                .values()
-                .any(|t| *t == BaseType::Real(Precision::Single)),
+            has_singles,
+            arrays: None,
+            is_simple: !has_singles,
             types,
         }
     }
@@ -50,6 +70,11 @@ impl Access {
     /// Whether some reals are of 32 bits.
     pub(super) fn has_singles(&self) -> bool {
         self.has_singles
+    }
+
+    /// Whether all reals are scalars of 64 bits, so that calls reach them by their handles.
+    pub(super) fn is_simple(&self) -> bool {
+        self.is_simple
     }
 
     fn is_single(&self, handle: u32) -> bool {
@@ -64,9 +89,9 @@ impl Access {
         handles: &[u32],
         values: &[f64],
     ) -> Result<(), CallError> {
-        match self.has_singles {
-            false => instance.set_real(handles, values),
-            true => self.set_each_real(instance, handles, values),
+        match self.is_simple {
+            true => instance.set_real(handles, values),
+            false => self.set_each_real(instance, handles, values),
         }
     }
 
@@ -76,10 +101,16 @@ impl Access {
         handles: &[u32],
         values: &[f64],
     ) -> Result<(), CallError> {
+        if let (Some(arrays), false) = (&self.arrays, self.has_singles) {
+            return arrays.borrow_mut().set(instance, handles, values);
+        }
         for (&handle, &value) in handles.iter().zip(values) {
             match self.is_single(handle) {
                 true => instance.set(&[handle], &[value as f32])?,
-                false => instance.set_real(&[handle], &[value])?,
+                false => match &self.arrays {
+                    Some(arrays) => arrays.borrow_mut().set(instance, &[handle], &[value])?,
+                    None => instance.set_real(&[handle], &[value])?,
+                },
             }
         }
         Ok(())
@@ -93,9 +124,9 @@ impl Access {
         handles: &[u32],
         values: &mut [f64],
     ) -> Result<(), CallError> {
-        match self.has_singles {
-            false => instance.get_real(handles, values),
-            true => self.get_each_real(instance, handles, values),
+        match self.is_simple {
+            true => instance.get_real(handles, values),
+            false => self.get_each_real(instance, handles, values),
         }
     }
 
@@ -105,13 +136,20 @@ impl Access {
         handles: &[u32],
         values: &mut [f64],
     ) -> Result<(), CallError> {
+        if let (Some(arrays), false) = (&self.arrays, self.has_singles) {
+            return arrays.borrow_mut().get(instance, handles, values);
+        }
         for (&handle, value) in handles.iter().zip(values) {
             if self.is_single(handle) {
                 let mut single = [0f32];
                 instance.get(&[handle], &mut single)?;
                 *value = f64::from(single[0]);
             } else {
-                instance.get_real(&[handle], std::slice::from_mut(value))?;
+                let value = std::slice::from_mut(value);
+                match &self.arrays {
+                    Some(arrays) => arrays.borrow_mut().get(instance, &[handle], value)?,
+                    None => instance.get_real(&[handle], value)?,
+                }
             }
         }
         Ok(())

@@ -14,8 +14,8 @@ use thiserror::Error;
 pub(super) enum LinearError {
     /// Its states are inside, and it does not say how they change.
     #[error(
-        "it is for co-simulation and gives no directional derivatives, so that nothing is known of its \
-         states; take it for model exchange (--kind me), if it can be"
+        "it is for co-simulation, gives no directional derivatives and cannot go back to a saved state, so \
+         that nothing can be found of its states; take it for model exchange (--kind me), if it can be"
     )]
     Opaque,
     /// A listed derivative is not of this form.
@@ -67,6 +67,20 @@ impl Knowns {
             }
         }
         all
+    }
+
+    /// Whether the description lists continuous states.
+    pub(super) fn has_states(&self) -> bool {
+        !self.names[0].is_empty()
+    }
+
+    /// Names and value references of the inputs, and of the outputs.
+    pub(super) fn ends(&self) -> [(&[String], &[u32]); 2] {
+        let n = self.names[0].len();
+        [
+            (&self.names[1], &self.knowns[n..]),
+            (&self.names[2], &self.unknowns[n..]),
+        ]
     }
 
     /// By directional derivatives.

@@ -1,20 +1,26 @@
 //! An FMU of FMI 2.0 or 3.0 as a slave. The only place here that knows of FMUs.
 
 mod access;
+mod arrays;
 mod linear;
 mod model_exchange;
+mod newer;
+mod responses;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
+use self::arrays::Arrays;
 use self::linear::Knowns;
+use self::newer::Newer;
 use self::variables::variables;
-use super::slave::{Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable};
+use super::slave::{
+    Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
+};
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use crate::fmi::instance::Saved;
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
-use crate::linear::StateSpace;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a slave of it: of the wanted kind, if it has that one, else
@@ -52,7 +58,12 @@ pub struct FmuSlave {
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
     abilities: Abilities,
-    saved: Vec<Saved>,
+    /// Where it stands [s].
+    time: f64,
+    /// Of FMI 3.0.
+    newer: Option<Newer>,
+    /// Saved states, and when the next time event comes after each [s].
+    saved: Vec<(Saved, Option<f64>)>,
     /// The order 1, for each variable of a call.
     orders: Vec<i32>,
 }
@@ -72,14 +83,25 @@ impl FmuSlave {
     /// If the FMU refuses.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
-        let instance = library.instantiate(name, fmi::Kind::CoSimulation)?;
-        let variables = variables(description);
+        let (newer, options) = match description.fmi_version {
+            FmiVersion::V2 => (None, fmi::Options::default()),
+            FmiVersion::V3 => {
+                let (newer, options) = Newer::of(description);
+                (Some(newer), options)
+            }
+        };
+        let instance = library.instantiate_with(name, fmi::Kind::CoSimulation, options)?;
+        let arrays = Arrays::of(description);
+        let variables = variables(description, &arrays);
+        let access = Access::with(description, arrays);
         Ok(Self {
-            abilities: abilities(description, &instance),
+            abilities: abilities(description, &instance, &access, newer.as_ref()),
+            newer,
+            time: 0.0,
             saved: Vec::new(),
             orders: vec![1; variables.len()],
             instance,
-            access: Access::of(description),
+            access,
             knowns: Knowns::of(description),
             variables,
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
@@ -95,6 +117,8 @@ impl Slave for FmuSlave {
     fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
         let tolerance = experiment.tolerance.or(self.tolerance);
         let (start, stop) = (experiment.start, experiment.stop);
+        let stop = stop.is_finite().then_some(stop);
+        self.time = start;
         Ok(self.instance.setup_experiment(tolerance, start, stop)?)
     }
 
@@ -103,12 +127,19 @@ impl Slave for FmuSlave {
     }
 
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(self.instance.exit_initialization_mode()?)
+        self.instance.exit_initialization_mode()?;
+        match &mut self.newer {
+            Some(newer) => newer.begin(&mut self.instance),
+            None => Ok(()),
+        }
     }
 
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
-        let instance = &mut self.instance;
-        Ok(self.access.set_reals(instance, handles, values)?)
+        let (access, instance) = (&self.access, &mut self.instance);
+        match &mut self.newer {
+            Some(newer) => newer.set_reals(access, instance, handles, values),
+            None => Ok(access.set_reals(instance, handles, values)?),
+        }
     }
 
     fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
@@ -117,6 +148,11 @@ impl Slave for FmuSlave {
     }
 
     fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+        if let Some(newer) = &mut self.newer
+            && newer.is_for_events(handle, value)
+        {
+            return newer.defer(&self.access, &mut self.instance, handle, value);
+        }
         self.access.set(&mut self.instance, handle, value)
     }
 
@@ -125,15 +161,26 @@ impl Slave for FmuSlave {
     }
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        Ok(progress(self.instance.do_step(t, h)?, t, h))
+        self.time = t + h;
+        match &mut self.newer {
+            Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), false),
+            None => Ok(progress(self.instance.do_step(t, h)?, t)),
+        }
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(self.instance.terminate()?)
     }
 
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
-        self.knowns.by_derivatives(&mut self.instance)
+    /// By directional derivatives, if the description lists the states; else by responses in steps of
+    /// `step`, if the instance can go back.
+    fn linearize(&mut self, step: f64) -> Result<Linear, SlaveError> {
+        let can_derive = self.instance.provides_directional_derivatives();
+        if can_derive && self.knowns.has_states() || !self.abilities.rollback {
+            let system = self.knowns.by_derivatives(&mut self.instance)?;
+            return Ok(system.into());
+        }
+        responses::linearize(self, step)
     }
 
     fn abilities(&self) -> Abilities {
@@ -141,25 +188,48 @@ impl Slave for FmuSlave {
     }
 
     fn save(&mut self, place: usize) -> Result<(), SlaveError> {
-        while self.saved.len() <= place {
-            self.saved.push(self.instance.save()?);
+        if let Some(newer) = &mut self.newer {
+            newer.flush(&self.access, &mut self.instance)?;
         }
-        self.saved[place] = self.instance.save_into(self.saved[place])?;
+        while self.saved.len() <= place {
+            self.saved.push((self.instance.save()?, None));
+        }
+        let (saved, next_event) = &mut self.saved[place];
+        *saved = self.instance.save_into(*saved)?;
+        *next_event = self.newer.as_ref().and_then(|newer| newer.next_event);
         Ok(())
     }
 
     fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
         match self.saved.get(place) {
-            Some(&saved) => Ok(self.instance.restore(saved)?),
+            Some(&(saved, next_event)) => {
+                if let Some(newer) = &mut self.newer {
+                    newer.forget();
+                    newer.next_event = next_event;
+                }
+                Ok(self.instance.restore(saved)?)
+            }
             None => Err(format!("no state is saved in place {place}").into()),
         }
     }
 
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        Ok(progress(self.instance.do_step_revocably(t, h)?, t, h))
+        self.time = t + h;
+        match &mut self.newer {
+            Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), true),
+            None => Ok(progress(self.instance.do_step_revocably(t, h)?, t)),
+        }
+    }
+
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let newer = self.newer.as_ref()?;
+        newer.next_event.filter(|&next| next > t)
     }
 
     fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+        if let Some(newer) = &mut self.newer {
+            return newer.set_slopes(handles, slopes);
+        }
         let orders = &self.orders[..handles.len()];
         Ok(self
             .instance
@@ -190,24 +260,32 @@ impl Slave for FmuSlave {
     }
 }
 
-/// What the description says that the FMU can do. Reals of 32 bits have no derivatives here.
-fn abilities(description: &ModelDescription, instance: &Instance) -> Abilities {
+/// What the description says that the FMU can do. Reals of 32 bits and arrays have no derivatives here.
+fn abilities(
+    description: &ModelDescription,
+    instance: &Instance,
+    access: &Access,
+    newer: Option<&Newer>,
+) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
     };
-    let is_double = !Access::of(description).has_singles();
+    let is_simple = access.is_simple();
     Abilities {
         rollback: cs.can_get_and_set_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
-        // FMI 3.0 has intermediate updates for this.
-        input_derivatives: cs.can_interpolate_inputs && description.fmi_version == FmiVersion::V2,
-        output_derivatives: cs.max_output_derivative_order >= 1 && is_double,
-        directional_derivatives: instance.provides_directional_derivatives() && is_double,
+        // In FMI 3.0 there are intermediate updates for this.
+        input_derivatives: match newer {
+            Some(newer) => newer.has_ramps() && is_simple,
+            None => cs.can_interpolate_inputs,
+        },
+        output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,
+        directional_derivatives: instance.provides_directional_derivatives() && is_simple,
     }
 }
 
-/// How far a step from time `t` by `h` [s] came.
-fn progress(step: Step, t: f64, h: f64) -> Progress {
+/// How far a step from time `t` [s] came.
+fn progress(step: Step, t: f64) -> Progress {
     match step {
         Step::Done => Progress::Done,
         Step::Discarded {
@@ -225,9 +303,7 @@ fn progress(step: Step, t: f64, h: f64) -> Progress {
             is_end_requested: true,
             ..
         } => Progress::EndRequested { reached },
-        // Early return was not allowed: an FMU that does it all the same has not done the step.
-        Step::Stopped { reached, .. } if reached < t + h => Progress::Discarded { reached },
-        // Event mode was not asked for, so that there is nothing to handle.
+        // Of FMI 3.0 alone, where it is no end.
         Step::Stopped { .. } => Progress::Done,
     }
 }

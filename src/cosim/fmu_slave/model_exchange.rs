@@ -1,14 +1,14 @@
 //! An FMU for model exchange, integrated here, as a slave.
 
 use super::access::Access;
+use super::arrays::Arrays;
 use super::linear::Knowns;
 use super::variables::variables;
 use crate::cosim::slave::{
-    Abilities, Experiment, Kind, Progress, Slave, SlaveError, Value, Variable,
+    Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
 };
 use crate::fmi::simulate::{RunWork, SavedRun};
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
-use crate::linear::StateSpace;
 
 /// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ impl ModelExchangeSlave {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
             access: Access::of(description),
             knowns: Knowns::of(description),
-            variables: variables(description),
+            variables: variables(description, &Arrays::default()),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
             has_begun: false,
@@ -68,6 +68,7 @@ impl Slave for ModelExchangeSlave {
         }
         self.start = experiment.start;
         let (start, stop) = (experiment.start, experiment.stop);
+        let stop = stop.is_finite().then_some(stop);
         let instance = self.run.instance();
         Ok(instance.setup_experiment(tolerance, start, stop)?)
     }
@@ -155,7 +156,7 @@ impl Slave for ModelExchangeSlave {
         Ok(self.run.set_inputs(handles, &self.last, Some(slopes))?)
     }
 
-    fn linearize(&mut self) -> Result<StateSpace, SlaveError> {
-        self.knowns.of_run(&mut self.run, &self.access)
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+        Ok(self.knowns.of_run(&mut self.run, &self.access)?.into())
     }
 }

@@ -1,27 +1,40 @@
 //! The variables of an FMU as the master sees them.
 
+use super::arrays::Arrays;
 use crate::cosim::slave::{Base, Kind, Role, Unit, Variable};
 use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
     VariableKind,
 };
 
+/// A variable or an element of one: position in the description, type, what is behind its name, and handle.
+type Seen = (usize, Kind, String, u32);
+
 /// The description's variables as the master sees them.
 ///
-/// Arrays, binary variables and clocks of FMI 3.0 are left out: no connection carries them.
-pub(super) fn variables(description: &ModelDescription) -> Vec<Variable> {
+/// Of arrays those are seen that are given, as their elements. Other arrays, binary variables and clocks of
+/// FMI 3.0 are left out: no connection carries them.
+pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<Variable> {
     let all = description.variables.iter().enumerate();
-    let seen: Vec<(usize, &ScalarVariable, Kind)> = all
-        .filter(|(_, v)| v.dimensions.is_empty())
-        .filter_map(|(index, v)| kind(v).map(|kind| (index, v, kind)))
-        .collect();
+    let parts = |(index, v): (usize, &'_ ScalarVariable)| {
+        let ends = match v.dimensions.is_empty() {
+            true => vec![(String::new(), v.value_reference)],
+            false => arrays.elements_of(index),
+        };
+        let kind = kind(v);
+        ends.into_iter()
+            .filter_map(move |(end, handle)| Some((index, kind?, end, handle)))
+    };
+    let seen: Vec<Seen> = all.flat_map(parts).collect();
     // Inputs by their index in the description and their position here.
     let at = seen.iter().enumerate();
     let inputs: Vec<(usize, usize)> = at
-        .filter(|(_, (_, v, _))| v.causality == Causality::Input)
+        .filter(|(_, (index, ..))| description.variables[*index].causality == Causality::Input)
         .map(|(position, (index, ..))| (*index, position))
         .collect();
-    let see = |&(index, variable, kind): &(usize, &ScalarVariable, Kind)| {
+    let see = |(index, kind, end, handle): &Seen| {
+        let (index, kind, handle) = (*index, *kind, *handle);
+        let variable = &description.variables[index];
         let is_output = variable.causality == Causality::Output;
         let structure = &description.structure;
         let find = |list: &[Unknown]| list.iter().find(|u| u.index as usize == index + 1).cloned();
@@ -34,8 +47,8 @@ pub(super) fn variables(description: &ModelDescription) -> Vec<Variable> {
             }
         }
         Variable {
-            name: variable.name.clone(),
-            handle: variable.value_reference,
+            name: format!("{}{end}", variable.name),
+            handle,
             kind,
             role: role(variable),
             settable: is_settable(variable),

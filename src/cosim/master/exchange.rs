@@ -1,6 +1,8 @@
 //! The stepping loop's slaves and the values between them.
 
+use super::crew::Crew;
 use super::history::{Course, History, Outcome};
+use super::stopwatch::Stopwatch;
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
@@ -8,9 +10,7 @@ use crate::cosim::recorder::Signal;
 use crate::cosim::report::Calls;
 use crate::cosim::slave::{Conversion, Kind, Role, Value};
 use crate::cosim::system::{Instance, System};
-use rayon::prelude::*;
 use std::collections::HashMap;
-use std::time::Duration;
 
 /// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
 pub(super) struct Exchange {
@@ -23,8 +23,9 @@ pub(super) struct Exchange {
     pub(super) history: History,
     /// How the fed outputs go within the step, by position.
     pub(super) courses: Vec<Course>,
-    /// Outputs that are no reals, at the begin of the step.
+    /// Outputs that are no reals, at the begin of the step, and what the slaves are given for them.
     pub(super) others_before: Vec<Value>,
+    pub(super) others_given: Vec<Value>,
 }
 
 impl Exchange {
@@ -38,11 +39,12 @@ impl Exchange {
             history: History::default(),
             courses: Vec::new(),
             others_before: Vec::new(),
+            others_given: Vec::new(),
         };
         // Slot of each output: in the row for reals, in `others` for the rest.
         let mut slots = HashMap::new();
         for (slave, instance) in system.instances.into_iter().enumerate() {
-            exchange.add(slave, instance, coupling, &mut slots);
+            exchange.add(slave, instance, &mut slots);
         }
         let mut nominals = Vec::new();
         for connection in &system.connections {
@@ -87,6 +89,7 @@ impl Exchange {
         exchange.courses = vec![Course::default(); n];
         exchange.values.slopes = vec![0.0; n];
         exchange.others_before = exchange.values.others.clone();
+        exchange.others_given = exchange.values.others.clone();
         exchange
     }
 
@@ -95,7 +98,6 @@ impl Exchange {
         &mut self,
         position: usize,
         instance: Instance,
-        coupling: &Coupling,
         slots: &mut HashMap<(usize, usize), usize>,
     ) {
         let Instance {
@@ -140,11 +142,13 @@ impl Exchange {
             output_slots,
             fed: Vec::new(),
             fed_positions: Vec::new(),
+            changes: Vec::new(),
             sloped: Vec::new(),
             slope_values: Vec::new(),
             settled: Vec::new(),
             settled_slots: Vec::new(),
             settled_values: Vec::new(),
+            settled_others: Vec::new(),
             has_feedthrough: false,
             feeds_through: false,
             other_outputs,
@@ -154,10 +158,12 @@ impl Exchange {
             input_values: Vec::new(),
             slopes: Vec::new(),
             used: Vec::new(),
+            errors: Vec::new(),
             conversions: Vec::new(),
             other_inputs: Vec::new(),
             calls: Calls::default(),
-            time: coupling.measure.then_some(Duration::ZERO),
+            watch: Stopwatch::default(),
+            ended: None,
         });
     }
 
@@ -178,7 +184,7 @@ impl Exchange {
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
-        parallel: bool,
+        crew: Option<&mut Crew>,
         t: f64,
         h: f64,
     ) -> Result<(), Ending> {
@@ -189,23 +195,19 @@ impl Exchange {
                 let wired = &mut self.wired[i];
                 wired.set_newest(values).map_err(failed)?;
                 wired.step(t, h, false)?;
-                wired.get_outputs(values).map_err(failed)?;
+                wired.get_next_outputs(values).map_err(failed)?;
             }
             return Ok(());
         }
         for wired in &mut self.wired {
             wired.set_newest(values).map_err(failed)?;
         }
-        let step = |wired: &mut Wired| wired.step(t, h, false);
-        match parallel {
-            // Of several failures the first slave's is told, whichever came first.
-            true => (self.wired.par_iter_mut().map(step))
-                .find_first(Result::is_err)
-                .unwrap_or(Ok(()))?,
-            false => self.wired.iter_mut().try_for_each(step)?,
+        match crew {
+            Some(crew) => crew.step(&mut self.wired, t, h)?,
+            None => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
         }
         for wired in &mut self.wired {
-            wired.get_outputs(values).map_err(failed)?;
+            wired.get_next_outputs(values).map_err(failed)?;
         }
         Ok(())
     }
@@ -282,6 +284,7 @@ impl Exchange {
     /// Keeps the outputs that are no reals, as they are at the begin of a step.
     pub(super) fn keep_others(&mut self) {
         self.others_before.clone_from_slice(&self.values.others);
+        self.others_given.clone_from_slice(&self.values.others);
     }
 
     /// Saves the state of all slaves that can.

@@ -1,12 +1,15 @@
 //! Initialization and the stepping loop.
 
 mod algebraic_loop;
+mod change;
 mod controller;
+mod crew;
 mod exchange;
 mod history;
 mod initialize;
 mod lu;
 mod stepper;
+mod stopwatch;
 mod strong;
 mod summary;
 mod travel;
@@ -244,7 +247,11 @@ pub(super) fn run_and_look(
     };
     let experiment = Experiment {
         start: clock.start(),
-        stop: clock.stop(),
+        // Who looks may step on.
+        stop: match look {
+            None => clock.stop(),
+            Some(_) => f64::INFINITY,
+        },
         tolerance,
     };
     initialize(&mut system, &experiment)?;
@@ -264,7 +271,7 @@ pub(super) fn run_and_look(
         steps,
         time,
         order: stepper.order().iter().map(name).collect(),
-        report: wires.report(&stepper, &coupling, time - clock.start()),
+        report: wires.report(&stepper, &coupling, steps, time - clock.start()),
         signals: stepper.exchange.signals,
         unrecorded: stepper.exchange.unrecorded,
     })

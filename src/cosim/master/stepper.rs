@@ -1,13 +1,14 @@
 //! From one communication point of the clock to the next, by the algorithm that was asked for.
 
 use super::controller::Controller;
+use super::crew::Crew;
 use super::exchange::Exchange;
+use super::stopwatch::Sampler;
 use super::strong::Strong;
 use super::wired::Failure;
 use super::{Ending, MasterError};
 use crate::cosim::algorithms::{Algorithm, Control, Coupling};
-use crate::cosim::report::{CouplingError, Steps};
-use std::time::Instant;
+use crate::cosim::report::Steps;
 
 /// After so many rejected steps in a row, there must be a jump.
 const REJECTIONS_AT_A_JUMP: u32 = 3;
@@ -15,23 +16,31 @@ const REJECTIONS_AT_A_JUMP: u32 = 3;
 /// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
 
+/// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
+const OVER_A_JUMP: f64 = 1e-6;
+
+/// Rounding errors of counted times.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 /// The slaves and how they are stepped.
 pub(super) struct Stepper {
     pub(super) exchange: Exchange,
     coupling: Coupling,
     order: Vec<usize>,
-    /// Every input is held at the newest value, and nothing is measured.
-    is_plain: bool,
+    /// Every input is held at the newest value, in steps that are all equal.
+    pub(super) is_plain: bool,
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
-    /// Whether all slaves can go back.
+    /// Whether inputs change within a step, so that jumps would become ramps.
+    pub(super) has_courses: bool,
+    /// Whether all slaves can go back, and vary their steps.
     can_reject: bool,
+    can_vary: bool,
     pub(super) steps: Steps,
-    /// Integral of the magnitude and largest magnitude of the error of each slave's inputs.
-    pub(super) errors: Vec<Vec<CouplingError>>,
     room: Vec<f64>,
-    /// When the stepping loop began, if that is to be measured.
-    pub(super) started: Option<Instant>,
+    /// Threads, if slaves step at the same time.
+    crew: Option<Crew>,
+    pub(super) sampler: Sampler,
 }
 
 impl Stepper {
@@ -43,13 +52,7 @@ impl Stepper {
         let is_strong = coupling.algorithm == Algorithm::Strong;
         let degree = coupling.extrapolation.unwrap_or(0);
         let has_parts = exchange.wired.iter().any(|w| w.parts > 1);
-        let is_plain = !is_strong
-            && degree == 0
-            && coupling.control.is_none()
-            && !coupling.measure
-            && !has_parts;
-        let errors = exchange.wired.iter();
-        let errors = errors.map(|w| vec![CouplingError::default(); w.inputs.len()]);
+        let is_plain = !is_strong && degree == 0 && coupling.control.is_none() && !has_parts;
         if coupling.control.is_some()
             && let Some(fixed) = exchange.wired.iter().find(|w| !w.abilities.variable_steps)
         {
@@ -63,14 +66,16 @@ impl Stepper {
             is_plain,
             strong: is_strong.then(|| Strong::new(&exchange, coupling)),
             control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
+            has_courses: is_strong || degree > 0 || coupling.control.is_some(),
+            can_vary: exchange.wired.iter().all(|w| w.abilities.variable_steps),
             can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
             steps: Steps {
                 shortest: f64::INFINITY,
                 ..Steps::default()
             },
-            errors: errors.collect(),
             room: vec![0.0; exchange.values.row.len()],
-            started: None,
+            crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
+            sampler: Sampler::new(coupling.measure),
             exchange,
         })
     }
@@ -82,20 +87,34 @@ impl Stepper {
             got.map_err(Failure::at_start)?;
         }
         self.exchange.keep(time);
-        self.started = self.coupling.measure.then(Instant::now);
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        wired.iter_mut().for_each(|w| w.begin_changes(values));
+        self.sampler = Sampler::new(self.coupling.measure);
         Ok(())
     }
 
     /// From the communication point at `t` to the one at `end`, `h` [s] later.
+    #[inline]
     pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        match self.sampler.is_due() {
+            false => self.step(t, end, h),
+            true => self.step_timed(t, end, h),
+        }
+    }
+
+    #[cold]
+    fn step_timed(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let begun = self.sampler.begin(&mut self.exchange.wired);
+        let result = self.step(t, end, h);
+        self.sampler.end(begun, &mut self.exchange.wired);
+        result
+    }
+
+    #[inline]
+    fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
-            let Coupling {
-                algorithm,
-                parallel,
-                ..
-            } = self.coupling;
-            let exchange = &mut self.exchange;
-            exchange.advance_held(algorithm, &self.order, parallel, t, h)?;
+            let (algorithm, crew) = (self.coupling.algorithm, self.crew.as_mut());
+            (self.exchange).advance_held(algorithm, &self.order, crew, t, h)?;
             // All steps are equally long.
             match self.steps.accepted {
                 0 => self.count(h),
@@ -103,17 +122,64 @@ impl Stepper {
             }
             return Ok(());
         }
-        if let Some((control, mut controller)) = self.control.take() {
-            let result = self.advance_controlled(&control, &mut controller, t, end);
-            self.control = Some((control, controller));
-            return result;
+        match self.has_courses {
+            true => self.step_between_jumps(t, end, h),
+            false => self.stride(t, end, h),
         }
+    }
+
+    /// In steps that are cut at the jumps of signals: one ends shortly before the jump, a very short one
+    /// crosses it, and nothing before it counts for what comes.
+    fn step_between_jumps(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let short = (OVER_A_JUMP * h).max(16.0 * ROUNDING * end.abs());
+        let mut t = begin;
+        while let Some(jump) = self.jump_within(t, end) {
+            if !self.can_vary {
+                self.steps.ramps += 1;
+                break;
+            }
+            let before = jump - short;
+            if before > t + short {
+                self.stride(t, before, before - t)?;
+                t = before;
+            }
+            let after = if jump > end - short { end } else { jump };
+            self.stride_once(t, after, after - t)?;
+            self.exchange.history.restart();
+            self.steps.jumps += 1;
+            t = after;
+        }
+        match t {
+            t if t == begin => self.stride(t, end, h),
+            t if t < end => self.stride(t, end, end - t),
+            _ => Ok(()),
+        }
+    }
+
+    /// The first jump after `t` until `end`.
+    fn jump_within(&self, t: f64, end: f64) -> Option<f64> {
+        let slaves = self.exchange.wired.iter();
+        let jumps = slaves.filter_map(|w| w.slave.next_jump(t));
+        let last = end + ROUNDING * end.abs();
+        jumps.filter(|&jump| jump <= last).reduce(f64::min)
+    }
+
+    /// From `t` to `end`, `h` [s] later: in one step, or in as many as the control wants.
+    fn stride(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let Some((control, mut controller)) = self.control.take() else {
+            return self.stride_once(t, end, h);
+        };
+        let result = self.advance_controlled(&control, &mut controller, t, end);
+        self.control = Some((control, controller));
+        result
+    }
+
+    fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         self.attempt(h, false)?;
-        self.accept(end, h);
-        Ok(())
+        self.accept(end, h)
     }
 
     /// One step by `h`; whether the outputs at its end are consistent.
@@ -127,12 +193,15 @@ impl Stepper {
         Ok(true)
     }
 
-    fn accept(&mut self, end: f64, h: f64) {
-        if self.coupling.measure {
-            self.measure(h);
-        }
+    fn accept(&mut self, end: f64, h: f64) -> Result<(), Ending> {
+        self.measure(h);
         self.count(h);
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        let mut all = wired.iter_mut();
+        let followed = all.try_for_each(|w| w.follow(values, self.steps.accepted));
+        followed.map_err(|failure| failure.at(end))?;
         self.exchange.keep(end);
+        Ok(())
     }
 
     fn count(&mut self, h: f64) {
@@ -141,20 +210,28 @@ impl Stepper {
         self.steps.longest = self.steps.longest.max(h);
     }
 
-    /// By how much input `k` of a slave was wrong in the mean over the last step.
-    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> f64 {
+    /// By how much input `k` of a slave was wrong in the mean over the last step: by what it differs from
+    /// the polynomial of degree 2 (or the cubic with the slopes) through the communication points; and by
+    /// how much that may be wrong.
+    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> (f64, f64) {
         let wired = &exchange.wired[slave];
         let p = wired.input_positions[k];
-        let course = exchange.history.interpolated(p, 2, h, exchange.outcome(p));
-        (wired.used[k] - course.mean).abs()
+        let end = exchange.outcome(p);
+        let course = exchange.history.interpolated(p, 2, h, end);
+        let doubt = exchange.history.interpolation_error(p, h, end);
+        ((wired.used[k] - course.mean).abs(), doubt)
     }
 
+    /// Adds the errors of the last step.
     fn measure(&mut self, h: f64) {
-        for (slave, errors) in self.errors.iter_mut().enumerate() {
-            for (k, error) in errors.iter_mut().enumerate() {
-                let defect = Self::defect(&self.exchange, slave, k, h);
-                error.mean += h * defect;
-                error.max = error.max.max(defect);
+        for slave in 0..self.exchange.wired.len() {
+            for k in 0..self.exchange.wired[slave].inputs.len() {
+                let (defect, doubt) = Self::defect(&self.exchange, slave, k, h);
+                // What was used is of a lower order than the polynomial, or it is the polynomial.
+                let size = defect.max(doubt);
+                let error = &mut self.exchange.wired[slave].errors[k];
+                error.mean += h * size;
+                error.max = error.max.max(size);
             }
         }
     }
@@ -201,7 +278,7 @@ impl Stepper {
                 controller.reject(h, error);
                 continue;
             }
-            self.accept(next, h);
+            self.accept(next, h)?;
             controller.accept(h, error);
             if error > 1.0 {
                 self.steps.over_tolerance += 1;
@@ -219,10 +296,9 @@ impl Stepper {
         for slave in 0..self.exchange.wired.len() {
             let exchange = &self.exchange;
             for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
-                let end = exchange.outcome(p);
-                let defect = Self::defect(exchange, slave, k, h)
-                    + exchange.history.interpolation_error(p, h, end);
-                largest = largest.max(defect / exchange.history.magnitudes[p].max(end.value.abs()));
+                let size = exchange.outcome(p).value.abs();
+                let (defect, doubt) = Self::defect(exchange, slave, k, h);
+                largest = largest.max((defect + doubt) / exchange.history.magnitudes[p].max(size));
             }
         }
         match self.strong.is_some() && self.can_reject {
@@ -241,13 +317,14 @@ impl Stepper {
                 courses,
                 history,
                 fed,
+                others_given,
                 ..
             } = &mut self.exchange;
             let wired = &mut wired[slave];
             if !wired.has_stairs() {
                 continue;
             }
-            wired.effect_of_stairs(values, courses, span, &mut self.room)?;
+            wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
             for &p in &wired.fed_positions {
                 let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
                 largest = largest.max(effect / history.magnitudes[p]);

@@ -18,6 +18,9 @@ const MAX_MATRICES: u32 = 3;
 /// slaves that integrate with error control.
 const DIFFERENCE: f64 = 1e-5;
 
+/// How often a step is repeated at most, since values that are no reals have changed within it.
+const MAX_REPETITIONS: u32 = 4;
+
 /// Pivots below this part of the largest entry are noise of the differences.
 const SINGULAR: f64 = 1e-8;
 
@@ -35,6 +38,8 @@ pub(super) struct Strong {
     once: Vec<usize>,
     /// Slaves that cannot.
     irrevocable: Vec<usize>,
+    /// Outputs that are no reals and feed slaves that can go back.
+    others: Vec<usize>,
     /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is.
     unknowns: Vec<usize>,
     place: Vec<Option<usize>>,
@@ -62,6 +67,8 @@ impl Strong {
             place[p] = Some(k);
         }
         let depends = |&i: &usize| wired[i].input_positions.iter().any(|&p| place[p].is_some());
+        let others = (able.iter()).flat_map(|&i| wired[i].other_inputs.iter());
+        let others = others.map(|&(_, slot)| slot).collect();
         let (repeated, once) = able.into_iter().partition(depends);
         let n = unknowns.len();
         Self {
@@ -72,6 +79,7 @@ impl Strong {
             repeated,
             once,
             irrevocable,
+            others,
             unknowns,
             place,
             tried: vec![Outcome::default(); n],
@@ -84,6 +92,9 @@ impl Strong {
 
     /// A communication step by `h` from the history's last point, where the states were saved; whether
     /// the corrections converged.
+    ///
+    /// Values that are no reals are those of the begin at first. If they are others at the end, the step
+    /// is repeated with these, until they stay; if they do not, it is the step with those of the begin.
     pub(super) fn advance(
         &mut self,
         exchange: &mut Exchange,
@@ -98,6 +109,40 @@ impl Strong {
                 slope: exchange.history.slope_after(p, h),
             };
         }
+        let mut has_converged = self.solve(exchange, h, steps)?;
+        for repetition in 0..=MAX_REPETITIONS {
+            if self.others_fit(exchange) {
+                break;
+            }
+            let is_last = repetition == MAX_REPETITIONS;
+            steps.repeated += 1;
+            steps.unsettled += u64::from(is_last);
+            let others = match is_last {
+                true => &exchange.others_before,
+                false => &exchange.values.others,
+            };
+            exchange.others_given.clone_from_slice(others);
+            for &i in self.once.iter().chain(&self.repeated) {
+                go_back(exchange, i)?;
+            }
+            has_converged = self.solve(exchange, h, steps)?;
+        }
+        Ok(has_converged)
+    }
+
+    /// Whether the values that are no reals are at the end what the slaves were given.
+    fn others_fit(&self, exchange: &Exchange) -> bool {
+        let (given, found) = (&exchange.others_given, &exchange.values.others);
+        self.others.iter().all(|&slot| given[slot] == found[slot])
+    }
+
+    /// Steps from the begin with `tried`, and corrections of it until it is found.
+    fn solve(
+        &mut self,
+        exchange: &mut Exchange,
+        h: f64,
+        steps: &mut Steps,
+    ) -> Result<bool, Ending> {
         self.set_courses(exchange, h);
         for k in 0..self.once.len() {
             travel(exchange, self.once[k], h)?;
@@ -249,7 +294,7 @@ impl Strong {
 fn travel(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
     let t = exchange.history.time();
     let wired = &mut exchange.wired[i];
-    let is_set = wired.set_others(&exchange.others_before);
+    let is_set = wired.set_others(&exchange.others_given);
     is_set.map_err(|failure: Failure| failure.at(t))?;
     let (parts, is_revocable) = (wired.parts, wired.abilities.rollback);
     let (values, courses) = (&mut exchange.values, &exchange.courses);

@@ -1,11 +1,11 @@
 //! What a run is reported to have done.
 
+use super::change::Change;
 use super::stepper::Stepper;
 use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::report::{ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
 use crate::cosim::slave::Kind;
 use crate::cosim::system::System;
-use std::time::Duration;
 
 /// The connections of reals, by name and by position.
 pub(super) struct Wires(Vec<Wire>);
@@ -45,8 +45,14 @@ impl Wires {
         Self(wires)
     }
 
-    /// The report of a run that took `duration` [s].
-    pub(super) fn report(self, stepper: &Stepper, coupling: &Coupling, duration: f64) -> Report {
+    /// The report of a run of so many steps of the clock, `duration` [s] of simulated time.
+    pub(super) fn report(
+        self,
+        stepper: &Stepper,
+        coupling: &Coupling,
+        clock_steps: u64,
+        duration: f64,
+    ) -> Report {
         let wired = &stepper.exchange.wired;
         let steps = match stepper.steps.accepted {
             0 => Steps::default(),
@@ -55,21 +61,32 @@ impl Wires {
         let needs_rollback = coupling.algorithm == Algorithm::Strong || coupling.control.is_some();
         let irrevocable = (wired.iter())
             .filter(|w| needs_rollback && !w.abilities.rollback && !w.inputs.is_empty());
+        let scale = stepper.sampler.scale(clock_steps);
         let slaves = wired.iter().map(|w| SlaveReport {
             name: w.name.clone(),
             calls: w.calls,
-            seconds: w.time.map(|time| time.as_secs_f64()),
+            seconds: scale * w.watch.seconds,
         });
-        let in_slaves: Duration = wired.iter().filter_map(|w| w.time).sum();
-        let elapsed = stepper.started.map(|started| started.elapsed());
+        let slaves: Vec<SlaveReport> = slaves.collect();
+        let in_slaves: f64 = slaves.iter().map(|slave| slave.seconds).sum();
         Report {
             steps,
-            slaves: slaves.collect(),
+            slaves,
             connections: (self.0.iter())
                 .map(|wire| wire.report(stepper, coupling, duration))
                 .collect(),
+            fixed: (wired.iter())
+                .filter(|w| steps.ramps > 0 && !w.abilities.variable_steps)
+                .map(|w| w.name.clone())
+                .collect(),
+            holding: (wired.iter())
+                .filter(|w| stepper.has_courses && !w.inputs.is_empty())
+                .filter(|w| !w.abilities.input_derivatives)
+                .map(|w| w.name.clone())
+                .collect(),
             irrevocable: irrevocable.map(|w| w.name.clone()).collect(),
-            master_seconds: elapsed.map(|time| time.saturating_sub(in_slaves).as_secs_f64()),
+            master_seconds: (stepper.sampler.elapsed() - in_slaves).max(0.0),
+            timed_steps: stepper.sampler.timed,
         }
     }
 }
@@ -91,17 +108,29 @@ impl Wire {
             }
             Transfer::Extrapolated | Transfer::Interpolated => 0.0,
         };
-        let error = stepper.errors[self.target][self.input];
+        let source = &stepper.exchange.wired[self.source];
+        let is_fed = |&p: &usize| p == target.input_positions[self.input];
+        let change = source.fed_positions.iter().position(is_fed);
+        let change = change.map_or_else(Change::default, |k| source.changes[k]);
+        // What is held through a step is wrong by half of the change in it.
+        let error = match stepper.is_plain {
+            true => CouplingError {
+                mean: 0.5 * h * change.sum,
+                max: 0.5 * change.largest,
+            },
+            false => target.errors[self.input],
+        };
         ConnectionReport {
             from: self.from.clone(),
             to: self.to.clone(),
             unit: self.unit.clone(),
             transfer,
             lag,
-            error: (coupling.measure && duration > 0.0).then(|| CouplingError {
+            error: (duration > 0.0).then(|| CouplingError {
                 mean: error.mean / duration,
                 max: error.max,
             }),
+            divergence: change.divergence(),
         }
     }
 

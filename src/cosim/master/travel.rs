@@ -1,8 +1,9 @@
 //! A communication step of one slave whose inputs change within it.
 
 use super::history::Course;
-use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired, timed};
+use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
 use super::{Ending, Stage};
+use crate::cosim::slave::Value;
 
 impl Wired {
     /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `courses`, and
@@ -101,20 +102,21 @@ impl Wired {
         }
         self.calls.sets += 1;
         let (inputs, slopes) = (&self.inputs, &self.slopes);
-        let set = timed(&mut self.time, || {
-            self.slave.set_input_derivatives(inputs, slopes)
-        });
+        let set = self
+            .watch
+            .time(|| self.slave.set_input_derivatives(inputs, slopes));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
     /// By how much one step in half as many parts would have changed the fed outputs: what holding the
-    /// inputs within each part does, times 3. `room` is for as many values as there are outputs.
+    /// inputs within each part does, times 3. `others` are its inputs that are no reals; `room` is for as many values as there are outputs.
     ///
     /// The slave stands at the end of the step before and after.
     pub(super) fn effect_of_stairs(
         &mut self,
         values: &mut Values,
         courses: &[Course],
+        others: &[Value],
         span: (f64, f64),
         room: &mut [f64],
     ) -> Result<(), Ending> {
@@ -124,6 +126,7 @@ impl Wired {
         self.save(END).map_err(failed)?;
         room.copy_from_slice(&values.row[slots.clone()]);
         self.restore(BEGIN).map_err(failed)?;
+        self.set_others(others).map_err(failed)?;
         self.travel(values, courses, span, self.parts / 2, true)?;
         self.restore(END).map_err(failed)?;
         for (fine, coarse) in room.iter_mut().zip(&mut values.row[slots]) {

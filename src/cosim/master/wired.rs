@@ -1,11 +1,12 @@
 //! A slave with what it exchanges.
 
+use super::change::Change;
+use super::stopwatch::Stopwatch;
 use super::{Ending, MasterError, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
-use crate::cosim::report::Calls;
+use crate::cosim::report::{Calls, CouplingError};
 use crate::cosim::slave::{Abilities, Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
 use std::ops::Range;
-use std::time::{Duration, Instant};
 
 /// Where states are saved: at the begin of a communication step, before the last part of it, and at
 /// its end.
@@ -41,13 +42,17 @@ pub(super) struct Wired {
     /// Slots of those that feed others, and their positions among all fed outputs.
     pub(super) fed: Vec<usize>,
     pub(super) fed_positions: Vec<usize>,
+    /// Their changes between communication points.
+    pub(super) changes: Vec<Change>,
     /// Handles of these, if their derivatives are to be read too, and room for them.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
-    /// Handles and slots of the real outputs without direct feedthrough from a fed input.
+    /// Handles and slots of the real outputs without direct feedthrough from a fed input; and which of the
+    /// other outputs have none.
     pub(super) settled: Vec<u32>,
     pub(super) settled_slots: Vec<usize>,
     pub(super) settled_values: Vec<f64>,
+    pub(super) settled_others: Vec<usize>,
     /// Whether an output, or a fed one, has direct feedthrough from a fed input.
     pub(super) has_feedthrough: bool,
     pub(super) feeds_through: bool,
@@ -62,13 +67,17 @@ pub(super) struct Wired {
     pub(super) slopes: Vec<f64>,
     /// Means over the last step of what the inputs were given, in the outputs' units.
     pub(super) used: Vec<f64>,
+    /// Integral of the magnitude, and largest magnitude, of the error of each of these means, where inputs
+    /// are not just held.
+    pub(super) errors: Vec<CouplingError>,
     /// Which of the values come in another unit.
     pub(super) conversions: Vec<(usize, Conversion)>,
     /// Handles of the other inputs that are fed, and slots in `others`.
     pub(super) other_inputs: Vec<(u32, usize)>,
     pub(super) calls: Calls,
-    /// Time in calls, if it is to be measured.
-    pub(super) time: Option<Duration>,
+    pub(super) watch: Stopwatch,
+    /// How its last step ended, if not well, where others stepped at the same time.
+    pub(super) ended: Option<Ending>,
 }
 
 /// A failed call.
@@ -97,25 +106,6 @@ impl Failure {
     }
 }
 
-/// Makes a call and, if asked, adds the time it takes.
-#[inline]
-pub(super) fn timed<T>(time: &mut Option<Duration>, call: impl FnOnce() -> T) -> T {
-    match time {
-        None => call(),
-        Some(time) => measured(time, call),
-    }
-}
-
-/// Kept out of the way of calls that are not measured.
-#[cold]
-#[inline(never)]
-fn measured<T>(time: &mut Duration, call: impl FnOnce() -> T) -> T {
-    let started = Instant::now();
-    let result = call();
-    *time += started.elapsed();
-    result
-}
-
 impl Wired {
     /// Completes what follows from the wires: `fed_inputs` are positions of variables, `fed` the slots
     /// of all outputs that feed others.
@@ -124,18 +114,28 @@ impl Wired {
         self.input_values = vec![0.0; n];
         self.slopes = vec![0.0; n];
         self.used = vec![0.0; n];
+        self.errors = vec![CouplingError::default(); n];
         for (position, slot) in fed.iter().enumerate() {
             if self.output_slots.contains(slot) {
                 self.fed.push(*slot);
                 self.fed_positions.push(position);
             }
         }
-        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
+        self.changes = vec![Change::default(); self.fed.len()];
+        let is_direct = |handle: u32, kind: Kind| {
             let mut variables = self.slave.variables().iter();
-            let is_direct = variables
-                .find(|v| v.handle == *handle && v.role == Role::Output && v.kind == Kind::Real)
-                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)));
-            if is_direct {
+            variables
+                .find(|v| v.handle == handle && v.role == Role::Output && v.kind == kind)
+                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)))
+        };
+        for (k, &(handle, kind, _)) in self.other_outputs.iter().enumerate() {
+            match is_direct(handle, kind) {
+                true => self.has_feedthrough = true,
+                false => self.settled_others.push(k),
+            }
+        }
+        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
+            if is_direct(*handle, Kind::Real) {
                 self.has_feedthrough = true;
                 self.feeds_through |= self.fed.contains(&slot);
             } else {
@@ -199,7 +199,7 @@ impl Wired {
         for k in 0..self.other_inputs.len() {
             let (handle, slot) = self.other_inputs[k];
             self.calls.sets += 1;
-            let set = timed(&mut self.time, || self.slave.set(handle, &others[slot]));
+            let set = self.watch.time(|| self.slave.set(handle, &others[slot]));
             set.map_err(|source| self.failure(Stage::SetInputs, source))?;
         }
         Ok(())
@@ -217,22 +217,53 @@ impl Wired {
         }
         self.calls.sets += 1;
         let (inputs, values) = (&self.inputs, &self.input_values);
-        let set = timed(&mut self.time, || self.slave.set_reals(inputs, values));
+        let set = self.watch.time(|| self.slave.set_reals(inputs, values));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
     /// Reads all outputs.
-    #[inline]
     pub(super) fn get_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
+        self.read_outputs(values)?;
+        self.check_finite(values)
+    }
+
+    /// Reads all outputs at a communication point and follows how they change.
+    #[inline]
+    pub(super) fn get_next_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
+        self.read_outputs(values)?;
+        self.follow(values, self.calls.steps)
+    }
+
+    /// The outputs before the first step.
+    pub(super) fn begin_changes(&mut self, values: &Values) {
+        for (change, &slot) in self.changes.iter_mut().zip(&self.fed) {
+            *change = Change::from(values.row[slot]);
+        }
+    }
+
+    /// Follows how the fed outputs change, to those after a step of that number.
+    #[inline]
+    pub(super) fn follow(&mut self, values: &Values, step: u64) -> Result<(), Failure> {
+        let mut is_finite = true;
+        for (change, &slot) in self.changes.iter_mut().zip(&self.fed) {
+            is_finite &= change.to(values.row[slot], step);
+        }
+        match is_finite {
+            true => Ok(()),
+            false => self.check_finite(values),
+        }
+    }
+
+    #[inline(always)]
+    fn read_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
         if !self.outputs.is_empty() {
             self.calls.gets += 1;
             let (outputs, row) = (&self.outputs, &mut values.row[self.output_slots.clone()]);
-            let got = timed(&mut self.time, || self.slave.get_reals(outputs, row));
+            let got = self.watch.time(|| self.slave.get_reals(outputs, row));
             got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         }
         self.get_slopes(values)?;
-        self.get_others(values)?;
-        self.check_finite(values)
+        self.get_others(values)
     }
 
     /// Reads the derivatives of the fed outputs.
@@ -247,9 +278,9 @@ impl Wired {
     fn get_each_slope(&mut self, values: &mut Values) -> Result<(), Failure> {
         self.calls.gets += 1;
         let (handles, room) = (&self.sloped, &mut self.slope_values);
-        let got = timed(&mut self.time, || {
-            self.slave.get_output_derivatives(handles, room)
-        });
+        let got = self
+            .watch
+            .time(|| self.slave.get_output_derivatives(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         for (&p, &slope) in self.fed_positions.iter().zip(&self.slope_values) {
             values.slopes[p] = slope;
@@ -267,26 +298,31 @@ impl Wired {
     }
 
     fn get_each_other(&mut self, values: &mut Values) -> Result<(), Failure> {
-        for k in 0..self.other_outputs.len() {
-            let (handle, kind, slot) = self.other_outputs[k];
-            self.calls.gets += 1;
-            let got = timed(&mut self.time, || self.slave.get(handle, kind));
-            values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-            if let Some(column) = values.other_slots[slot] {
-                values.row[column] = values.others[slot].as_number();
-            }
+        (0..self.other_outputs.len()).try_for_each(|k| self.get_other(k, values))
+    }
+
+    fn get_other(&mut self, k: usize, values: &mut Values) -> Result<(), Failure> {
+        let (handle, kind, slot) = self.other_outputs[k];
+        self.calls.gets += 1;
+        let got = self.watch.time(|| self.slave.get(handle, kind));
+        values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        if let Some(column) = values.other_slots[slot] {
+            values.row[column] = values.others[slot].as_number();
         }
         Ok(())
     }
 
-    /// Reads the real outputs without direct feedthrough.
+    /// Reads the outputs without direct feedthrough.
     pub(super) fn get_settled(&mut self, values: &mut Values) -> Result<(), Failure> {
+        for k in 0..self.settled_others.len() {
+            self.get_other(self.settled_others[k], values)?;
+        }
         if self.settled.is_empty() {
             return Ok(());
         }
         self.calls.gets += 1;
         let (handles, room) = (&self.settled, &mut self.settled_values);
-        let got = timed(&mut self.time, || self.slave.get_reals(handles, room));
+        let got = self.watch.time(|| self.slave.get_reals(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         for (&slot, &value) in self.settled_slots.iter().zip(&self.settled_values) {
             values.row[slot] = value;
@@ -296,7 +332,6 @@ impl Wired {
 
     /// An output that is not finite must not feed others: it would be theirs from then on, and nobody
     /// would know whose it was.
-    #[inline]
     fn check_finite(&self, values: &Values) -> Result<(), Failure> {
         match self.fed.iter().find(|&&slot| !values.row[slot].is_finite()) {
             None => Ok(()),
@@ -318,7 +353,7 @@ impl Wired {
     #[inline]
     pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
         self.calls.steps += 1;
-        let stepped = timed(&mut self.time, || match is_revocable {
+        let stepped = self.watch.time(|| match is_revocable {
             false => self.slave.step(t, h),
             true => self.slave.step_revocably(t, h),
         });
@@ -360,13 +395,13 @@ impl Wired {
 
     pub(super) fn save(&mut self, place: usize) -> Result<(), Failure> {
         self.calls.saves += 1;
-        let saved = timed(&mut self.time, || self.slave.save(place));
+        let saved = self.watch.time(|| self.slave.save(place));
         saved.map_err(|source| self.failure(Stage::Save, source))
     }
 
     pub(super) fn restore(&mut self, place: usize) -> Result<(), Failure> {
         self.calls.restores += 1;
-        let restored = timed(&mut self.time, || self.slave.restore(place));
+        let restored = self.watch.time(|| self.slave.restore(place));
         restored.map_err(|source| self.failure(Stage::Restore, source))
     }
 }

@@ -78,6 +78,21 @@ pub enum SystemError {
         /// What `to` is.
         role: Role,
     },
+    /// Arrays of different dimensions.
+    #[error(
+        "`{from}` -> `{to}`: the arrays have {from_elements} and {to_elements} elements, or different \
+         dimensions; connect single elements, such as `{from}[1]`"
+    )]
+    SizeMismatch {
+        /// The output.
+        from: String,
+        /// Number of its elements.
+        from_elements: usize,
+        /// The input.
+        to: String,
+        /// Number of its elements.
+        to_elements: usize,
+    },
     /// The ends are of different types.
     #[error("`{from}` -> `{to}`: {from_kind} cannot feed {to_kind}")]
     KindMismatch {

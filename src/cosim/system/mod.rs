@@ -96,11 +96,44 @@ impl System {
     }
 
     /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
-    /// of both ends differ but mean the same quantity.
+    /// of both ends differ but mean the same quantity. Arrays of the same dimensions are wired element by
+    /// element.
     ///
     /// # Errors
     /// If a name is wrong, or causality, type or unit do not fit, or the input is fed already.
     pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        if self.resolve(from).is_ok() || self.resolve(to).is_ok() {
+            return self.connect_one(from, to);
+        }
+        let (outputs, inputs) = (self.elements(from), self.elements(to));
+        if outputs.is_empty() || inputs.is_empty() {
+            return self.connect_one(from, to);
+        }
+        if outputs != inputs {
+            return Err(SystemError::SizeMismatch {
+                from: from.to_owned(),
+                from_elements: outputs.len(),
+                to: to.to_owned(),
+                to_elements: inputs.len(),
+            });
+        }
+        for element in outputs {
+            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"))?;
+        }
+        Ok(())
+    }
+
+    /// What stands behind the name in those of an array's elements: `[1]`, `[2]`...
+    fn elements(&self, array: &str) -> Vec<String> {
+        let end = |port| {
+            let name: String = self.port_name(port);
+            let end = name.strip_prefix(array)?;
+            (end.starts_with('[') && end.ends_with(']')).then(|| end.to_owned())
+        };
+        self.ports().filter_map(end).collect()
+    }
+
+    fn connect_one(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
         let (output, input) = (self.resolve(from)?, self.resolve(to)?);
         self.check_roles(output, input)?;
         let connection = Connection {

@@ -58,6 +58,7 @@ pub(super) use call;
 
 impl Instance {
     /// The function's address, if the state allows the call and the binary has the function.
+    #[inline]
     pub(super) fn ready<T>(&self, function: Function, pointer: Option<T>) -> Result<T, CallError> {
         if !function.is_legal_in(self.state) {
             let state = self.state;
@@ -67,24 +68,34 @@ impl Instance {
     }
 
     /// Turns a returned status into a result and, if it is bad, into a state.
+    #[inline]
     pub(super) fn check(
         &mut self,
         function: Function,
         status: fmi2::Status,
     ) -> Result<(), CallError> {
+        match status {
+            fmi2::Status::OK | fmi2::Status::WARNING => Ok(()),
+            _ => Err(self.failed(function, status)),
+        }
+    }
+
+    /// Kept out of the way of calls that succeed.
+    #[cold]
+    #[inline(never)]
+    fn failed(&mut self, function: Function, status: fmi2::Status) -> CallError {
         use fmi2::Status;
         match status {
-            Status::OK | Status::WARNING => return Ok(()),
             // The value or the information is not available; the instance lives on.
             Status::DISCARD => {}
             Status::FATAL => self.enter(fmi2::State::Fatal, fmi3::State::Fatal),
             _ => self.enter(fmi2::State::Error, fmi3::State::Error),
         }
-        Err(CallError::Failed {
+        CallError::Failed {
             function,
             status,
             messages: self.environment.take(),
-        })
+        }
     }
 
     /// The instance is now in the state that its version calls so.

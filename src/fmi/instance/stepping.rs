@@ -34,9 +34,12 @@ pub enum Step {
 
 impl Instance {
     /// `fmi2DoStep`, `fmi3DoStep`; nobody will go back before `t`. A pending step is waited for.
+    #[inline]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
-        let step = self.step(t, h, true)?;
-        step.map_or_else(|| self.wait_for_step(), Ok)
+        match self.step(t, h, true)? {
+            Some(step) => Ok(step),
+            None => self.wait_for_step(),
+        }
     }
 
     /// `fmi2DoStep`, `fmi3DoStep`, after which a state [saved](Self::save) before may be restored.
@@ -74,7 +77,7 @@ impl Instance {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(&mut self, t: f64, h: f64, is_final: bool) -> Result<Option<Step>, CallError> {
         match &self.loaded.binding.functions {
             Functions::Fmi2(f) => {
@@ -96,6 +99,15 @@ impl Instance {
     /// A step of FMI 2.0 that ended with a status.
     #[inline]
     fn ended(&mut self, status: Status) -> Result<Step, CallError> {
+        match status {
+            Status::OK => Ok(Step::Done),
+            _ => self.ended_badly(status),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn ended_badly(&mut self, status: Status) -> Result<Step, CallError> {
         if status == Status::DISCARD {
             self.state = State::Fmi2(fmi2::State::StepFailed);
             return Ok(self.discarded());
@@ -104,6 +116,7 @@ impl Instance {
             .map(|()| Step::Done)
     }
 
+    #[inline(never)]
     fn step3(&mut self, t: f64, h: f64, is_final: bool) -> Result<Step, CallError> {
         // Bytes: only 0 and 1 are a `bool` of Rust; an FMU may write others.
         let (mut event, mut end, mut early) = (0u8, 0u8, 0u8);
@@ -132,6 +145,7 @@ impl Instance {
     }
 
     /// Asks until a pending step has ended.
+    #[cold]
     fn wait_for_step(&mut self) -> Result<Step, CallError> {
         loop {
             match self.poll_step()? {

@@ -163,14 +163,25 @@ impl Instance {
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`, of one variable.
     pub fn set_boolean(&mut self, reference: u32, value: bool) -> Result<(), CallError> {
-        self.set_booleans(&[reference], &[value])
+        let value2 = if value { TRUE } else { FALSE };
+        let r = &raw const reference;
+        // SAFETY: as above, with one of each; nothing is allocated.
+        unsafe {
+            call!(self, fmi2 SetBoolean.set_boolean(r, 1, &raw const value2),
+                        fmi3 SetBoolean.set_boolean(r, 1, &raw const value, 1))
+        }
     }
 
     /// `fmi2GetBoolean`, `fmi3GetBoolean`, of one variable.
     pub fn get_boolean(&mut self, reference: u32) -> Result<bool, CallError> {
-        let mut value = [false];
-        self.get_booleans(&[reference], &mut value)
-            .map(|()| value[0])
+        let (mut value2, mut byte) = (FALSE, 0u8);
+        let r = &raw const reference;
+        // SAFETY: as above, with one of each; nothing is allocated.
+        unsafe {
+            call!(self, fmi2 GetBoolean.get_boolean(r, 1, &raw mut value2),
+                        fmi3 GetBoolean.get_boolean(r, 1, (&raw mut byte).cast(), 1))?;
+        }
+        Ok(value2 != FALSE || byte != 0)
     }
 
     /// `fmi2SetString`, `fmi3SetString`.

@@ -346,3 +346,20 @@ fn parallel_steps_change_nothing() {
     assert_eq!(bits.len(), 9 * 101);
     assert_eq!(fly(true), bits);
 }
+
+/// Slaves that panic while others step on other threads: the panic arrives where the run was asked for.
+#[test]
+#[should_panic(expected = "a slave's step has panicked")]
+fn a_panic_in_a_parallel_step_is_one_of_the_run() {
+    let mut system = System::new();
+    for name in ["a", "b", "c"] {
+        let mut slave = Linear::new(0.0, 1.0, 1.0, 0.0);
+        slave.panics = name == "b";
+        system.add(name, Box::new(slave)).unwrap();
+    }
+    let coupling = Coupling {
+        parallel: true,
+        ..Algorithm::Jacobi.into()
+    };
+    simulate(system, 1.0, 0.1, coupling);
+}

@@ -2,8 +2,12 @@
 
 mod algorithms;
 mod allocations;
+mod arrays;
 mod blocks;
+mod discrete;
 mod endings;
+mod errors;
+mod events;
 mod failures;
 mod initialization;
 mod joint;

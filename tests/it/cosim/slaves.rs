@@ -16,6 +16,7 @@ pub struct Linear {
     pub d: f64,
     pub x: f64,
     pub u: f64,
+    pub panics: bool,
     slope: f64,
     abilities: Abilities,
     saved: Vec<[f64; 3]>,
@@ -58,6 +59,7 @@ impl Linear {
             d,
             x: 0.0,
             u: 0.0,
+            panics: false,
             slope: 0.0,
             abilities: Abilities {
                 variable_steps: true,
@@ -78,6 +80,12 @@ impl Linear {
     /// One that can go back to saved states.
     pub fn revocable(mut self) -> Self {
         self.abilities.rollback = true;
+        self
+    }
+
+    /// One whose steps must all be of one length.
+    pub fn fixed(mut self) -> Self {
+        self.abilities.variable_steps = false;
         self
     }
 
@@ -184,6 +192,7 @@ impl Slave for Linear {
     }
 
     fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
+        assert!(!self.panics, "as it was told");
         self.advance(h);
         self.note("step");
         Ok(Progress::Done)

@@ -1,6 +1,6 @@
 //! Tables that feed slaves, with every algorithm.
 
-use super::slaves::Linear;
+use super::slaves::{Linear, simulate};
 use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, SeriesRecorder, Source, Steps, System, run,
 };
@@ -64,4 +64,66 @@ fn step_size_control_finds_the_corners() {
     assert!((coarse - exact).abs() > 5e-3, "{coarse}");
     assert!((fine - exact).abs() < 1e-4, "{fine} {exact}");
     assert!(steps.rejected > 0 && steps.accepted < 200, "{steps:?}");
+}
+
+/// Pulses whose edges lie on communication points, between them, and both in one step: strong coupling and
+/// extrapolation cut their steps there. What is left is the very short ramp and, with extrapolation, one
+/// step after each edge.
+#[test]
+fn steps_are_cut_at_jumps() {
+    for (begin, end) in [(0.3, 0.7), (0.37, 0.71), (0.32, 0.38), (0.3, 1.0)] {
+        let (times, values) = (
+            [0.0, begin, begin, end, end, 1.0],
+            [0.0, 0.0, 2.0, 2.0, 0.0, 0.0],
+        );
+        for coupling in [
+            Algorithm::Strong.into(),
+            Coupling {
+                extrapolation: Some(1),
+                ..Algorithm::Jacobi.into()
+            },
+            Coupling {
+                control: Some(Control::new(1e-4, &Clock::new(0.0, 1.0, 0.1).unwrap())),
+                ..Algorithm::Strong.into()
+            },
+        ] {
+            let (y, steps) = integral(&times, &values, 0.1, coupling);
+            let exact = 2.0 * (end - begin);
+            assert!(
+                (y - exact).abs() < 1e-6,
+                "{coupling:?} {begin} {end}: {y} {exact}"
+            );
+            assert_eq!(
+                (steps.jumps, steps.ramps, steps.rejected),
+                (2, 0, 0),
+                "{steps:?}"
+            );
+        }
+    }
+}
+
+/// A slave whose steps are all of one length: the jump becomes a ramp, and the report says whose fault it is.
+#[test]
+fn slaves_of_fixed_steps_make_ramps_of_jumps() {
+    let table = Series {
+        comments: Vec::new(),
+        time: vec![0.0, 0.5, 0.5, 1.0],
+        columns: vec![Column {
+            name: "u".into(),
+            unit: String::new(),
+            values: vec![0.0, 0.0, 1.0, 1.0],
+        }],
+    };
+    let mut system = System::new();
+    let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().fixed();
+    system.add("integrator", Box::new(integrator)).unwrap();
+    let table = Box::new(Source::new(&table).unwrap());
+    system.add("table", table).unwrap();
+    system.connect("table.u", "integrator.u").unwrap();
+    let (run, recorder) = simulate(system, 1.0, 0.1, Algorithm::Strong);
+    let y = recorder.series.column("integrator.y").unwrap();
+    // Half a step too early in the mean.
+    assert!((y.values[10] - 0.55).abs() < 1e-12, "{:?}", y.values);
+    assert_eq!((run.report.steps.ramps, run.report.steps.jumps), (1, 0));
+    assert_eq!(run.report.fixed, ["integrator"]);
 }

@@ -2,11 +2,11 @@
 
 use super::blocks::RandomLoop;
 use super::slaves::{Linear, Log, simulate};
+use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Ending, SeriesRecorder, Source, System,
-    Transfer, run,
+    Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, Experiment, Kind, Progress,
+    Role, SeriesRecorder, Slave, System, Transfer, Value, Variable, run,
 };
-use pilotage::series::{Column, Series};
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
 fn controller_and_integrator(change: impl Fn(Linear) -> Linear) -> System {
@@ -132,6 +132,43 @@ fn orders_of_convergence_on_random_loops() {
     }
 }
 
+/// Extrapolation by lines around a loop of gain -0.4: with Gauss-Seidel `y⁺ = -0.4 (2 y - y⁻)`, whose roots are
+/// 0.35 and -1.15; with Jacobi the loop takes two steps, and the swing four.
+/// Held values converge, as does strong coupling.
+#[test]
+fn extrapolation_around_an_algebraic_loop_that_diverges_is_named() {
+    let run_with = |algorithm, degree| {
+        let mut system = System::new();
+        let a = Linear::new(-1.0, 1.0, 1.0, 0.8).from(1.0).revocable();
+        let b = Linear::new(0.0, 0.0, 0.0, -0.5).revocable();
+        system.add("a", Box::new(a)).unwrap();
+        system.add("b", Box::new(b)).unwrap();
+        system.connect("a.y", "b.u").unwrap();
+        system.connect("b.y", "a.u").unwrap();
+        let coupling = Coupling {
+            extrapolation: Some(degree),
+            ..Coupling::from(algorithm)
+        };
+        let (run, _) = simulate(system, 2.0, 0.01, coupling);
+        let connections = run.report.connections.into_iter();
+        connections.map(|c| c.divergence).collect::<Vec<_>>()
+    };
+    let (alternating, growing) = (Some(Divergence::Alternating), Some(Divergence::Growing));
+    assert_eq!(run_with(Algorithm::GaussSeidel, 1), [alternating; 2]);
+    assert_eq!(run_with(Algorithm::Jacobi, 1), [growing; 2]);
+    for (algorithm, degree) in [
+        (Algorithm::Jacobi, 0),
+        (Algorithm::GaussSeidel, 0),
+        (Algorithm::Strong, 1),
+    ] {
+        assert_eq!(
+            run_with(algorithm, degree),
+            [None; 2],
+            "{algorithm} {degree}"
+        );
+    }
+}
+
 /// Two gains of 2 in a ring: substitution diverges, Newton's method solves the loop at each point.
 #[test]
 fn algebraic_loops_are_solved_at_communication_points() {
@@ -235,24 +272,89 @@ fn no_set_is_followed_by_a_get_without_a_step() {
     }
 }
 
+/// `u` jumps from 0 to 1 at 0.55 s, and nobody knows before.
+struct Surprise {
+    time: f64,
+    saved: [f64; 3],
+    variables: Vec<Variable>,
+}
+
+impl Slave for Surprise {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values[0] = f64::from(u8::from(self.time > 0.55));
+        Ok(())
+    }
+
+    fn set(&mut self, _handle: u32, _value: &Value) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn get(&mut self, handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
+        let mut value = [0.0];
+        self.get_reals(&[handle], &mut value)?;
+        Ok(Value::Real(value[0]))
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
+        Ok(Progress::Done)
+    }
+
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: true,
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.saved[place] = self.time;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.time = self.saved[place];
+        Ok(())
+    }
+}
+
 /// A jump of an input from 0 to 1 at 0.55 s, between two points of the clock: steps are rejected until a
 /// very short one bridges it, and grow again.
 #[test]
 fn jumps_are_found_by_the_error() {
-    let mut table = Series {
-        time: vec![0.0, 0.55, 0.55, 1.0],
-        ..Series::default()
+    let surprise = Surprise {
+        time: 0.0,
+        saved: [0.0; 3],
+        variables: vec![Variable::new("u", 0, Kind::Real, Role::Output)],
     };
-    table.columns.push(Column {
-        name: "u".to_owned(),
-        unit: String::new(),
-        values: vec![0.0, 0.0, 1.0, 1.0],
-    });
     let mut system = System::new();
     let follower = Linear::new(-1.0, 1.0, 1.0, 0.0).revocable().following();
-    system
-        .add("table", Box::new(Source::new(&table).unwrap()))
-        .unwrap();
+    system.add("table", Box::new(surprise)).unwrap();
     system.add("follower", Box::new(follower)).unwrap();
     system.connect("table.u", "follower.u").unwrap();
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();

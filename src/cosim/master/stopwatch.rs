@@ -1,0 +1,127 @@
+//! Where the time goes, told from a sample of the steps, so that looking costs next to nothing.
+
+use super::wired::Wired;
+use std::time::{Duration, Instant};
+
+/// Part of the run's time that may go into reading the clock.
+const PART: f64 = 0.01;
+
+/// Timed steps are never further apart.
+const FURTHEST: u64 = 1024;
+
+/// Time that a slave spends in calls, of those steps in which it runs.
+#[derive(Debug, Default)]
+pub(super) struct Stopwatch {
+    is_running: bool,
+    calls: u32,
+    step: Duration,
+    /// Time in all calls so far [s], as far as the sample tells.
+    pub(super) seconds: f64,
+}
+
+impl Stopwatch {
+    /// Makes a call.
+    #[inline]
+    pub(super) fn time<T>(&mut self, call: impl FnOnce() -> T) -> T {
+        match self.is_running {
+            false => call(),
+            true => self.time_it(call),
+        }
+    }
+
+    /// Kept out of the way of calls that are not timed.
+    #[cold]
+    #[inline(never)]
+    fn time_it<T>(&mut self, call: impl FnOnce() -> T) -> T {
+        let started = Instant::now();
+        let result = call();
+        self.step += started.elapsed();
+        self.calls += 1;
+        result
+    }
+}
+
+/// Which steps are timed: all while that is cheap, else so few that it stays cheap.
+#[derive(Debug)]
+pub(super) struct Sampler {
+    /// Every step, whatever it costs.
+    is_complete: bool,
+    stride: u64,
+    wait: u64,
+    /// What reading the clock twice takes: it is in each timed call.
+    reading: Duration,
+    started: Instant,
+    /// Timed steps, and those that they stand for.
+    pub(super) timed: u64,
+    covered: u64,
+}
+
+impl Sampler {
+    pub(super) fn new(is_complete: bool) -> Self {
+        let reading = || {
+            let started = Instant::now();
+            started.elapsed()
+        };
+        Self {
+            is_complete,
+            stride: 1,
+            wait: 1,
+            reading: (0..16).map(|_| reading()).min().unwrap_or_default(),
+            started: Instant::now(),
+            timed: 0,
+            covered: 0,
+        }
+    }
+
+    /// Whether the step to come is timed; asked before each.
+    #[inline]
+    pub(super) fn is_due(&mut self) -> bool {
+        self.wait -= 1;
+        self.wait == 0
+    }
+
+    /// Times a step that is due.
+    #[cold]
+    pub(super) fn begin(&mut self, wired: &mut [Wired]) -> Instant {
+        wired.iter_mut().for_each(|w| w.watch.is_running = true);
+        Instant::now()
+    }
+
+    /// Ends it: what its calls took counts for all steps since the last one that was timed.
+    #[cold]
+    pub(super) fn end(&mut self, begun: Instant, wired: &mut [Wired]) {
+        let step = begun.elapsed();
+        let mut looking = self.reading;
+        for watch in wired.iter_mut().map(|w| &mut w.watch) {
+            let reading = self.reading * watch.calls;
+            let own = watch.step.saturating_sub(reading);
+            watch.seconds += own.as_secs_f64() * self.stride as f64;
+            looking += 2 * reading;
+            *watch = Stopwatch {
+                seconds: watch.seconds,
+                ..Stopwatch::default()
+            };
+        }
+        self.timed += 1;
+        self.covered += self.stride;
+        if !self.is_complete {
+            let rest = step.saturating_sub(looking).as_secs_f64();
+            let stride = looking.as_secs_f64() / (PART * rest);
+            self.stride = (stride.ceil() as u64).clamp(1, FURTHEST);
+        }
+        self.wait = self.stride;
+    }
+
+    /// By what the slaves' times are to be multiplied after so many steps of the clock.
+    pub(super) fn scale(&self, steps: u64) -> f64 {
+        match self.covered {
+            0 => 0.0,
+            covered => steps as f64 / covered as f64,
+        }
+    }
+
+    /// Time since the begin of the stepping loop [s].
+    pub(super) fn elapsed(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+}

@@ -1,0 +1,65 @@
+//! Arrays of FMI 3.0 in the master.
+
+use super::slaves::simulate;
+use crate::foreign;
+use pilotage::cosim::{Algorithm, Ending, System, fmu_slave};
+
+/// Adds the foreign FMU, whose output `sums` is the running sums of its input `array` of three elements.
+fn add(system: &mut System, name: &str, change: impl Fn(String) -> String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("foreign.fmu");
+    let description = change(include_str!("../foreign/fmi3.xml").to_owned());
+    std::fs::write(&path, foreign::fmu_of(&description, foreign::binary3())).unwrap();
+    let slave = fmu_slave::open(&path, name, None).unwrap();
+    system.add(name, slave).unwrap();
+}
+
+#[test]
+fn arrays_are_wired_element_by_element_and_recorded() {
+    for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel, Algorithm::Strong] {
+        let mut system = System::new();
+        for name in ["a", "b", "c"] {
+            add(&mut system, name, |text| text);
+        }
+        system.connect("a.sums", "b.array").unwrap();
+        // One element, into a scalar and into an element.
+        system.connect("b.sums[3]", "c.u").unwrap();
+        system.connect("a.sums[2]", "c.array[1]").unwrap();
+        for (k, value) in ["1", "2", "3"].iter().enumerate() {
+            system.set(&format!("a.array[{}]", k + 1), value).unwrap();
+        }
+        system.set("c.array[3]", "0.5").unwrap();
+        let (run, recorder) = simulate(system, 0.5, 0.1, algorithm);
+        assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+        let last = |name: &str| *recorder.series.column(name).unwrap().values.last().unwrap();
+        let of = |name: &str| [1, 2, 3].map(|k| last(&format!("{name}.sums[{k}]")));
+        assert_eq!(of("a"), [1.0, 3.0, 6.0]);
+        assert_eq!(of("b"), [1.0, 4.0, 10.0]);
+        assert_eq!(of("c"), [3.0, 3.0, 3.5]);
+        assert!(
+            (last("c.y") - 10.0 * (1.0 - (-0.5_f64).exp())).abs() < 1e-12,
+            "{algorithm}"
+        );
+    }
+}
+
+#[test]
+fn arrays_that_do_not_fit_are_refused() {
+    let mut system = System::new();
+    add(&mut system, "a", |text| text);
+    let two = "name=\"n\" valueReference=\"71\" causality=\"structuralParameter\" variability=\"fixed\" start=";
+    add(&mut system, "b", |text| {
+        let smaller = text.replace(&format!("{two}\"3\""), &format!("{two}\"2\""));
+        smaller.replace("start=\"0 0 0\"", "start=\"0 0\"")
+    });
+    let refused = |system: &mut System, from, to| system.connect(from, to).unwrap_err().to_string();
+    assert_eq!(
+        refused(&mut system, "a.sums", "b.array"),
+        "`a.sums` -> `b.array`: the arrays have 3 and 2 elements, or different dimensions; connect single \
+         elements, such as `a.sums[1]`"
+    );
+    for (from, to) in [("a.sums", "b.u"), ("a.y", "b.array"), ("a.sums[4]", "b.u")] {
+        let message = refused(&mut system, from, to);
+        assert!(message.contains("has no variable"), "{message}");
+    }
+}

@@ -1,0 +1,139 @@
+//! Co-simulation of FMI 3.0: event mode, early return, intermediate updates.
+
+use super::slaves::simulate;
+use crate::foreign;
+use pilotage::cosim::{
+    Algorithm, Coupling, Ending, Run, SeriesRecorder, Source, System, fmu_slave,
+};
+use pilotage::series::{Column, Series};
+
+/// The foreign FMU (`ẏ = u - y`) with that behaviour; its input `u` takes intermediate updates if so.
+fn slave(system: &mut System, behaviour: &str, is_updated: bool) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("foreign.fmu");
+    let mut description = include_str!("../foreign/fmi3.xml").replace(
+        "instantiationToken=\"good\"",
+        &format!("instantiationToken=\"{behaviour}\""),
+    );
+    // The integral does not follow its input at once.
+    let output = "<Output valueReference=\"2\"";
+    description = description.replace(output, &format!("{output} dependencies=\"\""));
+    if is_updated {
+        let u = "name=\"u\" valueReference=\"1\"";
+        description = description.replace(u, &format!("{u} intermediateUpdate=\"true\""));
+        // All continuous inputs take them, and there are no others.
+        let others = [
+            "<Float32",
+            "<Output valueReference=\"30\"",
+            "\"array\"",
+            "\"sums\"",
+            "<Output valueReference=\"72\"",
+        ];
+        let is_single = |line: &&str| others.iter().any(|other| line.contains(other));
+        let kept: Vec<&str> = description
+            .lines()
+            .filter(|line| !is_single(line))
+            .collect();
+        description = kept.join("\n");
+    }
+    std::fs::write(&path, foreign::fmu_of(&description, foreign::binary3())).unwrap();
+    let slave = fmu_slave::open(&path, "fmu", None).unwrap();
+    system.add("fmu", slave).unwrap();
+}
+
+fn table(column: &str, times: &[f64], values: &[f64]) -> Source {
+    let series = Series {
+        comments: Vec::new(),
+        time: times.to_vec(),
+        columns: vec![Column {
+            name: column.to_owned(),
+            unit: String::new(),
+            values: values.to_vec(),
+        }],
+    };
+    Source::new(&series).unwrap()
+}
+
+fn column<'a>(recorder: &'a SeriesRecorder, name: &str) -> &'a [f64] {
+    &recorder.series.column(name).unwrap().values
+}
+
+/// The FMU ends its step at 0.25 s, where there is an event; the event is handled, and the step goes on.
+#[test]
+fn an_event_within_a_step_is_handled_and_the_step_goes_on() {
+    let mut system = System::new();
+    slave(&mut system, "event@0.25", false);
+    system.set("fmu.u", "1").unwrap();
+    let (run, recorder) = simulate(system, 0.5, 0.1, Algorithm::Jacobi);
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    for (t, y) in recorder.series.time.iter().zip(column(&recorder, "fmu.y")) {
+        assert!((y - (1.0 - (-t).exp())).abs() < 1e-14, "{t}: {y}");
+    }
+    // Once after initialization, once at the event.
+    assert_eq!(
+        column(&recorder, "fmu.count"),
+        [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
+    );
+}
+
+/// A discrete input is set in event mode, when it changes and not else.
+#[test]
+fn discrete_inputs_are_set_in_events() {
+    let mut system = System::new();
+    slave(&mut system, "good", false);
+    let mut source = table("n", &[0.0, 0.2, 0.4], &[3.0, 7.0, 4.0]);
+    source.hold_as(0, pilotage::cosim::Kind::Integer).unwrap();
+    system.add("table", Box::new(source)).unwrap();
+    system.connect("table.n", "fmu.i32_in").unwrap();
+    let (_, recorder) = simulate(system, 0.6, 0.1, Algorithm::GaussSeidel);
+    assert_eq!(
+        column(&recorder, "fmu.i32"),
+        [4.0, 4.0, 8.0, 8.0, 5.0, 5.0, 5.0]
+    );
+    assert_eq!(
+        column(&recorder, "fmu.count"),
+        [1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 3.0]
+    );
+}
+
+/// `u = t`, extrapolated: `y = t - 1 + e^{-t}`. The FMU asks twice in a step; what it is told makes it more than
+/// three times as exact as the mean that is held where it takes none, which is said.
+#[test]
+fn inputs_go_on_within_steps_by_intermediate_updates() {
+    let run_with = |is_updated| -> (Run, f64) {
+        let mut system = System::new();
+        slave(&mut system, "good", is_updated);
+        let source = table("u", &[0.0, 1.0], &[0.0, 1.0]);
+        system.add("table", Box::new(source)).unwrap();
+        system.connect("table.u", "fmu.u").unwrap();
+        let coupling = Coupling {
+            extrapolation: Some(1),
+            ..Algorithm::GaussSeidel.into()
+        };
+        let (run, recorder) = simulate(system, 1.0, 0.1, coupling);
+        let y = column(&recorder, "fmu.y")[10];
+        (run, y - (-1.0_f64).exp())
+    };
+    let (held, coarse) = run_with(false);
+    assert_eq!(held.report.holding, ["fmu"]);
+    let (updated, fine) = run_with(true);
+    assert!(updated.report.holding.is_empty());
+    let ratio = coarse / fine;
+    assert!(coarse.abs() > 1e-5 && ratio > 3.0, "{coarse} {fine}");
+}
+
+/// The same in a strong coupling, with states that are saved and restored.
+#[test]
+fn steps_with_events_can_be_repeated() {
+    let mut system = System::new();
+    slave(&mut system, "event@0.25", true);
+    let source = table("u", &[0.0, 0.35, 0.35, 1.0], &[1.0, 1.0, 2.0, 2.0]);
+    system.add("table", Box::new(source)).unwrap();
+    system.connect("table.u", "fmu.u").unwrap();
+    let (run, recorder) = simulate(system, 0.5, 0.1, Algorithm::Strong);
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    assert_eq!(run.report.steps.jumps, 1);
+    let at_jump = 1.0 - (-0.35_f64).exp();
+    let y = 2.0 + (at_jump - 2.0) * (-0.15_f64).exp();
+    assert!((column(&recorder, "fmu.y")[5] - y).abs() < 1e-6);
+}
