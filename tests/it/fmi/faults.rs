@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipWriter};
 
 /// The description that fits `foreign/faulty.rs`; the GUID says its fault.
 const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="faulty" guid="FAULT" variableNamingConvention="structured">
+<fmiModelDescription fmiVersion="2.0" modelName="faulty" guid="FAULT" variableNamingConvention="structured" numberOfEventIndicators="1">
   <ModelExchange modelIdentifier="faulty" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
   <CoSimulation modelIdentifier="faulty" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
   <UnitDefinitions>

@@ -519,10 +519,6 @@ macro_rules! one {
 one! {
     fmi2GetDerivatives: |fmu| if fmu.is("nan-derivative") { f64::NAN } else { fmu.derivative() };
     fmi2GetContinuousStates: |fmu| fmu.values.x;
+    fmi2GetEventIndicators: |fmu| fmu.values.x + 1.0;
     fmi2GetNominalsOfContinuousStates: |fmu| if fmu.is("zero-nominal") { 0.0 } else { 1.0 };
-}
-
-#[unsafe(no_mangle)]
-extern "C" fn fmi2GetEventIndicators(c: *mut c_void, _: *mut f64, n: usize) -> c_int {
-    if n == 0 { of(c).status("fmi2GetEventIndicators") } else { ERROR }
 }
