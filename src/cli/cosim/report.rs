@@ -152,7 +152,7 @@ fn brief(report: &Report) -> String {
     let all = in_slaves + report.master_seconds;
     let part = |seconds: f64| 100.0 * seconds / all.max(f64::MIN_POSITIVE);
     let mut text = format!(
-        "{} communication steps taken, {} rejected, in {}, {:.0} % of it in the master\n",
+        "{} communication steps taken, {} rejected, in {}, {:.0} % of it in the master and for the result\n",
         steps.accepted,
         steps.rejected,
         match all {
@@ -184,8 +184,7 @@ fn brief(report: &Report) -> String {
         };
         text += &format!("  {} -> {}: {}, {late}", c.from, c.to, c.transfer);
         if let Some(error) = c.error {
-            let text_of = format!(", off by {:.1e} {}", error.mean, c.unit);
-            text += &format!("{} in the mean", text_of.trim_end());
+            text += &format!(", off by {:.1e}{} in the mean", error.mean, unit(c));
         }
         text.push('\n');
     }
@@ -205,12 +204,19 @@ fn errors_of(report: &Report, name: &str) -> String {
     };
     let own = report.connections.iter().filter(|c| is_own(&c.to));
     let errors: Vec<String> = own
-        .filter_map(|c| Some(format!("`{}` by {:.3e} {}", c.to, c.error?.mean, c.unit)))
-        .map(|text| text.trim_end().to_owned())
+        .filter_map(|c| Some(format!("`{}` by {:.3e}{}", c.to, c.error?.mean, unit(c))))
         .collect();
     match errors.is_empty() {
         true => String::new(),
         false => format!("; wrong in the mean are {}", errors.join(", ")),
+    }
+}
+
+/// The unit behind a number of the connection's output.
+fn unit(connection: &ConnectionReport) -> String {
+    match connection.unit.as_str() {
+        "" | "1" => String::new(),
+        unit => format!(" {unit}"),
     }
 }
 
@@ -228,11 +234,11 @@ fn details(report: &Report) -> String {
     for c in &report.connections {
         text += &format!("{} -> {}: {}, lag {:.6} s", c.from, c.to, c.transfer, c.lag);
         if let Some(error) = c.error {
-            let unit = if c.unit.is_empty() { "" } else { " " };
-            let unit = format!("{unit}{}", c.unit);
             text += &format!(
-                ", error {:.3e}{unit} (largest {:.3e})",
-                error.mean, error.max
+                ", error {:.3e}{} (largest {:.3e})",
+                error.mean,
+                unit(c),
+                error.max
             );
         }
         text.push('\n');

@@ -83,3 +83,28 @@ fn estimates_are_right_to_a_factor() {
         }
     }
 }
+
+/// Calls are counted all; they are timed all if so asked, else so few that it costs little.
+#[test]
+fn calls_are_counted_all_and_timed_as_asked() {
+    let steps = 20_000_u32;
+    let report = |measure| {
+        let abilities = Abilities::default();
+        let random = RandomLoop::new(1, 2, abilities, false);
+        let coupling = Coupling {
+            measure,
+            ..Algorithm::Jacobi.into()
+        };
+        let h = 1e-4;
+        let (run, _) = simulate(random.system(), h * f64::from(steps), h, coupling);
+        for slave in &run.report.slaves {
+            assert_eq!(slave.calls.steps, u64::from(steps));
+            assert!(slave.seconds > 0.0);
+        }
+        run.report
+    };
+    assert_eq!(report(true).timed_steps, u64::from(steps));
+    // At least every 1024th.
+    let timed = report(false).timed_steps;
+    assert!(timed >= u64::from(steps) / 1024, "{timed}");
+}
