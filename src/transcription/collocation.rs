@@ -2,9 +2,10 @@
 
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
+use super::lanes::{self, LANES, Work};
 use super::layout::Layout;
 use super::mesh::Run;
-use super::node::{NodeModel, Scales};
+use super::node::{MAX_SIZE, NodeModel, Scales};
 use super::parallel;
 use super::tableau::Scheme;
 use crate::sqp::Problem;
@@ -133,22 +134,20 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         &self,
         z: &[f64],
         j: usize,
-        mut observe: impl FnMut(u32, (f64, f64)),
+        observe: impl FnMut(u32, (f64, f64)),
     ) -> PointValues {
-        let mut values = PointValues::new(self, j);
-        let (grid, theta, n) = (&self.grids[j], self.theta(z), self.n_states());
-        let (v, inputs) = (self.coefficients(z, j), self.model.dynamics.n_inputs());
-        let mut model = self.model.values(theta);
-        for (i, point) in grid.points.iter().enumerate() {
-            values.combine(grid, v, i, n);
-            let input = &grid.inputs[i * inputs..(i + 1) * inputs];
-            let x = point.state.of(v, &values.combined, n);
-            let outputs = model.evaluate(x, input, &mut values.f);
-            if let Some(sample) = point.sample {
-                observe(sample, outputs);
-            }
-        }
-        values
+        lanes::vectorised(Evaluate {
+            problem: self,
+            z,
+            j,
+            observe,
+        })
+    }
+
+    /// Exogenous inputs at a point of run `j`.
+    pub(super) fn inputs_at(&self, j: usize, point: usize) -> &[f64] {
+        let inputs = self.model.dynamics.n_inputs();
+        &self.grids[j].inputs[point * inputs..(point + 1) * inputs]
     }
 
     /// States of run `j`'s points; the model is evaluated only where some point is a combination.
@@ -243,6 +242,54 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     }
 }
 
+/// [`Collocation::evaluate_points`].
+struct Evaluate<'a, D, C, F> {
+    problem: &'a Collocation<D, C>,
+    z: &'a [f64],
+    j: usize,
+    observe: F,
+}
+
+impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Work
+    for Evaluate<'_, D, C, F>
+{
+    type Output = PointValues;
+
+    #[inline(always)]
+    fn run(self) -> PointValues {
+        let Self {
+            problem,
+            z,
+            j,
+            mut observe,
+        } = self;
+        let mut values = PointValues::new(problem, j);
+        let (grid, n) = (&problem.grids[j], problem.n_states());
+        let v = problem.coefficients(z, j);
+        let mut model = problem.model.values(problem.theta(z));
+        // Where points take derivatives of those before, one after the other.
+        let step = if grid.has_nested() { 1 } else { LANES };
+        let mut f = [[0.0; LANES]; MAX_SIZE];
+        for first in (0..grid.points.len()).step_by(step) {
+            let (members, count) = lanes::group(first, step, grid.points.len());
+            for i in &members[..count] {
+                values.combine(grid, v, *i, n);
+            }
+            let x = members.map(|i| values.states(grid, v, i, n));
+            let input = members.map(|i| problem.inputs_at(j, i));
+            let (measured, bounded) = model.evaluate(x, input, &mut f[..n]);
+            let own = values.f[first * n..].chunks_exact_mut(n);
+            for ((lane, i), own) in members[..count].iter().enumerate().zip(own) {
+                own.iter_mut().zip(&f).for_each(|(own, f)| *own = f[lane]);
+                if let Some(sample) = grid.points[*i].sample {
+                    observe(sample, (measured[lane], bounded[lane]));
+                }
+            }
+        }
+        values
+    }
+}
+
 /// Derivatives at all points of a run, and the states of those that are combinations.
 #[derive(Debug, Default)]
 pub(super) struct PointValues {
@@ -254,7 +301,7 @@ impl PointValues {
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         Self {
-            f: Vec::with_capacity(grid.points.len() * n),
+            f: vec![0.0; grid.points.len() * n],
             combined: vec![0.0; grid.combinations * n],
         }
     }

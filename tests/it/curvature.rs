@@ -125,7 +125,7 @@ impl Dynamics for Squared {
         1
     }
 
-    fn derivative<T: Scalar>(&self, _: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+    fn derivative<T: Scalar>(&self, _: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
         dx[0] = theta[0] * theta[0] * w[0];
     }
 

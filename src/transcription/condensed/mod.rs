@@ -11,9 +11,10 @@
 
 mod active;
 pub mod arrow;
+mod bundle;
 mod curvature;
 mod dense;
-mod lanes;
+mod points;
 mod reduce;
 mod run;
 mod sparse_lu;
@@ -22,12 +23,14 @@ mod sweep;
 
 use super::Collocation;
 use super::constraints::ParameterConstraints;
+use super::lanes::LANES;
 use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
 use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
+use bundle::Bundle;
 use pilotage_models::Dynamics;
 use run::{Place, RunSweep};
 use std::collections::HashSet;
@@ -196,6 +199,29 @@ impl Stencils {
         out
     }
 
+    /// The runs in bundles: neighbours with the same elements.
+    fn bundles<'a, D, C>(
+        &'a self,
+        problem: &'a Collocation<D, C>,
+        mut rest: &'a mut [RunSweep],
+    ) -> Vec<Bundle<'a, D, C>> {
+        let mut bundles = Vec::new();
+        let mut first = 0;
+        while !rest.is_empty() {
+            let same = self.kind[first..].iter().take(LANES);
+            let count = same.take_while(|k| **k == self.kind[first]).count();
+            let (runs, tail) = rest.split_at_mut(count);
+            bundles.push(Bundle {
+                problem,
+                stencils: self,
+                first,
+                runs,
+            });
+            (rest, first) = (tail, first + count);
+        }
+        bundles
+    }
+
     /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
     /// what its elements share. False when that element is singular.
     fn order<D: Dynamics, C: ParameterConstraints>(
@@ -213,16 +239,16 @@ impl Stencils {
                     continue;
                 }
                 if self.kinds[kind].1.symbolic.size() == 0 {
-                    let group = self.alone(grid, (j, element), &run.jacobian, &mut points);
+                    let group = Self::alone(grid, element, &run.jacobian, &mut points);
                     match self.kinds[kind].0.order(&group, 0, &problem.model.shared) {
                         Some(found) => self.kinds[kind].1 = found,
                         None => return false,
                     }
                 }
-                let entries = problem.model.entries.len();
-                let first = grid.points_of(&grid.elements[element])[0] as usize * entries;
+                let point = grid.points_of(&grid.elements[element])[0] as usize;
+                let jacobian: Vec<f64> = run.jacobian.of(point).collect();
                 let (stencil, order) = &mut self.kinds[kind];
-                stencil.refresh(order, &run.jacobian[first..first + entries]);
+                stencil.refresh(order, &jacobian);
             }
         }
         true
@@ -373,11 +399,15 @@ impl Condensed {
 
     /// Offsets of all runs for the constraint values in `c`.
     fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
-        let (stencils, c) = (&self.stencils, &self.c);
         self.linear = None;
-        parallel::each(&mut self.runs, |j, run| {
-            let own = &c[problem.layout.runs[j].equalities()];
-            run.sweep_offsets(Place { problem, j }, stencils, own);
+        let c = &self.c;
+        let mut bundles = self.stencils.bundles(problem, &mut self.runs);
+        parallel::each(&mut bundles, |_, bundle| {
+            bundle.offsets(c);
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                let j = bundle.first + k;
+                run.complete_offsets(Place { problem, j });
+            }
         });
     }
 
@@ -560,16 +590,25 @@ impl Condensed {
         step.lambda.resize(layout.n_equalities, 0.0);
         let weighted = problem.damping_weights().iter().zip(&step.d);
         step.curvature = damping * weighted.map(|(w, d)| w * d * d).sum::<f64>();
-        let (stencils, eta) = (&self.stencils, &step.eta);
+        let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
-        let mut work: Vec<_> = (self.runs.iter_mut())
-            .zip(parallel::parts(&mut step.lambda, equalities))
-            .map(|(run, lambda)| (run, lambda, 0.0))
+        let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
+        let bundles = self.stencils.bundles(problem, &mut self.runs).into_iter();
+        let mut rest = lambda.as_mut_slice();
+        let mut work: Vec<_> = bundles
+            .map(|bundle| {
+                let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
+                rest = tail;
+                (bundle, own, 0.0)
+            })
             .collect();
-        parallel::each(&mut work, |j, (run, lambda, curvature)| {
-            let eta = &eta[layout.runs[j].inequalities()];
-            let at = Place { problem, j };
-            *curvature = run.adjoint(at, stencils, hessian, (dtheta, eta), lambda);
+        parallel::each(&mut work, |_, (bundle, lambda, curvature)| {
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                let j = bundle.first + k;
+                let eta = &eta[layout.runs[j].inequalities()];
+                *curvature += run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
+            }
+            bundle.multipliers(lambda);
         });
         step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {

@@ -2,11 +2,12 @@
 //! linear term.
 
 use super::dense::axpy;
-use super::lanes::{self, Kernel};
-use super::run::{Gradient, Place, RunSweep};
+use super::points::{Points, ZERO};
+use super::run::{Place, RunSweep};
 use crate::sqp::Hessian;
 use crate::transcription::constraints::ParameterConstraints;
-use crate::transcription::node::{MAX_SIZE, Output};
+use crate::transcription::lanes::{self, Kernel, LANES};
+use crate::transcription::node::Output;
 use pilotage_models::Dynamics;
 
 impl RunSweep {
@@ -35,7 +36,6 @@ impl RunSweep {
         exact: bool,
     ) -> (Vec<f64>, Vec<f64>) {
         let (p, r, model) = (self.p, self.r(), &at.problem.model);
-        let pairs = model.pairs.len();
         let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
         // Halves of the symmetric sums; their transposes are added at the end.
         let (mut squares, mut curved) = (vec![[0.0; W]; r], vec![[0.0; W]; r]);
@@ -44,21 +44,21 @@ impl RunSweep {
             let (s, _) = self.s_of(&point.state).as_chunks::<W>();
             if let Some(sample) = point.sample {
                 let k = sample as usize;
-                let own = self.of_sample(Output::Bounded, k, bounded.len());
+                let own = self.gradients[Output::Bounded as usize].of(i);
                 let row = project(own, bounded, s, p);
                 rows.e[k] = row[r];
                 rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
             }
-            if let Some(k) = self.recorded(point) {
-                let own = self.of_sample(Output::Measured, k, measured.len());
+            let weight = self.weight.of(i).sum::<f64>();
+            if weight != 0.0 {
+                let own = self.gradients[Output::Measured as usize].of(i);
                 let row = project(own, measured, s, p);
                 for (value, out) in row.iter().zip(&mut squares) {
-                    add(0.5 * self.weight[k] * value, &row, out);
+                    add(0.5 * weight * value, &row, out);
                 }
             }
             if exact {
-                let values = &self.second[i * pairs..(i + 1) * pairs];
-                add_pairs(values, &model.pairs, s, &mut curved);
+                add_pairs(self.second.of(i), &model.pairs, s, &mut curved);
             }
         }
         self.bounded = rows;
@@ -98,19 +98,21 @@ impl RunSweep {
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        let (n, p) = (self.n, self.p);
-        let (mut step, mut full): (Gradient, Gradient) = ([0.0; 2 * MAX_SIZE], [0.0; 2 * MAX_SIZE]);
-        let mut sum = [0.0; W];
-        for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            step[..n].copy_from_slice(self.e_of(&point.state));
-            if !self.model_gradient(at, i, kind, &step, &mut full) {
-                continue;
+        let (n, p, model) = (self.n, self.p, &at.problem.model);
+        let grid = &at.problem.grids[at.j];
+        let (mut step, mut full, mut sum) = (ZERO, ZERO, [0.0; W]);
+        for points in Points::all(grid) {
+            points.states(&self.nodes.e, &self.combined.e, n, &mut step);
+            self.model_gradient(model, points.number, kind, &step, &mut full);
+            for lane in 0..points.count {
+                let point = &grid.points[points.number * LANES + lane];
+                let (s, _) = self.s_of(&point.state).as_chunks::<W>();
+                for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| g[lane] != 0.0) {
+                    add(g[lane], s, &mut sum);
+                }
+                let parameters = sum[..p].iter_mut().zip(&full[n..n + p]);
+                parameters.for_each(|(sum, g)| *sum += g[lane]);
             }
-            let (s, _) = self.s_of(&point.state).as_chunks::<W>();
-            for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| **g != 0.0) {
-                add(*g, s, &mut sum);
-            }
-            axpy(1.0, &full[n..n + p], &mut sum[..p]);
         }
         axpy(1.0, &sum, vector);
     }
@@ -158,15 +160,15 @@ fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
 /// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient at these columns.
 #[inline(always)]
 fn project<const W: usize>(
-    gradient: &[f64],
+    gradient: impl Iterator<Item = f64>,
     columns: &[usize],
     s: &[[f64; W]],
     p: usize,
 ) -> [f64; W] {
     let mut out = [0.0; W];
-    for (g, &c) in gradient.iter().zip(columns) {
+    for (g, &c) in gradient.zip(columns) {
         match c.checked_sub(s.len()) {
-            None => add(*g, &s[c], &mut out),
+            None => add(g, &s[c], &mut out),
             Some(parameter) => out[..p][parameter] += g,
         }
     }
@@ -177,19 +179,19 @@ fn project<const W: usize>(
 /// and of a pair of state and parameter only the order whose row is the parameter's.
 #[inline(always)]
 fn add_pairs<const W: usize>(
-    values: &[f64],
+    values: impl Iterator<Item = f64>,
     pairs: &[(usize, usize)],
     s: &[[f64; W]],
     matrix: &mut [[f64; W]],
 ) {
     let n = s.len();
-    let mut rest = values.iter().zip(pairs).peekable();
+    let mut rest = values.zip(pairs).peekable();
     // The pairs come in the order of their first variable.
     while let Some(&(_, &(a, _))) = rest.peek() {
         let mut along = [0.0; W];
         let mut has_states = false;
         while let Some((w, &(_, b))) = rest.next_if(|(_, pair)| pair.0 == a) {
-            let w = if a == b { 0.5 * w } else { *w };
+            let w = if a == b { 0.5 * w } else { w };
             match (a.checked_sub(n), b.checked_sub(n)) {
                 (None, None) => {
                     add(w, &s[b], &mut along);

@@ -3,21 +3,21 @@
 
 use super::Stencils;
 use super::dense::axpy;
-use super::lanes::{Kernel, LANES, run};
 use super::run::{Place, RunSweep};
 use super::sparse_lu::Factors;
 use super::stencil::{Group, Order, Stencil};
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
+use crate::transcription::lanes::{Grouped, Kernel, LANES, run};
 use pilotage_models::Dynamics;
 use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {
-    kind: usize,
+    pub kind: usize,
     /// First element.
-    first: usize,
+    pub first: usize,
     /// Number of elements; the lanes beyond repeat the last one.
     count: usize,
     /// First entries of its factors and of its `K_0`.
@@ -60,20 +60,15 @@ impl RunSweep {
             let offsets = (self.combined.e.iter_mut()).zip(self.combined.s.chunks_exact(w));
             offsets.for_each(|(e, row)| *e = row[r]);
         }
-        let (mut largest, mut sums) = (vec![0.0_f64; w], vec![0.0; w]);
-        for row in self.nodes.s.chunks_exact(w) {
-            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
-                *largest = if v.abs() > *largest {
-                    v.abs()
-                } else {
-                    *largest
-                };
-                // Zero times infinity or NaN is NaN.
-                *sum += 0.0 * v;
-            }
-        }
-        self.growth = largest[..r].iter().copied().fold(0.0, f64::max);
-        swept && sums.iter().all(|sum| *sum == 0.0)
+        let (growth, is_finite) = run(
+            w,
+            Extent {
+                s: &self.nodes.s,
+                r,
+            },
+        );
+        self.growth = growth;
+        swept && is_finite
     }
 
     /// Divides the elements into groups at the first use: the orders of their kinds never change.
@@ -106,14 +101,8 @@ impl RunSweep {
         self.k0.resize(k0, [0.0; LANES]);
     }
 
-    /// Forward sweep for the offsets `e` that remove the constraint values `c` (of the run).
-    pub fn sweep_offsets<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        c: &[f64],
-    ) {
-        self.offsets(at, stencils, c);
+    /// What else has offsets, once the unknowns have them.
+    pub fn complete_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) {
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.e, std::mem::take(&mut self.combined.e));
             self.combine(at, nodes, &mut combined, 1, Of::Offsets);
@@ -122,85 +111,17 @@ impl RunSweep {
         self.offset_bounded(at);
     }
 
-    #[inline(always)]
-    fn offsets<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        c: &[f64],
-    ) {
-        let n = self.n;
-        let grid = &at.problem.grids[at.j];
-        let (known, c) = c.split_at(n - self.free.len());
-        let mut flat = std::mem::take(&mut self.nodes.e);
-        flat[..n].fill(0.0);
-        let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, value)| flat[i] = -value);
-        let (e, _) = flat.as_chunks_mut::<1>();
-        for (span, lane) in self.lanes() {
-            let (stencil, order) = &stencils.kinds[span.kind];
-            let first = grid.elements[span.first + lane].first * n;
-            let (done, rest) = e.split_at_mut(first + n);
-            let x = &mut rest[..stencil.size()];
-            let k0 = &self.k0[span.k0(stencil)];
-            let factors = self.factors(span, lane, order);
-            let slots = factors.slots();
-            for (slot, c) in slots.iter().zip(&c[first..]) {
-                x[*slot as usize] = [-c];
-            }
-            stencil.start((k0, lane), &done[first..], (slots, x));
-            factors.solve(x);
-        }
-        self.nodes.e = flat;
-    }
-
-    /// Backward over the elements: the multipliers of the run's equalities from the derivatives `right`
-    /// of the rest of the Lagrangian's model by the unknowns.
-    #[inline(always)]
-    pub(super) fn eliminate_backward<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        lambda: &mut [f64],
-    ) {
-        let n = self.n;
-        let grid = &at.problem.grids[at.j];
-        let (known, lambda) = lambda.split_at_mut(n - self.free.len());
-        let mut right = std::mem::take(&mut self.right);
-        let mut pivots = std::mem::take(&mut self.work.pivots);
-        for (span, lane) in self.lanes().rev() {
-            let (stencil, order) = &stencils.kinds[span.kind];
-            let first = grid.elements[span.first + lane].first * n;
-            let rows = &mut lambda[first..first + stencil.size()];
-            let (head, tail) = right.split_at_mut(first + n);
-            let b = &mut pivots[..stencil.size()];
-            b.iter_mut().zip(tail).for_each(|(b, v)| *b = -*v);
-            self.factors(span, lane, order).solve_transposed(b, rows);
-            let k0 = &self.k0[span.k0(stencil)];
-            stencil.start_transposed((k0, lane), rows, &mut head[first..]);
-        }
-        self.work.pivots = pivots;
-        let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, out)| *out = -right[i]);
-        self.right = right;
-    }
-
     /// All elements in time order: group and lane.
     #[inline(always)]
-    fn lanes(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
+    pub(super) fn elements(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
         let spans = self.spans.iter();
         spans.flat_map(|span| (0..span.count).map(move |lane| (span, lane)))
     }
 
-    /// The factors of an element.
+    /// The states whose initial values are known.
     #[inline(always)]
-    fn factors<'a>(&'a self, span: &Span, lane: usize, order: &'a Order) -> Factors<'a> {
-        if !self.special.is_empty()
-            && let Some((symbolic, lu)) = self.special.get(&(span.first + lane))
-        {
-            return Factors::new(symbolic, lu, 0);
-        }
-        Factors::new(&order.symbolic, &self.lu[span.lu(order)], lane)
+    pub(super) fn known(&self) -> impl Iterator<Item = usize> {
+        (0..self.n).filter(|i| !self.free.contains(i))
     }
 
     /// Rows of the points that are combinations, from those of the unknowns:
@@ -227,8 +148,7 @@ impl RunSweep {
             }
             for &(l, q) in &c.q {
                 let from = grid.points[l].state.of(nodes, done, size);
-                let jacobian = &self.jacobian[l * entries.len()..(l + 1) * entries.len()];
-                for (value, &(i, column)) in jacobian.iter().zip(entries) {
+                for (value, &(i, column)) in self.jacobian.of(l).zip(entries) {
                     match column.checked_sub(n) {
                         None => {
                             let source = &from[column * columns..(column + 1) * columns];
@@ -284,7 +204,7 @@ impl Kernel for Forward<'_> {
         for (l, &i) in own.free.iter().enumerate() {
             s[i][p + l] = 1.0;
         }
-        let places = (0..n).filter(|i| !own.free.contains(i));
+        let places = own.known();
         places.zip(known).for_each(|(i, value)| s[i][r] = -value);
         let mut work = std::mem::take(&mut own.work);
         let (mut lu, mut k0) = (std::mem::take(&mut own.lu), std::mem::take(&mut own.k0));
@@ -293,7 +213,7 @@ impl Kernel for Forward<'_> {
             let (stencil, order) = &stencils.kinds[span.kind];
             let size = stencil.size();
             let (lu, k0) = (&mut lu[span.lu(order)], &mut k0[span.k0(stencil)]);
-            let group = span.group(grid, stencil, &own.jacobian, &mut work.points);
+            let group = span.group(grid, &own.jacobian, &mut work.points);
             work.parameters
                 .resize(stencil.parameters.len(), [0.0; LANES]);
             let b = &mut work.parameters;
@@ -332,14 +252,43 @@ impl Kernel for Forward<'_> {
     }
 }
 
+/// The largest magnitude in the first `r` columns of rows, and whether all numbers are finite.
+struct Extent<'a> {
+    s: &'a [f64],
+    r: usize,
+}
+
+impl Kernel for Extent<'_> {
+    type Output = (f64, bool);
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> (f64, bool) {
+        let (rows, _) = self.s.as_chunks::<W>();
+        let (mut largest, mut sums) = ([0.0_f64; W], [0.0; W]);
+        for row in rows {
+            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
+                *largest = if v.abs() > *largest {
+                    v.abs()
+                } else {
+                    *largest
+                };
+                // Zero times infinity or NaN is NaN.
+                *sum += 0.0 * v;
+            }
+        }
+        let growth = largest[..self.r].iter().copied().fold(0.0, f64::max);
+        (growth, sums.iter().all(|sum| *sum == 0.0))
+    }
+}
+
 impl Span {
     /// Places of its factors.
-    fn lu(&self, order: &Order) -> Range<usize> {
+    pub fn lu(&self, order: &Order) -> Range<usize> {
         self.lu..self.lu + order.symbolic.entries()
     }
 
     /// Places of its `K_0`.
-    fn k0(&self, stencil: &Stencil) -> Range<usize> {
+    pub fn k0(&self, stencil: &Stencil) -> Range<usize> {
         self.k0..self.k0 + stencil.start.len()
     }
 
@@ -347,27 +296,24 @@ impl Span {
     fn group<'a>(
         &self,
         grid: &Grid,
-        stencil: &Stencil,
-        jacobians: &'a [f64],
+        jacobians: &'a Grouped,
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Group<'a> {
         let last = self.first + self.count - 1;
         let elements = std::array::from_fn(|lane| &grid.elements[last.min(self.first + lane)]);
-        Group::new(grid, elements, stencil, jacobians, points)
+        Group::new(grid, elements, jacobians, points)
     }
 }
 
 impl Stencils {
-    /// A group of one element of run `j`.
+    /// A group of one element.
     pub(super) fn alone<'a>(
-        &self,
         grid: &Grid,
-        (j, element): (usize, usize),
-        jacobians: &'a [f64],
+        element: usize,
+        jacobians: &'a Grouped,
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Group<'a> {
-        let (stencil, _) = &self.kinds[self.kind[j][element] as usize];
         let elements = [&grid.elements[element]; LANES];
-        Group::new(grid, elements, stencil, jacobians, points)
+        Group::new(grid, elements, jacobians, points)
     }
 }
