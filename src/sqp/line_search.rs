@@ -13,8 +13,10 @@ const CORRECTION_RATE: f64 = 0.35;
 const SAFETY: f64 = 0.6;
 /// Fall of the equalities by a full step beyond which its correction need not be measured.
 const CONTRACTION: f64 = 0.35;
+/// Part of the model's decrease by a full step that needs no such measuring either.
+const GOOD: f64 = 0.5;
 /// Limit on second-order corrections of one step.
-const MAX_CORRECTIONS: usize = 6;
+const MAX_CORRECTIONS: usize = 3;
 
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// The step length at which the merit falls enough, and how the fall compares with the model's.
@@ -57,8 +59,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         if !value.is_finite() {
             return Err(value);
         }
-        if test.passes(value, 1.0) && self.contracts() {
-            return Ok(test.ratio(value));
+        let ratio = test.ratio(value);
+        if test.passes(value, 1.0) && (ratio > GOOD || self.contracts()) {
+            return Ok(ratio);
         }
         self.corrected(test, value).ok_or(value)
     }

@@ -129,11 +129,11 @@ impl Dynamics for Squared {
         dx[0] = theta[0] * theta[0] * w[0];
     }
 
-    fn measured<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+    fn measured<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
         x[0]
     }
 
-    fn bounded<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+    fn bounded<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
         x[0]
     }
 }
