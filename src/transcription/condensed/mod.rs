@@ -32,6 +32,7 @@ use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use bundle::Bundle;
 use pilotage_models::Dynamics;
+use reduce::Reduced;
 use run::{Place, RunSweep};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -57,8 +58,8 @@ pub struct Condensed {
     g_iterate: Vec<f64>,
     /// True when `c` and `g` are those of a correction.
     moved: bool,
-    /// The reduced linear term for these values and a Hessian.
-    linear: Option<(Hessian, Vec<f64>)>,
+    /// The reduced linear terms for the values of the iterate: with Gauss–Newton, with the exact Hessian.
+    linear: [Vec<f64>; 2],
     last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
@@ -89,7 +90,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.c.clone_from(&at.c);
         self.g.clone_from(&at.g);
         self.moved = false;
-        self.linear = None;
         self.last = None;
         let theta = problem.layout.theta;
         let variables = || problem.layout.runs.iter().map(|run| run.variables());
@@ -130,7 +130,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         if self.moved {
             self.c.clone_from(&self.c_iterate);
             self.g.clone_from(&self.g_iterate);
-            self.move_offsets(problem);
+            parallel::each(&mut self.runs, |_, run| run.restore_offsets());
             self.moved = false;
         }
         self.solve_shifted(problem, hessian, damping, step)?;
@@ -264,30 +264,40 @@ impl Condensed {
     ) -> bool {
         let (stencils, c) = (&self.stencils, &self.c_iterate);
         let mut work: Vec<_> = (self.runs.iter_mut())
-            .map(|run| (run, true, Vec::new(), Vec::new()))
+            .map(|run| (run, true, <[Reduced; 2]>::default()))
             .collect();
-        parallel::each(&mut work, |j, (run, regular, gauss_newton, full)| {
+        parallel::each(&mut work, |j, (run, regular, reduced)| {
             let at = Place { problem, j };
             *regular = run.eliminate(at, stencils, &c[problem.layout.runs[j].equalities()]);
-            (*gauss_newton, *full) = run.reduce_matrices(at, exact);
+            *reduced = run.reduce(at, exact);
         });
-        let regular = work.iter().all(|(_, regular, ..)| *regular);
-        self.growth = work.iter().fold(0.0, |m, (run, ..)| run.growth.max(m));
-        let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
-        let mut arrows = [
-            Arrow::zeros(problem.n_parameters(), &free),
-            Arrow::zeros(problem.n_parameters(), &free),
-        ];
-        for (j, (_, _, gauss_newton, full)) in work.iter().enumerate() {
-            arrows[0].set_run(j, gauss_newton);
-            if exact {
-                arrows[1].set_run(j, full);
-            }
+        let regular = work.iter().all(|(_, regular, _)| *regular);
+        let reduced: Vec<[Reduced; 2]> = work.into_iter().map(|(.., reduced)| reduced).collect();
+        self.growth = self.runs.iter().fold(0.0, |m, run| run.growth.max(m));
+        let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
+        let arrow = |kind: usize| {
+            let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
+            let own = reduced.iter().enumerate();
+            own.for_each(|(j, reduced)| arrow.set_run(j, &reduced[kind].matrix));
+            arrow
+        };
+        self.gauss_newton = arrow(0);
+        self.exact = exact.then(|| {
+            let mut arrow = arrow(1);
+            dense::axpy(1.0, &self.parameter_hessian, &mut arrow.theta);
+            arrow
+        });
+        for (kind, linear) in self
+            .linear
+            .iter_mut()
+            .enumerate()
+            .take(1 + usize::from(exact))
+        {
+            let own = reduced
+                .iter()
+                .map(|reduced| reduced[kind].vector.as_slice());
+            *linear = joined(own, problem.n_parameters());
         }
-        let [gauss_newton, mut full] = arrows;
-        dense::axpy(1.0, &self.parameter_hessian, &mut full.theta);
-        self.gauss_newton = gauss_newton;
-        self.exact = exact.then_some(full);
         regular
     }
 
@@ -314,13 +324,10 @@ impl Condensed {
             Some(factor) => Convex::new(matrix, factor),
             None => Convex::held(matrix, &rows).ok_or(QpFailure::NotConvex)?,
         };
-        let mut q = match &self.linear {
-            Some((kind, q)) if *kind == hessian => q.clone(),
-            _ => {
-                let q = self.reduced_vector(problem, hessian, convex.matrix.size());
-                self.linear = Some((hessian, q.clone()));
-                q
-            }
+        let mut q = match (self.moved, hessian) {
+            (true, _) => self.reduced_vector(problem, hessian),
+            (false, Hessian::GaussNewton) => self.linear[0].clone(),
+            (false, Hessian::Exact) => self.linear[1].clone(),
         };
         convex.shift(&rows, &sides, &mut q);
 
@@ -399,7 +406,6 @@ impl Condensed {
 
     /// Offsets of all runs for the constraint values in `c`.
     fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
-        self.linear = None;
         let c = &self.c;
         let mut bundles = self.stencils.bundles(problem, &mut self.runs);
         parallel::each(&mut bundles, |_, bundle| {
@@ -416,7 +422,6 @@ impl Condensed {
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
-        size: usize,
     ) -> Vec<f64> {
         let mut work: Vec<_> = (self.runs.iter())
             .map(|run| (run, vec![0.0; run.w]))
@@ -424,16 +429,8 @@ impl Condensed {
         parallel::each(&mut work, |j, (run, local)| {
             run.reduce_vector(Place { problem, j }, hessian, local);
         });
-        let p = problem.n_parameters();
-        let mut q = vec![0.0; size];
-        let mut first = p;
-        for (run, local) in &work {
-            dense::axpy(1.0, &local[..p], &mut q[..p]);
-            let free = run.free.len();
-            q[first..first + free].copy_from_slice(&local[p..p + free]);
-            first += free;
-        }
-        q
+        let own = work.iter().map(|(run, local)| &local[..run.r()]);
+        joined(own, problem.n_parameters())
     }
 
     /// Each run with its part of the reduced variables.
@@ -618,4 +615,16 @@ impl Condensed {
             }
         }
     }
+}
+
+/// A vector over all reduced variables from those over each run's: the sum over the `p` parameters, and the
+/// free initial states one run after the other.
+fn joined<'a>(runs: impl Iterator<Item = &'a [f64]>, p: usize) -> Vec<f64> {
+    let mut out = vec![0.0; p];
+    for own in runs {
+        let (parameters, free) = own.split_at(p);
+        dense::axpy(1.0, parameters, &mut out[..p]);
+        out.extend(free);
+    }
+    out
 }

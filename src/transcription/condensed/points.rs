@@ -44,9 +44,16 @@ impl<'a> Points<'a> {
         })
     }
 
-    /// The sample of each, in its lane.
+    /// What the points' states are.
     #[inline(always)]
-    fn samples(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub fn states_of(&self) -> [&'a PointState; LANES] {
+        let grid = self.grid;
+        self.members.map(|i| &grid.points[i].state)
+    }
+
+    /// The sample of each, with its lane.
+    #[inline(always)]
+    pub fn samples(&self) -> impl Iterator<Item = (usize, usize)> {
         let own = self.members[..self.count].iter().enumerate();
         own.filter_map(|(lane, i)| Some((lane, self.grid.points[*i].sample? as usize)))
     }

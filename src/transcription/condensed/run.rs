@@ -252,6 +252,15 @@ impl RunSweep {
         lanes::run(self.w, Expand(&mut self.combined, &padded));
     }
 
+    /// The offsets at the iterate again.
+    pub fn restore_offsets(&mut self) {
+        let (w, r) = (self.w, self.r());
+        for rows in [&mut self.nodes, &mut self.combined, &mut self.bounded] {
+            let offsets = rows.e.iter_mut().zip(rows.s.chunks_exact(w));
+            offsets.for_each(|(e, row)| *e = row[r]);
+        }
+    }
+
     /// The bounded signal's offsets from those of the unknowns and points.
     pub(super) fn offset_bounded<D: Dynamics, C: ParameterConstraints>(
         &mut self,

@@ -139,18 +139,19 @@ impl<D: Dynamics> NodeModel<D> {
             let mut variables = vec![i, j];
             variables.dedup();
             while variables.len() < CURVED {
-                let news = |own: &[usize]| {
-                    let within = |k: &&usize| {
-                        let (i, j) = self.pairs[**k];
-                        own.contains(&i) && own.contains(&j)
+                let gain = |v: &usize| {
+                    let with = [&variables[..], &[*v]].concat();
+                    let brings = |pair: &(usize, usize)| {
+                        (pair.0 == *v || pair.1 == *v)
+                            && with.contains(&pair.0)
+                            && with.contains(&pair.1)
                     };
-                    open.iter().filter(within).count()
+                    open.iter().filter(|k| brings(&self.pairs[**k])).count()
                 };
-                let others = (open.iter()).flat_map(|k| [self.pairs[*k].0, self.pairs[*k].1]);
-                let gain = |v: &usize| news(&[&variables[..], &[*v]].concat()) - news(&variables);
+                let others = (0..self.n_states() + self.n_parameters()).rev();
+                let new = others.filter(|v| !variables.contains(v));
                 // Of several the first.
-                let best = others.rev().max_by_key(gain);
-                match best.filter(|v| gain(v) > 0) {
+                match new.max_by_key(gain).filter(|v| gain(v) > 0) {
                     Some(variable) => variables.push(variable),
                     None => break,
                 }
