@@ -3,10 +3,10 @@
 
 use super::Stencils;
 use super::run::RunSweep;
-use super::sparse_lu::Together;
+use super::sparse_lu::{Factors, Together};
 use super::sweep::Span;
 use crate::transcription::Collocation;
-use crate::transcription::lanes::{self, LANES, Lanes, Work, side_by_side};
+use crate::transcription::lanes::{self, Kernel, LANES, Lanes, Work, side_by_side};
 use crate::transcription::node::MAX_SIZE;
 use std::ops::Range;
 
@@ -24,6 +24,21 @@ pub struct Bundle<'a, D, C> {
 }
 
 impl<D, C> Bundle<'_, D, C> {
+    /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
+    /// constraint values `c` (of all runs). Of two runs at once.
+    pub fn sensitivities(&mut self, c: &[f64]) {
+        for part in self.parts() {
+            for first in part.clone().step_by(2) {
+                let own = self.part(first..part.end.min(first + 2));
+                let w = own.runs[0].w;
+                match own.runs.len() {
+                    2 => lanes::run(w, Sensitivities::<_, _, 2> { own, c }),
+                    _ => lanes::run(w, Sensitivities::<_, _, 1> { own, c }),
+                }
+            }
+        }
+    }
+
     /// Forward sweep for the offsets `e` that remove the constraint values `c` (of all runs).
     pub fn offsets(&mut self, c: &[f64]) {
         for part in self.parts() {
@@ -68,6 +83,12 @@ impl<D, C> Bundle<'_, D, C> {
         lanes::group(0, LANES, self.runs.len()).0
     }
 
+    /// The constraint values of a run.
+    #[inline(always)]
+    fn equalities<'c>(&self, k: usize, c: &'c [f64]) -> &'c [f64] {
+        &c[self.problem.layout.runs[self.first + k].equalities()]
+    }
+
     /// The factors of an element of each run.
     #[inline(always)]
     fn factors(&self, span: &Span, lane: usize) -> Together<'_> {
@@ -78,6 +99,70 @@ impl<D, C> Bundle<'_, D, C> {
         let (_, order) = &self.stencils.kinds[span.kind];
         let lu = runs.map(|run| &run.lu[span.lu(order)]);
         Together::new(&order.symbolic, lu, lane)
+    }
+}
+
+/// [`Bundle::sensitivities`] of `B` runs.
+struct Sensitivities<'a, D, C, const B: usize> {
+    own: Bundle<'a, D, C>,
+    c: &'a [f64],
+}
+
+impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        let Self { own, c } = self;
+        let (n, p, r) = (own.runs[0].n, own.runs[0].p, own.runs[0].r());
+        let members: [usize; B] = std::array::from_fn(|k| k);
+        let mut at = [[[0.0; W]; B]; MAX_SIZE];
+        let mut rows: Vec<Vec<f64>> = Vec::with_capacity(B);
+        for k in members {
+            let run = &own.runs[k];
+            let free = run.free.iter().enumerate();
+            free.for_each(|(l, &i)| at[i][k][p + l] = 1.0);
+            let known = run.known().zip(own.equalities(k, c));
+            known.for_each(|(i, c)| at[i][k][r] = -c);
+            let mut s = std::mem::take(&mut own.runs[k].nodes.s);
+            let first = s.as_chunks_mut::<W>().0.iter_mut().zip(&at[..n]);
+            first.for_each(|(s, at)| *s = at[k]);
+            rows.push(s);
+        }
+        let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
+        let mut work = vec![[[0.0; W]; B]; own.runs[0].work.lanes.len()];
+        let grid = &own.problem.grids[own.first];
+        for (span, lane) in own.runs[0].elements() {
+            let (stencil, order) = &own.stencils.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let x = &mut work[..size];
+            let factors = match own.runs[0].special.get(&(span.first + lane)) {
+                Some((symbolic, lu)) => Factors::new(symbolic, [lu.as_slice(); B], 0),
+                None => {
+                    let lu = members.map(|k| &own.runs[k].lu[span.lu(order)]);
+                    Factors::new(&order.symbolic, lu, lane)
+                }
+            };
+            let slots = factors.slots();
+            x.fill([[0.0; W]; B]);
+            let c = defects.map(|c| &c[first..first + size]);
+            for (k, slot) in slots.iter().enumerate() {
+                let x = &mut x[*slot as usize];
+                x.iter_mut().zip(c).for_each(|(x, c)| x[r] = -c[k]);
+            }
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
+            stencil.start((k0, lane), &at[..n], (slots, x));
+            let b = members.map(|k| &own.runs[k].b[span.b(stencil)]);
+            stencil.parameters((b, lane), (slots, x));
+            factors.solve(x);
+            for (k, rows) in rows.iter_mut().enumerate() {
+                let s = &mut rows.as_chunks_mut::<W>().0[first + n..first + n + size];
+                s.iter_mut().zip(&*x).for_each(|(s, x)| *s = x[k]);
+            }
+            at[..n].copy_from_slice(&x[size - n..]);
+        }
+        let runs = own.runs.iter_mut().zip(rows);
+        runs.for_each(|(run, s)| run.nodes.s = s);
     }
 }
 
@@ -95,17 +180,15 @@ impl<D, C> Work for Offsets<'_, D, C> {
         let Self { own, c } = self;
         let (n, members) = (own.runs[0].n, own.members());
         let mut at: States = [[0.0; LANES]; MAX_SIZE];
-        let equalities = |k: usize| &c[own.problem.layout.runs[own.first + k].equalities()];
         let mut offsets: Vec<Vec<f64>> = Vec::with_capacity(own.runs.len());
-        for (k, run) in own.runs.iter_mut().enumerate() {
-            run.known()
-                .zip(equalities(k))
-                .for_each(|(i, c)| at[i][k] = -c);
-            let mut e = std::mem::take(&mut run.nodes.e);
+        for k in 0..own.runs.len() {
+            let known = own.runs[k].known().zip(own.equalities(k, c));
+            known.for_each(|(i, c)| at[i][k] = -c);
+            let mut e = std::mem::take(&mut own.runs[k].nodes.e);
             e[..n].iter_mut().zip(&at).for_each(|(e, at)| *e = at[k]);
             offsets.push(e);
         }
-        let defects = members.map(|k| &equalities(k)[n - own.runs[k].free.len()..]);
+        let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
         let mut work = vec![[0.0; LANES]; own.runs[0].work.lanes.len()];
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements() {

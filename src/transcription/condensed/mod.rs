@@ -199,17 +199,21 @@ impl Stencils {
         out
     }
 
-    /// The runs in bundles: neighbours with the same elements.
+    /// The runs in bundles of this size at most: neighbours with the same elements and the same number of
+    /// free initial states.
     fn bundles<'a, D, C>(
         &'a self,
         problem: &'a Collocation<D, C>,
         mut rest: &'a mut [RunSweep],
+        size: usize,
     ) -> Vec<Bundle<'a, D, C>> {
         let mut bundles = Vec::new();
         let mut first = 0;
         while !rest.is_empty() {
-            let same = self.kind[first..].iter().take(LANES);
-            let count = same.take_while(|k| **k == self.kind[first]).count();
+            let (kind, free) = (&self.kind[first], rest[0].free.len());
+            let same = self.kind[first..].iter().zip(&*rest).take(size);
+            let same = same.take_while(|(own, run)| *own == kind && run.free.len() == free);
+            let count = same.count();
             let (runs, tail) = rest.split_at_mut(count);
             bundles.push(Bundle {
                 problem,
@@ -262,17 +266,42 @@ impl Condensed {
         problem: &Collocation<D, C>,
         exact: bool,
     ) -> bool {
-        let (stencils, c) = (&self.stencils, &self.c_iterate);
-        let mut work: Vec<_> = (self.runs.iter_mut())
-            .map(|run| (run, true, <[Reduced; 2]>::default()))
+        let c = &self.c_iterate;
+        // Two runs at once, but no thread without work.
+        let threads = rayon::current_num_threads();
+        let size = if threads == 1 || self.runs.len() > 4 * threads {
+            2
+        } else {
+            1
+        };
+        let bundles = self.stencils.bundles(problem, &mut self.runs, size);
+        let mut work: Vec<_> = (bundles.into_iter())
+            .map(|bundle| (bundle, true, Vec::new()))
             .collect();
-        parallel::each(&mut work, |j, (run, regular, reduced)| {
-            let at = Place { problem, j };
-            *regular = run.eliminate(at, stencils, &c[problem.layout.runs[j].equalities()]);
-            *reduced = run.reduce(at, exact);
+        parallel::each(&mut work, |_, (bundle, regular, reduced)| {
+            let first = bundle.first;
+            let at = |k: usize| Place {
+                problem,
+                j: first + k,
+            };
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.factor(at(k), bundle.stencils);
+            }
+            if !*regular {
+                return;
+            }
+            bundle.sensitivities(c);
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.complete(at(k));
+                reduced.push(run.reduce(at(k), exact));
+            }
         });
         let regular = work.iter().all(|(_, regular, _)| *regular);
-        let reduced: Vec<[Reduced; 2]> = work.into_iter().map(|(.., reduced)| reduced).collect();
+        let reduced: Vec<[Reduced; 2]> =
+            work.into_iter().flat_map(|(.., reduced)| reduced).collect();
+        if reduced.len() < self.runs.len() {
+            return false;
+        }
         self.growth = self.runs.iter().fold(0.0, |m, run| run.growth.max(m));
         let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
         let arrow = |kind: usize| {
@@ -407,7 +436,7 @@ impl Condensed {
     /// Offsets of all runs for the constraint values in `c`.
     fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
         let c = &self.c;
-        let mut bundles = self.stencils.bundles(problem, &mut self.runs);
+        let mut bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
         parallel::each(&mut bundles, |_, bundle| {
             bundle.offsets(c);
             for (k, run) in bundle.runs.iter_mut().enumerate() {
@@ -590,7 +619,10 @@ impl Condensed {
         let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
-        let bundles = self.stencils.bundles(problem, &mut self.runs).into_iter();
+        let bundles = self
+            .stencils
+            .bundles(problem, &mut self.runs, LANES)
+            .into_iter();
         let mut rest = lambda.as_mut_slice();
         let mut work: Vec<_> = bundles
             .map(|bundle| {

@@ -38,10 +38,11 @@ pub struct RunSweep {
     pub(super) combined: Rows,
     /// The bounded signal at the samples: rows over the reduced variables, and offsets.
     pub(super) bounded: Rows,
-    /// Groups of elements, their factors and `K_0`, and the elements factored in an order of their own.
+    /// Groups of elements, their factors, `K_0` and `B`, and the elements factored in an order of their own.
     pub(super) spans: Vec<Span>,
     pub(super) lu: Vec<Lanes>,
     pub(super) k0: Vec<Lanes>,
+    pub(super) b: Vec<Lanes>,
     pub(super) special: BTreeMap<usize, (Symbolic, Vec<Lanes>)>,
     pub(super) work: Work,
     /// Largest sensitivity of an unknown to a reduced variable.
@@ -70,7 +71,6 @@ pub struct Rows {
 #[derive(Debug, Clone, Default)]
 pub struct Work {
     pub lanes: Vec<Lanes>,
-    pub parameters: Vec<Lanes>,
     pub points: Vec<[usize; LANES]>,
 }
 
@@ -129,6 +129,7 @@ impl RunSweep {
             spans: Vec::new(),
             lu: Vec::new(),
             k0: Vec::new(),
+            b: Vec::new(),
             special: BTreeMap::new(),
             work: Work {
                 lanes: vec![[0.0; LANES]; size],

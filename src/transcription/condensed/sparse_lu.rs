@@ -217,29 +217,19 @@ fn inverse(order: &[usize]) -> Vec<usize> {
     out
 }
 
-/// The factors of one of four matrices.
+/// The factors of a matrix of each of `B` groups, for rows of right-hand sides.
 #[derive(Debug, Clone, Copy)]
-pub struct Factors<'a> {
+pub struct Factors<'a, const B: usize> {
     symbolic: &'a Symbolic,
-    lower: &'a [Lanes],
-    upper: &'a [Lanes],
-    inverses: &'a [Lanes],
+    lu: [&'a [Lanes]; B],
     lane: usize,
 }
 
-impl<'a> Factors<'a> {
-    /// Of one of the matrices that were factored together.
+impl<'a, const B: usize> Factors<'a, B> {
+    /// Of the matrix in this lane of each group.
     #[inline(always)]
-    pub fn new(symbolic: &'a Symbolic, lu: &'a [Lanes], lane: usize) -> Self {
-        let (lower, rest) = lu.split_at(symbolic.lower.entries.len());
-        let (upper, inverses) = rest.split_at(symbolic.upper.entries.len());
-        Self {
-            symbolic,
-            lower,
-            upper,
-            inverses,
-            lane,
-        }
+    pub fn new(symbolic: &'a Symbolic, lu: [&'a [Lanes]; B], lane: usize) -> Self {
+        Self { symbolic, lu, lane }
     }
 
     /// Where each row of a right-hand side has its place.
@@ -248,21 +238,41 @@ impl<'a> Factors<'a> {
         &self.symbolic.slots
     }
 
-    /// Solves `A X = B` for `W` right-hand sides in place; the rows of `B` are at their
+    /// Solves `A X = Y` for `W` right-hand sides of each matrix in place; the rows of `Y` are at their
     /// [`slots`](Self::slots).
     #[inline(always)]
-    pub fn solve<const W: usize>(&self, x: &mut [[f64; W]]) {
-        let lane = self.lane;
-        for (&(to, from), l) in self.symbolic.lower.operations.iter().zip(self.lower) {
-            let (by, factor) = (x[from as usize], l[lane]);
-            take(factor, &by, &mut x[to as usize]);
+    pub fn solve<const W: usize>(&self, x: &mut [[[f64; W]; B]]) {
+        let order = self.symbolic;
+        let (lower, upper) = (order.lower.entries.len(), order.upper.entries.len());
+        let places = order.lower.operations.iter().map(|&(to, from)| (to, from));
+        subtract(places, self.lu.map(|lu| &lu[..lower]), self.lane, x);
+        let inverses = self.lu.map(|lu| &lu[lower + upper..]);
+        for (k, to) in order.columns.iter().enumerate() {
+            for (x, inverses) in x[*to].iter_mut().zip(inverses) {
+                let inverse = inverses[k][self.lane % LANES];
+                x.iter_mut().for_each(|v| *v *= inverse);
+            }
         }
-        for (to, inverse) in self.symbolic.columns.iter().zip(self.inverses) {
-            x[*to].iter_mut().for_each(|v| *v *= inverse[lane]);
-        }
-        for (&(to, from), u) in self.symbolic.upper.operations.iter().zip(self.upper) {
-            let (by, factor) = (x[from as usize], u[lane]);
-            take(factor, &by, &mut x[to as usize]);
+        let places = order.upper.operations.iter().map(|&(to, from)| (to, from));
+        let own = self.lu.map(|lu| &lu[lower..lower + upper]);
+        subtract(places, own, self.lane, x);
+    }
+}
+
+/// `x_to -= value x_from` for each place, with one lane of each group's values.
+#[inline(always)]
+fn subtract<const B: usize, const W: usize>(
+    places: impl ExactSizeIterator<Item = (u32, u32)>,
+    values: [&[Lanes]; B],
+    lane: usize,
+    x: &mut [[[f64; W]; B]],
+) {
+    let values = values.map(|own| &own[..places.len()]);
+    for (k, (to, from)) in places.enumerate() {
+        let (from, to) = (from as usize, to as usize);
+        for (member, values) in values.iter().enumerate() {
+            let by = x[from][member];
+            take(values[k][lane % LANES], &by, &mut x[to][member]);
         }
     }
 }
@@ -476,14 +486,15 @@ mod tests {
             prop_assert!(lanes[0] && lanes[2]);
             for (lane, entries) in matrices.iter().enumerate().filter(|(lane, _)| lanes[*lane]) {
                 let a = dense(size, entries);
-                let factors = Factors::new(&symbolic, &lu, lane);
+                let factors = Factors::new(&symbolic, [&lu; 2], lane);
                 let scale = 1.0 + a.clone().try_inverse().map_or(0.0, |i| i.amax());
                 let (columns, _) = b[..3 * size].as_chunks::<3>();
-                let mut x = vec![[0.0; 3]; size];
+                let mut x = vec![[[0.0; 3]; 2]; size];
                 let slots = factors.slots().iter().zip(columns);
-                slots.for_each(|(slot, row)| x[*slot as usize] = *row);
+                slots.for_each(|(slot, row)| x[*slot as usize] = [[0.0; 3], *row]);
                 factors.solve(&mut x);
-                let x = DMatrix::from_row_slice(size, 3, x.as_flattened());
+                prop_assert!(x.iter().all(|[zero, _]| *zero == [0.0; 3]));
+                let x = DMatrix::from_fn(size, 3, |i, j| x[i][1][j]);
                 let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
                 // The same of all groups, for one right-hand side in each lane.

@@ -324,17 +324,23 @@ impl Stencil {
         self.parameters.fill(at, b);
     }
 
-    /// Adds `-K_0 from` to a right-hand side whose rows are at these slots, with one lane of `K_0`.
+    /// Adds `-K_0 from` to right-hand sides of `B` runs whose rows are at these slots, with one lane of
+    /// their `K_0`.
     #[inline(always)]
-    pub fn start<const W: usize>(
+    pub fn start<const B: usize, const W: usize>(
         &self,
-        (k0, lane): (&[Lanes], usize),
-        from: &[[f64; W]],
-        (slots, to): (&[u32], &mut [[f64; W]]),
+        (k0, lane): ([&[Lanes]; B], usize),
+        from: &[[[f64; W]; B]],
+        (slots, to): (&[u32], &mut [[[f64; W]; B]]),
     ) {
-        for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
-            let slot = slots[*row as usize] as usize;
-            take(value[lane], &from[*column as usize], &mut to[slot]);
+        let k0 = k0.map(|k0| &k0[..self.k0.places.len()]);
+        for (k, (row, column)) in self.k0.places.iter().enumerate() {
+            let from = &from[*column as usize];
+            let to = &mut to[slots[*row as usize] as usize];
+            for (member, k0) in k0.iter().enumerate() {
+                let by = from[member];
+                take(k0[k][lane % LANES], &by, &mut to[member]);
+            }
         }
     }
 
@@ -366,15 +372,19 @@ impl Stencil {
         }
     }
 
-    /// Adds `-B`, whose columns are the first `p`, to a right-hand side whose rows are at these slots.
+    /// Adds `-B`, whose columns are the first `p`, to right-hand sides whose rows are at these slots.
     #[inline(always)]
-    pub fn parameters<const W: usize>(
+    pub fn parameters<const B: usize, const W: usize>(
         &self,
-        (b, lane): (&[Lanes], usize),
-        (slots, to): (&[u32], &mut [[f64; W]]),
+        (b, lane): ([&[Lanes]; B], usize),
+        (slots, to): (&[u32], &mut [[[f64; W]; B]]),
     ) {
-        for (value, (row, column)) in b.iter().zip(&self.b.places) {
-            to[slots[*row as usize] as usize][*column as usize] -= value[lane];
+        let b = b.map(|b| &b[..self.b.places.len()]);
+        for (k, (row, column)) in self.b.places.iter().enumerate() {
+            let to = &mut to[slots[*row as usize] as usize];
+            for (to, b) in to.iter_mut().zip(b) {
+                to[*column as usize] -= b[k][lane % LANES];
+            }
         }
     }
 }

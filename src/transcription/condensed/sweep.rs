@@ -1,14 +1,13 @@
-//! The elimination of one run's states: forward for sensitivities, offsets and steps, backward for
-//! multipliers.
+//! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
+//! ([`super::bundle`]).
 
 use super::Stencils;
 use super::dense::axpy;
 use super::run::{Place, RunSweep};
-use super::sparse_lu::Factors;
 use super::stencil::{Group, Order, Stencil};
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
-use crate::transcription::lanes::{Grouped, Kernel, LANES, run};
+use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Work};
 use pilotage_models::Dynamics;
 use std::ops::Range;
 
@@ -20,55 +19,50 @@ pub struct Span {
     pub first: usize,
     /// Number of elements; the lanes beyond repeat the last one.
     count: usize,
-    /// First entries of its factors and of its `K_0`.
+    /// First entries of its factors, of its `K_0` and of its `B`.
     lu: usize,
     k0: usize,
+    b: usize,
 }
 
 impl RunSweep {
-    /// Factors every element's matrix and sweeps forward for the sensitivities `S` and the offsets `e`
-    /// that remove the run's constraint values `c`. False when an element is singular or something is not
-    /// finite.
-    pub fn eliminate<D: Dynamics, C: ParameterConstraints>(
+    /// Forms and factors every element's matrices. False when an element is singular.
+    pub fn factor<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
         stencils: &Stencils,
-        c: &[f64],
     ) -> bool {
         let grid = &at.problem.grids[at.j];
         self.divide(grid, stencils, at.j);
         self.special.clear();
-        let shared = &at.problem.model.shared;
-        let mut flat = std::mem::take(&mut self.nodes.s);
-        let (r, w) = (self.r(), self.w);
-        let kernel = Forward {
+        lanes::vectorised(Factor {
             own: self,
             grid,
             stencils,
-            shared,
-            c,
-            flat: &mut flat,
-        };
-        let swept = run(w, kernel);
-        let offsets = self.nodes.e.iter_mut().zip(flat.chunks_exact(w));
-        offsets.for_each(|(e, row)| *e = row[r]);
-        self.nodes.s = flat;
-        if grid.combinations > 0 {
+            shared: &at.problem.model.shared,
+        })
+    }
+
+    /// What follows from the sensitivities of the unknowns: those of combinations, all offsets, and the
+    /// growth. False when something is not finite.
+    pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
+        let (r, w) = (self.r(), self.w);
+        if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
             self.combine(at, nodes, &mut combined, w, Of::Sensitivities);
             self.combined.s = combined;
-            let offsets = (self.combined.e.iter_mut()).zip(self.combined.s.chunks_exact(w));
+        }
+        for rows in [&mut self.nodes, &mut self.combined] {
+            let offsets = rows.e.iter_mut().zip(rows.s.chunks_exact(w));
             offsets.for_each(|(e, row)| *e = row[r]);
         }
-        let (growth, is_finite) = run(
-            w,
-            Extent {
-                s: &self.nodes.s,
-                r,
-            },
-        );
+        let extent = Extent {
+            s: &self.nodes.s,
+            r,
+        };
+        let (growth, is_finite) = lanes::run(w, extent);
         self.growth = growth;
-        swept && is_finite
+        is_finite
     }
 
     /// Divides the elements into groups at the first use: the orders of their kinds never change.
@@ -76,7 +70,7 @@ impl RunSweep {
         if !self.spans.is_empty() {
             return;
         }
-        let (mut spans, mut lu, mut k0) = (Vec::new(), 0, 0);
+        let (mut spans, mut lu, mut k0, mut b) = (Vec::new(), 0, 0, 0);
         let kinds = &stencils.kind[j];
         let mut first = 0;
         while first < grid.elements.len() {
@@ -90,15 +84,18 @@ impl RunSweep {
                 count,
                 lu,
                 k0,
+                b,
             });
             let (stencil, order) = &stencils.kinds[kind];
             lu += order.symbolic.entries();
             k0 += stencil.start.len();
+            b += stencil.parameters.len();
             first += count;
         }
         self.spans = spans;
         self.lu.resize(lu, [0.0; LANES]);
         self.k0.resize(k0, [0.0; LANES]);
+        self.b.resize(b, [0.0; LANES]);
     }
 
     /// What else has offsets, once the unknowns have them.
@@ -172,82 +169,46 @@ enum Of {
     Offsets,
 }
 
-/// The forward sweep of a run.
-struct Forward<'a> {
+/// [`RunSweep::factor`] in groups.
+struct Factor<'a> {
     own: &'a mut RunSweep,
     grid: &'a Grid,
     stencils: &'a Stencils,
     shared: &'a [bool],
-    c: &'a [f64],
-    /// Rows `S`.
-    flat: &'a mut [f64],
 }
 
-impl Kernel for Forward<'_> {
-    /// False when an element is singular.
+impl Work for Factor<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<const W: usize>(self) -> bool {
+    fn run(self) -> bool {
         let Self {
             own,
             grid,
             stencils,
             shared,
-            c,
-            flat,
         } = self;
-        let (n, p, r) = (own.n, own.p, own.r());
-        let (known, c) = c.split_at(n - own.free.len());
-        let (s, _) = flat.as_chunks_mut::<W>();
-        s[..n].fill([0.0; W]);
-        for (l, &i) in own.free.iter().enumerate() {
-            s[i][p + l] = 1.0;
-        }
-        let places = own.known();
-        places.zip(known).for_each(|(i, value)| s[i][r] = -value);
         let mut work = std::mem::take(&mut own.work);
-        let (mut lu, mut k0) = (std::mem::take(&mut own.lu), std::mem::take(&mut own.k0));
         let mut regular = true;
         'spans: for span in &own.spans {
             let (stencil, order) = &stencils.kinds[span.kind];
-            let size = stencil.size();
-            let (lu, k0) = (&mut lu[span.lu(order)], &mut k0[span.k0(stencil)]);
+            let lu = &mut own.lu[span.lu(order)];
+            let (k0, b) = (&mut own.k0[span.k0(stencil)], &mut own.b[span.b(stencil)]);
             let group = span.group(grid, &own.jacobian, &mut work.points);
-            work.parameters
-                .resize(stencil.parameters.len(), [0.0; LANES]);
-            let b = &mut work.parameters;
             stencil.fill(order, &group, (lu, k0, b));
-            let lanes = order.symbolic.factor(lu, &mut work.lanes[..size]);
+            let lanes = order.symbolic.factor(lu, &mut work.lanes[..stencil.size()]);
             for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
                 if *is_regular {
                     continue;
                 }
-                let Some((symbolic, alone)) = stencil.factor_alone(&group, lane, shared) else {
+                let Some(alone) = stencil.factor_alone(&group, lane, shared) else {
                     regular = false;
                     break 'spans;
                 };
-                own.special.insert(span.first + lane, (symbolic, alone));
-            }
-            for lane in 0..span.count {
-                let first = grid.elements[span.first + lane].first * n;
-                let (done, rest) = s.split_at_mut(first + n);
-                let x = &mut rest[..size];
-                let factors = match own.special.get(&(span.first + lane)) {
-                    None => Factors::new(&order.symbolic, lu, lane),
-                    Some((symbolic, lu)) => Factors::new(symbolic, lu, 0),
-                };
-                let slots = factors.slots();
-                x.fill([0.0; W]);
-                for (slot, c) in slots.iter().zip(&c[first..]) {
-                    x[*slot as usize][r] = -c;
-                }
-                stencil.start((k0, lane), &done[first..], (slots, x));
-                stencil.parameters((b, lane), (slots, x));
-                factors.solve(x);
+                own.special.insert(span.first + lane, alone);
             }
         }
-        (own.work, own.lu, own.k0) = (work, lu, k0);
+        own.work = work;
         regular
     }
 }
@@ -290,6 +251,11 @@ impl Span {
     /// Places of its `K_0`.
     pub fn k0(&self, stencil: &Stencil) -> Range<usize> {
         self.k0..self.k0 + stencil.start.len()
+    }
+
+    /// Places of its `B`.
+    pub fn b(&self, stencil: &Stencil) -> Range<usize> {
+        self.b..self.b + stencil.parameters.len()
     }
 
     /// The elements with their Jacobians; `points` is scratch.
