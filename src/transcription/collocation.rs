@@ -2,7 +2,7 @@
 
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
-use super::lanes::{self, LANES, Work};
+use super::lanes::{self, LANES, Task};
 use super::layout::Layout;
 use super::mesh::Run;
 use super::node::{MAX_SIZE, NodeModel, Scales};
@@ -175,36 +175,13 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             }
             g[sample as usize] = bounded;
         });
-        for element in &grid.elements {
-            let points = grid.points_of(element);
-            let own = c[element.first * n..].chunks_exact_mut(n);
-            for (defect, out) in element.tableau.defects.iter().zip(own) {
-                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
-                let of_point = |i: usize| &values.f[points[i] as usize * n..][..n];
-                match (defect.e.as_slice(), defect.a.as_slice()) {
-                    // Two nodes and two points, as the trapezoid has, in one pass.
-                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
-                        let (a, b) = (element.h * a, element.h * b);
-                        let (v, w) = (of_node(j), of_node(k));
-                        let (f, g) = (of_point(i), of_point(l));
-                        for (m, out) in out.iter_mut().enumerate() {
-                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
-                        }
-                    }
-                    _ => {
-                        out.fill(0.0);
-                        for &(j, e) in &defect.e {
-                            let v = of_node(j);
-                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
-                        }
-                        for &(i, a) in &defect.a {
-                            let (f, a) = (of_point(i), element.h * a);
-                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
-                        }
-                    }
-                }
-            }
-        }
+        lanes::vectorised(Defects {
+            grid,
+            n,
+            v,
+            f: &values.f,
+            c,
+        });
         run.weight * squares
     }
 
@@ -242,6 +219,55 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     }
 }
 
+/// Writes the defects `c` of a run's elements, from its coefficient vectors `v` and the derivatives `f` at its
+/// points.
+struct Defects<'a> {
+    grid: &'a Grid,
+    n: usize,
+    v: &'a [f64],
+    f: &'a [f64],
+    c: &'a mut [f64],
+}
+
+impl Task for Defects<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { grid, n, v, f, c } = self;
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let own = c[element.first * n..].chunks_exact_mut(n);
+            for (defect, out) in element.tableau.defects.iter().zip(own) {
+                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
+                let of_point = |i: usize| &f[points[i] as usize * n..][..n];
+                match (defect.e.as_slice(), defect.a.as_slice()) {
+                    // Two nodes and two points, as the trapezoid has, in one pass.
+                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
+                        let (a, b) = (element.h * a, element.h * b);
+                        let (v, w) = (of_node(j), of_node(k));
+                        let (f, g) = (of_point(i), of_point(l));
+                        for (m, out) in out.iter_mut().enumerate() {
+                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
+                        }
+                    }
+                    _ => {
+                        out.fill(0.0);
+                        for &(j, e) in &defect.e {
+                            let v = of_node(j);
+                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
+                        }
+                        for &(i, a) in &defect.a {
+                            let (f, a) = (of_point(i), element.h * a);
+                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// [`Collocation::evaluate_points`].
 struct Evaluate<'a, D, C, F> {
     problem: &'a Collocation<D, C>,
@@ -250,7 +276,7 @@ struct Evaluate<'a, D, C, F> {
     observe: F,
 }
 
-impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Work
+impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
     for Evaluate<'_, D, C, F>
 {
     type Output = PointValues;

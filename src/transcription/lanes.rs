@@ -138,7 +138,7 @@ pub fn run<K: Kernel>(width: usize, kernel: K) -> K::Output {
 }
 
 /// A computation on groups. What is to gain by vector instructions must be inlined into `run`.
-pub trait Work {
+pub trait Task {
     /// What it gives.
     type Output;
 
@@ -147,17 +147,17 @@ pub trait Work {
 }
 
 /// Runs a computation with the widest vector instructions that this machine has, as [`run`].
-pub fn vectorised<W: Work>(work: W) -> W::Output {
-    pulp::Arch::new().dispatch(Vectorised(work))
+pub fn vectorised<T: Task>(task: T) -> T::Output {
+    pulp::Arch::new().dispatch(Vectorised(task))
 }
 
-struct Vectorised<W>(W);
+struct Vectorised<T>(T);
 
-impl<W: Work> pulp::WithSimd for Vectorised<W> {
-    type Output = W::Output;
+impl<T: Task> pulp::WithSimd for Vectorised<T> {
+    type Output = T::Output;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> W::Output {
+    fn with_simd<S: pulp::Simd>(self, _: S) -> T::Output {
         self.0.run()
     }
 }

@@ -6,7 +6,7 @@ use super::run::RunSweep;
 use super::sparse_lu::{Factors, Together};
 use super::sweep::Span;
 use crate::transcription::Collocation;
-use crate::transcription::lanes::{self, Kernel, LANES, Lanes, Work, side_by_side};
+use crate::transcription::lanes::{self, Kernel, LANES, Lanes, Task, side_by_side};
 use crate::transcription::node::MAX_SIZE;
 use std::ops::Range;
 
@@ -172,7 +172,7 @@ struct Offsets<'a, D, C> {
     c: &'a [f64],
 }
 
-impl<D, C> Work for Offsets<'_, D, C> {
+impl<D, C> Task for Offsets<'_, D, C> {
     type Output = ();
 
     #[inline(always)]
@@ -220,7 +220,7 @@ struct Multipliers<'a, 'b, D, C> {
     lambda: &'a mut [&'b mut [f64]],
 }
 
-impl<D, C> Work for Multipliers<'_, '_, D, C> {
+impl<D, C> Task for Multipliers<'_, '_, D, C> {
     type Output = ();
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use crate::transcription::Collocation;
 use crate::transcription::collocation::PointValues;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Combination, Grid, PointState};
-use crate::transcription::lanes::{self, LANES, Lanes, Work, plus, side_by_side, times};
+use crate::transcription::lanes::{self, LANES, Lanes, Task, plus, side_by_side, times};
 use crate::transcription::node::{MAX_SIZE, NodeModel, Output, Weights};
 use pilotage_models::Dynamics;
 use std::ops::Range;
@@ -298,7 +298,7 @@ struct Differentiate<'a, D, C> {
     lagrangian: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Work for Differentiate<'_, D, C> {
+impl<D: Dynamics, C: ParameterConstraints> Task for Differentiate<'_, D, C> {
     type Output = ();
 
     #[inline(always)]
@@ -363,7 +363,7 @@ struct ObjectiveGradient<'a, D, C> {
     out: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Work for ObjectiveGradient<'_, D, C> {
+impl<D: Dynamics, C: ParameterConstraints> Task for ObjectiveGradient<'_, D, C> {
     type Output = ();
 
     #[inline(always)]
@@ -407,7 +407,7 @@ struct StepGradient<'a, D, C> {
     right: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Work for StepGradient<'_, D, C> {
+impl<D: Dynamics, C: ParameterConstraints> Task for StepGradient<'_, D, C> {
     type Output = f64;
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use crate::sqp::Iterate;
 use crate::transcription::Collocation;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
-use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Lanes, width};
+use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Lanes, Task, width};
 use crate::transcription::node::Output;
 use pilotage_models::Dynamics;
 use std::collections::BTreeMap;
@@ -183,21 +183,13 @@ impl RunSweep {
         known
             .zip(&lambda[..count])
             .for_each(|(i, lambda)| out[i] += lambda);
-        let lambda = &lambda[count..];
-        for element in &grid.elements {
-            let points = grid.points_of(element);
-            let rows = lambda[element.first * n..].chunks_exact(n);
-            for (defect, lambda) in element.tableau.defects.iter().zip(rows) {
-                for &(j, e) in &defect.e {
-                    let k = element.first + j;
-                    axpy(e, lambda, &mut out[k * n..(k + 1) * n]);
-                }
-                for &(i, a) in &defect.a {
-                    let i = points[i] as usize;
-                    axpy(-element.h * a, lambda, &mut self.omega[i * n..(i + 1) * n]);
-                }
-            }
-        }
+        lanes::vectorised(DefectsTransposed {
+            grid,
+            n,
+            lambda: &lambda[count..],
+            out,
+            omega: &mut self.omega,
+        });
     }
 
     /// Rows `S` of a point.
@@ -274,6 +266,44 @@ impl RunSweep {
             let e = self.e_of(&grid.points[*point].state);
             let own = own.zip(columns).filter(|(_, c)| **c < n);
             self.bounded.e[k] = own.map(|(value, c)| value * e[*c]).sum();
+        }
+    }
+}
+
+/// The elements' part of `Eᵀ λ`, added to `out`, and the weights `omega` of the points' derivatives.
+struct DefectsTransposed<'a> {
+    grid: &'a Grid,
+    n: usize,
+    lambda: &'a [f64],
+    out: &'a mut [f64],
+    omega: &'a mut [f64],
+}
+
+impl Task for DefectsTransposed<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            grid,
+            n,
+            lambda,
+            out,
+            omega,
+        } = self;
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let rows = lambda[element.first * n..].chunks_exact(n);
+            for (defect, lambda) in element.tableau.defects.iter().zip(rows) {
+                for &(j, e) in &defect.e {
+                    let k = element.first + j;
+                    axpy(e, lambda, &mut out[k * n..(k + 1) * n]);
+                }
+                for &(i, a) in &defect.a {
+                    let i = points[i] as usize;
+                    axpy(-element.h * a, lambda, &mut omega[i * n..(i + 1) * n]);
+                }
+            }
         }
     }
 }

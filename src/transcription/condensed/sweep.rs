@@ -7,7 +7,7 @@ use super::run::{Place, RunSweep};
 use super::stencil::{Group, Order, Stencil};
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
-use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Work};
+use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Task};
 use pilotage_models::Dynamics;
 use std::ops::Range;
 
@@ -177,7 +177,7 @@ struct Factor<'a> {
     shared: &'a [bool],
 }
 
-impl Work for Factor<'_> {
+impl Task for Factor<'_> {
     type Output = bool;
 
     #[inline(always)]
