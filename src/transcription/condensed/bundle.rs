@@ -1,9 +1,9 @@
 //! Sweeps along several runs at once, one in each lane: a step from element to element has to wait for the
 //! one before, and is too short for vectors of its own.
 
-use super::Stencils;
 use super::run::RunSweep;
 use super::sparse_lu::{Factors, Together};
+use super::stencils::Stencils;
 use super::sweep::Span;
 use crate::transcription::Collocation;
 use crate::transcription::lanes::{self, Kernel, LANES, Lanes, Task, side_by_side};

@@ -1,10 +1,10 @@
 //! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
 //! ([`super::bundle`]).
 
-use super::Stencils;
 use super::dense::axpy;
 use super::run::{Place, RunSweep};
 use super::stencil::{Group, Order, Stencil};
+use super::stencils::Stencils;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
 use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Task};
