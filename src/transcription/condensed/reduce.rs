@@ -217,13 +217,16 @@ fn symmetric<const W: usize>(halves: &[[f64; W]; W], slope: &[f64; W], r: usize)
 /// The pairs of variables that have second derivatives, by what they add to the reduced Hessian: their
 /// places among the pairs, and their variables.
 struct Pairs {
-    /// Of states: the first one, and with it the others, and halves for squares.
-    states: Vec<(usize, Vec<(usize, usize, f64)>)>,
+    /// Of states: the first one, and what it goes with.
+    states: Vec<(usize, Vec<OfStates>)>,
     /// Of a state and a parameter.
     mixed: Vec<(usize, usize, usize)>,
     /// Of parameters.
     parameters: Vec<(usize, usize, usize, f64)>,
 }
+
+/// Place, second state, and a half for a square.
+type OfStates = (usize, usize, f64);
 
 impl Pairs {
     fn of(pairs: &[(usize, usize)], n: usize) -> Self {

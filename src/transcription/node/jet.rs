@@ -122,16 +122,17 @@ impl<const N: usize, const M: usize> Jet<N, M> {
         plain: impl Fn(f64) -> f64,
         with_derivatives: impl Fn(Dual2_64) -> Dual2_64,
     ) -> Self {
-        let mut out = [self.value; 3];
-        for l in 0..LANES {
+        let (mut value, mut by, mut twice) = (self.value, self.value, self.value);
+        let parts = value.iter_mut().zip(&mut by).zip(&mut twice);
+        for ((value, by), twice) in parts {
             if N == 0 {
-                out[0][l] = plain(self.value[l]);
+                *value = plain(*value);
             } else {
-                let at = with_derivatives(Dual2_64::new(self.value[l], 1.0, 0.0));
-                (out[0][l], out[1][l], out[2][l]) = (at.re, at.v1, at.v2);
+                let at = with_derivatives(Dual2_64::new(*value, 1.0, 0.0));
+                (*value, *by, *twice) = (at.re, at.v1, at.v2);
             }
         }
-        self.chain(out[0], out[1], out[2])
+        self.chain(value, by, twice)
     }
 
     /// A property that all points share.
