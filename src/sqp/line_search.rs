@@ -5,7 +5,7 @@ use super::Problem;
 use super::globalisation::Model;
 use super::qp::{QpSolver, Step};
 use super::solver::Sqp;
-use super::vector::{dot, largest};
+use super::vector::{dot, each, largest, largest_of};
 
 /// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.35;
@@ -13,8 +13,10 @@ const CORRECTION_RATE: f64 = 0.35;
 const SAFETY: f64 = 0.6;
 /// Fall of the equalities by a full step beyond which its correction need not be measured.
 const CONTRACTION: f64 = 0.35;
+/// Part of the model's decrease by a full step that needs no such measuring either.
+const GOOD: f64 = 0.5;
 /// Limit on second-order corrections of one step.
-const MAX_CORRECTIONS: usize = 6;
+const MAX_CORRECTIONS: usize = 3;
 
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// The step length at which the merit falls enough, and how the fall compares with the model's.
@@ -57,8 +59,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         if !value.is_finite() {
             return Err(value);
         }
-        if test.passes(value, 1.0) && self.contracts() {
-            return Ok(test.ratio(value));
+        let ratio = test.ratio(value);
+        if test.passes(value, 1.0) && (ratio > GOOD || self.contracts()) {
+            return Ok(ratio);
         }
         self.corrected(test, value).ok_or(value)
     }
@@ -100,36 +103,26 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     fn correct(&mut self, step: &mut Step) -> Option<f64> {
         self.work.qps += 1;
         self.qp.correct(self.problem, &self.trial, step).ok()?;
-        let moves = (self.trial.z.iter().zip(&self.current.z)).zip(&step.d);
-        let mut moved = 0.0;
-        for ((trial, z), d) in moves {
-            let by = (z + d - trial).abs();
-            moved = if by > moved { by } else { moved };
-        }
-        Some(moved)
+        let change = |[trial, z, d]: [f64; 3]| z + d - trial;
+        Some(largest_of(
+            [&self.trial.z, &self.current.z, &step.d],
+            change,
+        ))
     }
 
     /// Moves the trial to where `step` leads. None outside the problem's domain.
     fn take_corrected(&mut self, step: &Step) -> Option<()> {
-        let points = self.trial.z.iter_mut().zip(&self.current.z);
-        points
-            .zip(&step.d)
-            .for_each(|((trial, z), d)| *trial = z + d);
+        each(&mut self.trial.z, [&self.current.z, &step.d], |[z, d]| {
+            z + d
+        });
         self.trial.evaluate(self.problem);
         self.work.evaluations += 1;
         self.trial.is_finite().then_some(())
     }
 
     fn try_step(&mut self, alpha: f64) {
-        for ((t, z), d) in self
-            .trial
-            .z
-            .iter_mut()
-            .zip(&self.current.z)
-            .zip(&self.step.d)
-        {
-            *t = z + alpha * d;
-        }
+        let step = [&self.current.z[..], &self.step.d];
+        each(&mut self.trial.z, step, |[z, d]| z + alpha * d);
         self.trial.evaluate(self.problem);
         blend(
             &mut self.trial.lambda,
@@ -187,7 +180,5 @@ impl Descent {
 
 /// `out = from + alpha (to - from)`.
 fn blend(out: &mut [f64], from: &[f64], to: &[f64], alpha: f64) {
-    for ((o, f), t) in out.iter_mut().zip(from).zip(to) {
-        *o = f + alpha * (t - f);
-    }
+    each(out, [from, to], |[f, t]| f + alpha * (t - f));
 }

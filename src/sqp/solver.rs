@@ -6,7 +6,7 @@ use super::globalisation::Merit;
 use super::iterate::violation;
 use super::qp::{QpFailure, QpSolver, Step};
 use super::solution::{Iteration, Solution, StepModel, Work};
-use super::{Hessian, Iterate, Kkt, Options, Problem, Status};
+use super::{Hessian, Iterate, Kkt, Options, Problem, Status, vector};
 use std::ops::ControlFlow;
 
 /// Factor by which the damping grows after a step that brought too little.
@@ -297,8 +297,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
 
     /// Largest change of a variable by the last step; after a step the one before stands in `trial`.
     fn last_change(&self) -> f64 {
-        let pairs = self.current.z.iter().zip(&self.trial.z);
-        pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+        vector::largest_of([&self.current.z, &self.trial.z], |[a, b]| a - b)
     }
 
     fn finish(self, status: Status, kkt: Kkt) -> Solution {

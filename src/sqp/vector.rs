@@ -11,18 +11,67 @@ const PARTS: usize = 8;
 pub fn sum<const K: usize>(vectors: [&[f64]; K], term: impl Fn([f64; K]) -> f64) -> f64 {
     let length = vectors.first().map_or(0, |v| v.len());
     assert!(vectors.iter().all(|v| v.len() == length), "lengths differ");
-    let chunks = vectors.map(|v| v.as_chunks::<PARTS>());
-    let mut parts = [0.0; PARTS];
-    for i in 0..length / PARTS {
-        let own = chunks.map(|(whole, _)| &whole[i]);
-        for (k, part) in parts.iter_mut().enumerate() {
-            *part += term(own.map(|values| values[k]));
+    pulp::Arch::new().dispatch(Sum {
+        vectors,
+        length,
+        term,
+    })
+}
+
+struct Sum<'a, const K: usize, F> {
+    vectors: [&'a [f64]; K],
+    length: usize,
+    term: F,
+}
+
+impl<const K: usize, F: Fn([f64; K]) -> f64> pulp::WithSimd for Sum<'_, K, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> f64 {
+        let chunks = self.vectors.map(|v| v.as_chunks::<PARTS>());
+        let mut parts = [0.0; PARTS];
+        for i in 0..self.length / PARTS {
+            let own = chunks.map(|(whole, _)| &whole[i]);
+            for (k, part) in parts.iter_mut().enumerate() {
+                *part += (self.term)(own.map(|values| values[k]));
+            }
+        }
+        for i in 0..self.length % PARTS {
+            parts[i] += (self.term)(chunks.map(|(_, rest)| rest[i]));
+        }
+        parts.iter().sum()
+    }
+}
+
+/// `out_i = of(a_i, b_i, ..)` for vectors of one length.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn each<const K: usize>(out: &mut [f64], vectors: [&[f64]; K], of: impl Fn([f64; K]) -> f64) {
+    assert!(
+        vectors.iter().all(|v| v.len() == out.len()),
+        "lengths differ"
+    );
+    pulp::Arch::new().dispatch(Each { out, vectors, of });
+}
+
+struct Each<'a, const K: usize, F> {
+    out: &'a mut [f64],
+    vectors: [&'a [f64]; K],
+    of: F,
+}
+
+impl<const K: usize, F: Fn([f64; K]) -> f64> pulp::WithSimd for Each<'_, K, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let vectors = self.vectors.map(|v| &v[..self.out.len()]);
+        for (i, out) in self.out.iter_mut().enumerate() {
+            *out = (self.of)(vectors.map(|v| v[i]));
         }
     }
-    for i in 0..length % PARTS {
-        parts[i] += term(chunks.map(|(_, rest)| rest[i]));
-    }
-    parts.iter().sum()
 }
 
 /// Scalar product.
@@ -32,23 +81,53 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Largest magnitude; NaN if there is one.
 pub fn largest(v: &[f64]) -> f64 {
-    let (mut parts, mut nan) = ([0.0_f64; PARTS], [false; PARTS]);
-    let (whole, rest) = v.as_chunks::<PARTS>();
-    let mut take = |k: usize, value: f64| {
-        parts[k] = if value.abs() > parts[k] {
-            value.abs()
-        } else {
-            parts[k]
+    largest_of([v], |[v]| v)
+}
+
+/// Largest magnitude of `term(a_i, b_i, ..)` over vectors of one length; NaN if there is one.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn largest_of<const K: usize>(vectors: [&[f64]; K], term: impl Fn([f64; K]) -> f64) -> f64 {
+    let length = vectors.first().map_or(0, |v| v.len());
+    assert!(vectors.iter().all(|v| v.len() == length), "lengths differ");
+    pulp::Arch::new().dispatch(Largest {
+        vectors,
+        length,
+        term,
+    })
+}
+
+struct Largest<'a, const K: usize, F> {
+    vectors: [&'a [f64]; K],
+    length: usize,
+    term: F,
+}
+
+impl<const K: usize, F: Fn([f64; K]) -> f64> pulp::WithSimd for Largest<'_, K, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> f64 {
+        let chunks = self.vectors.map(|v| v.as_chunks::<PARTS>());
+        // NaN is never larger.
+        let (mut parts, mut nan) = ([0.0_f64; PARTS], [0.0; PARTS]);
+        let mut take = |k: usize, values: [f64; K]| {
+            let value = (self.term)(values).abs();
+            nan[k] += if value.is_nan() { 1.0 } else { 0.0 };
+            parts[k] = if value > parts[k] { value } else { parts[k] };
         };
-        nan[k] |= value.is_nan();
-    };
-    for own in whole {
-        own.iter().enumerate().for_each(|(k, v)| take(k, *v));
-    }
-    rest.iter().enumerate().for_each(|(k, v)| take(k, *v));
-    match nan.contains(&true) {
-        true => f64::NAN,
-        false => parts.into_iter().fold(0.0, f64::max),
+        for i in 0..self.length / PARTS {
+            let own = chunks.map(|(whole, _)| &whole[i]);
+            (0..PARTS).for_each(|k| take(k, own.map(|values| values[k])));
+        }
+        for i in 0..self.length % PARTS {
+            take(i, chunks.map(|(_, rest)| rest[i]));
+        }
+        match nan == [0.0; PARTS] {
+            true => parts.into_iter().fold(0.0, f64::max),
+            false => f64::NAN,
+        }
     }
 }
 

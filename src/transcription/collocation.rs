@@ -2,9 +2,10 @@
 
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
+use super::lanes::{self, LANES, Task};
 use super::layout::Layout;
 use super::mesh::Run;
-use super::node::{NodeModel, Scales};
+use super::node::{MAX_SIZE, NodeModel, Scales};
 use super::parallel;
 use super::tableau::Scheme;
 use crate::sqp::Problem;
@@ -133,22 +134,20 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         &self,
         z: &[f64],
         j: usize,
-        mut observe: impl FnMut(u32, (f64, f64)),
+        observe: impl FnMut(u32, (f64, f64)),
     ) -> PointValues {
-        let mut values = PointValues::new(self, j);
-        let (grid, theta, n) = (&self.grids[j], self.theta(z), self.n_states());
-        let (v, inputs) = (self.coefficients(z, j), self.model.dynamics.n_inputs());
-        let mut model = self.model.values(theta);
-        for (i, point) in grid.points.iter().enumerate() {
-            values.combine(grid, v, i, n);
-            let input = &grid.inputs[i * inputs..(i + 1) * inputs];
-            let x = point.state.of(v, &values.combined, n);
-            let outputs = model.evaluate(x, input, &mut values.f);
-            if let Some(sample) = point.sample {
-                observe(sample, outputs);
-            }
-        }
-        values
+        lanes::vectorised(Evaluate {
+            problem: self,
+            z,
+            j,
+            observe,
+        })
+    }
+
+    /// Exogenous inputs at a point of run `j`.
+    pub(super) fn inputs_at(&self, j: usize, point: usize) -> &[f64] {
+        let inputs = self.model.dynamics.n_inputs();
+        &self.grids[j].inputs[point * inputs..(point + 1) * inputs]
     }
 
     /// States of run `j`'s points; the model is evaluated only where some point is a combination.
@@ -176,36 +175,13 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             }
             g[sample as usize] = bounded;
         });
-        for element in &grid.elements {
-            let points = grid.points_of(element);
-            let own = c[element.first * n..].chunks_exact_mut(n);
-            for (defect, out) in element.tableau.defects.iter().zip(own) {
-                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
-                let of_point = |i: usize| &values.f[points[i] as usize * n..][..n];
-                match (defect.e.as_slice(), defect.a.as_slice()) {
-                    // Two nodes and two points, as the trapezoid has, in one pass.
-                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
-                        let (a, b) = (element.h * a, element.h * b);
-                        let (v, w) = (of_node(j), of_node(k));
-                        let (f, g) = (of_point(i), of_point(l));
-                        for (m, out) in out.iter_mut().enumerate() {
-                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
-                        }
-                    }
-                    _ => {
-                        out.fill(0.0);
-                        for &(j, e) in &defect.e {
-                            let v = of_node(j);
-                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
-                        }
-                        for &(i, a) in &defect.a {
-                            let (f, a) = (of_point(i), element.h * a);
-                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
-                        }
-                    }
-                }
-            }
-        }
+        lanes::vectorised(Defects {
+            grid,
+            n,
+            v,
+            f: &values.f,
+            c,
+        });
         run.weight * squares
     }
 
@@ -243,6 +219,103 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     }
 }
 
+/// Writes the defects `c` of a run's elements, from its coefficient vectors `v` and the derivatives `f` at its
+/// points.
+struct Defects<'a> {
+    grid: &'a Grid,
+    n: usize,
+    v: &'a [f64],
+    f: &'a [f64],
+    c: &'a mut [f64],
+}
+
+impl Task for Defects<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { grid, n, v, f, c } = self;
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let own = c[element.first * n..].chunks_exact_mut(n);
+            for (defect, out) in element.tableau.defects.iter().zip(own) {
+                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
+                let of_point = |i: usize| &f[points[i] as usize * n..][..n];
+                match (defect.e.as_slice(), defect.a.as_slice()) {
+                    // Two nodes and two points, as the trapezoid has, in one pass.
+                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
+                        let (a, b) = (element.h * a, element.h * b);
+                        let (v, w) = (of_node(j), of_node(k));
+                        let (f, g) = (of_point(i), of_point(l));
+                        for (m, out) in out.iter_mut().enumerate() {
+                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
+                        }
+                    }
+                    _ => {
+                        out.fill(0.0);
+                        for &(j, e) in &defect.e {
+                            let v = of_node(j);
+                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
+                        }
+                        for &(i, a) in &defect.a {
+                            let (f, a) = (of_point(i), element.h * a);
+                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// [`Collocation::evaluate_points`].
+struct Evaluate<'a, D, C, F> {
+    problem: &'a Collocation<D, C>,
+    z: &'a [f64],
+    j: usize,
+    observe: F,
+}
+
+impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
+    for Evaluate<'_, D, C, F>
+{
+    type Output = PointValues;
+
+    #[inline(always)]
+    fn run(self) -> PointValues {
+        let Self {
+            problem,
+            z,
+            j,
+            mut observe,
+        } = self;
+        let mut values = PointValues::new(problem, j);
+        let (grid, n) = (&problem.grids[j], problem.n_states());
+        let v = problem.coefficients(z, j);
+        let mut model = problem.model.values(problem.theta(z));
+        // Where points take derivatives of those before, one after the other.
+        let step = if grid.has_nested() { 1 } else { LANES };
+        let mut f = [[0.0; LANES]; MAX_SIZE];
+        for first in (0..grid.points.len()).step_by(step) {
+            let (members, count) = lanes::group(first, step, grid.points.len());
+            for i in &members[..count] {
+                values.combine(grid, v, *i, n);
+            }
+            let x = members.map(|i| values.states(grid, v, i, n));
+            let input = members.map(|i| problem.inputs_at(j, i));
+            let (measured, bounded) = model.evaluate(x, input, &mut f[..n]);
+            let own = values.f[first * n..].chunks_exact_mut(n);
+            for ((lane, i), own) in members[..count].iter().enumerate().zip(own) {
+                own.iter_mut().zip(&f).for_each(|(own, f)| *own = f[lane]);
+                if let Some(sample) = grid.points[*i].sample {
+                    observe(sample, (measured[lane], bounded[lane]));
+                }
+            }
+        }
+        values
+    }
+}
+
 /// Derivatives at all points of a run, and the states of those that are combinations.
 #[derive(Debug, Default)]
 pub(super) struct PointValues {
@@ -254,7 +327,7 @@ impl PointValues {
     fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         Self {
-            f: Vec::with_capacity(grid.points.len() * n),
+            f: vec![0.0; grid.points.len() * n],
             combined: vec![0.0; grid.combinations * n],
         }
     }

@@ -4,6 +4,7 @@ pub mod collocation;
 pub mod condensed;
 pub mod constraints;
 pub mod grid;
+pub mod lanes;
 pub mod layout;
 pub mod mesh;
 pub mod node;

@@ -6,6 +6,7 @@
 use super::Collocation;
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
+use super::lanes::LANES;
 use super::node::{Output, Weights};
 use crate::sqp::problem::Pattern;
 use crate::sqp::{Hessian, SparseProblem};
@@ -133,27 +134,28 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
     fn point_derivatives(&self, x: &[f64], j: usize, i: usize, theta: &[f64]) -> PointDerivatives {
         let v = self.n_states() + self.n_parameters();
-        let mut jacobian = vec![0.0; self.model.entries.len()];
+        let mut jacobian = vec![[0.0; LANES]; self.model.entries.len()];
         let mut derivatives = self.model.derivatives(theta, false);
-        let (output, _) = derivatives.evaluate(x, self.input(j, i));
+        // A group of points that are all this one.
+        let (output, _) = derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES]);
         derivatives.jacobian(&mut jacobian);
         let gradient = |output: Output| {
             let columns = self.model.columns(output);
-            let mut values = vec![0.0; columns.len()];
+            let mut values = vec![[0.0; LANES]; columns.len()];
             derivatives.gradient(output, &mut values);
             let mut out = DVector::zeros(v);
             let own = columns.iter().zip(values);
-            own.for_each(|(c, value)| out[*c] = value);
+            own.for_each(|(c, value)| out[*c] = value[0]);
             out
         };
         let mut f = DMatrix::zeros(self.n_states(), v);
         let entries = self.model.entries.iter().zip(&jacobian);
-        entries.for_each(|(at, value)| f[*at] = *value);
+        entries.for_each(|(at, value)| f[*at] = value[0]);
         PointDerivatives {
             f,
             measured: gradient(Output::Measured),
             bounded: gradient(Output::Bounded),
-            output,
+            output: output[0],
         }
     }
 
@@ -167,12 +169,6 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             bounded: DVector::from_element(v, 1.0),
             output: 0.0,
         }
-    }
-
-    /// Exogenous inputs at a point.
-    fn input(&self, j: usize, i: usize) -> &[f64] {
-        let inputs = self.model.dynamics.n_inputs();
-        &self.grids[j].inputs[i * inputs..(i + 1) * inputs]
     }
 
     /// Derivatives of run `j`'s defects: `(first row, derivatives)` of each block of `n`.
@@ -433,17 +429,18 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
                 }
                 if exact {
                     let (measured, bounded) = outputs(grid, i);
+                    let f: Vec<_> = omega[i].iter().map(|v| [*v; LANES]).collect();
                     let weights = Weights {
-                        f: omega[i].as_slice(),
-                        measured,
-                        bounded,
+                        f: &f,
+                        measured: [measured; LANES],
+                        bounded: [bounded; LANES],
                     };
                     let x = states.states(grid, self.coefficients(z, j), i, self.n_states());
-                    let mut second = vec![0.0; self.model.pairs.len()];
+                    let mut second = vec![[0.0; LANES]; self.model.pairs.len()];
                     let mut derivatives = self.model.derivatives(self.theta(z), true);
-                    derivatives.evaluate(x, self.input(j, i));
+                    derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES]);
                     derivatives.second_order(weights, &mut second);
-                    for (value, &(a, b)) in second.iter().zip(&self.model.pairs) {
+                    for ([value, ..], &(a, b)) in second.iter().zip(&self.model.pairs) {
                         w[(a, b)] += value;
                         if a != b {
                             w[(b, a)] += value;

@@ -125,15 +125,15 @@ impl Dynamics for Squared {
         1
     }
 
-    fn derivative<T: Scalar>(&self, _: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+    fn derivative<T: Scalar>(&self, _: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
         dx[0] = theta[0] * theta[0] * w[0];
     }
 
-    fn measured<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+    fn measured<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
         x[0]
     }
 
-    fn bounded<T: Scalar>(&self, x: &[T], _: &[f64], _: &[T]) -> T {
+    fn bounded<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
         x[0]
     }
 }

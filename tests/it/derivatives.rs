@@ -5,6 +5,7 @@ use pilotage::identification::constraints::RouthHurwitz;
 use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
 use pilotage::models::{Dynamics, Joint, OpenLoopPilot, Pilot, Quadcopter};
 use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
+use pilotage::transcription::lanes::{LANES, Lanes};
 use pilotage::transcription::node::{NodeModel, Output, Weights};
 use pilotage::transcription::{Condensed, ParameterConstraints, Scales};
 use proptest::prelude::*;
@@ -49,6 +50,12 @@ fn largest(v: &[f64]) -> f64 {
     v.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
+/// The numbers of a group of points that are all the same.
+fn alike(group: &[Lanes]) -> Vec<f64> {
+    assert!(group.iter().all(|own| own.iter().all(|v| *v == own[0])));
+    group.iter().map(|own| own[0]).collect()
+}
+
 /// What first derivatives are written to.
 struct First {
     jacobian: Vec<f64>,
@@ -69,29 +76,33 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
     let model = NodeModel::new(dynamics, scales);
     let (point, input, weight) = (draw.vector(n + p), draw.vector(1), draw.vector(n + 2));
     let values = |v: &[f64]| {
-        let mut f = Vec::new();
-        let (measured, bounded) = model.values(&v[n..]).evaluate(&v[..n], &input, &mut f);
+        let mut f = vec![[0.0; LANES]; n];
+        let at = ([&v[..n]; LANES], [&input[..]; LANES]);
+        let (measured, bounded) = model.values(&v[n..]).evaluate(at.0, at.1, &mut f);
         f.extend([measured, bounded]);
-        f
+        alike(&f)
     };
     let first_of = |v: &[f64], exact: bool| {
         let mut first = First {
-            jacobian: vec![0.0; model.entries.len()],
+            jacobian: Vec::new(),
             measured_gradient: vec![0.0; n + p],
             bounded_gradient: vec![0.0; n + p],
             outputs: (0.0, 0.0),
         };
         let mut derivatives = model.derivatives(&v[n..], exact);
-        first.outputs = derivatives.evaluate(&v[..n], &input);
-        derivatives.jacobian(&mut first.jacobian);
+        let (measured, bounded) = derivatives.evaluate([&v[..n]; LANES], [&input[..]; LANES]);
+        first.outputs = (measured[0], bounded[0]);
+        let mut jacobian = vec![[0.0; LANES]; model.entries.len()];
+        derivatives.jacobian(&mut jacobian);
+        first.jacobian = alike(&jacobian);
         for (output, gradient) in [
             (Output::Measured, &mut first.measured_gradient),
             (Output::Bounded, &mut first.bounded_gradient),
         ] {
             let columns = model.columns(output);
-            let mut values = vec![0.0; columns.len()];
+            let mut values = vec![[0.0; LANES]; columns.len()];
             derivatives.gradient(output, &mut values);
-            let own = columns.iter().zip(values);
+            let own = columns.iter().zip(alike(&values));
             own.for_each(|(c, value)| gradient[*c] = value);
         }
         first
@@ -137,15 +148,17 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
         }
         out
     };
+    let f: Vec<_> = weight[..n].iter().map(|v| [*v; LANES]).collect();
     let weights = Weights {
-        f: &weight[..n],
-        measured: weight[n],
-        bounded: weight[n + 1],
+        f: &f,
+        measured: [weight[n]; LANES],
+        bounded: [weight[n + 1]; LANES],
     };
-    let mut second = vec![0.0; model.pairs.len()];
+    let mut second = vec![[0.0; LANES]; model.pairs.len()];
     let mut derivatives = model.derivatives(&point[n..], true);
-    derivatives.evaluate(&point[..n], &input);
+    derivatives.evaluate([&point[..n]; LANES], [&input[..]; LANES]);
     derivatives.second_order(weights, &mut second);
+    let second = alike(&second);
     let scale = largest(&gradient(&point)) + largest(&second);
     for j in 0..n + p {
         for (i, expected) in difference(&gradient, &point, j)

@@ -82,7 +82,7 @@ fn jacobian() -> (Vec<String>, Vec<Vec<f64>>) {
             let mut x: Vec<Dual64> = at.iter().map(|&value| value.into()).collect();
             x[j].eps = 1.0;
             let mut dx = vec![Dual64::from(0.0); n];
-            joint.derivative(&x, &[0.0], &theta, &mut dx);
+            joint.derivative(&x, &[0.0.into()], &theta, &mut dx);
             dx.iter().map(|dual| dual.eps).collect()
         })
         .collect();

@@ -55,23 +55,21 @@ impl Dynamics for Model {
         1
     }
 
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
         let n = self.n;
         for i in 0..n {
-            let linear = (0..n).fold(T::from(self.b[i] * w[0]), |sum, l| {
-                sum + x[l] * self.a[i * n + l]
-            });
+            let linear = (0..n).fold(w[0] * self.b[i], |sum, l| sum + x[l] * self.a[i * n + l]);
             dx[i] = linear
                 + theta[i % self.p] * x[(i + 1) % n]
                 + (theta[0] * x[i]).sin() * self.nonlinear;
         }
     }
 
-    fn measured<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T]) -> T {
-        x[0] + x[self.n - 1] * x[self.n - 1] * self.nonlinear + theta[0] * (0.3 * w[0])
+    fn measured<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T]) -> T {
+        x[0] + x[self.n - 1] * x[self.n - 1] * self.nonlinear + theta[0] * w[0] * 0.3
     }
 
-    fn bounded<T: Scalar>(&self, x: &[T], _w: &[f64], theta: &[T]) -> T {
+    fn bounded<T: Scalar>(&self, x: &[T], _w: &[T], theta: &[T]) -> T {
         let signal = (0..self.n).fold(T::from(0.0), |sum, l| sum + x[l] * self.c[l]);
         signal + theta[self.p - 1] * x[0]
     }

@@ -6,7 +6,7 @@ use crate::Scalar;
 ///
 /// `x` are the states, `w` the known exogenous inputs (the target, or a recorded signal) and `θ` the
 /// parameters to identify. The methods are generic over [`Scalar`] so that one set of equations
-/// yields values and exact derivatives.
+/// yields values and exact derivatives, at several points at once: they must not branch on their numbers.
 ///
 /// The slices' lengths are [`n_states`](Self::n_states), [`n_inputs`](Self::n_inputs) and
 /// [`n_parameters`](Self::n_parameters).
@@ -21,11 +21,11 @@ pub trait Dynamics: Sync {
     fn n_inputs(&self) -> usize;
 
     /// Writes the state derivative `f(x, w; θ)` into `dx`, in the states' units per second.
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T], dx: &mut [T]);
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]);
 
     /// The output that is compared with the recording (paper: `h_v`; the stick in the stick fit).
-    fn measured<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T]) -> T;
+    fn measured<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T]) -> T;
 
     /// The signal held within limits at every node (paper: `y_p`, the joystick in [-1, 1]).
-    fn bounded<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T]) -> T;
+    fn bounded<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T]) -> T;
 }

@@ -29,7 +29,8 @@ impl Dynamics for Joint {
         1
     }
 
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
+    #[inline(always)]
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
         let (x_v, x_p) = x.split_at(quadcopter::N_STATES);
         let (dx_v, dx_p) = dx.split_at_mut(quadcopter::N_STATES);
         let error = -self.vehicle.output(x_v) + w[0];
@@ -38,11 +39,13 @@ impl Dynamics for Joint {
         self.pilot.derivative(x_p, error, theta, dx_p);
     }
 
-    fn measured<T: Scalar>(&self, x: &[T], _w: &[f64], _theta: &[T]) -> T {
+    #[inline(always)]
+    fn measured<T: Scalar>(&self, x: &[T], _w: &[T], _theta: &[T]) -> T {
         self.vehicle.output(&x[..quadcopter::N_STATES])
     }
 
-    fn bounded<T: Scalar>(&self, x: &[T], _w: &[f64], theta: &[T]) -> T {
+    #[inline(always)]
+    fn bounded<T: Scalar>(&self, x: &[T], _w: &[T], theta: &[T]) -> T {
         self.pilot.output(&x[quadcopter::N_STATES..], theta)
     }
 }
@@ -71,15 +74,18 @@ impl Dynamics for OpenLoopPilot {
         1
     }
 
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[f64], theta: &[T], dx: &mut [T]) {
-        self.pilot.derivative(x, T::from(w[0]), theta, dx);
+    #[inline(always)]
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
+        self.pilot.derivative(x, w[0], theta, dx);
     }
 
-    fn measured<T: Scalar>(&self, x: &[T], _w: &[f64], theta: &[T]) -> T {
+    #[inline(always)]
+    fn measured<T: Scalar>(&self, x: &[T], _w: &[T], theta: &[T]) -> T {
         self.pilot.output(x, theta)
     }
 
-    fn bounded<T: Scalar>(&self, x: &[T], _w: &[f64], theta: &[T]) -> T {
+    #[inline(always)]
+    fn bounded<T: Scalar>(&self, x: &[T], _w: &[T], theta: &[T]) -> T {
         self.pilot.output(x, theta)
     }
 }

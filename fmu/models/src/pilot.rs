@@ -42,16 +42,26 @@ impl Pilot {
     }
 
     /// Writes `f_p(x, u; θ)` into `dx`; `u` is the error `ŷ - y_v` [m].
+    #[inline(always)]
     pub fn derivative<T: Scalar>(&self, x: &[T], u: T, theta: &[T], dx: &mut [T]) {
         let n = self.order;
         dx[..n - 1].copy_from_slice(&x[1..n]);
-        dx[n - 1] = (0..n).fold(u, |sum, i| sum - theta[i] * x[i]);
+        let mut sum = u;
+        for (theta, x) in theta[..n].iter().zip(x) {
+            sum -= *theta * *x;
+        }
+        dx[n - 1] = sum;
     }
 
     /// The stick `y_p = h_p(x; θ)`, dimensionless; *not* clipped to the stick's limits.
+    #[inline(always)]
     pub fn output<T: Scalar>(&self, x: &[T], theta: &[T]) -> T {
         let n = self.order;
-        (1..n).fold(theta[n] * x[0], |sum, i| sum + theta[n + i] * x[i])
+        let mut sum = theta[n] * x[0];
+        for (theta, x) in theta[n + 1..2 * n].iter().zip(&x[1..n]) {
+            sum += *theta * *x;
+        }
+        sum
     }
 
     /// The poles: roots of `s^n + θ_n s^{n-1} + ... + θ_1` [1/s], sorted by real, then imaginary part.

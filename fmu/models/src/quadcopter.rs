@@ -74,6 +74,7 @@ impl Default for Quadcopter {
 
 impl Quadcopter {
     /// Writes `f_v(x, u)` into `dx` (both of length [`N_STATES`]); `u` is the stick [-1, 1].
+    #[inline(always)]
     pub fn derivative<T: Scalar>(&self, x: &[T], u: T, dx: &mut [T]) {
         derivative(self.coefficients(), x, u, dx);
     }
@@ -88,6 +89,7 @@ impl Quadcopter {
     }
 
     /// The coefficients in the order of the fields.
+    #[inline(always)]
     fn coefficients(&self) -> [f64; N_COEFFICIENTS] {
         [
             self.mass,
@@ -104,6 +106,7 @@ impl Quadcopter {
     }
 
     /// The controlled output `y_v = h_v(x, u)`: the position `z` [m].
+    #[inline(always)]
     pub fn output<T: Scalar>(&self, x: &[T]) -> T {
         x[0]
     }
@@ -135,6 +138,7 @@ impl Quadcopter {
 
 /// Writes `f_v(x, u)` into `dx`, with the coefficients in the order of the fields of [`Quadcopter`]: numbers,
 /// or dual numbers where derivatives with respect to them are wanted.
+#[inline(always)]
 pub fn derivative<T, C>(coefficients: [C; N_COEFFICIENTS], x: &[T], u: T, dx: &mut [T])
 where
     T: Scalar + Mul<C, Output = T>,
@@ -170,6 +174,7 @@ where
 }
 
 /// `T(ω)` of one motor; `slowness` is `1/ω_0` and `weight` `m g / 4`.
+#[inline(always)]
 fn thrust<T, C>(slowness: C, weight: C, omega: T) -> T
 where
     T: Scalar + Mul<C, Output = T>,

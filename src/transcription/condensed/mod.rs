@@ -11,17 +11,21 @@
 
 mod active;
 pub mod arrow;
+mod bundle;
 mod curvature;
 mod dense;
-mod lanes;
+mod gradients;
+mod points;
 mod reduce;
 mod run;
 mod sparse_lu;
 mod stencil;
+mod stencils;
 mod sweep;
 
 use super::Collocation;
 use super::constraints::ParameterConstraints;
+use super::lanes::LANES;
 use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
@@ -29,10 +33,10 @@ use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
+use reduce::Reduced;
 use run::{Place, RunSweep};
 use std::collections::HashSet;
-use std::sync::Arc;
-use stencil::{Order, Shape, Stencil};
+use stencils::Stencils;
 
 /// Tolerance on a linearised inequality before it enters the QP.
 const ROW_TOLERANCE: f64 = 1e-12;
@@ -54,8 +58,8 @@ pub struct Condensed {
     g_iterate: Vec<f64>,
     /// True when `c` and `g` are those of a correction.
     moved: bool,
-    /// The reduced linear term for these values and a Hessian.
-    linear: Option<(Hessian, Vec<f64>)>,
+    /// The reduced linear terms for the values of the iterate: with Gauss–Newton, with the exact Hessian.
+    linear: [Vec<f64>; 2],
     last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
@@ -69,14 +73,6 @@ pub struct Condensed {
     working: Vec<(RowAt, f64)>,
 }
 
-/// The elements' operations and orders of elimination: one for each different tableau.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Stencils {
-    kinds: Vec<(Stencil, Order)>,
-    /// Kind of each element of each run.
-    kind: Vec<Vec<u32>>,
-}
-
 impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Condensed {
     fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
         self.prepare(problem);
@@ -86,7 +82,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         self.c.clone_from(&at.c);
         self.g.clone_from(&at.g);
         self.moved = false;
-        self.linear = None;
         self.last = None;
         let theta = problem.layout.theta;
         let variables = || problem.layout.runs.iter().map(|run| run.variables());
@@ -127,7 +122,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         if self.moved {
             self.c.clone_from(&self.c_iterate);
             self.g.clone_from(&self.g_iterate);
-            self.move_offsets(problem);
+            parallel::each(&mut self.runs, |_, run| run.restore_offsets());
             self.moved = false;
         }
         self.solve_shifted(problem, hessian, damping, step)?;
@@ -165,70 +160,6 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     }
 }
 
-impl Stencils {
-    /// Finds the kinds of elements.
-    fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
-        let shape = Shape {
-            n: problem.n_states(),
-            p: problem.n_parameters(),
-            entries: &problem.model.entries,
-            shared: &problem.model.shared,
-        };
-        let mut out = Self::default();
-        for grid in &problem.grids {
-            let mut kinds: Vec<u32> = Vec::with_capacity(grid.elements.len());
-            for element in &grid.elements {
-                let same = |(stencil, _): &(Stencil, Order)| {
-                    Arc::ptr_eq(&stencil.tableau, &element.tableau)
-                        || stencil.tableau == element.tableau
-                };
-                let known = out.kinds.iter().position(same);
-                let kind = known.unwrap_or_else(|| {
-                    let tableau = element.tableau.clone();
-                    out.kinds
-                        .push((Stencil::new(tableau, shape), Order::default()));
-                    out.kinds.len() - 1
-                });
-                kinds.push(kind as u32);
-            }
-            out.kind.push(kinds);
-        }
-        out
-    }
-
-    /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
-    /// what its elements share. False when that element is singular.
-    fn order<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        runs: &[RunSweep],
-    ) -> bool {
-        let mut done = vec![false; self.kinds.len()];
-        let mut points = Vec::new();
-        for (j, run) in runs.iter().enumerate() {
-            let grid = &problem.grids[j];
-            for element in 0..grid.elements.len() {
-                let kind = self.kind[j][element] as usize;
-                if std::mem::replace(&mut done[kind], true) {
-                    continue;
-                }
-                if self.kinds[kind].1.symbolic.size() == 0 {
-                    let group = self.alone(grid, (j, element), &run.jacobian, &mut points);
-                    match self.kinds[kind].0.order(&group, 0, &problem.model.shared) {
-                        Some(found) => self.kinds[kind].1 = found,
-                        None => return false,
-                    }
-                }
-                let entries = problem.model.entries.len();
-                let first = grid.points_of(&grid.elements[element])[0] as usize * entries;
-                let (stencil, order) = &mut self.kinds[kind];
-                stencil.refresh(order, &run.jacobian[first..first + entries]);
-            }
-        }
-        true
-    }
-}
-
 impl Condensed {
     /// Eliminates the states and forms the reduced Hessians. False when an element is singular.
     fn sweep<D: Dynamics, C: ParameterConstraints>(
@@ -236,32 +167,67 @@ impl Condensed {
         problem: &Collocation<D, C>,
         exact: bool,
     ) -> bool {
-        let (stencils, c) = (&self.stencils, &self.c_iterate);
-        let mut work: Vec<_> = (self.runs.iter_mut())
-            .map(|run| (run, true, Vec::new(), Vec::new()))
+        let c = &self.c_iterate;
+        // Two runs at once, but no thread without work.
+        let threads = rayon::current_num_threads();
+        let size = if threads == 1 || self.runs.len() > 4 * threads {
+            2
+        } else {
+            1
+        };
+        let bundles = self.stencils.bundles(problem, &mut self.runs, size);
+        let mut work: Vec<_> = (bundles.into_iter())
+            .map(|bundle| (bundle, true, Vec::new()))
             .collect();
-        parallel::each(&mut work, |j, (run, regular, gauss_newton, full)| {
-            let at = Place { problem, j };
-            *regular = run.eliminate(at, stencils, &c[problem.layout.runs[j].equalities()]);
-            (*gauss_newton, *full) = run.reduce_matrices(at, exact);
-        });
-        let regular = work.iter().all(|(_, regular, ..)| *regular);
-        self.growth = work.iter().fold(0.0, |m, (run, ..)| run.growth.max(m));
-        let free: Vec<usize> = work.iter().map(|(run, ..)| run.free.len()).collect();
-        let mut arrows = [
-            Arrow::zeros(problem.n_parameters(), &free),
-            Arrow::zeros(problem.n_parameters(), &free),
-        ];
-        for (j, (_, _, gauss_newton, full)) in work.iter().enumerate() {
-            arrows[0].set_run(j, gauss_newton);
-            if exact {
-                arrows[1].set_run(j, full);
+        parallel::each(&mut work, |_, (bundle, regular, reduced)| {
+            let first = bundle.first;
+            let at = |k: usize| Place {
+                problem,
+                j: first + k,
+            };
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.factor(at(k), bundle.stencils);
             }
+            if !*regular {
+                return;
+            }
+            bundle.sensitivities(c);
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.complete(at(k));
+                reduced.push(run.reduce(at(k), exact));
+            }
+        });
+        let regular = work.iter().all(|(_, regular, _)| *regular);
+        let reduced: Vec<[Reduced; 2]> =
+            work.into_iter().flat_map(|(.., reduced)| reduced).collect();
+        if reduced.len() < self.runs.len() {
+            return false;
         }
-        let [gauss_newton, mut full] = arrows;
-        dense::axpy(1.0, &self.parameter_hessian, &mut full.theta);
-        self.gauss_newton = gauss_newton;
-        self.exact = exact.then_some(full);
+        self.growth = self.runs.iter().fold(0.0, |m, run| run.growth.max(m));
+        let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
+        let arrow = |kind: usize| {
+            let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
+            let own = reduced.iter().enumerate();
+            own.for_each(|(j, reduced)| arrow.set_run(j, &reduced[kind].matrix));
+            arrow
+        };
+        self.gauss_newton = arrow(0);
+        self.exact = exact.then(|| {
+            let mut arrow = arrow(1);
+            dense::axpy(1.0, &self.parameter_hessian, &mut arrow.theta);
+            arrow
+        });
+        for (kind, linear) in self
+            .linear
+            .iter_mut()
+            .enumerate()
+            .take(1 + usize::from(exact))
+        {
+            let own = reduced
+                .iter()
+                .map(|reduced| reduced[kind].vector.as_slice());
+            *linear = joined(own, problem.n_parameters());
+        }
         regular
     }
 
@@ -288,13 +254,10 @@ impl Condensed {
             Some(factor) => Convex::new(matrix, factor),
             None => Convex::held(matrix, &rows).ok_or(QpFailure::NotConvex)?,
         };
-        let mut q = match &self.linear {
-            Some((kind, q)) if *kind == hessian => q.clone(),
-            _ => {
-                let q = self.reduced_vector(problem, hessian, convex.matrix.size());
-                self.linear = Some((hessian, q.clone()));
-                q
-            }
+        let mut q = match (self.moved, hessian) {
+            (true, _) => self.reduced_vector(problem, hessian),
+            (false, Hessian::GaussNewton) => self.linear[0].clone(),
+            (false, Hessian::Exact) => self.linear[1].clone(),
         };
         convex.shift(&rows, &sides, &mut q);
 
@@ -373,11 +336,14 @@ impl Condensed {
 
     /// Offsets of all runs for the constraint values in `c`.
     fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
-        let (stencils, c) = (&self.stencils, &self.c);
-        self.linear = None;
-        parallel::each(&mut self.runs, |j, run| {
-            let own = &c[problem.layout.runs[j].equalities()];
-            run.sweep_offsets(Place { problem, j }, stencils, own);
+        let c = &self.c;
+        let mut bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        parallel::each(&mut bundles, |_, bundle| {
+            bundle.offsets(c);
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                let j = bundle.first + k;
+                run.complete_offsets(Place { problem, j });
+            }
         });
     }
 
@@ -386,7 +352,6 @@ impl Condensed {
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
-        size: usize,
     ) -> Vec<f64> {
         let mut work: Vec<_> = (self.runs.iter())
             .map(|run| (run, vec![0.0; run.w]))
@@ -394,16 +359,8 @@ impl Condensed {
         parallel::each(&mut work, |j, (run, local)| {
             run.reduce_vector(Place { problem, j }, hessian, local);
         });
-        let p = problem.n_parameters();
-        let mut q = vec![0.0; size];
-        let mut first = p;
-        for (run, local) in &work {
-            dense::axpy(1.0, &local[..p], &mut q[..p]);
-            let free = run.free.len();
-            q[first..first + free].copy_from_slice(&local[p..p + free]);
-            first += free;
-        }
-        q
+        let own = work.iter().map(|(run, local)| &local[..run.r()]);
+        joined(own, problem.n_parameters())
     }
 
     /// Each run with its part of the reduced variables.
@@ -560,16 +517,28 @@ impl Condensed {
         step.lambda.resize(layout.n_equalities, 0.0);
         let weighted = problem.damping_weights().iter().zip(&step.d);
         step.curvature = damping * weighted.map(|(w, d)| w * d * d).sum::<f64>();
-        let (stencils, eta) = (&self.stencils, &step.eta);
+        let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
-        let mut work: Vec<_> = (self.runs.iter_mut())
-            .zip(parallel::parts(&mut step.lambda, equalities))
-            .map(|(run, lambda)| (run, lambda, 0.0))
+        let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
+        let bundles = self
+            .stencils
+            .bundles(problem, &mut self.runs, LANES)
+            .into_iter();
+        let mut rest = lambda.as_mut_slice();
+        let mut work: Vec<_> = bundles
+            .map(|bundle| {
+                let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
+                rest = tail;
+                (bundle, own, 0.0)
+            })
             .collect();
-        parallel::each(&mut work, |j, (run, lambda, curvature)| {
-            let eta = &eta[layout.runs[j].inequalities()];
-            let at = Place { problem, j };
-            *curvature = run.adjoint(at, stencils, hessian, (dtheta, eta), lambda);
+        parallel::each(&mut work, |_, (bundle, lambda, curvature)| {
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                let j = bundle.first + k;
+                let eta = &eta[layout.runs[j].inequalities()];
+                *curvature += run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
+            }
+            bundle.multipliers(lambda);
         });
         step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {
@@ -579,4 +548,16 @@ impl Condensed {
             }
         }
     }
+}
+
+/// A vector over all reduced variables from those over each run's: the sum over the `p` parameters, and the
+/// free initial states one run after the other.
+fn joined<'a>(runs: impl Iterator<Item = &'a [f64]>, p: usize) -> Vec<f64> {
+    let mut out = vec![0.0; p];
+    for own in runs {
+        let (parameters, free) = own.split_at(p);
+        dense::axpy(1.0, parameters, &mut out[..p]);
+        out.extend(free);
+    }
+    out
 }

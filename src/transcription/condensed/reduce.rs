@@ -2,21 +2,31 @@
 //! linear term.
 
 use super::dense::axpy;
-use super::lanes::{self, Kernel};
-use super::run::{Gradient, Place, RunSweep};
+use super::points::{Points, ZERO};
+use super::run::{Place, RunSweep};
 use crate::sqp::Hessian;
 use crate::transcription::constraints::ParameterConstraints;
-use crate::transcription::node::{MAX_SIZE, Output};
+use crate::transcription::lanes::{self, Kernel, LANES, Lanes};
+use crate::transcription::node::Output;
 use pilotage_models::Dynamics;
 
+/// A quadratic model over a run's reduced variables.
+#[derive(Debug, Clone, Default)]
+pub struct Reduced {
+    /// `Σ Zᵀ W Z`, r × r, row-major.
+    pub matrix: Vec<f64>,
+    /// `Σ Zᵀ (g + W [e; 0])`.
+    pub vector: Vec<f64>,
+}
+
 impl RunSweep {
-    /// `Σ Zᵀ W Z` (r × r, row-major) where `δ[Y; θ] = Z ρ + e`: of Gauss–Newton, and, if wanted, of the
-    /// exact Hessian. Forms the rows of the bounded signal, too.
-    pub fn reduce_matrices<D: Dynamics, C: ParameterConstraints>(
+    /// The model with `δ[Y; θ] = Z ρ + [e; 0]`: of Gauss–Newton, and, if wanted, of the exact Hessian.
+    /// Forms the rows of the bounded signal, too.
+    pub fn reduce<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
         exact: bool,
-    ) -> (Vec<f64>, Vec<f64>) {
+    ) -> [Reduced; 2] {
         let w = self.w;
         lanes::run(
             w,
@@ -33,46 +43,50 @@ impl RunSweep {
         &mut self,
         at: Place<'_, D, C>,
         exact: bool,
-    ) -> (Vec<f64>, Vec<f64>) {
+    ) -> [Reduced; 2] {
         let (p, r, model) = (self.p, self.r(), &at.problem.model);
-        let pairs = model.pairs.len();
+        let grid = &at.problem.grids[at.j];
         let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
-        // Halves of the symmetric sums; their transposes are added at the end.
-        let (mut squares, mut curved) = (vec![[0.0; W]; r], vec![[0.0; W]; r]);
+        let pairs = Pairs::of(&model.pairs, self.n);
+        // Halves of the symmetric sums, over the reduced variables and 1, whose row of `S` are the offsets;
+        // their transposes are added at the end.
+        let (mut squares, mut curved) = ([[0.0; W]; W], [[0.0; W]; W]);
+        let mut slope = [0.0; W];
         let mut rows = std::mem::take(&mut self.bounded);
-        for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            let (s, _) = self.s_of(&point.state).as_chunks::<W>();
-            if let Some(sample) = point.sample {
-                let k = sample as usize;
-                let own = self.of_sample(Output::Bounded, k, bounded.len());
-                let row = project(own, bounded, s, p);
+        for points in Points::all(grid) {
+            let group = points.number;
+            let s = points
+                .states_of()
+                .map(|state| self.s_of(state).as_chunks::<W>().0);
+            let gradient = self.gradients[Output::Bounded as usize].group(group);
+            for (lane, k) in points.samples() {
+                let row = project(gradient, lane, bounded, s[lane], p);
                 rows.e[k] = row[r];
                 rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
             }
-            if let Some(k) = self.recorded(point) {
-                let own = self.of_sample(Output::Measured, k, measured.len());
-                let row = project(own, measured, s, p);
-                for (value, out) in row.iter().zip(&mut squares) {
-                    add(0.5 * self.weight[k] * value, &row, out);
-                }
+            let (weight, residual) = (self.weight.group(group)[0], self.residual.group(group)[0]);
+            let gradient = self.gradients[Output::Measured as usize].group(group);
+            let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
+            for lane in 0..points.count {
+                let row = project(gradient, lane, measured, s[lane], p);
+                add(-weight[lane] * residual[lane], &row, &mut slope);
+                (factors[lane], along[lane]) = (row, [0.0; W]);
+                add(0.5 * weight[lane], &row, &mut along[lane]);
             }
+            add_products(&factors, &along, r, &mut squares);
             if exact {
-                let values = &self.second[i * pairs..(i + 1) * pairs];
-                add_pairs(values, &model.pairs, s, &mut curved);
+                pairs.add(self.second.group(group), &s, points.count, r, &mut curved);
             }
         }
         self.bounded = rows;
-        let symmetric = |halves: &[[f64; W]]| -> Vec<f64> {
-            let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
-            (0..r * r).map(|k| entry(k / r, k % r)).collect()
-        };
-        let gauss_newton = symmetric(&squares);
-        let mut full = Vec::new();
+        let gauss_newton = symmetric(&squares, &slope, r);
+        let mut full = Reduced::default();
         if exact {
-            full.clone_from(&gauss_newton);
-            axpy(1.0, &symmetric(&curved), &mut full);
+            full = symmetric(&curved, &[0.0; W], r);
+            axpy(1.0, &gauss_newton.matrix, &mut full.matrix);
+            axpy(1.0, &gauss_newton.vector, &mut full.vector);
         }
-        (gauss_newton, full)
+        [gauss_newton, full]
     }
 
     /// Adds `Σ Zᵀ (g + W [e; 0])` to `vector`.
@@ -98,19 +112,21 @@ impl RunSweep {
         kind: Hessian,
         vector: &mut [f64],
     ) {
-        let (n, p) = (self.n, self.p);
-        let (mut step, mut full): (Gradient, Gradient) = ([0.0; 2 * MAX_SIZE], [0.0; 2 * MAX_SIZE]);
-        let mut sum = [0.0; W];
-        for (i, point) in at.problem.grids[at.j].points.iter().enumerate() {
-            step[..n].copy_from_slice(self.e_of(&point.state));
-            if !self.model_gradient(at, i, kind, &step, &mut full) {
-                continue;
+        let (n, p, model) = (self.n, self.p, &at.problem.model);
+        let grid = &at.problem.grids[at.j];
+        let (mut step, mut full, mut sum) = (ZERO, ZERO, [0.0; W]);
+        for points in Points::all(grid) {
+            points.states(&self.nodes.e, &self.combined.e, n, &mut step);
+            self.model_gradient(model, points.number, kind, &step, &mut full);
+            for lane in 0..points.count {
+                let point = &grid.points[points.number * LANES + lane];
+                let (s, _) = self.s_of(&point.state).as_chunks::<W>();
+                for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| g[lane] != 0.0) {
+                    add(g[lane], s, &mut sum);
+                }
+                let parameters = sum[..p].iter_mut().zip(&full[n..n + p]);
+                parameters.for_each(|(sum, g)| *sum += g[lane]);
             }
-            let (s, _) = self.s_of(&point.state).as_chunks::<W>();
-            for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| **g != 0.0) {
-                add(*g, s, &mut sum);
-            }
-            axpy(1.0, &full[n..n + p], &mut sum[..p]);
         }
         axpy(1.0, &sum, vector);
     }
@@ -123,7 +139,7 @@ struct Reduce<'a, D, C> {
 }
 
 impl<D: Dynamics, C: ParameterConstraints> Kernel for Reduce<'_, D, C> {
-    type Output = (Vec<f64>, Vec<f64>);
+    type Output = [Reduced; 2];
 
     #[inline(always)]
     fn run<const W: usize>(self) -> Self::Output {
@@ -158,7 +174,8 @@ fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
 /// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient at these columns.
 #[inline(always)]
 fn project<const W: usize>(
-    gradient: &[f64],
+    gradient: &[Lanes],
+    lane: usize,
     columns: &[usize],
     s: &[[f64; W]],
     p: usize,
@@ -166,44 +183,102 @@ fn project<const W: usize>(
     let mut out = [0.0; W];
     for (g, &c) in gradient.iter().zip(columns) {
         match c.checked_sub(s.len()) {
-            None => add(*g, &s[c], &mut out),
-            Some(parameter) => out[..p][parameter] += g,
+            None => add(g[lane], &s[c], &mut out),
+            Some(parameter) => out[..p][parameter] += g[lane],
         }
     }
     out
 }
 
-/// Adds `Σ w z_a z_bᵀ` over the pairs `(a, b)`, with `z_a` row `a` of `Z = [S; I]`: half of it for a square,
-/// and of a pair of state and parameter only the order whose row is the parameter's.
+/// Adds `Σ factors alongᵀ` of a group of points to the first `r + 1` rows of a matrix.
 #[inline(always)]
-fn add_pairs<const W: usize>(
-    values: &[f64],
-    pairs: &[(usize, usize)],
-    s: &[[f64; W]],
-    matrix: &mut [[f64; W]],
+fn add_products<const W: usize>(
+    factors: &[[f64; W]; LANES],
+    along: &[[f64; W]; LANES],
+    r: usize,
+    matrix: &mut [[f64; W]; W],
 ) {
-    let n = s.len();
-    let mut rest = values.iter().zip(pairs).peekable();
-    // The pairs come in the order of their first variable.
-    while let Some(&(_, &(a, _))) = rest.peek() {
-        let mut along = [0.0; W];
-        let mut has_states = false;
-        while let Some((w, &(_, b))) = rest.next_if(|(_, pair)| pair.0 == a) {
-            let w = if a == b { 0.5 * w } else { *w };
+    for (i, row) in matrix[..r + 1].iter_mut().enumerate() {
+        for (factors, along) in factors.iter().zip(along) {
+            add(factors[i], along, row);
+        }
+    }
+}
+
+/// Matrix and vector from halves of symmetric sums over the reduced variables and 1.
+fn symmetric<const W: usize>(halves: &[[f64; W]; W], slope: &[f64; W], r: usize) -> Reduced {
+    let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
+    Reduced {
+        matrix: (0..r * r).map(|k| entry(k / r, k % r)).collect(),
+        vector: (0..r).map(|i| entry(i, r) + slope[i]).collect(),
+    }
+}
+
+/// The pairs of variables that have second derivatives, by what they add to the reduced Hessian: their
+/// places among the pairs, and their variables.
+struct Pairs {
+    /// Of states: the first one, and what it goes with.
+    states: Vec<(usize, Vec<OfStates>)>,
+    /// Of a state and a parameter.
+    mixed: Vec<(usize, usize, usize)>,
+    /// Of parameters.
+    parameters: Vec<(usize, usize, usize, f64)>,
+}
+
+/// Place, second state, and a half for a square.
+type OfStates = (usize, usize, f64);
+
+impl Pairs {
+    fn of(pairs: &[(usize, usize)], n: usize) -> Self {
+        let mut out = Self {
+            states: Vec::new(),
+            mixed: Vec::new(),
+            parameters: Vec::new(),
+        };
+        for (k, &(a, b)) in pairs.iter().enumerate() {
+            let half = if a == b { 0.5 } else { 1.0 };
             match (a.checked_sub(n), b.checked_sub(n)) {
-                (None, None) => {
-                    add(w, &s[b], &mut along);
-                    has_states = true;
-                }
-                (None, Some(b)) => add(w, &s[a], &mut matrix[b]),
-                (Some(a), Some(b)) => matrix[a][b] += w,
+                (None, None) => match out.states.last_mut().filter(|own| own.0 == a) {
+                    Some((_, others)) => others.push((k, b, half)),
+                    None => out.states.push((a, vec![(k, b, half)])),
+                },
+                (None, Some(parameter)) => out.mixed.push((k, a, parameter)),
+                (Some(a), Some(b)) => out.parameters.push((k, a, b, half)),
                 (Some(_), None) => unreachable!("pairs are ordered"),
             }
         }
-        if has_states {
-            for (row, v) in matrix.iter_mut().zip(&s[a]) {
-                add(*v, &along, row);
+        out
+    }
+
+    /// Adds `Σ w z_a z_bᵀ` of a group of points, with `z_a` row `a` of `Z = [S; I]`: half of it for a square,
+    /// and of a pair of state and parameter only the order whose row is the parameter's.
+    #[inline(always)]
+    fn add<const W: usize>(
+        &self,
+        values: &[Lanes],
+        s: &[&[[f64; W]]; LANES],
+        count: usize,
+        r: usize,
+        matrix: &mut [[f64; W]; W],
+    ) {
+        for (a, others) in &self.states {
+            let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
+            for lane in 0..count {
+                factors[lane] = s[lane][*a];
+                for &(k, b, half) in others {
+                    add(half * values[k][lane], &s[lane][b], &mut along[lane]);
+                }
             }
+            add_products(&factors, &along, r, matrix);
+        }
+        for &(k, a, parameter) in &self.mixed {
+            for lane in 0..count {
+                add(values[k][lane], &s[lane][a], &mut matrix[parameter]);
+            }
+        }
+        for &(k, a, b, half) in &self.parameters {
+            let sum: f64 = values[k][..count].iter().sum();
+            matrix[a][b] += half * sum;
         }
     }
 }

@@ -5,7 +5,7 @@
 //! Matrices*, 2nd ed. 2017, sections 7.2 and 7.8), on the values of one of them. Each refactorisation
 //! checks its pivots; where one has become too small, the caller orders that matrix anew.
 
-use super::lanes::{LANES, Lanes, less, times};
+use crate::transcription::lanes::{LANES, Lanes, less, times};
 use std::cmp::Ordering;
 use std::ops::Range;
 
@@ -217,27 +217,86 @@ fn inverse(order: &[usize]) -> Vec<usize> {
     out
 }
 
-/// The factors of one of four matrices.
+/// The factors of a matrix of each of `B` groups, for rows of right-hand sides.
 #[derive(Debug, Clone, Copy)]
-pub struct Factors<'a> {
+pub struct Factors<'a, const B: usize> {
     symbolic: &'a Symbolic,
-    lower: &'a [Lanes],
-    upper: &'a [Lanes],
-    inverses: &'a [Lanes],
+    lu: [&'a [Lanes]; B],
     lane: usize,
 }
 
-impl<'a> Factors<'a> {
-    /// Of one of the matrices that were factored together.
+impl<'a, const B: usize> Factors<'a, B> {
+    /// Of the matrix in this lane of each group.
     #[inline(always)]
-    pub fn new(symbolic: &'a Symbolic, lu: &'a [Lanes], lane: usize) -> Self {
-        let (lower, rest) = lu.split_at(symbolic.lower.entries.len());
-        let (upper, inverses) = rest.split_at(symbolic.upper.entries.len());
+    pub fn new(symbolic: &'a Symbolic, lu: [&'a [Lanes]; B], lane: usize) -> Self {
+        Self { symbolic, lu, lane }
+    }
+
+    /// Where each row of a right-hand side has its place.
+    #[inline(always)]
+    pub fn slots(&self) -> &'a [u32] {
+        &self.symbolic.slots
+    }
+
+    /// Solves `A X = Y` for `W` right-hand sides of each matrix in place; the rows of `Y` are at their
+    /// [`slots`](Self::slots).
+    #[inline(always)]
+    pub fn solve<const W: usize>(&self, x: &mut [[[f64; W]; B]]) {
+        let order = self.symbolic;
+        let (lower, upper) = (order.lower.entries.len(), order.upper.entries.len());
+        let places = order.lower.operations.iter().map(|&(to, from)| (to, from));
+        subtract(places, self.lu.map(|lu| &lu[..lower]), self.lane, x);
+        let inverses = self.lu.map(|lu| &lu[lower + upper..]);
+        for (k, to) in order.columns.iter().enumerate() {
+            for (x, inverses) in x[*to].iter_mut().zip(inverses) {
+                let inverse = inverses[k][self.lane % LANES];
+                x.iter_mut().for_each(|v| *v *= inverse);
+            }
+        }
+        let places = order.upper.operations.iter().map(|&(to, from)| (to, from));
+        let own = self.lu.map(|lu| &lu[lower..lower + upper]);
+        subtract(places, own, self.lane, x);
+    }
+}
+
+/// `x_to -= value x_from` for each place, with one lane of each group's values.
+#[inline(always)]
+fn subtract<const B: usize, const W: usize>(
+    places: impl ExactSizeIterator<Item = (u32, u32)>,
+    values: [&[Lanes]; B],
+    lane: usize,
+    x: &mut [[[f64; W]; B]],
+) {
+    let values = values.map(|own| &own[..places.len()]);
+    for (k, (to, from)) in places.enumerate() {
+        let (from, to) = (from as usize, to as usize);
+        for (member, values) in values.iter().enumerate() {
+            let by = x[from][member];
+            take(values[k][lane % LANES], &by, &mut x[to][member]);
+        }
+    }
+}
+
+/// The factors of one of the matrices of each of several groups.
+#[derive(Debug, Clone, Copy)]
+pub struct Together<'a> {
+    symbolic: &'a Symbolic,
+    lower: [&'a [Lanes]; LANES],
+    upper: [&'a [Lanes]; LANES],
+    inverses: [&'a [Lanes]; LANES],
+    lane: usize,
+}
+
+impl<'a> Together<'a> {
+    /// Of the matrix in this lane of each group.
+    #[inline(always)]
+    pub fn new(symbolic: &'a Symbolic, lu: [&'a [Lanes]; LANES], lane: usize) -> Self {
+        let (lower, upper) = (symbolic.lower.entries.len(), symbolic.upper.entries.len());
         Self {
             symbolic,
-            lower,
-            upper,
-            inverses,
+            lower: lu.map(|lu| &lu[..lower]),
+            upper: lu.map(|lu| &lu[lower..lower + upper]),
+            inverses: lu.map(|lu| &lu[lower + upper..]),
             lane,
         }
     }
@@ -248,43 +307,55 @@ impl<'a> Factors<'a> {
         &self.symbolic.slots
     }
 
-    /// Solves `A X = B` for `W` right-hand sides in place; the rows of `B` are at their
-    /// [`slots`](Self::slots).
+    /// Solves `A x = b` in place; the rows of `b` are at their [`slots`](Self::slots).
     #[inline(always)]
-    pub fn solve<const W: usize>(&self, x: &mut [[f64; W]]) {
-        let lane = self.lane;
-        for (&(to, from), l) in self.symbolic.lower.operations.iter().zip(self.lower) {
-            let (by, factor) = (x[from as usize], l[lane]);
-            take(factor, &by, &mut x[to as usize]);
+    pub fn solve(&self, x: &mut [Lanes]) {
+        let (order, lane) = (self.symbolic, self.lane);
+        let lower = order.lower.operations.iter();
+        for (&(to, from), l) in lower.zip(gathered(self.lower, lane)) {
+            x[to as usize] = less(x[to as usize], l, x[from as usize]);
         }
-        for (to, inverse) in self.symbolic.columns.iter().zip(self.inverses) {
-            x[*to].iter_mut().for_each(|v| *v *= inverse[lane]);
+        for (to, inverse) in order.columns.iter().zip(gathered(self.inverses, lane)) {
+            x[*to] = times(x[*to], inverse);
         }
-        for (&(to, from), u) in self.symbolic.upper.operations.iter().zip(self.upper) {
-            let (by, factor) = (x[from as usize], u[lane]);
-            take(factor, &by, &mut x[to as usize]);
+        let upper = order.upper.operations.iter();
+        for (&(to, from), u) in upper.zip(gathered(self.upper, lane)) {
+            x[to as usize] = less(x[to as usize], u, x[from as usize]);
         }
     }
 
-    /// Solves `Aᵀ x = b` for one right-hand side, which stands in `b` and is lost.
+    /// Solves `Aᵀ x = b`; what stands in `b` is lost.
     #[inline(always)]
-    pub fn solve_transposed(&self, b: &mut [f64], x: &mut [f64]) {
+    pub fn solve_transposed(&self, b: &mut [Lanes], x: &mut [Lanes]) {
         let (order, lane) = (self.symbolic, self.lane);
-        let upper = order.upper.operations.iter().zip(self.upper);
-        for (&(from, to), u) in upper.rev() {
-            b[to as usize] -= u[lane] * b[from as usize];
+        let upper = order.upper.operations.iter();
+        for (&(from, to), u) in upper.zip(gathered(self.upper, lane)).rev() {
+            b[to as usize] = less(b[to as usize], u, b[from as usize]);
         }
-        for (to, inverse) in order.columns.iter().zip(self.inverses) {
-            b[*to] *= inverse[lane];
+        for (to, inverse) in order.columns.iter().zip(gathered(self.inverses, lane)) {
+            b[*to] = times(b[*to], inverse);
         }
-        let lower = order.lower.operations.iter().zip(self.lower);
-        for (&(from, to), l) in lower.rev() {
-            b[to as usize] -= l[lane] * b[from as usize];
+        let lower = order.lower.operations.iter();
+        for (&(from, to), l) in lower.zip(gathered(self.lower, lane)).rev() {
+            b[to as usize] = less(b[to as usize], l, b[from as usize]);
         }
         for (x, slot) in x.iter_mut().zip(&order.slots) {
             *x = b[*slot as usize];
         }
     }
+}
+
+/// One lane of each group's numbers.
+#[inline(always)]
+pub fn gathered(
+    groups: [&[Lanes]; LANES],
+    lane: usize,
+) -> impl DoubleEndedIterator<Item = Lanes> + ExactSizeIterator {
+    // Within the group, as the compiler can see.
+    let lane = lane % LANES;
+    let [a, b, c, d] = groups;
+    let all = a.iter().zip(b).zip(c).zip(d);
+    all.map(move |(((a, b), c), d)| [a[lane], b[lane], c[lane], d[lane]])
 }
 
 /// `y -= a x`.
@@ -353,7 +424,7 @@ fn combined(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{DMatrix, DVector};
+    use nalgebra::DMatrix;
     use proptest::prelude::*;
 
     fn dense(size: usize, entries: &[(usize, usize, f64)]) -> DMatrix<f64> {
@@ -415,19 +486,30 @@ mod tests {
             prop_assert!(lanes[0] && lanes[2]);
             for (lane, entries) in matrices.iter().enumerate().filter(|(lane, _)| lanes[*lane]) {
                 let a = dense(size, entries);
-                let factors = Factors::new(&symbolic, &lu, lane);
+                let factors = Factors::new(&symbolic, [&lu; 2], lane);
                 let scale = 1.0 + a.clone().try_inverse().map_or(0.0, |i| i.amax());
                 let (columns, _) = b[..3 * size].as_chunks::<3>();
-                let mut x = vec![[0.0; 3]; size];
+                let mut x = vec![[[0.0; 3]; 2]; size];
                 let slots = factors.slots().iter().zip(columns);
-                slots.for_each(|(slot, row)| x[*slot as usize] = *row);
+                slots.for_each(|(slot, row)| x[*slot as usize] = [[0.0; 3], *row]);
                 factors.solve(&mut x);
-                let x = DMatrix::from_row_slice(size, 3, x.as_flattened());
+                prop_assert!(x.iter().all(|[zero, _]| *zero == [0.0; 3]));
+                let x = DMatrix::from_fn(size, 3, |i, j| x[i][1][j]);
                 let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
-                let mut x = vec![0.0; size];
-                factors.solve_transposed(&mut b[..size].to_vec(), &mut x);
-                prop_assert!((a.transpose() * DVector::from_vec(x) - DVector::from_column_slice(&b[..size])).amax() < 1e-9 * scale);
+                // The same of all groups, for one right-hand side in each lane.
+                let together = Together::new(&symbolic, [&lu; LANES], lane);
+                let right = DMatrix::from_fn(size, LANES, |i, l| b[(i + 3 * l) % b.len()]);
+                let of_row = |i: usize| -> Lanes { std::array::from_fn(|l| right[(i, l)]) };
+                let matrix = |x: &[Lanes]| DMatrix::from_fn(size, LANES, |i, l| x[i][l]);
+                let mut x = vec![[0.0; LANES]; size];
+                let slots = together.slots().iter().enumerate();
+                slots.for_each(|(i, slot)| x[*slot as usize] = of_row(i));
+                together.solve(&mut x);
+                prop_assert!((&a * matrix(&x) - &right).amax() < 1e-9 * scale);
+                let mut rows: Vec<Lanes> = (0..size).map(of_row).collect();
+                together.solve_transposed(&mut rows, &mut x);
+                prop_assert!((a.transpose() * matrix(&x) - right).amax() < 1e-9 * scale);
             }
         }
     }

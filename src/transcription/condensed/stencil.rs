@@ -12,9 +12,9 @@
 //! takes derivatives of earlier ones (compressed schemes), the three are formed as dense blocks.
 
 use super::dense::axpy;
-use super::lanes::{LANES, Lanes, less};
-use super::sparse_lu::{Symbolic, take};
+use super::sparse_lu::{Symbolic, gathered, take};
 use crate::transcription::grid::{Element, Grid};
+use crate::transcription::lanes::{Grouped, LANES, Lanes, less, plus};
 use crate::transcription::tableau::{Tableau, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -192,9 +192,11 @@ impl Assembly {
         for (out, (constant, slope)) in out.iter_mut().zip(values) {
             *out = std::array::from_fn(|l| constant + at.h[l] * slope);
         }
+        let jacobians = at.jacobians.flat();
         for stamp in &self.own {
             let points = &at.points[stamp.point as usize];
-            let values = points.map(|first| at.jacobians[first + stamp.entry as usize]);
+            let entry = LANES * stamp.entry as usize;
+            let values = points.map(|first| jacobians[first + entry]);
             let factors = at.h.map(|h| h * stamp.factor);
             let out = &mut out[stamp.target as usize];
             *out = less(*out, factors, values);
@@ -253,8 +255,7 @@ impl Stencil {
             return self.blocks(at, lane).m;
         }
         let mut assembly = self.m.assembly(shared, None);
-        let jacobian = &at.jacobians[at.points[0][lane]..];
-        assembly.refresh(jacobian);
+        assembly.refresh(&at.jacobian(0, lane));
         let mut out = vec![[0.0; LANES]; assembly.len()];
         assembly.fill(at, &mut out);
         out.iter().map(|v| v[lane]).collect()
@@ -323,37 +324,67 @@ impl Stencil {
         self.parameters.fill(at, b);
     }
 
-    /// Adds `-K_0 from` to a right-hand side whose rows are at these slots, with one lane of `K_0`.
+    /// Adds `-K_0 from` to right-hand sides of `B` runs whose rows are at these slots, with one lane of
+    /// their `K_0`.
     #[inline(always)]
-    pub fn start<const W: usize>(
+    pub fn start<const B: usize, const W: usize>(
         &self,
-        (k0, lane): (&[Lanes], usize),
-        from: &[[f64; W]],
-        (slots, to): (&[u32], &mut [[f64; W]]),
+        (k0, lane): ([&[Lanes]; B], usize),
+        from: &[[[f64; W]; B]],
+        (slots, to): (&[u32], &mut [[[f64; W]; B]]),
     ) {
-        for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
-            let slot = slots[*row as usize] as usize;
-            take(value[lane], &from[*column as usize], &mut to[slot]);
+        let k0 = k0.map(|k0| &k0[..self.k0.places.len()]);
+        for (k, (row, column)) in self.k0.places.iter().enumerate() {
+            let from = &from[*column as usize];
+            let to = &mut to[slots[*row as usize] as usize];
+            for (member, k0) in k0.iter().enumerate() {
+                let by = from[member];
+                take(k0[k][lane % LANES], &by, &mut to[member]);
+            }
         }
     }
 
-    /// `out += K_0ᵀ λ`.
+    /// The same for one right-hand side of several runs, with their `K_0`.
     #[inline(always)]
-    pub fn start_transposed(&self, (k0, lane): (&[Lanes], usize), lambda: &[f64], out: &mut [f64]) {
-        for (value, (row, column)) in k0.iter().zip(&self.k0.places) {
-            out[*column as usize] += value[lane] * lambda[*row as usize];
+    pub fn start_together(
+        &self,
+        (k0, lane): ([&[Lanes]; LANES], usize),
+        from: &[Lanes],
+        (slots, to): (&[u32], &mut [Lanes]),
+    ) {
+        for (value, (row, column)) in gathered(k0, lane).zip(&self.k0.places) {
+            let to = &mut to[slots[*row as usize] as usize];
+            *to = less(*to, value, from[*column as usize]);
         }
     }
 
-    /// Adds `-B`, whose columns are the first `p`, to a right-hand side whose rows are at these slots.
+    /// `out += K_0ᵀ λ` of several runs.
     #[inline(always)]
-    pub fn parameters<const W: usize>(
+    pub fn start_transposed(
         &self,
-        (b, lane): (&[Lanes], usize),
-        (slots, to): (&[u32], &mut [[f64; W]]),
+        (k0, lane): ([&[Lanes]; LANES], usize),
+        lambda: &[Lanes],
+        out: &mut [Lanes],
     ) {
-        for (value, (row, column)) in b.iter().zip(&self.b.places) {
-            to[slots[*row as usize] as usize][*column as usize] -= value[lane];
+        for (value, (row, column)) in gathered(k0, lane).zip(&self.k0.places) {
+            let out = &mut out[*column as usize];
+            *out = plus(*out, value, lambda[*row as usize]);
+        }
+    }
+
+    /// Adds `-B`, whose columns are the first `p`, to right-hand sides whose rows are at these slots.
+    #[inline(always)]
+    pub fn parameters<const B: usize, const W: usize>(
+        &self,
+        (b, lane): ([&[Lanes]; B], usize),
+        (slots, to): (&[u32], &mut [[[f64; W]; B]]),
+    ) {
+        let b = b.map(|b| &b[..self.b.places.len()]);
+        for (k, (row, column)) in self.b.places.iter().enumerate() {
+            let to = &mut to[slots[*row as usize] as usize];
+            for (to, b) in to.iter_mut().zip(b) {
+                to[*column as usize] -= b[k][lane % LANES];
+            }
         }
     }
 }
@@ -414,9 +445,9 @@ fn weights(value: &Value) -> Vec<(usize, f64)> {
 #[derive(Debug)]
 pub struct Group<'a> {
     h: Lanes,
-    /// For each point of the tableau.
+    /// Where the Jacobian of each point of the tableau begins.
     points: &'a [[usize; LANES]],
-    jacobians: &'a [f64],
+    jacobians: &'a Grouped,
 }
 
 impl<'a> Group<'a> {
@@ -424,13 +455,11 @@ impl<'a> Group<'a> {
     pub fn new(
         grid: &Grid,
         elements: [&Element; LANES],
-        stencil: &Stencil,
-        jacobians: &'a [f64],
+        jacobians: &'a Grouped,
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Self {
-        let entries = stencil.jacobian.len();
         let lists = elements.map(|element| grid.points_of(element));
-        let starts = |k: usize| lists.map(|list| list[k] as usize * entries);
+        let starts = |k: usize| lists.map(|list| jacobians.first(list[k] as usize));
         points.clear();
         points.extend((0..lists[0].len()).map(starts));
         Self {
@@ -438,6 +467,12 @@ impl<'a> Group<'a> {
             points,
             jacobians,
         }
+    }
+
+    /// The Jacobian at a point of the tableau, of one of the elements.
+    fn jacobian(&self, point: usize, lane: usize) -> Vec<f64> {
+        let own = self.jacobians.flat()[self.points[point][lane]..].iter();
+        own.step_by(LANES).copied().collect()
     }
 }
 
@@ -466,9 +501,8 @@ impl Stencil {
                     .for_each(|&(k, q)| axpy(h * q, &derivatives[k], &mut tangent));
             }
             let mut derivative = vec![0.0; n * columns];
-            let first = at.points[i][lane];
-            let values = &at.jacobians[first..first + self.jacobian.len()];
-            for (&(l, c), v) in self.jacobian.iter().zip(values) {
+            let values = at.jacobian(i, lane);
+            for (&(l, c), v) in self.jacobian.iter().zip(&values) {
                 let own = &mut derivative[l * columns..(l + 1) * columns];
                 match c.checked_sub(n) {
                     None => axpy(*v, &tangent[c * columns..(c + 1) * columns], own),

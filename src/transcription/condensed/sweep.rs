@@ -1,79 +1,68 @@
-//! The elimination of one run's states: forward for sensitivities, offsets and steps, backward for
-//! multipliers.
+//! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
+//! ([`super::bundle`]).
 
-use super::Stencils;
 use super::dense::axpy;
-use super::lanes::{Kernel, LANES, run};
 use super::run::{Place, RunSweep};
-use super::sparse_lu::Factors;
 use super::stencil::{Group, Order, Stencil};
+use super::stencils::Stencils;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
+use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Task};
 use pilotage_models::Dynamics;
 use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {
-    kind: usize,
+    pub kind: usize,
     /// First element.
-    first: usize,
+    pub first: usize,
     /// Number of elements; the lanes beyond repeat the last one.
     count: usize,
-    /// First entries of its factors and of its `K_0`.
+    /// First entries of its factors, of its `K_0` and of its `B`.
     lu: usize,
     k0: usize,
+    b: usize,
 }
 
 impl RunSweep {
-    /// Factors every element's matrix and sweeps forward for the sensitivities `S` and the offsets `e`
-    /// that remove the run's constraint values `c`. False when an element is singular or something is not
-    /// finite.
-    pub fn eliminate<D: Dynamics, C: ParameterConstraints>(
+    /// Forms and factors every element's matrices. False when an element is singular.
+    pub fn factor<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         at: Place<'_, D, C>,
         stencils: &Stencils,
-        c: &[f64],
     ) -> bool {
         let grid = &at.problem.grids[at.j];
         self.divide(grid, stencils, at.j);
         self.special.clear();
-        let shared = &at.problem.model.shared;
-        let mut flat = std::mem::take(&mut self.nodes.s);
-        let (r, w) = (self.r(), self.w);
-        let kernel = Forward {
+        lanes::vectorised(Factor {
             own: self,
             grid,
             stencils,
-            shared,
-            c,
-            flat: &mut flat,
-        };
-        let swept = run(w, kernel);
-        let offsets = self.nodes.e.iter_mut().zip(flat.chunks_exact(w));
-        offsets.for_each(|(e, row)| *e = row[r]);
-        self.nodes.s = flat;
-        if grid.combinations > 0 {
+            shared: &at.problem.model.shared,
+        })
+    }
+
+    /// What follows from the sensitivities of the unknowns: those of combinations, all offsets, and the
+    /// growth. False when something is not finite.
+    pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
+        let (r, w) = (self.r(), self.w);
+        if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
             self.combine(at, nodes, &mut combined, w, Of::Sensitivities);
             self.combined.s = combined;
-            let offsets = (self.combined.e.iter_mut()).zip(self.combined.s.chunks_exact(w));
+        }
+        for rows in [&mut self.nodes, &mut self.combined] {
+            let offsets = rows.e.iter_mut().zip(rows.s.chunks_exact(w));
             offsets.for_each(|(e, row)| *e = row[r]);
         }
-        let (mut largest, mut sums) = (vec![0.0_f64; w], vec![0.0; w]);
-        for row in self.nodes.s.chunks_exact(w) {
-            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
-                *largest = if v.abs() > *largest {
-                    v.abs()
-                } else {
-                    *largest
-                };
-                // Zero times infinity or NaN is NaN.
-                *sum += 0.0 * v;
-            }
-        }
-        self.growth = largest[..r].iter().copied().fold(0.0, f64::max);
-        swept && sums.iter().all(|sum| *sum == 0.0)
+        let extent = Extent {
+            s: &self.nodes.s,
+            r,
+        };
+        let (growth, is_finite) = lanes::run(w, extent);
+        self.growth = growth;
+        is_finite
     }
 
     /// Divides the elements into groups at the first use: the orders of their kinds never change.
@@ -81,7 +70,7 @@ impl RunSweep {
         if !self.spans.is_empty() {
             return;
         }
-        let (mut spans, mut lu, mut k0) = (Vec::new(), 0, 0);
+        let (mut spans, mut lu, mut k0, mut b) = (Vec::new(), 0, 0, 0);
         let kinds = &stencils.kind[j];
         let mut first = 0;
         while first < grid.elements.len() {
@@ -95,25 +84,22 @@ impl RunSweep {
                 count,
                 lu,
                 k0,
+                b,
             });
             let (stencil, order) = &stencils.kinds[kind];
             lu += order.symbolic.entries();
             k0 += stencil.start.len();
+            b += stencil.parameters.len();
             first += count;
         }
         self.spans = spans;
         self.lu.resize(lu, [0.0; LANES]);
         self.k0.resize(k0, [0.0; LANES]);
+        self.b.resize(b, [0.0; LANES]);
     }
 
-    /// Forward sweep for the offsets `e` that remove the constraint values `c` (of the run).
-    pub fn sweep_offsets<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        c: &[f64],
-    ) {
-        self.offsets(at, stencils, c);
+    /// What else has offsets, once the unknowns have them.
+    pub fn complete_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) {
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.e, std::mem::take(&mut self.combined.e));
             self.combine(at, nodes, &mut combined, 1, Of::Offsets);
@@ -122,85 +108,17 @@ impl RunSweep {
         self.offset_bounded(at);
     }
 
-    #[inline(always)]
-    fn offsets<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        c: &[f64],
-    ) {
-        let n = self.n;
-        let grid = &at.problem.grids[at.j];
-        let (known, c) = c.split_at(n - self.free.len());
-        let mut flat = std::mem::take(&mut self.nodes.e);
-        flat[..n].fill(0.0);
-        let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, value)| flat[i] = -value);
-        let (e, _) = flat.as_chunks_mut::<1>();
-        for (span, lane) in self.lanes() {
-            let (stencil, order) = &stencils.kinds[span.kind];
-            let first = grid.elements[span.first + lane].first * n;
-            let (done, rest) = e.split_at_mut(first + n);
-            let x = &mut rest[..stencil.size()];
-            let k0 = &self.k0[span.k0(stencil)];
-            let factors = self.factors(span, lane, order);
-            let slots = factors.slots();
-            for (slot, c) in slots.iter().zip(&c[first..]) {
-                x[*slot as usize] = [-c];
-            }
-            stencil.start((k0, lane), &done[first..], (slots, x));
-            factors.solve(x);
-        }
-        self.nodes.e = flat;
-    }
-
-    /// Backward over the elements: the multipliers of the run's equalities from the derivatives `right`
-    /// of the rest of the Lagrangian's model by the unknowns.
-    #[inline(always)]
-    pub(super) fn eliminate_backward<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-        lambda: &mut [f64],
-    ) {
-        let n = self.n;
-        let grid = &at.problem.grids[at.j];
-        let (known, lambda) = lambda.split_at_mut(n - self.free.len());
-        let mut right = std::mem::take(&mut self.right);
-        let mut pivots = std::mem::take(&mut self.work.pivots);
-        for (span, lane) in self.lanes().rev() {
-            let (stencil, order) = &stencils.kinds[span.kind];
-            let first = grid.elements[span.first + lane].first * n;
-            let rows = &mut lambda[first..first + stencil.size()];
-            let (head, tail) = right.split_at_mut(first + n);
-            let b = &mut pivots[..stencil.size()];
-            b.iter_mut().zip(tail).for_each(|(b, v)| *b = -*v);
-            self.factors(span, lane, order).solve_transposed(b, rows);
-            let k0 = &self.k0[span.k0(stencil)];
-            stencil.start_transposed((k0, lane), rows, &mut head[first..]);
-        }
-        self.work.pivots = pivots;
-        let places = (0..n).filter(|i| !self.free.contains(i));
-        places.zip(known).for_each(|(i, out)| *out = -right[i]);
-        self.right = right;
-    }
-
     /// All elements in time order: group and lane.
     #[inline(always)]
-    fn lanes(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
+    pub(super) fn elements(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
         let spans = self.spans.iter();
         spans.flat_map(|span| (0..span.count).map(move |lane| (span, lane)))
     }
 
-    /// The factors of an element.
+    /// The states whose initial values are known.
     #[inline(always)]
-    fn factors<'a>(&'a self, span: &Span, lane: usize, order: &'a Order) -> Factors<'a> {
-        if !self.special.is_empty()
-            && let Some((symbolic, lu)) = self.special.get(&(span.first + lane))
-        {
-            return Factors::new(symbolic, lu, 0);
-        }
-        Factors::new(&order.symbolic, &self.lu[span.lu(order)], lane)
+    pub(super) fn known(&self) -> impl Iterator<Item = usize> {
+        (0..self.n).filter(|i| !self.free.contains(i))
     }
 
     /// Rows of the points that are combinations, from those of the unknowns:
@@ -227,8 +145,7 @@ impl RunSweep {
             }
             for &(l, q) in &c.q {
                 let from = grid.points[l].state.of(nodes, done, size);
-                let jacobian = &self.jacobian[l * entries.len()..(l + 1) * entries.len()];
-                for (value, &(i, column)) in jacobian.iter().zip(entries) {
+                for (value, &(i, column)) in self.jacobian.of(l).zip(entries) {
                     match column.checked_sub(n) {
                         None => {
                             let source = &from[column * columns..(column + 1) * columns];
@@ -252,122 +169,117 @@ enum Of {
     Offsets,
 }
 
-/// The forward sweep of a run.
-struct Forward<'a> {
+/// [`RunSweep::factor`] in groups.
+struct Factor<'a> {
     own: &'a mut RunSweep,
     grid: &'a Grid,
     stencils: &'a Stencils,
     shared: &'a [bool],
-    c: &'a [f64],
-    /// Rows `S`.
-    flat: &'a mut [f64],
 }
 
-impl Kernel for Forward<'_> {
-    /// False when an element is singular.
+impl Task for Factor<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<const W: usize>(self) -> bool {
+    fn run(self) -> bool {
         let Self {
             own,
             grid,
             stencils,
             shared,
-            c,
-            flat,
         } = self;
-        let (n, p, r) = (own.n, own.p, own.r());
-        let (known, c) = c.split_at(n - own.free.len());
-        let (s, _) = flat.as_chunks_mut::<W>();
-        s[..n].fill([0.0; W]);
-        for (l, &i) in own.free.iter().enumerate() {
-            s[i][p + l] = 1.0;
-        }
-        let places = (0..n).filter(|i| !own.free.contains(i));
-        places.zip(known).for_each(|(i, value)| s[i][r] = -value);
         let mut work = std::mem::take(&mut own.work);
-        let (mut lu, mut k0) = (std::mem::take(&mut own.lu), std::mem::take(&mut own.k0));
         let mut regular = true;
         'spans: for span in &own.spans {
             let (stencil, order) = &stencils.kinds[span.kind];
-            let size = stencil.size();
-            let (lu, k0) = (&mut lu[span.lu(order)], &mut k0[span.k0(stencil)]);
-            let group = span.group(grid, stencil, &own.jacobian, &mut work.points);
-            work.parameters
-                .resize(stencil.parameters.len(), [0.0; LANES]);
-            let b = &mut work.parameters;
+            let lu = &mut own.lu[span.lu(order)];
+            let (k0, b) = (&mut own.k0[span.k0(stencil)], &mut own.b[span.b(stencil)]);
+            let group = span.group(grid, &own.jacobian, &mut work.points);
             stencil.fill(order, &group, (lu, k0, b));
-            let lanes = order.symbolic.factor(lu, &mut work.lanes[..size]);
+            let lanes = order.symbolic.factor(lu, &mut work.lanes[..stencil.size()]);
             for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
                 if *is_regular {
                     continue;
                 }
-                let Some((symbolic, alone)) = stencil.factor_alone(&group, lane, shared) else {
+                let Some(alone) = stencil.factor_alone(&group, lane, shared) else {
                     regular = false;
                     break 'spans;
                 };
-                own.special.insert(span.first + lane, (symbolic, alone));
-            }
-            for lane in 0..span.count {
-                let first = grid.elements[span.first + lane].first * n;
-                let (done, rest) = s.split_at_mut(first + n);
-                let x = &mut rest[..size];
-                let factors = match own.special.get(&(span.first + lane)) {
-                    None => Factors::new(&order.symbolic, lu, lane),
-                    Some((symbolic, lu)) => Factors::new(symbolic, lu, 0),
-                };
-                let slots = factors.slots();
-                x.fill([0.0; W]);
-                for (slot, c) in slots.iter().zip(&c[first..]) {
-                    x[*slot as usize][r] = -c;
-                }
-                stencil.start((k0, lane), &done[first..], (slots, x));
-                stencil.parameters((b, lane), (slots, x));
-                factors.solve(x);
+                own.special.insert(span.first + lane, alone);
             }
         }
-        (own.work, own.lu, own.k0) = (work, lu, k0);
+        own.work = work;
         regular
+    }
+}
+
+/// The largest magnitude in the first `r` columns of rows, and whether all numbers are finite.
+struct Extent<'a> {
+    s: &'a [f64],
+    r: usize,
+}
+
+impl Kernel for Extent<'_> {
+    type Output = (f64, bool);
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> (f64, bool) {
+        let (rows, _) = self.s.as_chunks::<W>();
+        let (mut largest, mut sums) = ([0.0_f64; W], [0.0; W]);
+        for row in rows {
+            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
+                *largest = if v.abs() > *largest {
+                    v.abs()
+                } else {
+                    *largest
+                };
+                // Zero times infinity or NaN is NaN.
+                *sum += 0.0 * v;
+            }
+        }
+        let growth = largest[..self.r].iter().copied().fold(0.0, f64::max);
+        (growth, sums.iter().all(|sum| *sum == 0.0))
     }
 }
 
 impl Span {
     /// Places of its factors.
-    fn lu(&self, order: &Order) -> Range<usize> {
+    pub fn lu(&self, order: &Order) -> Range<usize> {
         self.lu..self.lu + order.symbolic.entries()
     }
 
     /// Places of its `K_0`.
-    fn k0(&self, stencil: &Stencil) -> Range<usize> {
+    pub fn k0(&self, stencil: &Stencil) -> Range<usize> {
         self.k0..self.k0 + stencil.start.len()
+    }
+
+    /// Places of its `B`.
+    pub fn b(&self, stencil: &Stencil) -> Range<usize> {
+        self.b..self.b + stencil.parameters.len()
     }
 
     /// The elements with their Jacobians; `points` is scratch.
     fn group<'a>(
         &self,
         grid: &Grid,
-        stencil: &Stencil,
-        jacobians: &'a [f64],
+        jacobians: &'a Grouped,
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Group<'a> {
         let last = self.first + self.count - 1;
         let elements = std::array::from_fn(|lane| &grid.elements[last.min(self.first + lane)]);
-        Group::new(grid, elements, stencil, jacobians, points)
+        Group::new(grid, elements, jacobians, points)
     }
 }
 
 impl Stencils {
-    /// A group of one element of run `j`.
+    /// A group of one element.
     pub(super) fn alone<'a>(
-        &self,
         grid: &Grid,
-        (j, element): (usize, usize),
-        jacobians: &'a [f64],
+        element: usize,
+        jacobians: &'a Grouped,
         points: &'a mut Vec<[usize; LANES]>,
     ) -> Group<'a> {
-        let (stencil, _) = &self.kinds[self.kind[j][element] as usize];
         let elements = [&grid.elements[element]; LANES];
-        Group::new(grid, elements, stencil, jacobians, points)
+        Group::new(grid, elements, jacobians, points)
     }
 }

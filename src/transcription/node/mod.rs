@@ -1,27 +1,29 @@
 //! Values and derivatives of the model at one point, in scaled variables.
 //!
-//! First derivatives come from dual numbers with several parts, second derivatives from hyper-dual
-//! numbers for the variables that enter nonlinearly. Which derivatives are ever other than zero, and
-//! which never change from point to point, is found once by evaluating the model at random points
-//! (`patterns`).
+//! Derivatives come from [`Jet`]s: first ones by several variables at a time, second ones by those that
+//! enter nonlinearly, at a group of points at once. Which derivatives are ever other than zero, and which
+//! never change from point to point, is found once by evaluating the model at random points (`patterns`).
 
 mod derivatives;
+mod jet;
 mod patterns;
 
 pub use derivatives::Derivatives;
 
-use num_dual::{Derivative, DualSVec64, HyperDualSVec64};
+use super::lanes::{LANES, Lanes, scaled, side_by_side};
+use jet::Jet;
 use pilotage_models::{Dynamics, Scalar};
 
 /// Largest number of states or parameters; a point's numbers stay on the stack.
 pub const MAX_SIZE: usize = 16;
-/// Derivative parts of a dual number.
+/// Variables by which first derivatives are taken at a time.
 const PARTS: usize = 4;
-/// Derivative parts of a hyper-dual number, each way.
-const BLOCK: usize = 3;
+/// Variables by which second derivatives are taken at a time.
+const CURVED: usize = 3;
 
-type Dual = DualSVec64<PARTS>;
-type HyperDual = HyperDualSVec64<BLOCK, BLOCK>;
+type Plain = Jet<0, 0>;
+type Linear = Jet<PARTS, 0>;
+type Quadratic = Jet<CURVED, 6>;
 
 /// Typical magnitudes, by which variables are divided.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,10 +60,8 @@ pub struct NodeModel<D> {
     affine: Affine,
     /// Second derivatives that never change: pair, and rows of `[f̄; measured; bounded]` with values.
     constant: Vec<(usize, Vec<(usize, f64)>)>,
-    /// Variables of the other pairs, in blocks.
-    curved: Vec<usize>,
-    /// What each pair of blocks of `curved` gives.
-    curved_blocks: Vec<CurvedBlock>,
+    /// The other pairs, by groups of variables that contain them.
+    curved: Vec<Curved>,
 }
 
 /// An output of the model: a place in [`NodeModel::outputs`].
@@ -92,40 +92,40 @@ struct AffineValues {
     states: Vec<(usize, usize, f64)>,
 }
 
-/// Second derivatives by the variables of one block and those of another.
-#[derive(Debug, Clone)]
-struct CurvedBlock {
-    rows: usize,
-    columns: usize,
+/// Second derivatives by a few variables.
+#[derive(Debug, Clone, Default)]
+struct Curved {
+    /// [`CURVED`] of them at most.
+    variables: Vec<usize>,
     pairs: Vec<CurvedPair>,
 }
 
 #[derive(Debug, Clone)]
 struct CurvedPair {
-    /// Place in the block.
-    i: usize,
-    j: usize,
+    /// Place among the second derivatives of [`Quadratic`].
+    place: usize,
     /// Place in [`NodeModel::pairs`].
     pair: usize,
     /// Rows of `[f̄; measured; bounded]` whose derivatives are not always zero.
     rows: Vec<usize>,
 }
 
-/// Weights of a point's contribution `Σ_i f_i f̄_i + m·measured + b·bounded` to the Lagrangian.
+/// Weights of each point's contribution `Σ_i f_i f̄_i + m·measured + b·bounded` to the Lagrangian.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights<'a> {
     /// Of `f̄`.
-    pub f: &'a [f64],
+    pub f: &'a [Lanes],
     /// Of the measured output.
-    pub measured: f64,
+    pub measured: Lanes,
     /// Of the bounded signal.
-    pub bounded: f64,
+    pub bounded: Lanes,
 }
 
-/// A model's states, parameters and derivatives in some number type.
+/// A model's states, inputs, parameters and derivatives in some number type.
 #[derive(Debug, Clone)]
 struct Numbers<T> {
     x: [T; MAX_SIZE],
+    w: Vec<T>,
     theta: [T; MAX_SIZE],
     dx: [T; MAX_SIZE],
 }
@@ -134,25 +134,46 @@ struct Numbers<T> {
 #[derive(Debug)]
 pub struct Values<'m, D> {
     model: &'m NodeModel<D>,
-    at: Numbers<f64>,
+    at: Numbers<Plain>,
 }
 
 impl<D: Dynamics> Values<'_, D> {
-    /// Appends `f̄` at a point to `f` and returns the measured output and the bounded signal.
-    #[inline]
-    pub fn evaluate(&mut self, x: &[f64], input: &[f64], f: &mut Vec<f64>) -> (f64, f64) {
-        self.set(x);
-        self.model.evaluate(&mut self.at, input);
-        let scaled = self.at.dx.iter().zip(&self.model.inverse);
-        f.extend(scaled.map(|(dx, inverse)| dx * inverse));
-        self.model.outputs_of(&self.at, input)
+    /// Writes `f̄` at a group of points with these scaled states and these inputs to `f`, and returns the
+    /// measured outputs and the bounded signals.
+    #[inline(always)]
+    pub fn evaluate(
+        &mut self,
+        x: [&[f64]; LANES],
+        input: [&[f64]; LANES],
+        f: &mut [Lanes],
+    ) -> (Lanes, Lanes) {
+        let model = self.model;
+        let mut states = [[0.0; LANES]; MAX_SIZE];
+        side_by_side(x, &mut states[..model.n_states()]);
+        self.set(&states, input);
+        model.evaluate(&mut self.at);
+        for ((f, dx), inverse) in f.iter_mut().zip(&self.at.dx).zip(&model.inverse) {
+            *f = scaled(*inverse, dx.value);
+        }
+        self.outputs()
     }
 
-    fn set(&mut self, x: &[f64]) {
-        let scaled = x.iter().zip(&self.model.scales.states);
-        for (out, (x, scale)) in self.at.x.iter_mut().zip(scaled) {
-            *out = x * scale;
+    /// The points at which the model is evaluated: scaled states, and inputs.
+    #[inline(always)]
+    fn set(&mut self, x: &[Lanes; MAX_SIZE], input: [&[f64]; LANES]) {
+        let states = x.iter().zip(&self.model.scales.states);
+        for (out, (x, scale)) in self.at.x.iter_mut().zip(states) {
+            out.value = scaled(*scale, *x);
         }
+        for (i, w) in self.at.w.iter_mut().enumerate() {
+            w.value = input.map(|own| own[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn outputs(&self) -> (Lanes, Lanes) {
+        let (measured, bounded) = self.model.outputs_of(&self.at);
+        (measured.value, bounded.value)
     }
 }
 
@@ -180,7 +201,6 @@ impl<D: Dynamics> NodeModel<D> {
             affine: Affine::default(),
             constant: Vec::new(),
             curved: Vec::new(),
-            curved_blocks: Vec::new(),
         };
         model.find_patterns();
         model
@@ -200,7 +220,7 @@ impl<D: Dynamics> NodeModel<D> {
     pub fn values(&self, theta: &[f64]) -> Values<'_, D> {
         Values {
             model: self,
-            at: self.numbers(theta, |v| v),
+            at: self.numbers(theta),
         }
     }
 
@@ -217,70 +237,47 @@ impl<D: Dynamics> NodeModel<D> {
     }
 
     /// Numbers with this θ, at the states' origin.
-    fn numbers<T: Scalar>(&self, theta: &[f64], lift: impl Fn(f64) -> T) -> Numbers<T> {
-        let zero = lift(0.0);
+    fn numbers<T: Scalar>(&self, theta: &[f64]) -> Numbers<T> {
+        let zero = T::from(0.0);
         let mut out = Numbers {
             x: [zero; MAX_SIZE],
+            w: vec![zero; self.dynamics.n_inputs()],
             theta: [zero; MAX_SIZE],
             dx: [zero; MAX_SIZE],
         };
         for ((out, value), scale) in out.theta.iter_mut().zip(theta).zip(&self.scales.parameters) {
-            *out = lift(value * scale);
+            *out = T::from(value * scale);
         }
         out
     }
 
-    /// Dual numbers whose parts belong to these variables.
-    fn duals(&self, theta: &[f64], columns: &[usize]) -> Numbers<Dual> {
-        let mut at = self.numbers(theta, |re| Dual::new(re, Derivative::none()));
-        for (part, &j) in columns.iter().enumerate() {
-            let mut eps = nalgebra::SVector::<f64, PARTS>::zeros();
-            eps[part] = self.scale(j);
-            at.variable(j, self.n_states()).eps = Derivative::some(eps);
+    /// Numbers with derivatives by these variables.
+    fn jets<const N: usize, const M: usize>(
+        &self,
+        theta: &[f64],
+        variables: &[usize],
+    ) -> Numbers<Jet<N, M>> {
+        let mut at: Numbers<Jet<N, M>> = self.numbers(theta);
+        for (part, &j) in variables.iter().enumerate() {
+            at.variable(j, self.n_states()).first[part] = [self.scale(j); LANES];
         }
         at
     }
 
-    /// Hyper-dual numbers whose parts belong to the variables of two blocks of `curved`.
-    fn hyper_duals(&self, theta: &[f64], (rows, columns): (usize, usize)) -> Numbers<HyperDual> {
-        let none = |re| {
-            let (one, two) = (Derivative::none(), Derivative::none());
-            HyperDual::new(re, one, two, Derivative::none())
-        };
-        let mut at = self.numbers(theta, none);
-        for (part, &j) in self.block(rows).iter().enumerate() {
-            let mut eps = nalgebra::SVector::<f64, BLOCK>::zeros();
-            eps[part] = self.scale(j);
-            at.variable(j, self.n_states()).eps1 = Derivative::some(eps);
-        }
-        for (part, &j) in self.block(columns).iter().enumerate() {
-            let mut eps = nalgebra::RowSVector::<f64, BLOCK>::zeros();
-            eps[part] = self.scale(j);
-            at.variable(j, self.n_states()).eps2 = Derivative::some(eps);
-        }
-        at
-    }
-
-    /// The variables of a block of `curved`.
-    fn block(&self, block: usize) -> &[usize] {
-        let first = block * BLOCK;
-        &self.curved[first..self.curved.len().min(first + BLOCK)]
-    }
-
-    #[inline]
-    fn evaluate<T: Scalar>(&self, at: &mut Numbers<T>, input: &[f64]) {
+    #[inline(always)]
+    fn evaluate<T: Scalar>(&self, at: &mut Numbers<T>) {
         let (n, p) = (self.n_states(), self.n_parameters());
         self.dynamics
-            .derivative(&at.x[..n], input, &at.theta[..p], &mut at.dx[..n]);
+            .derivative(&at.x[..n], &at.w, &at.theta[..p], &mut at.dx[..n]);
     }
 
     /// Measured output and bounded signal.
-    #[inline]
-    fn outputs_of<T: Scalar>(&self, at: &Numbers<T>, input: &[f64]) -> (T, T) {
+    #[inline(always)]
+    fn outputs_of<T: Scalar>(&self, at: &Numbers<T>) -> (T, T) {
         let (x, theta) = (&at.x[..self.n_states()], &at.theta[..self.n_parameters()]);
         (
-            self.dynamics.measured(x, input, theta),
-            self.dynamics.bounded(x, input, theta),
+            self.dynamics.measured(x, &at.w, theta),
+            self.dynamics.bounded(x, &at.w, theta),
         )
     }
 }

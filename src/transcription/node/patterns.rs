@@ -1,8 +1,13 @@
 //! Which derivatives are ever other than zero, which are constant, and which are affine: found at random
 //! points.
 
-use super::derivatives::second;
-use super::{Affine, AffineValues, BLOCK, CurvedBlock, CurvedPair, NodeModel, PARTS};
+use super::derivatives::Evaluated;
+use super::jet::Jet;
+use super::{
+    Affine, AffineValues, CURVED, Curved, CurvedPair, Linear, MAX_SIZE, NodeModel, PARTS,
+    Quadratic, Values,
+};
+use crate::transcription::lanes::{LANES, side_by_side};
 use pilotage_models::Dynamics;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -27,8 +32,7 @@ impl<D: Dynamics> NodeModel<D> {
         let v = n + p;
         // Everything, at first.
         self.pairs = (0..v).flat_map(|i| (i..v).map(move |j| (i, j))).collect();
-        self.curved = (0..v).collect();
-        self.curved_blocks = self.blocks(&vec![true; self.pairs.len()]);
+        self.curved = self.groups(&vec![true; self.pairs.len()]);
         let mut random = ChaCha8Rng::seed_from_u64(0x70696c6f74);
         let mut draw = |count: usize| -> Vec<f64> {
             let uniform = |v: u32| f64::from(v) / f64::from(u32::MAX) * 2.0 - 1.0;
@@ -54,39 +58,25 @@ impl<D: Dynamics> NodeModel<D> {
 
     fn probe(&self, x: &[f64], input: &[f64], theta: &[f64]) -> Probe {
         let (n, v) = (x.len(), x.len() + theta.len());
+        let mut values = self.values(theta);
+        let mut scaled = [[0.0; LANES]; MAX_SIZE];
+        side_by_side([x; LANES], &mut scaled[..n]);
+        values.set(&scaled, [input; LANES]);
         let mut first = vec![vec![0.0; v]; n + 2];
         let all: Vec<usize> = (0..v).collect();
         for columns in all.chunks(PARTS) {
-            let mut at = self.duals(theta, columns);
-            for ((own, x), scale) in at.x.iter_mut().zip(x).zip(&self.scales.states) {
-                own.re = x * scale;
-            }
-            self.evaluate(&mut at, input);
-            let (measured, bounded) = self.outputs_of(&at, input);
-            let scaled = at.dx[..n].iter().zip(&self.inverse);
-            let rows = scaled.map(|(dx, inverse)| (dx, *inverse));
-            let rows = rows.chain([(&measured, 1.0), (&bounded, 1.0)]);
-            for (row, (value, factor)) in first.iter_mut().zip(rows) {
-                for (part, &j) in columns.iter().enumerate() {
-                    row[j] = factor * value.eps.0.map_or(0.0, |parts| parts[part]);
-                }
+            let rows: Vec<Linear> = self.rows(&values, theta, columns);
+            for (row, value) in first.iter_mut().zip(rows) {
+                let parts = columns.iter().zip(value.first);
+                parts.for_each(|(&j, by)| row[j] = by[0]);
             }
         }
         let mut tensors = vec![vec![0.0; n + 2]; self.pairs.len()];
-        for block in &self.curved_blocks {
-            let mut at = self.hyper_duals(theta, (block.rows, block.columns));
-            for ((own, x), scale) in at.x.iter_mut().zip(x).zip(&self.scales.states) {
-                own.re = x * scale;
-            }
-            self.evaluate(&mut at, input);
-            let (measured, bounded) = self.outputs_of(&at, input);
-            for own in &block.pairs {
-                let out = &mut tensors[own.pair];
-                for (l, f) in at.dx[..n].iter().enumerate() {
-                    out[l] = second(f, own.i, own.j) * self.inverse[l];
-                }
-                out[n] = second(&measured, own.i, own.j);
-                out[n + 1] = second(&bounded, own.i, own.j);
+        for group in &self.curved {
+            let rows: Vec<Quadratic> = self.rows(&values, theta, &group.variables);
+            for own in &group.pairs {
+                let values = rows.iter().map(|row| row.second[own.place][0]);
+                tensors[own.pair] = values.collect();
             }
         }
         Probe {
@@ -94,6 +84,20 @@ impl<D: Dynamics> NodeModel<D> {
             first,
             second: tensors,
         }
+    }
+
+    /// `[f̄; measured; bounded]` with derivatives by some variables.
+    fn rows<const N: usize, const M: usize>(
+        &self,
+        values: &Values<'_, D>,
+        theta: &[f64],
+        variables: &[usize],
+    ) -> Vec<Jet<N, M>> {
+        let mut at = Evaluated::of(self.jets(theta, variables));
+        at.evaluate(values, true);
+        let scaled = at.at.dx.iter().zip(&self.inverse);
+        let rows = scaled.map(|(dx, inverse)| *dx * *inverse);
+        rows.chain(at.outputs).collect()
     }
 
     /// Keeps the pairs whose second derivatives are not zero at every probe, and sets those apart that
@@ -119,42 +123,53 @@ impl<D: Dynamics> NodeModel<D> {
             rows.push(own);
         }
         self.pairs = pairs;
-        let of_varying = self.pairs.iter().zip(&varying).filter(|(_, v)| **v);
-        self.curved = of_varying.flat_map(|(&(i, j), _)| [i, j]).collect();
-        self.curved.sort_unstable();
-        self.curved.dedup();
-        self.curved_blocks = self.blocks(&varying);
-        for own in self.curved_blocks.iter_mut().flat_map(|b| &mut b.pairs) {
+        self.curved = self.groups(&varying);
+        for own in self.curved.iter_mut().flat_map(|group| &mut group.pairs) {
             own.rows.clone_from(&rows[own.pair]);
         }
     }
 
-    /// The blocks of `curved` that contain wanted pairs.
-    fn blocks(&self, wanted: &[bool]) -> Vec<CurvedBlock> {
-        let place = |j: usize| self.curved.iter().position(|c| *c == j);
-        let mut blocks: Vec<CurvedBlock> = Vec::new();
-        for (pair, &(a, b)) in self.pairs.iter().enumerate().filter(|(k, _)| wanted[*k]) {
-            let (Some(a), Some(b)) = (place(a), place(b)) else {
-                continue;
-            };
-            let (rows, columns) = (a / BLOCK, b / BLOCK);
-            let own = CurvedPair {
-                i: a % BLOCK,
-                j: b % BLOCK,
-                pair,
-                rows: Vec::new(),
-            };
-            let at = |block: &CurvedBlock| (block.rows, block.columns) == (rows, columns);
-            match blocks.iter_mut().find(|block| at(block)) {
-                Some(block) => block.pairs.push(own),
-                None => blocks.push(CurvedBlock {
-                    rows,
-                    columns,
-                    pairs: vec![own],
-                }),
+    /// Groups of variables that contain the wanted pairs: with a pair that no group has so far goes the
+    /// variable that brings most others.
+    fn groups(&self, wanted: &[bool]) -> Vec<Curved> {
+        let mut open: Vec<usize> = (0..wanted.len()).filter(|k| wanted[*k]).collect();
+        let mut groups = Vec::new();
+        while let Some(&pair) = open.first() {
+            let (i, j) = self.pairs[pair];
+            let mut variables = vec![i, j];
+            variables.dedup();
+            while variables.len() < CURVED {
+                let gain = |v: &usize| {
+                    let with = [&variables[..], &[*v]].concat();
+                    let brings = |pair: &(usize, usize)| {
+                        (pair.0 == *v || pair.1 == *v)
+                            && with.contains(&pair.0)
+                            && with.contains(&pair.1)
+                    };
+                    open.iter().filter(|k| brings(&self.pairs[**k])).count()
+                };
+                let others = (0..self.n_states() + self.n_parameters()).rev();
+                let new = others.filter(|v| !variables.contains(v));
+                // Of several the first.
+                match new.max_by_key(gain).filter(|v| gain(v) > 0) {
+                    Some(variable) => variables.push(variable),
+                    None => break,
+                }
             }
+            variables.sort_unstable();
+            let place = |j: usize| variables.iter().position(|own| *own == j);
+            let mut pairs = Vec::new();
+            open.retain(|&pair| {
+                let (i, j) = self.pairs[pair];
+                let places = place(i).zip(place(j));
+                let place = places.and_then(|at| Quadratic::PAIRS.iter().position(|p| *p == at));
+                let rows = Vec::new();
+                pairs.extend(place.map(|place| CurvedPair { place, pair, rows }));
+                place.is_none()
+            });
+            groups.push(Curved { variables, pairs });
         }
-        blocks
+        groups
     }
 
     /// Sets the columns apart that are affine: their values at the origin and the constant second
@@ -178,12 +193,14 @@ impl<D: Dynamics> NodeModel<D> {
                 sum + t.3 * probe.variables[t.2]
             })
         };
+        let groups = self.curved.iter();
+        let curved: Vec<usize> = groups.flat_map(|own| own.variables.clone()).collect();
         let is_affine = |column: &usize| {
             let near = |probe: &Probe, row: usize| {
                 let (exact, found) = (probe.first[row][*column], predicted(probe, row, *column));
                 (exact - found).abs() <= 1e-12 * (exact.abs() + origin.first[row][*column].abs())
             };
-            !self.curved.contains(column) && probes.iter().all(|p| (0..n + 2).all(|i| near(p, i)))
+            !curved.contains(column) && probes.iter().all(|p| (0..n + 2).all(|i| near(p, i)))
         };
         let (affine, others): (Vec<usize>, Vec<usize>) = (0..v).partition(is_affine);
         // Places of the Jacobian, then of each gradient.
