@@ -180,7 +180,10 @@ mod tests {
             Jet::<0, 0>::constant(variable(0).value),
             Jet::<0, 0>::constant(variable(1).value),
         );
-        assert_eq!(plain.value, jet.value);
+        // Functions of numbers may round otherwise where the compiler evaluates them.
+        for (plain, full) in plain.value.iter().zip(jet.value) {
+            assert!((plain - full).abs() <= 2.0 * f64::EPSILON * full.abs());
+        }
         for lane in 0..LANES {
             let (x, y) = points[lane % 4];
             for (k, &(i, j)) in Jet::<2, 3>::PAIRS.iter().enumerate() {
