@@ -33,7 +33,7 @@ pub struct CouplingArgs {
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
     parts: Vec<(String, String)>,
     /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where their steps
-    /// take more than about 10 µs and processors are free. Instances of one FMU then run on several threads.
+    /// take more than about 1 µs and processors are free. Instances of one FMU then run on several threads.
     #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
     parallel: bool,
     /// Time every call, and report each connection, its lag and error, and all calls.

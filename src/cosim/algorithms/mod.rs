@@ -60,8 +60,8 @@ pub struct Coupling {
     pub iteration: Iteration,
     /// Jacobi with held inputs and fixed steps: the slaves step at the same time, on as many threads as
     /// rayon would use (`RAYON_NUM_THREADS`), which look for work all the time. The results are the same.
-    /// From which cost of a step on it pays, `cargo bench --bench coupling` tells: about 10 µs on two
-    /// processors that other programs use too.
+    /// From which cost of a step on it pays, `cargo bench --bench coupling` tells: 0.5 µs on two
+    /// processors that are free, 10 µs and more where other programs use them too.
     pub parallel: bool,
     /// Whether to time every call for the [report](super::Report), instead of those in a few steps.
     pub measure: bool,

@@ -1,6 +1,6 @@
 //! Values and derivatives of the model at one point, in scaled variables.
 //!
-//! Derivatives come from [`Jet`]s: first ones by several variables at a time, second ones by those that
+//! Derivatives come from `Jet`s: first ones by several variables at a time, second ones by those that
 //! enter nonlinearly, at a group of points at once. Which derivatives are ever other than zero, and which
 //! never change from point to point, is found once by evaluating the model at random points (`patterns`).
 
