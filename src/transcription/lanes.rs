@@ -81,7 +81,7 @@ pub fn scaled(factor: f64, a: Lanes) -> Lanes {
 #[inline(always)]
 pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] += b[l] * c[l]);
+    (0..LANES).for_each(|l| out[l] = b[l].mul_add(c[l], out[l]));
     out
 }
 
@@ -97,7 +97,7 @@ pub fn times(a: Lanes, b: Lanes) -> Lanes {
 #[inline(always)]
 pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] -= b[l] * c[l]);
+    (0..LANES).for_each(|l| out[l] = (-b[l]).mul_add(c[l], out[l]));
     out
 }
 

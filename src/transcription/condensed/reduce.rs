@@ -167,7 +167,7 @@ impl<D: Dynamics, C: ParameterConstraints> Kernel for ReduceVector<'_, D, C> {
 #[inline(always)]
 fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     for (y, x) in y.iter_mut().zip(x) {
-        *y += a * x;
+        *y = a.mul_add(*x, *y);
     }
 }
 

@@ -324,7 +324,7 @@ impl Kernel for Expand<'_> {
             let mut sums = [0.0; LANES];
             for (s, rho) in s.chunks_exact(LANES).zip(rho.chunks_exact(LANES)) {
                 for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
-                    *sum += s * rho;
+                    *sum = s.mul_add(*rho, *sum);
                 }
             }
             *dx = e + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
