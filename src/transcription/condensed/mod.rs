@@ -29,7 +29,7 @@ use super::lanes::LANES;
 use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
-use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
+use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
@@ -515,8 +515,10 @@ impl Condensed {
         let layout = &problem.layout;
         let dtheta = &step.d[layout.theta..];
         step.lambda.resize(layout.n_equalities, 0.0);
-        let weighted = problem.damping_weights().iter().zip(&step.d);
-        step.curvature = damping * weighted.map(|(w, d)| w * d * d).sum::<f64>();
+        step.curvature = match damping > 0.0 {
+            true => damping * vector::sum([problem.damping_weights(), &step.d], |[w, d]| w * d * d),
+            false => 0.0,
+        };
         let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
