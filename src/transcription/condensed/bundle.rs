@@ -188,7 +188,7 @@ impl<D, C> Task for Offsets<'_, D, C> {
         for k in 0..own.runs.len() {
             let known = own.runs[k].known().zip(own.equalities(k, c));
             known.for_each(|(i, c)| at[i][k] = -c);
-            let mut e = std::mem::take(&mut own.runs[k].nodes.e);
+            let mut e = std::mem::take(&mut own.runs[k].offsets);
             e[..n].iter_mut().zip(&at).for_each(|(e, at)| *e = at[k]);
             offsets.push(e);
         }
@@ -214,7 +214,7 @@ impl<D, C> Task for Offsets<'_, D, C> {
             at[..n].copy_from_slice(&x[size - n..]);
         }
         let runs = own.runs.iter_mut().zip(offsets);
-        runs.for_each(|(run, e)| run.nodes.e = e);
+        runs.for_each(|(run, e)| run.offsets = e);
     }
 }
 
