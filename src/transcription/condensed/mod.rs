@@ -3,11 +3,11 @@
 //! Forward, each run's defects give every node's step as `δX_k = S_k ρ + e_k`, with `ρ` the shared
 //! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
 //! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
-//! enter it, and clarabel solves it where exchanges of active rows do not. Where it is not convex, it may
-//! be so where the rows of the last QP are active; a solution counts if they are active in it too.
+//! enter it, and active set methods solve it; clarabel does where the rows are inconsistent. Where it is not
+//! convex, it may be so where the rows of the last QP are active; a solution counts if they are active in it too.
 //! Backward, an adjoint sweep gives the multipliers of all defects. The step and the multipliers are those
 //! of the full QP: same iterates as [`SparseQp`](crate::sqp::SparseQp), at a cost linear in the number of
-//! nodes.
+//! nodes. A correction of a step is one forward sweep more: ρ stays, and the states follow.
 
 mod active;
 pub mod arrow;
