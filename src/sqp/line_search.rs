@@ -3,7 +3,7 @@
 
 use super::Problem;
 use super::globalisation::Model;
-use super::qp::{QpSolver, Step};
+use super::qp::QpSolver;
 use super::solver::Sqp;
 use super::vector::{dot, each, largest, largest_of};
 
@@ -68,20 +68,20 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
 
     /// Second-order corrections of the full step, which led to `trial` with this merit.
     fn corrected(&mut self, test: &Descent, value: f64) -> Option<f64> {
-        let mut step = Step {
-            d: self.step.d.clone(),
-            ..Step::default()
-        };
-        let mut length = largest(&step.d);
+        let mut d = self.step.d.clone();
+        let mut length = largest(&d);
         for round in 0..MAX_CORRECTIONS {
-            let moved = self.correct(&mut step)?;
+            let moved = self.correct(&mut d)?;
             if moved > CORRECTION_RATE * length {
                 return None;
             }
             if round == 0 && test.passes(value, 1.0) {
                 return Some(test.ratio(value));
             }
-            self.take_corrected(&step)?;
+            if moved == 0.0 {
+                return None;
+            }
+            self.take_corrected(&d)?;
             let corrected = self.merit.value(self.problem, &self.trial);
             if test.passes(corrected, 1.0) {
                 return Some(test.ratio(corrected));
@@ -97,24 +97,19 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         largest(&self.trial.c) <= CONTRACTION * largest(&self.current.c)
     }
 
-    /// Second-order correction of `step`, which led to `trial`. Returns how far it would move the trial: a
+    /// Second-order correction of the step `d`, which led to `trial`. Returns how far it would move the trial: a
     /// simplified Newton step, short beside the one before where the linearisation holds (Deuflhard,
     /// *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
-    fn correct(&mut self, step: &mut Step) -> Option<f64> {
-        self.work.qps += 1;
-        self.qp.correct(self.problem, &self.trial, step).ok()?;
+    fn correct(&mut self, d: &mut [f64]) -> Option<f64> {
+        self.work.corrections += 1;
+        self.qp.correct(self.problem, &self.trial, d).ok()?;
         let change = |[trial, z, d]: [f64; 3]| z + d - trial;
-        Some(largest_of(
-            [&self.trial.z, &self.current.z, &step.d],
-            change,
-        ))
+        Some(largest_of([&self.trial.z, &self.current.z, d], change))
     }
 
-    /// Moves the trial to where `step` leads. None outside the problem's domain.
-    fn take_corrected(&mut self, step: &Step) -> Option<()> {
-        each(&mut self.trial.z, [&self.current.z, &step.d], |[z, d]| {
-            z + d
-        });
+    /// Moves the trial to where the step `d` leads. None outside the problem's domain.
+    fn take_corrected(&mut self, d: &[f64]) -> Option<()> {
+        each(&mut self.trial.z, [&self.current.z, d], |[z, d]| z + d);
         self.trial.evaluate(self.problem);
         self.work.evaluations += 1;
         self.trial.is_finite().then_some(())

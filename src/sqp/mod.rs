@@ -22,7 +22,7 @@ pub mod solution;
 pub mod solver;
 pub mod sparse_qp;
 pub mod status;
-mod vector;
+pub mod vector;
 
 pub use convergence::Kkt;
 pub use curvature::Curvature;

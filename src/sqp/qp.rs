@@ -68,11 +68,10 @@ pub trait QpSolver<P: Problem + ?Sized> {
         step: &mut Step,
     ) -> Result<(), QpFailure>;
 
-    /// Second-order correction (Nocedal & Wright, section 18.3): solves the QP of the last `solve` or
-    /// `correct` again with its constraints moved to their values at `trial`, the point that `step` led
-    /// to: `J d + c(trial) - J d₀ = 0` and likewise for `g`. Writes `d`, `eta` and what is said of the
-    /// inequalities; `lambda` and `curvature` may stay those of the last `solve`.
-    fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure>;
+    /// Second-order correction (Nocedal & Wright, section 18.3) of the step `d`, which led to `trial`: adds
+    /// the least `δ` with `c(trial) + J δ = 0`, in the measure `Σ w_i δ_i²` of the damping weights; so variables
+    /// that the equalities do not determine stay where they are.
+    fn correct(&mut self, problem: &P, trial: &Iterate, d: &mut [f64]) -> Result<(), QpFailure>;
 
     /// The smallest curvature of the Lagrangian over the critical cone of the KKT point `at`, where the
     /// last linearisation, an exact one, was taken: of the reduced Hessian, projected on the null space of

@@ -11,8 +11,10 @@ pub struct Work {
     pub evaluations: usize,
     /// Linearisations: evaluations of the derivatives.
     pub linearisations: usize,
-    /// Quadratic programs solved, corrections included.
+    /// Quadratic programs solved.
     pub qps: usize,
+    /// Second-order corrections of a full step.
+    pub corrections: usize,
     /// Steps along a direction of negative curvature, away from a saddle.
     pub escapes: usize,
 }

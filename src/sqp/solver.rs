@@ -226,13 +226,16 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// the violation: a stationary point of its ℓ1 norm (Byrd, Curtis & Nocedal, SIAM J. Optim. 20,
     /// 2010).
     fn is_stationary_for_violation(&self) -> bool {
+        let equalities: f64 = self.step.residual.iter().map(|c| c.abs()).sum();
+        let left = self.step.violation + equalities;
+        if left == 0.0 {
+            return false;
+        }
         let (lower, upper) = self.problem.limits();
         let outside = self.current.g.iter().zip(lower.iter().zip(upper));
         let inequalities: f64 = outside.map(|(g, (l, u))| violation(*g, *l, *u)).sum();
         let now = inequalities + self.current.c.iter().map(|c| c.abs()).sum::<f64>();
-        let equalities: f64 = self.step.residual.iter().map(|c| c.abs()).sum();
-        let left = self.step.violation + equalities;
-        left > 0.0 && now - left <= STATIONARY * now
+        now - left <= STATIONARY * now
     }
 
     /// The QP with the exact Hessian where that is convex, else with Gauss–Newton.

@@ -124,13 +124,30 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
         self.solve_at(problem.limits(), &c, &g, step)
     }
 
-    fn correct(&mut self, problem: &P, trial: &Iterate, step: &mut Step) -> Result<(), QpFailure> {
-        let mut values = [trial.c.as_slice(), &trial.g].concat();
-        self.jacobian
-            .iter()
-            .for_each(|&(i, j, v)| values[i] -= v * step.d[j]);
-        let (c, g) = values.split_at(trial.c.len());
-        self.solve_at(problem.limits(), c, g, step)
+    fn correct(&mut self, problem: &P, trial: &Iterate, d: &mut [f64]) -> Result<(), QpFailure> {
+        let m = trial.c.len();
+        if m == 0 {
+            return Ok(());
+        }
+        let weights = problem.damping_weights().iter().enumerate();
+        let limits: Vec<f64> = trial.c.iter().map(|c| -c).collect();
+        let mut least = EqualityConvexQp {
+            w: weights.map(|(i, w)| (i, i, *w)).collect(),
+            q: vec![0.0; d.len()],
+            a: (self.jacobian.iter().copied())
+                .filter(|(row, ..)| *row < m)
+                .collect(),
+            lower: limits.clone(),
+            upper: limits,
+            equalities: m,
+            ..EqualityConvexQp::default()
+        };
+        require_convex(&mut least, &CONVEXIFICATION)?;
+        let solution = least
+            .solve_near(&vec![None; m])
+            .ok_or(QpFailure::NoSolution)?;
+        d.iter_mut().zip(&solution.x).for_each(|(d, x)| *d += x);
+        Ok(())
     }
 
     fn curvature(&mut self, problem: &P, at: &Iterate) -> Option<Curvature> {

@@ -81,7 +81,7 @@ pub fn scaled(factor: f64, a: Lanes) -> Lanes {
 #[inline(always)]
 pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] += b[l] * c[l]);
+    (0..LANES).for_each(|l| out[l] = b[l].mul_add(c[l], out[l]));
     out
 }
 
@@ -97,7 +97,7 @@ pub fn times(a: Lanes, b: Lanes) -> Lanes {
 #[inline(always)]
 pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] -= b[l] * c[l]);
+    (0..LANES).for_each(|l| out[l] = (-b[l]).mul_add(c[l], out[l]));
     out
 }
 
@@ -123,9 +123,9 @@ pub fn width(columns: usize) -> usize {
     fits.expect("at most 16 states, 16 parameters and an offset")
 }
 
-/// Runs a kernel on rows of a [`width`], with the widest vector instructions that this machine has. The
-/// results are the same bits on any machine: the order of operations does not depend on it, and no
-/// product is fused with a sum.
+/// Runs a kernel on rows of a [`width`], with the vector instructions that this machine has. The results are
+/// the same bits on any machine: the order of operations does not depend on it, and where a product is
+/// fused with a sum (`mul_add`), it is so everywhere, by the C library where the processor cannot.
 pub fn run<K: Kernel>(width: usize, kernel: K) -> K::Output {
     let machine = pulp::Arch::new();
     match width {
@@ -146,7 +146,7 @@ pub trait Task {
     fn run(self) -> Self::Output;
 }
 
-/// Runs a computation with the widest vector instructions that this machine has, as [`run`].
+/// Runs a computation with the vector instructions that this machine has, as [`run`].
 pub fn vectorised<T: Task>(task: T) -> T::Output {
     pulp::Arch::new().dispatch(Vectorised(task))
 }

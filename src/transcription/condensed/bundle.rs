@@ -116,7 +116,10 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
         let Self { own, c } = self;
         let (n, p, r) = (own.runs[0].n, own.runs[0].p, own.runs[0].r());
         let members: [usize; B] = std::array::from_fn(|k| k);
-        let mut at = [[[0.0; W]; B]; MAX_SIZE];
+        // The element's rows, and those of the one before: their last are where it begins.
+        let size = own.runs[0].work.lanes.len().max(n);
+        let (mut work, mut before) = (vec![[[0.0; W]; B]; size], vec![[[0.0; W]; B]; size]);
+        let at = &mut before[..n];
         let mut rows: Vec<Vec<f64>> = Vec::with_capacity(B);
         for k in members {
             let run = &own.runs[k];
@@ -125,12 +128,12 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
             let known = run.known().zip(own.equalities(k, c));
             known.for_each(|(i, c)| at[i][k][r] = -c);
             let mut s = std::mem::take(&mut own.runs[k].nodes.s);
-            let first = s.as_chunks_mut::<W>().0.iter_mut().zip(&at[..n]);
+            let first = s.as_chunks_mut::<W>().0.iter_mut().zip(&*at);
             first.for_each(|(s, at)| *s = at[k]);
             rows.push(s);
         }
         let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
-        let mut work = vec![[[0.0; W]; B]; own.runs[0].work.lanes.len()];
+        let mut last = n;
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements() {
             let (stencil, order) = &own.stencils.kinds[span.kind];
@@ -151,7 +154,7 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
                 x.iter_mut().zip(c).for_each(|(x, c)| x[r] = -c[k]);
             }
             let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
-            stencil.start((k0, lane), &at[..n], (slots, x));
+            stencil.start((k0, lane), &before[last - n..last], (slots, x));
             let b = members.map(|k| &own.runs[k].b[span.b(stencil)]);
             stencil.parameters((b, lane), (slots, x));
             factors.solve(x);
@@ -159,7 +162,8 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
                 let s = &mut rows.as_chunks_mut::<W>().0[first + n..first + n + size];
                 s.iter_mut().zip(&*x).for_each(|(s, x)| *s = x[k]);
             }
-            at[..n].copy_from_slice(&x[size - n..]);
+            std::mem::swap(&mut work, &mut before);
+            last = size;
         }
         let runs = own.runs.iter_mut().zip(rows);
         runs.for_each(|(run, s)| run.nodes.s = s);
@@ -184,7 +188,7 @@ impl<D, C> Task for Offsets<'_, D, C> {
         for k in 0..own.runs.len() {
             let known = own.runs[k].known().zip(own.equalities(k, c));
             known.for_each(|(i, c)| at[i][k] = -c);
-            let mut e = std::mem::take(&mut own.runs[k].nodes.e);
+            let mut e = std::mem::take(&mut own.runs[k].offsets);
             e[..n].iter_mut().zip(&at).for_each(|(e, at)| *e = at[k]);
             offsets.push(e);
         }
@@ -210,7 +214,7 @@ impl<D, C> Task for Offsets<'_, D, C> {
             at[..n].copy_from_slice(&x[size - n..]);
         }
         let runs = own.runs.iter_mut().zip(offsets);
-        runs.for_each(|(run, e)| run.nodes.e = e);
+        runs.for_each(|(run, e)| run.offsets = e);
     }
 }
 

@@ -30,7 +30,6 @@ impl Condensed {
         if self.singular {
             return None;
         }
-        self.g.clone_from(&self.g_iterate);
         let arrow = self.exact.as_ref()?;
         let rows = self.active_rows(problem, at);
         let mut found = match arrow.size() <= FEW {
@@ -70,10 +69,7 @@ impl Condensed {
         problem: &Collocation<D, C>,
         rho: &[f64],
     ) -> Vec<f64> {
-        self.c.fill(0.0);
-        self.moved = true;
-        self.move_offsets(problem);
-        self.expand(problem, rho);
+        self.expand(problem, rho, 0.0);
         let mut step = Step::default();
         let solution = ConvexSolution {
             x: rho.to_vec(),

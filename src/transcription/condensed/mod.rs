@@ -3,11 +3,11 @@
 //! Forward, each run's defects give every node's step as `δX_k = S_k ρ + e_k`, with `ρ` the shared
 //! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
 //! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
-//! enter it, and clarabel solves it where exchanges of active rows do not. Where it is not convex, it may
-//! be so where the rows of the last QP are active; a solution counts if they are active in it too.
+//! enter it, and active set methods solve it; clarabel does where the rows are inconsistent. Where it is not
+//! convex, it may be so where the rows of the last QP are active; a solution counts if they are active in it too.
 //! Backward, an adjoint sweep gives the multipliers of all defects. The step and the multipliers are those
 //! of the full QP: same iterates as [`SparseQp`](crate::sqp::SparseQp), at a cost linear in the number of
-//! nodes.
+//! nodes. A correction of a step is one forward sweep more: ρ stays, and the states follow.
 
 mod active;
 pub mod arrow;
@@ -29,7 +29,7 @@ use super::lanes::LANES;
 use super::parallel;
 use crate::sqp::convex::ConvexSolution;
 use crate::sqp::iterate::violation;
-use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step};
+use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use pilotage_models::Dynamics;
@@ -50,17 +50,10 @@ pub struct Condensed {
     stencils: Stencils,
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
-    /// Constraint values of the QP: those of the iterate, or moved by a correction.
-    c: Vec<f64>,
+    /// Values of the inequalities.
     g: Vec<f64>,
-    /// Constraint values of the iterate.
-    c_iterate: Vec<f64>,
-    g_iterate: Vec<f64>,
-    /// True when `c` and `g` are those of a correction.
-    moved: bool,
-    /// The reduced linear terms for the values of the iterate: with Gauss–Newton, with the exact Hessian.
+    /// The reduced linear terms: with Gauss–Newton, with the exact Hessian.
     linear: [Vec<f64>; 2],
-    last: Option<(Hessian, f64)>,
     /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
     parameter_rows: Vec<Vec<f64>>,
     parameter_hessian: Vec<f64>,
@@ -77,12 +70,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
     fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
         self.prepare(problem);
         self.linearise_parameters(problem, at);
-        self.c_iterate.clone_from(&at.c);
-        self.g_iterate.clone_from(&at.g);
-        self.c.clone_from(&at.c);
         self.g.clone_from(&at.g);
-        self.moved = false;
-        self.last = None;
         let theta = problem.layout.theta;
         let variables = || problem.layout.runs.iter().map(|run| run.variables());
         let mut work: Vec<_> = (self.runs.iter_mut())
@@ -97,7 +85,8 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
             dense::axpy(1.0, &run.theta_gradient, &mut self.gradient[theta..]);
             dense::axpy(1.0, &run.theta_lagrangian, &mut self.lagrangian[theta..]);
         }
-        self.singular = !self.stencils.order(problem, &self.runs) || !self.sweep(problem, exact);
+        self.singular =
+            !self.stencils.order(problem, &self.runs) || !self.sweep(problem, &at.c, exact);
     }
 
     fn gradient(&self) -> &[f64] {
@@ -119,13 +108,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         damping: f64,
         step: &mut Step,
     ) -> Result<(), QpFailure> {
-        if self.moved {
-            self.c.clone_from(&self.c_iterate);
-            self.g.clone_from(&self.g_iterate);
-            parallel::each(&mut self.runs, |_, run| run.restore_offsets());
-            self.moved = false;
-        }
-        self.solve_shifted(problem, hessian, damping, step)?;
+        self.solve_reduced(problem, hessian, damping, step)?;
         self.write_dual(problem, hessian, damping, step);
         Ok(())
     }
@@ -134,25 +117,15 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         &mut self,
         problem: &Collocation<D, C>,
         trial: &Iterate,
-        step: &mut Step,
+        d: &mut [f64],
     ) -> Result<(), QpFailure> {
-        let (hessian, damping) = self.last.ok_or(QpFailure::NoSolution)?;
-        // The equalities hold in the QP, so J d₀ = -c; for the inequalities J d₀ is their change.
-        self.c.iter_mut().zip(&trial.c).for_each(|(c, t)| *c += t);
-        let dtheta = &step.d[problem.layout.theta..];
-        for (j, (run, at)) in self.runs.iter().zip(&problem.layout.runs).enumerate() {
-            for k in 0..at.samples {
-                let change = run.bounded_change(Place { problem, j }, k, dtheta);
-                self.g[at.g + k] = trial.g[at.g + k] - change;
-            }
+        let c = &trial.c;
+        let mut bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        parallel::each(&mut bundles, |_, bundle| bundle.offsets(c));
+        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
+            dense::axpy(1.0, &run.offsets, &mut d[at.variables()]);
         }
-        for (i, row) in self.parameter_rows.iter().enumerate() {
-            let at = problem.layout.parameter_constraints + i;
-            self.g[at] = trial.g[at] - dense::dot(row, dtheta);
-        }
-        self.moved = true;
-        self.move_offsets(problem);
-        self.solve_shifted(problem, hessian, damping, step)
+        Ok(())
     }
 
     fn curvature(&mut self, problem: &Collocation<D, C>, at: &Iterate) -> Option<Curvature> {
@@ -161,13 +134,14 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 }
 
 impl Condensed {
-    /// Eliminates the states and forms the reduced Hessians. False when an element is singular.
+    /// Eliminates the states, with the values `c` of the equalities, and forms the reduced Hessians. False when
+    /// an element is singular.
     fn sweep<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
+        c: &[f64],
         exact: bool,
     ) -> bool {
-        let c = &self.c_iterate;
         // Two runs at once, but no thread without work.
         let threads = rayon::current_num_threads();
         let size = if threads == 1 || self.runs.len() > 4 * threads {
@@ -231,8 +205,8 @@ impl Condensed {
         regular
     }
 
-    /// Step and active inequalities of the QP with the constraint values in `c` and `g`.
-    fn solve_shifted<D: Dynamics, C: ParameterConstraints>(
+    /// Step and active inequalities.
+    fn solve_reduced<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         hessian: Hessian,
@@ -242,7 +216,6 @@ impl Condensed {
         if self.singular {
             return Err(QpFailure::NoSolution);
         }
-        self.last = Some((hessian, damping));
         let mut matrix = match hessian {
             Hessian::Exact => self.exact.clone().ok_or(QpFailure::NotConvex)?,
             Hessian::GaussNewton => self.gauss_newton.clone(),
@@ -254,10 +227,9 @@ impl Condensed {
             Some(factor) => Convex::new(matrix, factor),
             None => Convex::held(matrix, &rows).ok_or(QpFailure::NotConvex)?,
         };
-        let mut q = match (self.moved, hessian) {
-            (true, _) => self.reduced_vector(problem, hessian),
-            (false, Hessian::GaussNewton) => self.linear[0].clone(),
-            (false, Hessian::Exact) => self.linear[1].clone(),
+        let mut q = match hessian {
+            Hessian::GaussNewton => self.linear[0].clone(),
+            Hessian::Exact => self.linear[1].clone(),
         };
         convex.shift(&rows, &sides, &mut q);
 
@@ -286,7 +258,7 @@ impl Condensed {
         if convex.holds() && !held(&sides, &solution) {
             return Err(QpFailure::NotConvex);
         }
-        self.expand(problem, &solution.x);
+        self.expand(problem, &solution.x, 1.0);
         let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
         self.write_primal(problem, &rows, &solution, step);
@@ -334,35 +306,6 @@ impl Condensed {
         }
     }
 
-    /// Offsets of all runs for the constraint values in `c`.
-    fn move_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
-        let c = &self.c;
-        let mut bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
-        parallel::each(&mut bundles, |_, bundle| {
-            bundle.offsets(c);
-            for (k, run) in bundle.runs.iter_mut().enumerate() {
-                let j = bundle.first + k;
-                run.complete_offsets(Place { problem, j });
-            }
-        });
-    }
-
-    /// The reduced linear term.
-    fn reduced_vector<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        hessian: Hessian,
-    ) -> Vec<f64> {
-        let mut work: Vec<_> = (self.runs.iter())
-            .map(|run| (run, vec![0.0; run.w]))
-            .collect();
-        parallel::each(&mut work, |j, (run, local)| {
-            run.reduce_vector(Place { problem, j }, hessian, local);
-        });
-        let own = work.iter().map(|(run, local)| &local[..run.r()]);
-        joined(own, problem.n_parameters())
-    }
-
     /// Each run with its part of the reduced variables.
     fn with_local<'a>(&'a mut self, rho: &[f64], p: usize) -> Vec<(&'a mut RunSweep, Vec<f64>)> {
         let mut first = p;
@@ -374,14 +317,15 @@ impl Condensed {
         local.collect()
     }
 
-    /// Steps of all unknowns from the reduced variables.
+    /// Steps of all unknowns from the reduced variables, with this multiple of the offsets.
     fn expand<D: Dynamics, C: ParameterConstraints>(
         &mut self,
         problem: &Collocation<D, C>,
         rho: &[f64],
+        offsets: f64,
     ) {
         let mut work = self.with_local(rho, problem.n_parameters());
-        parallel::each(&mut work, |_, (run, local)| run.expand(local));
+        parallel::each(&mut work, |_, (run, local)| run.expand(local, offsets));
     }
 
     /// The inequalities beside `rows` that a step in the reduced variables violates: of each stretch of
@@ -515,8 +459,10 @@ impl Condensed {
         let layout = &problem.layout;
         let dtheta = &step.d[layout.theta..];
         step.lambda.resize(layout.n_equalities, 0.0);
-        let weighted = problem.damping_weights().iter().zip(&step.d);
-        step.curvature = damping * weighted.map(|(w, d)| w * d * d).sum::<f64>();
+        step.curvature = match damping > 0.0 {
+            true => damping * vector::sum([problem.damping_weights(), &step.d], |[w, d]| w * d * d),
+            false => 0.0,
+        };
         let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();

@@ -2,9 +2,8 @@
 //! linear term.
 
 use super::dense::axpy;
-use super::points::{Points, ZERO};
+use super::points::Points;
 use super::run::{Place, RunSweep};
-use crate::sqp::Hessian;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::lanes::{self, Kernel, LANES, Lanes};
 use crate::transcription::node::Output;
@@ -61,7 +60,6 @@ impl RunSweep {
             let gradient = self.gradients[Output::Bounded as usize].group(group);
             for (lane, k) in points.samples() {
                 let row = project(gradient, lane, bounded, s[lane], p);
-                rows.e[k] = row[r];
                 rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
             }
             let (weight, residual) = (self.weight.group(group)[0], self.residual.group(group)[0]);
@@ -88,48 +86,6 @@ impl RunSweep {
         }
         [gauss_newton, full]
     }
-
-    /// Adds `Σ Zᵀ (g + W [e; 0])` to `vector`.
-    pub fn reduce_vector<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        at: Place<'_, D, C>,
-        kind: Hessian,
-        vector: &mut [f64],
-    ) {
-        let kernel = ReduceVector {
-            own: self,
-            at,
-            kind,
-            vector,
-        };
-        lanes::run(self.w, kernel);
-    }
-
-    #[inline(always)]
-    fn reduced_vector<D: Dynamics, C: ParameterConstraints, const W: usize>(
-        &self,
-        at: Place<'_, D, C>,
-        kind: Hessian,
-        vector: &mut [f64],
-    ) {
-        let (n, p, model) = (self.n, self.p, &at.problem.model);
-        let grid = &at.problem.grids[at.j];
-        let (mut step, mut full, mut sum) = (ZERO, ZERO, [0.0; W]);
-        for points in Points::all(grid) {
-            points.states(&self.nodes.e, &self.combined.e, n, &mut step);
-            self.model_gradient(model, points.number, kind, &step, &mut full);
-            for lane in 0..points.count {
-                let point = &grid.points[points.number * LANES + lane];
-                let (s, _) = self.s_of(&point.state).as_chunks::<W>();
-                for (g, s) in full[..n].iter().zip(s).filter(|(g, _)| g[lane] != 0.0) {
-                    add(g[lane], s, &mut sum);
-                }
-                let parameters = sum[..p].iter_mut().zip(&full[n..n + p]);
-                parameters.for_each(|(sum, g)| *sum += g[lane]);
-            }
-        }
-        axpy(1.0, &sum, vector);
-    }
 }
 
 struct Reduce<'a, D, C> {
@@ -147,27 +103,11 @@ impl<D: Dynamics, C: ParameterConstraints> Kernel for Reduce<'_, D, C> {
     }
 }
 
-struct ReduceVector<'a, D, C> {
-    own: &'a RunSweep,
-    at: Place<'a, D, C>,
-    kind: Hessian,
-    vector: &'a mut [f64],
-}
-
-impl<D: Dynamics, C: ParameterConstraints> Kernel for ReduceVector<'_, D, C> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const W: usize>(self) {
-        (self.own).reduced_vector::<D, C, W>(self.at, self.kind, self.vector);
-    }
-}
-
 /// `y += a x`, of known length.
 #[inline(always)]
 fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     for (y, x) in y.iter_mut().zip(x) {
-        *y += a * x;
+        *y = a.mul_add(*x, *y);
     }
 }
 

@@ -8,7 +8,6 @@ use crate::transcription::Collocation;
 use crate::transcription::constraints::ParameterConstraints;
 use crate::transcription::grid::{Grid, PointState};
 use crate::transcription::lanes::{self, Grouped, Kernel, LANES, Lanes, Task, width};
-use crate::transcription::node::Output;
 use pilotage_models::Dynamics;
 use std::collections::BTreeMap;
 
@@ -33,10 +32,10 @@ pub struct RunSweep {
     pub(super) weight: Grouped,
     /// Second derivatives at all points.
     pub(super) second: Grouped,
-    /// Rows `S`, offsets `e` and steps of the unknowns, and of the points that are combinations.
+    /// Rows `S` and steps of the unknowns, and of the points that are combinations.
     pub(super) nodes: Rows,
     pub(super) combined: Rows,
-    /// The bounded signal at the samples: rows over the reduced variables, and offsets.
+    /// The bounded signal at the samples.
     pub(super) bounded: Rows,
     /// Groups of elements, their factors, `K_0` and `B`, and the elements factored in an order of their own.
     pub(super) spans: Vec<Span>,
@@ -51,18 +50,18 @@ pub struct RunSweep {
     pub theta_gradient: Vec<f64>,
     /// Its part of the Lagrangian's gradient with respect to θ.
     pub theta_lagrangian: Vec<f64>,
+    /// What a correction adds to the step of the unknowns.
+    pub offsets: Vec<f64>,
     /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
     pub(super) omega: Vec<f64>,
     pub(super) right: Vec<f64>,
 }
 
-/// Sensitivities, offsets and steps of a list of quantities.
+/// Sensitivities and steps of a list of quantities.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
-    /// `S`, `w` columns of which the first `r` count.
+    /// `[S e]`, `w` columns of which the first `r + 1` count.
     pub s: Vec<f64>,
-    /// `e`.
-    pub e: Vec<f64>,
     /// `S ρ + e`.
     pub dx: Vec<f64>,
 }
@@ -78,7 +77,6 @@ impl Rows {
     fn new(count: usize, w: usize) -> Self {
         Self {
             s: vec![0.0; count * w],
-            e: vec![0.0; count],
             dx: vec![0.0; count],
         }
     }
@@ -139,6 +137,7 @@ impl RunSweep {
             theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
             omega: vec![0.0; points * n],
+            offsets: vec![0.0; grid.nodes() * n],
             right: vec![0.0; grid.nodes() * n],
             free,
         }
@@ -197,76 +196,33 @@ impl RunSweep {
         state.of(&self.nodes.s, &self.combined.s, self.n * self.w)
     }
 
-    pub(super) fn e_of(&self, state: &PointState) -> &[f64] {
-        state.of(&self.nodes.e, &self.combined.e, self.n)
-    }
-
-    pub(super) fn dx_of(&self, state: &PointState) -> &[f64] {
-        state.of(&self.nodes.dx, &self.combined.dx, self.n)
-    }
-
     /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
     /// change by the offsets alone.
     pub fn bounded_row(&self, sample: usize) -> (&[f64], f64) {
-        let row = &self.bounded.s[sample * self.w..][..self.r()];
-        (row, self.bounded.e[sample])
-    }
-
-    /// Linear change of the bounded signal at a sample by the last expanded step.
-    pub fn bounded_change<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        at: Place<'_, D, C>,
-        sample: usize,
-        dtheta: &[f64],
-    ) -> f64 {
-        let (n, grid) = (self.n, &at.problem.grids[at.j]);
-        let columns = at.problem.model.columns(Output::Bounded);
-        let point = grid.observed[sample];
-        let dx = self.dx_of(&grid.points[point].state);
-        let step = |c: usize| if c < n { dx[c] } else { dtheta[c - n] };
-        let own = self.gradients[Output::Bounded as usize].of(point);
-        own.zip(columns).map(|(value, c)| value * step(*c)).sum()
+        let row = &self.bounded.s[sample * self.w..][..=self.r()];
+        (&row[..self.r()], row[self.r()])
     }
 
     /// Writes the linear changes of the bounded signal at all samples for these reduced variables into
     /// `bounded.dx`, and returns them.
     pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
-        let mut padded = rho.to_vec();
-        padded.resize(self.w, 0.0);
+        let padded = self.padded(rho, 1.0);
         lanes::run(self.w, Expand(&mut self.bounded, &padded));
         &self.bounded.dx
     }
 
-    /// All steps from the reduced variables, into the rows' `dx`.
-    pub fn expand(&mut self, rho: &[f64]) {
-        let mut padded = rho.to_vec();
-        padded.resize(self.w, 0.0);
+    /// All steps from the reduced variables, with this multiple of the offsets, into the rows' `dx`.
+    pub fn expand(&mut self, rho: &[f64], offsets: f64) {
+        let padded = self.padded(rho, offsets);
         lanes::run(self.w, Expand(&mut self.nodes, &padded));
         lanes::run(self.w, Expand(&mut self.combined, &padded));
     }
 
-    /// The offsets at the iterate again.
-    pub fn restore_offsets(&mut self) {
-        let (w, r) = (self.w, self.r());
-        for rows in [&mut self.nodes, &mut self.combined, &mut self.bounded] {
-            let offsets = rows.e.iter_mut().zip(rows.s.chunks_exact(w));
-            offsets.for_each(|(e, row)| *e = row[r]);
-        }
-    }
-
-    /// The bounded signal's offsets from those of the unknowns and points.
-    pub(super) fn offset_bounded<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-    ) {
-        let (n, columns) = (self.n, at.problem.model.columns(Output::Bounded));
-        let grid: &Grid = &at.problem.grids[at.j];
-        for (k, point) in grid.observed.iter().enumerate() {
-            let own = self.gradients[Output::Bounded as usize].of(*point);
-            let e = self.e_of(&grid.points[*point].state);
-            let own = own.zip(columns).filter(|(_, c)| **c < n);
-            self.bounded.e[k] = own.map(|(value, c)| value * e[*c]).sum();
-        }
+    /// The reduced variables and the offsets' multiple, in a row's width.
+    fn padded(&self, rho: &[f64], offsets: f64) -> Vec<f64> {
+        let mut padded = [rho, &[offsets]].concat();
+        padded.resize(self.w, 0.0);
+        padded
     }
 }
 
@@ -308,7 +264,7 @@ impl Task for DefectsTransposed<'_> {
     }
 }
 
-/// `dx = S ρ + e` of these rows, for padded reduced variables.
+/// `dx = [S e] ρ` of these rows, for padded reduced variables.
 struct Expand<'a>(&'a mut Rows, &'a [f64]);
 
 impl Kernel for Expand<'_> {
@@ -319,15 +275,15 @@ impl Kernel for Expand<'_> {
         let Self(rows, rho) = self;
         let rho = rho.first_chunk::<W>().expect("padded");
         let (s, _) = rows.s.as_chunks::<W>();
-        for ((dx, s), e) in rows.dx.iter_mut().zip(s).zip(&rows.e) {
+        for (dx, s) in rows.dx.iter_mut().zip(s) {
             // Four sums at once: a product of rows is otherwise one chain of additions.
             let mut sums = [0.0; LANES];
             for (s, rho) in s.chunks_exact(LANES).zip(rho.chunks_exact(LANES)) {
                 for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
-                    *sum += s * rho;
+                    *sum = s.mul_add(*rho, *sum);
                 }
             }
-            *dx = e + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+            *dx = (sums[0] + sums[1]) + (sums[2] + sums[3]);
         }
     }
 }

@@ -362,7 +362,7 @@ pub fn gathered(
 #[inline(always)]
 pub fn take<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     for (y, x) in y.iter_mut().zip(x) {
-        *y -= a * x;
+        *y = (-a).mul_add(*x, *y);
     }
 }
 

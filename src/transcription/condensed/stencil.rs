@@ -190,7 +190,7 @@ impl Assembly {
     fn fill(&self, at: &Group<'_>, out: &mut [Lanes]) {
         let values = self.constant.iter().zip(&self.slope);
         for (out, (constant, slope)) in out.iter_mut().zip(values) {
-            *out = std::array::from_fn(|l| constant + at.h[l] * slope);
+            *out = std::array::from_fn(|l| at.h[l].mul_add(*slope, *constant));
         }
         let jacobians = at.jacobians.flat();
         for stamp in &self.own {

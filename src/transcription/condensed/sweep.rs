@@ -43,18 +43,13 @@ impl RunSweep {
         })
     }
 
-    /// What follows from the sensitivities of the unknowns: those of combinations, all offsets, and the
-    /// growth. False when something is not finite.
+    /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when something is not finite.
     pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
         let (r, w) = (self.r(), self.w);
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
-            self.combine(at, nodes, &mut combined, w, Of::Sensitivities);
+            self.combine(at, nodes, &mut combined);
             self.combined.s = combined;
-        }
-        for rows in [&mut self.nodes, &mut self.combined] {
-            let offsets = rows.e.iter_mut().zip(rows.s.chunks_exact(w));
-            offsets.for_each(|(e, row)| *e = row[r]);
         }
         let extent = Extent {
             s: &self.nodes.s,
@@ -98,16 +93,6 @@ impl RunSweep {
         self.b.resize(b, [0.0; LANES]);
     }
 
-    /// What else has offsets, once the unknowns have them.
-    pub fn complete_offsets<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) {
-        if at.problem.grids[at.j].combinations > 0 {
-            let (nodes, mut combined) = (&self.nodes.e, std::mem::take(&mut self.combined.e));
-            self.combine(at, nodes, &mut combined, 1, Of::Offsets);
-            self.combined.e = combined;
-        }
-        self.offset_bounded(at);
-    }
-
     /// All elements in time order: group and lane.
     #[inline(always)]
     pub(super) fn elements(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
@@ -122,16 +107,14 @@ impl RunSweep {
     }
 
     /// Rows of the points that are combinations, from those of the unknowns:
-    /// `Σ p rows_k + Σ q (J_l rows_l + ∂f/∂θ)`, the last for sensitivities alone.
+    /// `Σ p rows_k + Σ q (J_l rows_l + ∂f/∂θ)`.
     fn combine<D: Dynamics, C: ParameterConstraints>(
         &self,
         at: Place<'_, D, C>,
         nodes: &[f64],
         out: &mut [f64],
-        columns: usize,
-        of: Of,
     ) {
-        let (n, grid) = (self.n, &at.problem.grids[at.j]);
+        let (n, columns, grid) = (self.n, self.w, &at.problem.grids[at.j]);
         let (size, entries) = (n * columns, &at.problem.model.entries);
         for point in &grid.points {
             let PointState::Combination(c) = &point.state else {
@@ -151,22 +134,12 @@ impl RunSweep {
                             let source = &from[column * columns..(column + 1) * columns];
                             axpy(q * value, source, &mut own[i * columns..(i + 1) * columns]);
                         }
-                        Some(theta) if of == Of::Sensitivities => {
-                            own[i * columns + theta] += q * value
-                        }
-                        Some(_) => {}
+                        Some(theta) => own[i * columns + theta] += q * value,
                     }
                 }
             }
         }
     }
-}
-
-/// What rows stand for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Of {
-    Sensitivities,
-    Offsets,
 }
 
 /// [`RunSweep::factor`] in groups.

@@ -82,15 +82,15 @@ impl<const N: usize, const M: usize> Jet<N, M> {
         for i in 0..N {
             let (da, db) = (self.first[i], other.first[i]);
             for l in 0..LANES {
-                out.first[i][l] = da[l] * b[l] + a[l] * db[l];
+                out.first[i][l] = da[l].mul_add(b[l], a[l] * db[l]);
             }
         }
         for (k, (i, j)) in Self::PAIRS.into_iter().enumerate() {
             let (ai, aj, aij) = (self.first[i], self.first[j], self.second[k]);
             let (bi, bj, bij) = (other.first[i], other.first[j], other.second[k]);
             for l in 0..LANES {
-                out.second[k][l] =
-                    (aij[l] * b[l] + a[l] * bij[l]) + (ai[l] * bj[l] + aj[l] * bi[l]);
+                let twice = ai[l].mul_add(bj[l], aj[l] * bi[l]);
+                out.second[k][l] = aij[l].mul_add(b[l], a[l].mul_add(bij[l], twice));
             }
         }
         out
@@ -109,7 +109,7 @@ impl<const N: usize, const M: usize> Jet<N, M> {
         for (k, (i, j)) in Self::PAIRS.into_iter().enumerate() {
             let (di, dj) = (self.first[i], self.first[j]);
             for l in 0..LANES {
-                out.second[k][l] = by[l] * out.second[k][l] + twice[l] * (di[l] * dj[l]);
+                out.second[k][l] = by[l].mul_add(out.second[k][l], twice[l] * (di[l] * dj[l]));
             }
         }
         out
