@@ -47,10 +47,6 @@ impl Slave for Faulty {
         self.inner.setup(experiment)
     }
 
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -95,10 +91,6 @@ impl Slave for Faulty {
             Fault::EndInThePast => Ok(Progress::EndRequested { reached: t - 1.0 }),
             _ => self.inner.step(t, h),
         }
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn abilities(&self) -> Abilities {
