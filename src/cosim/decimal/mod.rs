@@ -4,6 +4,11 @@
 //! Several numbers go through each part of the work together, and digits are made in registers and not read
 //! back from where they were written, so that the processor need not end one number before the next.
 
+mod powers;
+#[cfg(test)]
+mod tests;
+
+use self::powers::{FIRST_POWER, POWERS};
 use std::hint::select_unpredictable;
 
 /// Bytes that a number and what follows it take at most: `-1.2345678901234567e-300,`.
@@ -139,7 +144,8 @@ const HIDDEN: u64 = 1 << 52;
 ///
 /// The power of ten is chosen so that `c 2^q` in its unit is a whole number of 15 or 16 digits and a
 /// fraction, and half of the distance to the next `f64` is between 0.05 and 0.5 of the unit. If a whole
-/// number is that near, it is the shortest; else one digit more is, and the closest is near enough.
+/// number is that near, it is the shortest; else one digit more is, and the closest is near enough. The last
+/// of what is returned tells whether it is left open.
 #[inline(always)]
 fn quickly(c: u64, q: i32) -> (u64, i32, bool) {
     let k = log10_of_power_of_2(q);
@@ -150,7 +156,8 @@ fn quickly(c: u64, q: i32) -> (u64, i32, bool) {
     let whole = (product >> 68) as u64;
     let fraction = (product >> 4) as u64;
     let half = (power >> 64) as u64 >> (1 + halvings);
-    // All three are too small by less than 1 or, by what the power was rounded up, not even that.
+    // Fraction and half are too small by less than 1, or too large by less than a tenth, since the power is
+    // rounded up.
     let (above, is_up) = fraction.overflowing_add(half);
     let is_down = fraction < half;
     let tenths = u128::from(fraction) * 10 + (1 << 63);
@@ -162,8 +169,9 @@ fn quickly(c: u64, q: i32) -> (u64, i32, bool) {
     (10 * whole + digit, k, is_open)
 }
 
-/// The decimal `d` and the power `k` of the shortest `d 10^k` that rounds to `c 2^q`: R. Giulietti, "The Schubfach
-/// way to render doubles" (2020), with powers of ten of 128 bits instead of 126. `is_at_power`: below this number, the next one is only half as far as above.
+/// The decimal `d` and the power `k` of the shortest `d 10^k` that rounds to `c 2^q`: R. Giulietti, "The
+/// Schubfach way to render doubles" (2020), with powers of ten of 128 bits instead of 126. `is_at_power`: below
+/// this number, the next one is only half as far as above.
 fn shortest(c: u64, q: i32, is_at_power: bool) -> (u64, i32) {
     let odd = c & 1;
     // The number and the ends of what rounds to it, times 4.
@@ -300,195 +308,4 @@ fn put_exponent(text: &mut [u8], power: i32) -> usize {
     text[..2].copy_from_slice(&[b'e', sign]);
     text[2..6].copy_from_slice(&all.to_le_bytes());
     2 + digits
-}
-
-/// Least and largest power of ten that a number is multiplied by.
-const FIRST_POWER: i32 = -293;
-const LAST_POWER: i32 = 324;
-
-/// The leading 128 bits of the powers of ten, rounded up.
-static POWERS: [u128; (LAST_POWER - FIRST_POWER + 1) as usize] = powers();
-
-/// Words of 64 bits for the largest of them.
-const WORDS: usize = 13;
-
-const fn powers() -> [u128; (LAST_POWER - FIRST_POWER + 1) as usize] {
-    // Powers of five have the same leading bits. They are exact; their inverses times 2^832 are rounded
-    // down, which their leading bits do not show.
-    let mut powers = [0; (LAST_POWER - FIRST_POWER + 1) as usize];
-    let mut power = [0_u64; WORDS];
-    power[0] = 1;
-    let mut k = 0;
-    while k <= LAST_POWER {
-        let (leading, is_exact) = leading_bits(&power);
-        powers[(k - FIRST_POWER) as usize] = leading + !is_exact as u128;
-        let (mut i, mut carry) = (0, 0);
-        while i < WORDS {
-            let product = power[i] as u128 * 5 + carry;
-            (power[i], carry) = (product as u64, product >> 64);
-            i += 1;
-        }
-        k += 1;
-    }
-    // 2^832 - 1 gives the same quotients as 2^832, which no power of five divides.
-    let mut inverse = [u64::MAX; WORDS];
-    let mut k = -1;
-    while k >= FIRST_POWER {
-        let (mut i, mut remainder) = (WORDS, 0);
-        while i > 0 {
-            i -= 1;
-            let dividend = remainder << 64 | inverse[i] as u128;
-            (inverse[i], remainder) = ((dividend / 5) as u64, dividend % 5);
-        }
-        powers[(k - FIRST_POWER) as usize] = leading_bits(&inverse).0 + 1;
-        k -= 1;
-    }
-    powers
-}
-
-/// The leading 128 bits of a number, lowest words first, and whether there are no others.
-const fn leading_bits(words: &[u64; WORDS]) -> (u128, bool) {
-    let mut top = WORDS - 1;
-    while words[top] == 0 {
-        top -= 1;
-    }
-    // Three words hold them; the missing ones of a small number are zero.
-    let mut leading = [0; 3];
-    let mut is_exact = true;
-    let mut i = 0;
-    while i <= top {
-        match i {
-            0..=2 => leading[i] = words[top - i] as u128,
-            _ => is_exact &= words[top - i] == 0,
-        }
-        i += 1;
-    }
-    let zeros = words[top].leading_zeros();
-    let [first, second, third] = leading;
-    let third = third << zeros;
-    let bits = ((first << 64 | second) << zeros) | third >> 64;
-    (bits, is_exact && third as u64 == 0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
-
-    fn text(number: f64) -> String {
-        let mut room = [b'?'; LONGEST + SLACK];
-        let length = put_rows(&mut room, &[number], 1);
-        assert!(length <= LONGEST, "{number:e} takes {length} bytes");
-        let text = std::str::from_utf8(&room[..length]).unwrap();
-        text.strip_suffix('\n').unwrap().to_owned()
-    }
-
-    /// The digits and the power of the first, as text.
-    fn scientific(text: &str) -> String {
-        let (digits, power) = text.split_once('e').unwrap_or((text, "0"));
-        let digits = digits.trim_start_matches('-');
-        let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
-        let all = format!("{whole}{part}");
-        let first = all.find(|c| c != '0').expect("it is not zero");
-        let power = power.parse::<i32>().unwrap() + whole.len() as i32 - 1 - first as i32;
-        format!("{}e{power}", all[first..].trim_end_matches('0'))
-    }
-
-    /// Against the standard library's, whose digits are the shortest and closest too. Of two that are equally
-    /// close it takes the upper one, here it is the even one.
-    fn check(number: f64) {
-        let text = text(number);
-        assert_eq!(
-            text.parse::<f64>().unwrap().to_bits(),
-            number.to_bits(),
-            "{text}"
-        );
-        let (ours, theirs) = (scientific(&text), scientific(&format!("{number:e}")));
-        if ours != theirs {
-            let (digits, power) = ours.split_once('e').unwrap();
-            let exact = scientific(&format!("{number:.800e}"));
-            assert_eq!(exact, format!("{digits}5e{power}"), "{number:e} as {text}");
-            assert!(digits.ends_with(['0', '2', '4', '6', '8']), "{text}");
-        }
-    }
-
-    /// The quick way, where it gives an answer, against the paper's.
-    #[test]
-    fn the_quick_way_is_right() {
-        let mut random = ChaCha8Rng::seed_from_u64(2);
-        let mut open = 0;
-        for _ in 0..300_000 {
-            let c = random.next_u64() >> 11 | HIDDEN;
-            let q = (random.next_u64() % 2046) as i32 - 1074;
-            let (digits, k, is_open) = quickly(c, q);
-            open += u32::from(is_open);
-            if !is_open {
-                assert_eq!((digits, k), shortest(c, q, false), "{c} 2^{q}");
-            }
-        }
-        // Whole numbers halfway between two with a digit less.
-        insta::assert_snapshot!(open, @"349");
-    }
-
-    #[test]
-    fn forms() {
-        for (number, expected) in [
-            (0.0, "0"),
-            (-0.0, "-0"),
-            (1.0, "1"),
-            (-300.0, "-300"),
-            (0.3, "0.3"),
-            (0.1 + 0.2, "0.30000000000000004"),
-            (-12.5, "-12.5"),
-            (1e-5, "0.00001"),
-            (9.5e-6, "9.5e-6"),
-            (1e15, "1000000000000000"),
-            (1.5e15 + 0.25, "1500000000000000.2"),
-            (9007199254740993.0, "9007199254740992"),
-            (1e16, "1e+16"),
-            (-1.25e-123, "-1.25e-123"),
-            (f64::MAX, "1.7976931348623157e+308"),
-            (f64::MIN_POSITIVE, "2.2250738585072014e-308"),
-            (5e-324, "5e-324"),
-            (f64::NAN, "NaN"),
-            (-f64::NAN, "NaN"),
-            (f64::INFINITY, "inf"),
-            (f64::NEG_INFINITY, "-inf"),
-        ] {
-            assert_eq!(text(number), expected);
-        }
-    }
-
-    #[test]
-    fn every_power_of_two_and_its_neighbours() {
-        for exponent in 0..0x7ff_u64 {
-            for bits in (exponent << 52).saturating_sub(2)..=(exponent << 52) + 2 {
-                if bits > 0 && bits < 0x7ff << 52 {
-                    check(f64::from_bits(bits));
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn random_numbers_of_all_sizes() {
-        let mut random = ChaCha8Rng::seed_from_u64(1);
-        for _ in 0..100_000 {
-            let bits = random.next_u64();
-            let numbers = [
-                // Any bits; such as results have; subnormal; few digits; whole.
-                f64::from_bits(bits),
-                f64::from_bits(bits >> 2 | 0x3f << 56),
-                f64::from_bits(bits >> 12 >> (bits % 52)),
-                (bits % 100_000) as f64 / 10_f64.powi((bits >> 60) as i32),
-                (bits >> (bits % 64)) as f64,
-            ];
-            for number in numbers {
-                if number.is_finite() && number != 0.0 {
-                    check(number);
-                }
-            }
-        }
-    }
 }
