@@ -2,8 +2,7 @@
 
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Algorithm, Clock, Coupling, Experiment, Kind, Progress, Role, Slave, System, Value, Variable,
-    run,
+    Algorithm, Clock, Coupling, Kind, Progress, Role, Slave, System, Value, Variable, run,
 };
 use std::time::{Duration, Instant};
 
@@ -20,14 +19,6 @@ struct Busy {
 impl Slave for Busy {
     fn variables(&self) -> &[Variable] {
         &self.variables
-    }
-
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
@@ -57,10 +48,6 @@ impl Slave for Busy {
             std::hint::spin_loop();
         }
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 }
 

@@ -25,6 +25,7 @@
 
 pub mod algorithms;
 pub mod clock;
+mod decimal;
 pub mod fmu_slave;
 pub mod linearize;
 pub mod master;

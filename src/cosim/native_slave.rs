@@ -134,10 +134,6 @@ impl Slave for NativeSlave {
         Ok(())
     }
 
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -176,10 +172,6 @@ impl Slave for NativeSlave {
     fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.simulation.step(h)?;
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     /// Exact, by dual numbers.

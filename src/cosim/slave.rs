@@ -16,10 +16,15 @@ pub trait Slave: Send {
     fn variables(&self) -> &[Variable];
 
     /// Says when the simulation starts and ends and how exact it shall be.
-    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError>;
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+        let _ = experiment;
+        Ok(())
+    }
 
     /// Begins to solve for consistent initial values.
-    fn enter_initialization(&mut self) -> Result<(), SlaveError>;
+    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
 
     /// Ends it; the slave is at the start time.
     fn exit_initialization(&mut self) -> Result<(), SlaveError>;
@@ -40,7 +45,9 @@ pub trait Slave: Send {
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError>;
 
     /// Ends the simulation.
-    fn terminate(&mut self) -> Result<(), SlaveError>;
+    fn terminate(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
 
     /// The linear system that the slave is in continuous time for small changes about where it stands, with
     /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in

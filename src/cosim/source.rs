@@ -193,10 +193,6 @@ impl Slave for Source {
         Ok(())
     }
 
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -232,10 +228,6 @@ impl Slave for Source {
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.time = t + h;
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     /// All that it is, is a time. It gives no derivatives: at a corner there are two, and without them

@@ -44,7 +44,8 @@ fn fmus_of_other_tools_fly_as_in_fmpy() {
     for name in &names {
         let (stop, step) = match name.rsplit(['-', '_']).next().unwrap() {
             "BouncingBall.fmu" => ("3", "0.01"),
-            "Stair.fmu" => ("8", "0.2"),
+            // It ends by itself at 9 s, within a step.
+            "Stair.fmu" => ("10", "0.2"),
             "VanDerPol.fmu" => ("20", "0.01"),
             _ => ("1.5", "0.01"),
         };
@@ -53,6 +54,11 @@ fn fmus_of_other_tools_fly_as_in_fmpy() {
             ("cs", "CoSimulation", "co-simulation"),
             ("me", "ModelExchange", "model exchange"),
         ] {
+            // In model exchange fmpy leaves out what the last event did.
+            let stop = match (kind, stop) {
+                ("me", "10") => "8",
+                _ => stop,
+            };
             if info["capabilities"].get(named).is_some() {
                 runs.push((name, kind, fmi, stop, step));
             }

@@ -82,7 +82,7 @@ impl Access {
     }
 
     /// Sets reals; those of 64 bits in one call.
-    #[inline]
+    #[inline(always)]
     pub(super) fn set_reals(
         &self,
         instance: &mut Instance,

@@ -164,7 +164,10 @@ impl Slave for FmuSlave {
         self.time = t + h;
         match &mut self.newer {
             Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), false),
-            None => Ok(progress(self.instance.do_step(t, h)?, t)),
+            None => match self.instance.do_step(t, h) {
+                Ok(Step::Done) => Ok(Progress::Done),
+                other => Ok(progress(other?, t)),
+            },
         }
     }
 

@@ -6,15 +6,13 @@ use crate::cosim::slave::{Progress, SlaveError, Value};
 use crate::fmi::description::{
     Causality, ModelDescription, ScalarVariable, Variability, VariableKind,
 };
+use crate::fmi::instance::MAX_EVENT_ROUNDS;
 use crate::fmi::{Instance, Intermediate, IntermediateUpdate, Options, Step};
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How often a step may be interrupted.
 const MAX_STOPS: u32 = 10_000;
-
-/// How many rounds an event may take to settle.
-const MAX_ROUNDS: u32 = 1000;
 
 /// How near to the end of a step is its end, relative to the step.
 const ROUNDING: f64 = 1e-12;
@@ -254,15 +252,12 @@ impl Newer {
 
     /// Event iteration, and back to step mode.
     fn settle(&mut self, instance: &mut Instance) -> Result<(), SlaveError> {
-        for _ in 0..MAX_ROUNDS {
-            let update = instance.update_discrete_states()?;
-            self.is_end_requested |= update.is_end_requested;
-            self.next_event = update.next_time;
-            if !update.needs_another {
-                return Ok(instance.enter_step_mode()?);
-            }
-        }
-        Err(format!("an event does not settle in {MAX_ROUNDS} rounds").into())
+        let Some(update) = instance.iterate_event()? else {
+            return Err(format!("an event does not settle in {MAX_EVENT_ROUNDS} rounds").into());
+        };
+        self.is_end_requested |= update.is_end_requested;
+        self.next_event = update.next_time;
+        Ok(instance.enter_step_mode()?)
     }
 
     /// Takes a step from `t` by `h` [s], with all events in it.

@@ -270,6 +270,20 @@ impl Exchange {
         }
     }
 
+    /// Reads the outputs of a slave that ended the run later than at `time`, the last point, and tells where it
+    /// stands; `None` if it did not, or no longer gives them.
+    pub(super) fn read_at_end(&mut self, ending: &Ending, time: f64) -> Option<f64> {
+        let Ending::EndRequested {
+            instance,
+            time: reached,
+        } = ending
+        else {
+            return None;
+        };
+        let slave = self.wired.iter().position(|w| w.name == *instance)?;
+        (*reached > time && self.get_outputs(slave).is_ok()).then_some(*reached)
+    }
+
     /// Gives every slave its inputs and shows it.
     pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
         for i in 0..self.wired.len() {

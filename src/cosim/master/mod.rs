@@ -157,7 +157,8 @@ pub enum Ending {
         /// Where the slaves stand [s].
         time: f64,
     },
-    /// A slave asked for the end.
+    /// A slave asked for the end. If it stands within a step, the last row is at that time, if it still gives
+    /// its outputs: these, and of the others what was exchanged last.
     EndRequested {
         /// Name of the slave.
         instance: String,
@@ -191,8 +192,9 @@ pub enum Ending {
 pub struct Run {
     /// How it ended.
     pub ending: Ending,
-    /// Number of completed steps of the clock; one row more was recorded. With step-size control each
-    /// is one or more [communication steps](super::Steps).
+    /// Number of completed steps of the clock; one row more was recorded, and another one if a slave
+    /// [ended](Ending::EndRequested) within a step. With step-size control each is one or more
+    /// [communication steps](super::Steps).
     pub steps: u64,
     /// Time of the last row [s].
     pub time: f64,
@@ -259,7 +261,7 @@ pub(super) fn run_and_look(
     let exchange = Exchange::new(system, &coupling);
     let mut stepper = Stepper::new(exchange, &coupling, order)?;
     stepper.begin(clock.start())?;
-    let (steps, mut stop) = follow(&mut stepper, clock, recorder)?;
+    let (steps, mut stop, last_row) = follow(&mut stepper, clock, recorder)?;
     let time = clock.time(steps);
     if let (None, Some(look)) = (&stop, look) {
         stop = (stepper.exchange.look(look).err()).map(|failure| failure.at(time));
@@ -269,7 +271,7 @@ pub(super) fn run_and_look(
     Ok(Run {
         ending,
         steps,
-        time,
+        time: last_row,
         order: stepper.order().iter().map(name).collect(),
         report: wires.report(&stepper, &coupling, steps, time - clock.start()),
         signals: stepper.exchange.signals,
@@ -277,12 +279,13 @@ pub(super) fn run_and_look(
     })
 }
 
-/// Steps and records until the clock's stop or until a slave ends it: completed steps, and the end.
+/// Steps and records until the clock's stop or until a slave ends it: completed steps, the end, and the time of
+/// the last row.
 fn follow(
     stepper: &mut Stepper,
     clock: &Clock,
     recorder: &mut dyn Recorder,
-) -> Result<(u64, Option<Ending>), MasterError> {
+) -> Result<(u64, Option<Ending>, f64), MasterError> {
     let record = |time| move |source| MasterError::Record { time, source };
     let begin = clock.time(0);
     let signals = &stepper.exchange.signals;
@@ -296,13 +299,17 @@ fn follow(
     for step in 0..clock.steps() {
         let next = clock.time(step + 1);
         if let Err(ending) = stepper.advance(time, next, clock.step()) {
-            return Ok((step, Some(ending)));
+            if let Some(reached) = stepper.exchange.read_at_end(&ending, time) {
+                row(stepper, recorder, reached)?;
+                time = reached;
+            }
+            return Ok((step, Some(ending), time));
         }
         row(stepper, recorder, next)?;
         time = next;
         if step + 1 < clock.steps() && recorder.is_stop_asked() {
-            return Ok((step + 1, Some(Ending::Stopped { time })));
+            return Ok((step + 1, Some(Ending::Stopped { time }), time));
         }
     }
-    Ok((clock.steps(), None))
+    Ok((clock.steps(), None, time))
 }

@@ -21,24 +21,29 @@ pub(super) struct Stopwatch {
 
 impl Stopwatch {
     /// Makes a call.
-    #[inline]
+    #[inline(always)]
     pub(super) fn time<T>(&mut self, call: impl FnOnce() -> T) -> T {
-        match self.is_running {
-            false => call(),
-            true => self.time_it(call),
-        }
-    }
-
-    /// Kept out of the way of calls that are not timed.
-    #[cold]
-    #[inline(never)]
-    fn time_it<T>(&mut self, call: impl FnOnce() -> T) -> T {
-        let started = Instant::now();
+        let started = self.is_running.then(now);
         let result = call();
-        self.step += started.elapsed();
-        self.calls += 1;
+        if let Some(started) = started {
+            self.add(started);
+        }
         result
     }
+
+    #[cold]
+    #[inline(never)]
+    fn add(&mut self, started: Instant) {
+        self.step += started.elapsed();
+        self.calls += 1;
+    }
+}
+
+/// Kept, as the other half, out of the way of calls that are not timed.
+#[cold]
+#[inline(never)]
+fn now() -> Instant {
+    Instant::now()
 }
 
 /// Which steps are timed: all while that is cheap, else so few that it stays cheap.

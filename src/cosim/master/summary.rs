@@ -111,7 +111,7 @@ impl Wire {
         let source = &stepper.exchange.wired[self.source];
         let is_fed = |&p: &usize| p == target.input_positions[self.input];
         let change = source.fed_positions.iter().position(is_fed);
-        let change = change.map_or_else(Change::default, |k| source.changes[k]);
+        let change = change.map_or_else(Change::default, |k| source.changes[k].1);
         // What is held through a step is wrong by half of the change in it.
         let error = match stepper.is_plain {
             true => CouplingError {

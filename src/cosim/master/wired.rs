@@ -42,8 +42,8 @@ pub(super) struct Wired {
     /// Slots of those that feed others, and their positions among all fed outputs.
     pub(super) fed: Vec<usize>,
     pub(super) fed_positions: Vec<usize>,
-    /// Their changes between communication points.
-    pub(super) changes: Vec<Change>,
+    /// Their slots again, and how they change between communication points.
+    pub(super) changes: Vec<(usize, Change)>,
     /// Handles of these, if their derivatives are to be read too, and room for them.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
@@ -121,7 +121,8 @@ impl Wired {
                 self.fed_positions.push(position);
             }
         }
-        self.changes = vec![Change::default(); self.fed.len()];
+        let unchanged = self.fed.iter().map(|&slot| (slot, Change::default()));
+        self.changes = unchanged.collect();
         let is_direct = |handle: u32, kind: Kind| {
             let mut variables = self.slave.variables().iter();
             variables
@@ -177,7 +178,7 @@ impl Wired {
     }
 
     /// Gives the inputs the values in the row.
-    #[inline]
+    #[inline(always)]
     pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {
         for (value, &slot) in self.input_values.iter_mut().zip(&self.input_slots) {
             *value = values.row[slot];
@@ -206,19 +207,26 @@ impl Wired {
     }
 
     /// Converts `input_values` and sets them.
-    #[inline]
+    #[inline(always)]
     pub(super) fn set_reals(&mut self) -> Result<(), Failure> {
         if self.inputs.is_empty() {
             return Ok(());
         }
-        for &(position, conversion) in &self.conversions {
-            let value = &mut self.input_values[position];
-            *value = conversion.apply(*value);
+        if !self.conversions.is_empty() {
+            self.convert();
         }
         self.calls.sets += 1;
         let (inputs, values) = (&self.inputs, &self.input_values);
         let set = self.watch.time(|| self.slave.set_reals(inputs, values));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
+    }
+
+    #[inline(never)]
+    fn convert(&mut self) {
+        for &(position, conversion) in &self.conversions {
+            let value = &mut self.input_values[position];
+            *value = conversion.apply(*value);
+        }
     }
 
     /// Reads all outputs.
@@ -228,7 +236,7 @@ impl Wired {
     }
 
     /// Reads all outputs at a communication point and follows how they change.
-    #[inline]
+    #[inline(always)]
     pub(super) fn get_next_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
         self.read_outputs(values)?;
         self.follow(values, self.calls.steps)
@@ -236,17 +244,17 @@ impl Wired {
 
     /// The outputs before the first step.
     pub(super) fn begin_changes(&mut self, values: &Values) {
-        for (change, &slot) in self.changes.iter_mut().zip(&self.fed) {
-            *change = Change::from(values.row[slot]);
+        for (slot, change) in &mut self.changes {
+            *change = Change::from(values.row[*slot]);
         }
     }
 
     /// Follows how the fed outputs change, to those after a step of that number.
-    #[inline]
+    #[inline(always)]
     pub(super) fn follow(&mut self, values: &Values, step: u64) -> Result<(), Failure> {
         let mut is_finite = true;
-        for (change, &slot) in self.changes.iter_mut().zip(&self.fed) {
-            is_finite &= change.to(values.row[slot], step);
+        for (slot, change) in &mut self.changes {
+            is_finite &= change.to(values.row[*slot], step);
         }
         match is_finite {
             true => Ok(()),
@@ -350,7 +358,7 @@ impl Wired {
     }
 
     /// Takes a step with the inputs that are set.
-    #[inline]
+    #[inline(always)]
     pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
         self.calls.steps += 1;
         let stepped = self.watch.time(|| match is_revocable {

@@ -29,7 +29,31 @@ pub struct IntegratorStep {
     pub is_end_requested: bool,
 }
 
+/// Rounds after which an event iteration is taken for one without end.
+pub const MAX_EVENT_ROUNDS: u32 = 1000;
+
 impl Instance {
+    /// The event iteration: rounds until none is needed or the end is asked for (`fmi2NewDiscreteStates`: FMI
+    /// 2.0.5, section 3.2.2; `fmi3UpdateDiscreteStates`). Changes in any round count; the next time event is
+    /// the last round's.
+    ///
+    /// `None` if it does not end within [`MAX_EVENT_ROUNDS`].
+    pub fn iterate_event(&mut self) -> Result<Option<EventUpdate>, CallError> {
+        let mut told = EventUpdate::default();
+        for _ in 0..MAX_EVENT_ROUNDS {
+            let update = self.update_discrete_states()?;
+            told = EventUpdate {
+                nominals_changed: told.nominals_changed || update.nominals_changed,
+                states_changed: told.states_changed || update.states_changed,
+                ..update
+            };
+            if update.is_end_requested || !update.needs_another {
+                return Ok(Some(told));
+            }
+        }
+        Ok(None)
+    }
+
     /// `fmi2EnterEventMode`, `fmi3EnterEventMode`.
     pub fn enter_event_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: the instance is alive and in a state that allows the call, here and below.

@@ -34,7 +34,7 @@ pub enum Step {
 
 impl Instance {
     /// `fmi2DoStep`, `fmi3DoStep`; nobody will go back before `t`. A pending step is waited for.
-    #[inline]
+    #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
         match self.step(t, h, true)? {
             Some(step) => Ok(step),
@@ -85,29 +85,27 @@ impl Instance {
                 let no_set_state_prior = if is_final { TRUE } else { FALSE };
                 // SAFETY: the instance is alive and in a state that allows the call.
                 match unsafe { call(self.component, t, h, no_set_state_prior) } {
-                    Status::PENDING => {
-                        self.state = State::Fmi2(fmi2::State::StepInProgress);
-                        Ok(None)
-                    }
-                    status => self.ended(status).map(Some),
+                    Status::OK => Ok(Some(Step::Done)),
+                    status => self.not_done(status),
                 }
             }
             Functions::Fmi3(_) => self.step3(t, h, is_final).map(Some),
         }
     }
 
-    /// A step of FMI 2.0 that ended with a status.
-    #[inline]
-    fn ended(&mut self, status: Status) -> Result<Step, CallError> {
-        match status {
-            Status::OK => Ok(Step::Done),
-            _ => self.ended_badly(status),
-        }
-    }
-
+    /// Kept out of the way of steps that succeed.
     #[cold]
     #[inline(never)]
-    fn ended_badly(&mut self, status: Status) -> Result<Step, CallError> {
+    fn not_done(&mut self, status: Status) -> Result<Option<Step>, CallError> {
+        if status == Status::PENDING {
+            self.state = State::Fmi2(fmi2::State::StepInProgress);
+            return Ok(None);
+        }
+        self.ended(status).map(Some)
+    }
+
+    /// A step of FMI 2.0 that ended with a status.
+    fn ended(&mut self, status: Status) -> Result<Step, CallError> {
         if status == Status::DISCARD {
             self.state = State::Fmi2(fmi2::State::StepFailed);
             return Ok(self.discarded());

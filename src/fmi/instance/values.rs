@@ -39,7 +39,7 @@ macro_rules! number {
         impl sealed::Sealed for $type {}
 
         impl Number for $type {
-            #[inline]
+            #[inline(always)]
             fn get(i: &mut Instance, r: &[u32], v: &mut [Self]) -> Result<(), CallError> {
                 i.check_lengths(r.len(), v.len());
                 // SAFETY: the instance is alive, both arrays have as many elements as is said.
@@ -49,7 +49,7 @@ macro_rules! number {
                 }
             }
 
-            #[inline]
+            #[inline(always)]
             fn set(i: &mut Instance, r: &[u32], v: &[Self]) -> Result<(), CallError> {
                 i.check_lengths(r.len(), v.len());
                 // SAFETY: the instance is alive, both arrays have as many elements as is said.

@@ -12,7 +12,7 @@ pub use error::RunError;
 
 use self::model::{Inputs, Model};
 use super::description::ModelDescription;
-use super::instance::{Instance, Saved};
+use super::instance::{Instance, MAX_EVENT_ROUNDS, Saved};
 use super::version::State;
 use crate::integrate::{self, Advance, Method, Solver};
 use pilotage_abi::{fmi2, fmi3};
@@ -265,34 +265,25 @@ impl ModelExchangeRun {
     /// The event iteration, and back to continuous-time mode. `is_new`: the equations may have become others,
     /// so that the solver finds the length of its steps anew.
     fn finish_event(&mut self, is_new: bool) -> Result<(), RunError> {
-        const ROUNDS: u32 = 1000;
-        let (mut nominals_changed, mut states_changed) = (false, false);
-        for round in 1.. {
-            let update = self.model.instance.update_discrete_states()?;
-            nominals_changed |= update.nominals_changed;
-            states_changed |= update.states_changed;
-            self.next_time = update.next_time;
-            if update.is_end_requested {
-                self.is_over = true;
-                return Ok(());
-            }
-            if !update.needs_another {
-                break;
-            }
-            if round == ROUNDS {
-                let (time, rounds) = (self.time(), ROUNDS);
-                return Err(RunError::EventIteration { time, rounds });
-            }
+        let Some(update) = self.model.instance.iterate_event()? else {
+            let (time, rounds) = (self.time(), MAX_EVENT_ROUNDS);
+            return Err(RunError::EventIteration { time, rounds });
+        };
+        self.next_time = update.next_time;
+        if update.is_end_requested {
+            self.is_over = true;
+            return Ok(());
         }
         self.model.instance.enter_continuous_time_mode()?;
-        if nominals_changed {
+        if update.nominals_changed {
             self.read_nominals()?;
         }
         if !self.x.is_empty() {
             self.model.instance.get_continuous_states(&mut self.x)?;
         }
         let t = self.time();
-        self.solver.restart(t, &self.x, is_new || states_changed);
+        self.solver
+            .restart(t, &self.x, is_new || update.states_changed);
         Ok(())
     }
 

@@ -2,9 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use pilotage::cosim::slave::SlaveError;
-use pilotage::cosim::{
-    Abilities, Experiment, Kind, Progress, Role, Slave, System, Value, Variable,
-};
+use pilotage::cosim::{Abilities, Kind, Progress, Role, Slave, System, Value, Variable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -63,14 +61,6 @@ impl Slave for Block {
         &self.variables
     }
 
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -117,10 +107,6 @@ impl Slave for Block {
         self.u += &self.slope * h;
         self.slope.fill(0.0);
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn abilities(&self) -> Abilities {

@@ -3,7 +3,7 @@
 use super::slaves::{Linear, simulate};
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Ending, Experiment, Kind, Progress, Role, Slave, System, Value, Variable,
+    Abilities, Algorithm, Ending, Kind, Progress, Role, Slave, System, Value, Variable,
 };
 
 /// What it gives at the end of a step is a function of what it got for the step: of a real or a boolean a
@@ -39,14 +39,6 @@ impl Slave for Logic {
         &self.variables
     }
 
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         self.y = (self.f)(self.u);
         Ok(())
@@ -77,10 +69,6 @@ impl Slave for Logic {
     fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
         self.y = (self.f)(self.u);
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn abilities(&self) -> Abilities {

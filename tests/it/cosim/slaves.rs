@@ -265,14 +265,6 @@ impl Slave for Static {
         &self.variables
     }
 
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -298,10 +290,6 @@ impl Slave for Static {
 
     fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 }
 
@@ -329,14 +317,6 @@ impl Sum {
 impl Slave for Sum {
     fn variables(&self) -> &[Variable] {
         &self.variables
-    }
-
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
@@ -367,10 +347,6 @@ impl Slave for Sum {
     fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.x += h * (self.u[0] + self.u[1]);
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 }
 

@@ -4,8 +4,8 @@ use super::blocks::RandomLoop;
 use super::slaves::{Linear, Log, simulate};
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, Experiment, Kind, Progress,
-    Role, SeriesRecorder, Slave, System, Transfer, Value, Variable, run,
+    Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, Kind, Progress, Role,
+    SeriesRecorder, Slave, System, Transfer, Value, Variable, run,
 };
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
@@ -284,14 +284,6 @@ impl Slave for Surprise {
         &self.variables
     }
 
-    fn setup(&mut self, _experiment: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
     }
@@ -318,10 +310,6 @@ impl Slave for Surprise {
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.time = t + h;
         Ok(Progress::Done)
-    }
-
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 
     fn abilities(&self) -> Abilities {

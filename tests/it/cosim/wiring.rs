@@ -2,7 +2,7 @@
 
 use super::slaves::{Linear, simulate};
 use pilotage::cosim::slave::SlaveError;
-use pilotage::cosim::{Algorithm, Experiment, Progress, Value};
+use pilotage::cosim::{Algorithm, Progress, Value};
 use pilotage::cosim::{Base, Kind, NativeSlave, Role, Slave, System, Unit, Variable};
 use pilotage::models::{Model, Quadcopter};
 
@@ -12,12 +12,6 @@ struct Table(Vec<Variable>);
 impl Slave for Table {
     fn variables(&self) -> &[Variable] {
         &self.0
-    }
-    fn setup(&mut self, _: &Experiment) -> Result<(), SlaveError> {
-        Ok(())
-    }
-    fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         Ok(())
@@ -36,9 +30,6 @@ impl Slave for Table {
     }
     fn step(&mut self, _: f64, _: f64) -> Result<Progress, SlaveError> {
         Ok(Progress::Done)
-    }
-    fn terminate(&mut self) -> Result<(), SlaveError> {
-        Ok(())
     }
 }
 

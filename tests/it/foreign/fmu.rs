@@ -195,7 +195,9 @@ extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, no_state_prior: c_int) 
         "odd-status" if reaches => return 42,
         "crash" if reaches => std::process::abort(),
         "discard" | "discard-silently" | "end" if reaches => {
-            fmu.values.time = fmu.at;
+            let v = &mut fmu.values;
+            v.time = fmu.at;
+            v.y = v.u + (v.y - v.u) * (-v.k * (fmu.at - t)).exp();
             return DISCARD;
         }
         _ => {}

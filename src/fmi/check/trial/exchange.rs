@@ -5,12 +5,10 @@
 
 use super::subject::Subject;
 use super::{Stop, Teller};
+use crate::fmi::instance::MAX_EVENT_ROUNDS;
 
 /// Steps of Euler in a step of the plan.
 const SUBSTEPS: u32 = 10;
-
-/// Rounds after which an event iteration does not end.
-const ROUNDS: u32 = 1000;
 
 /// What model exchange needs beside the instance.
 #[derive(Debug, Clone, Default)]
@@ -42,30 +40,27 @@ impl Subject {
     /// In event mode: iterates, and goes on to continuous-time mode. False when the end is asked for.
     fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         teller.stage("iterating at an event");
-        for _ in 0..ROUNDS {
-            let update = self.instance.update_discrete_states()?;
-            if update.is_end_requested {
-                return Ok(false);
-            }
-            if update.needs_another {
-                continue;
-            }
-            self.solver.next_event = update.next_time;
-            if let Some(next) = update.next_time.filter(|next| *next < self.time()) {
-                teller.error(format!(
-                    "at {} s its next time event is at {next} s, which is past",
-                    self.time()
-                ));
-                self.solver.next_event = None;
-            }
-            self.instance.enter_continuous_time_mode()?;
-            let solver = &mut self.solver;
-            self.instance.get_continuous_states(&mut solver.states)?;
-            self.instance.get_event_indicators(&mut solver.indicators)?;
-            return Ok(true);
+        let Some(update) = self.instance.iterate_event()? else {
+            let rounds = MAX_EVENT_ROUNDS;
+            teller.error(format!("an event iteration did not end in {rounds} rounds"));
+            return Ok(false);
+        };
+        if update.is_end_requested {
+            return Ok(false);
         }
-        teller.error(format!("an event iteration did not end in {ROUNDS} rounds"));
-        Ok(false)
+        self.solver.next_event = update.next_time;
+        if let Some(next) = update.next_time.filter(|next| *next < self.time()) {
+            teller.error(format!(
+                "at {} s its next time event is at {next} s, which is past",
+                self.time()
+            ));
+            self.solver.next_event = None;
+        }
+        self.instance.enter_continuous_time_mode()?;
+        let solver = &mut self.solver;
+        self.instance.get_continuous_states(&mut solver.states)?;
+        self.instance.get_event_indicators(&mut solver.indicators)?;
+        Ok(true)
     }
 
     /// Lets `h` seconds pass; false when the end is asked for.
