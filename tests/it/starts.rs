@@ -4,7 +4,7 @@
 #[path = "../../benches/starts/pilots.rs"]
 mod pilots;
 
-use pilotage::identification::{Fit, Options, Trial, fit, start};
+use pilotage::identification::{Fit, Options, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
@@ -28,7 +28,7 @@ fn best_of_random(trials: &[Trial], count: usize) -> f64 {
         };
         fitted(trials, &options)
     };
-    let fits = pilots::random_starts(1, count).into_iter().map(from);
+    let fits = random_starts::draw(&Options::default(), 1, count).into_iter().map(from);
     let converged = fits.filter(|fit| fit.converged).map(|fit| fit.objective);
     converged.fold(f64::INFINITY, f64::min)
 }
