@@ -60,7 +60,13 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         let nearest = attempts.iter().map(|a| a.course.near);
         let best = nearest.fold(f64::INFINITY, f64::min);
         let number = attempts.len();
-        attempts.push(Attempt::scout(number, from(theta), (scout, best), options, &mut watched));
+        attempts.push(Attempt::scout(
+            number,
+            from(theta),
+            (scout, best),
+            options,
+            &mut watched,
+        ));
         if watched.stopped.is_some() {
             break;
         }
@@ -72,7 +78,13 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         };
         let number = attempts.len();
         watched.starts += 1;
-        attempts.push(Attempt::scout(number, from(theta), (scout, best), options, &mut watched));
+        attempts.push(Attempt::scout(
+            number,
+            from(theta),
+            (scout, best),
+            options,
+            &mut watched,
+        ));
         finish(&mut attempts, options, &mut watched);
     }
     let skipped = starts.all.len().saturating_sub(attempts.len());

@@ -65,3 +65,44 @@ fn pilot(options: &Options, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
 fn between([low, high]: [f64; 2], unit: f64) -> f64 {
     low * (high / low).powf(unit)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pilotage_models::Pilot;
+
+    #[test]
+    fn every_order_gets_stable_pilots_that_push_towards_the_target() {
+        for order in 1..=6 {
+            let options = Options {
+                pilot: Pilot { order },
+                ..Options::default()
+            };
+            let starts = draw(&options, 7, 20);
+            assert_eq!(draw(&options, 7, 3), starts[..3], "more starts begin alike");
+            assert_ne!(draw(&options, 8, 1), starts[..1], "another seed");
+            for theta in starts {
+                assert_eq!(theta.len(), 2 * order);
+                assert!(theta[order] < 0.0, "{theta:?}");
+                for pole in options.pilot.poles(&theta) {
+                    let size = pole.norm() / POLES[0];
+                    assert!(pole.re < 0.0 && size > 0.99, "{theta:?}: {pole}");
+                    assert!(pole.norm() < 1.01 * POLES[1], "{theta:?}: {pole}");
+                }
+            }
+        }
+    }
+
+    /// Half of the pairs, up to the chance of 200 draws.
+    #[test]
+    fn pairs_are_complex_half_of_the_time() {
+        let options = Options::default();
+        let complex = |theta: &Vec<f64>| {
+            let poles = options.pilot.poles(theta);
+            poles.iter().any(|pole| pole.im.abs() > 1e-6 * pole.norm())
+        };
+        let starts = draw(&options, 1, 200);
+        let count = starts.into_iter().filter(complex).count();
+        assert!((70..=130).contains(&count), "{count}");
+    }
+}

@@ -105,7 +105,7 @@ pub struct Progress<'a> {
     pub order: usize,
     /// Which start, from 0.
     pub start: usize,
-    /// Of how many.
+    /// Of how many so far: random ones may join.
     pub starts: usize,
     /// The iterate.
     pub iteration: &'a Iteration,
