@@ -82,6 +82,9 @@ pub const MANY_TRIALS: usize = 24;
 /// Random starts that join at most, without being asked for: see [`Options::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
+/// Those of them that join in any case where initial states are free.
+pub const FREE_STARTS: usize = 4;
+
 /// Seed of the random starts.
 const SEED: u64 = 0;
 
@@ -152,10 +155,9 @@ pub fn fit(
     };
     let observer: &mut Observer<'_> = &mut latched;
     let (all, before) = candidates(trials, &sticks, options, observer)?;
-    let as_needed = options.random_starts.or(options.start.as_ref().map(|_| 0));
-    let spare = match as_needed {
-        None if trials.len() <= MANY_TRIALS => random_starts::draw(options, SEED, SPARE_STARTS),
-        _ => Vec::new(),
+    let spare = match trials.len() <= MANY_TRIALS {
+        true => random(options).spare,
+        false => Vec::new(),
     };
     let starts = Starts { all, spare };
     let mut fit = match options.objective {
@@ -238,12 +240,23 @@ pub fn candidates(
         }
         (raised, iterations)
     };
-    starts.extend(random_starts::draw(
-        options,
-        SEED,
-        options.random_starts.unwrap_or(0),
-    ));
+    starts.extend(random(options).all);
     Ok((starts, iterations))
+}
+
+/// The random starts that [`Options::random_starts`] tells of.
+fn random(options: &Options) -> Starts {
+    let at_rest = options.initial_state == InitialState::AtRest;
+    let (count, sure) = match (options.random_starts, &options.start) {
+        (Some(count), _) => (count, count),
+        (None, Some(_)) => (0, 0),
+        (None, None) if at_rest => (SPARE_STARTS, 0),
+        // The starts from the data may agree, and all miss the best: some from elsewhere always run.
+        (None, None) => (SPARE_STARTS, FREE_STARTS),
+    };
+    let mut all = random_starts::draw(options, SEED, count);
+    let spare = all.split_off(sure);
+    Starts { all, spare }
 }
 
 /// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
