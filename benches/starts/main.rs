@@ -250,8 +250,9 @@ impl Outcome<'_> {
         self.fit.objective / self.best - 1.0
     }
 
+    /// An iterate that is lower, but has not converged, is no result.
     fn is_best(&self) -> bool {
-        self.gap() <= SAME
+        self.fit.converged && self.gap() <= SAME
     }
 
     /// True when the fit itself says that there may be a better optimum, or that it has not converged.
