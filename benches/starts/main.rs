@@ -15,7 +15,9 @@
 mod pilots;
 
 use clap::Parser;
-use pilotage::identification::{Doubt, Fit, InitialState, Options, Trial, doubts, fit};
+use pilotage::identification::{
+    Doubt, Fit, InitialState, Options, Trial, doubts, fit, random_starts,
+};
 use pilotage::sqp::Status;
 use pilotage::synthetic::Human;
 use pilotage::transcription::Scheme;
@@ -193,7 +195,7 @@ fn write(sets: &[DataSet], folder: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// The default fit and the random starts.
-fn study<'a>(data: &'a DataSet, options: &Options, random_starts: usize) -> Outcome<'a> {
+fn study<'a>(data: &'a DataSet, options: &Options, count: usize) -> Outcome<'a> {
     let fit = fit(&data.trials, options, &mut |_| ControlFlow::Continue(()))
         .expect("six flights can be fitted");
     let mut outcome = Outcome {
@@ -207,7 +209,7 @@ fn study<'a>(data: &'a DataSet, options: &Options, random_starts: usize) -> Outc
         random: None,
         converged: 0,
     };
-    for start in pilots::random_starts(data.seed, random_starts) {
+    for start in random_starts::draw(options, data.seed, count) {
         let Some(fit) = random_fit(&data.trials, options, start, outcome.best) else {
             continue;
         };
@@ -248,14 +250,16 @@ impl Outcome<'_> {
         self.fit.objective / self.best - 1.0
     }
 
+    /// An iterate that is lower, but has not converged, is no result.
     fn is_best(&self) -> bool {
-        self.gap() <= SAME
+        self.fit.converged && self.gap() <= SAME
     }
 
-    /// True when the fit itself says that its starts disagree, or that it has not converged.
+    /// True when the fit itself says that there may be a better optimum, or that it has not converged.
     fn says_so(&self) -> bool {
         let doubts = doubts(&self.fit, Options::default().pilot);
-        !self.fit.converged || doubts.iter().any(|d| matches!(d, Doubt::OneStart { .. }))
+        let of_starts = |d: &Doubt| matches!(d, Doubt::OneStart { .. } | Doubt::Lower { .. });
+        !self.fit.converged || doubts.iter().any(of_starts)
     }
 
     fn to_json(&self, args: &Args) -> Value {
@@ -329,8 +333,11 @@ fn verdict(outcomes: &[Outcome]) -> String {
     }
     let converged = outcomes.iter().filter(|o| o.fit.converged).count();
     let silent = behind.iter().filter(|o| !o.says_so()).count();
+    let doubted = (outcomes.iter())
+        .filter(|o| o.is_best() && o.says_so())
+        .count();
     text += &format!(
-        "{} of {} within {} % of the best known; {converged} converged; \
+        "{} of {} within {} % of the best known, {doubted} of them in doubt; {converged} converged; \
          {silent} are behind and do not say so\n",
         outcomes.len() - behind.len(),
         outcomes.len(),

@@ -1,11 +1,8 @@
-//! The humans of the study, their flights, and random starts for θ. The tests use them too.
+//! The humans of the study and their flights. The tests use them too.
 
 use pilotage::identification::Trial;
 use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flight, Flights, Human, SyntheticError};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, Uniform};
 
 /// A human by name.
 pub type Named = (&'static str, Human);
@@ -78,39 +75,4 @@ pub fn flights(human: &Human, seed: u64) -> Result<Vec<Trial>, SyntheticError> {
         Trial::parse(csv.as_bytes(), &flight.name).expect("a flight is a trial")
     };
     Ok(flown(human, seed)?.iter().map(trial).collect())
-}
-
-/// Stable third-order pilots over more than any human: poles from 0.05 to 20 rad/s, a pair of them
-/// complex half of the time; gain from 0.003 to 0.2 1/m; lead times from 0.3 to 10 s; the second time of
-/// the numerator from 0.03 to 3 s with either sign.
-pub fn random_starts(seed: u64, count: usize) -> Vec<Vec<f64>> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let unit = Uniform::new(0.0, 1.0).expect("0 is less than 1");
-    let mut unit = || unit.sample(&mut random);
-    let mut start = || {
-        let mut between = |low: f64, high: f64| low * (high / low).powf(unit());
-        let (a, b, c) = (
-            between(0.05, 20.0),
-            between(0.05, 20.0),
-            between(0.05, 20.0),
-        );
-        let (gain, lead, second) = (between(0.003, 0.2), between(0.3, 10.0), between(0.03, 3.0));
-        let damping = between(0.1, 1.0);
-        // (s + a) times (s² + sum s + product)
-        let (sum, product) = match unit() < 0.5 {
-            true => (b + c, b * c),
-            false => (2.0 * damping * b, b * b),
-        };
-        let sign = if unit() < 0.5 { -1.0 } else { 1.0 };
-        let numerator = -gain * a * product;
-        vec![
-            a * product,
-            a * sum + product,
-            a + sum,
-            numerator,
-            numerator * lead,
-            numerator * lead * second * sign,
-        ]
-    };
-    (0..count).map(|_| start()).collect()
 }

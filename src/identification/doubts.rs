@@ -3,6 +3,7 @@
 
 use super::Fit;
 use super::constraints::STABILITY_MARGIN;
+use super::result::{AGREE, StartReport};
 use pilotage_models::Pilot;
 use std::f64::consts::PI;
 
@@ -19,6 +20,13 @@ pub enum Doubt {
     OneStart {
         /// Number of starts.
         starts: usize,
+    },
+    /// A start passed a pilot with a lower objective, and did not converge: there is a better optimum.
+    Lower {
+        /// Which start, from 1.
+        start: usize,
+        /// That objective, in units of [`Fit::objective`].
+        objective: f64,
     },
     /// θ1 lies on its bound: the pilot integrates the error for ever.
     Integrates,
@@ -41,7 +49,13 @@ impl std::fmt::Display for Doubt {
         match self {
             Self::OneStart { starts } => write!(
                 f,
-                "only one of {starts} starts ended here; there may be a better optimum, try --start"
+                "only one of {starts} starts ended here; there may be a better optimum, \
+                 try --random-starts 20"
+            ),
+            Self::Lower { start, objective } => write!(
+                f,
+                "start {start} came to a sum of squares of {objective:.6} and did not converge: there is a \
+                 better optimum, try --max-iterations or --random-starts 20"
             ),
             Self::Integrates => write!(
                 f,
@@ -67,6 +81,13 @@ pub fn doubts(fit: &Fit, pilot: Pilot) -> Vec<Doubt> {
         doubts.push(Doubt::OneStart {
             starts: fit.starts.len(),
         });
+    }
+    let feasible = |s: &StartReport| s.feasible.map(|objective| (s.number, objective));
+    let least = (fit.starts.iter().filter_map(feasible)).min_by(|(_, a), (_, b)| a.total_cmp(b));
+    if let Some((start, objective)) = least
+        && objective < fit.objective * (1.0 - AGREE)
+    {
+        doubts.push(Doubt::Lower { start, objective });
     }
     if fit.theta[0] <= ON_BOUND * STABILITY_MARGIN {
         doubts.push(Doubt::Integrates);
@@ -109,7 +130,6 @@ fn zeros(numerator: &[f64]) -> Vec<nalgebra::Complex<f64>> {
 mod tests {
     use super::*;
     use crate::identification::RunFit;
-    use crate::identification::result::StartReport;
 
     /// A fit of `theta` to samples 0.05 s apart, with these objectives of its starts.
     fn fit(theta: [f64; 6], starts: &[f64]) -> Fit {
@@ -129,6 +149,7 @@ mod tests {
             seconds: 0.0,
             status: "converged".into(),
             objective: *objective,
+            feasible: Some(*objective),
             iterations: 1,
         };
         Fit {
@@ -166,6 +187,19 @@ mod tests {
             of(SOUND, &[7.0, 7.008, 8.0]),
             [Doubt::OneStart { starts: 3 }]
         );
+    }
+
+    #[test]
+    fn a_start_that_was_lower_is_told_and_agrees_with_none() {
+        let mut fit = fit(SOUND, &[7.0, 7.0, 6.99]);
+        assert_eq!(fit.agreeing(), 2);
+        let lower = Doubt::Lower {
+            start: 1,
+            objective: 6.99,
+        };
+        assert_eq!(doubts(&fit, Pilot { order: 3 }), [lower]);
+        fit.starts[2].feasible = None;
+        assert_eq!(doubts(&fit, Pilot { order: 3 }), []);
     }
 
     #[test]

@@ -2,10 +2,12 @@
 
 pub mod constraints;
 pub mod doubts;
+mod multi_start;
 mod names;
 pub mod options;
 pub mod pilot_file;
 pub mod problem;
+pub mod random_starts;
 pub mod result;
 pub mod simulate;
 pub mod solve;

@@ -50,6 +50,11 @@ pub struct Options {
     pub vehicle: Quadcopter,
     /// A start for θ; none: estimated from the data.
     pub start: Option<Vec<f64>>,
+    /// Random starts beside the others ([`super::random_starts`]). None, the default: up to
+    /// [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another, as
+    /// long as one start alone leads to the best objective, of which [`super::solve::FREE_STARTS`] join in any
+    /// case where initial states are free; none beside a start of the user's.
+    pub random_starts: Option<usize>,
     /// Limit on |y_p|, dimensionless. Default: 1.
     pub stick_limit: f64,
     /// Scaled KKT residual at which a solve counts as converged. Default: 1e-8.
@@ -68,6 +73,7 @@ impl Default for Options {
             pilot: Pilot::default(),
             vehicle: Quadcopter::default(),
             start: None,
+            random_starts: None,
             stick_limit: 1.0,
             tolerance: 1e-8,
             max_iterations: 200,

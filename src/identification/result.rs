@@ -28,6 +28,8 @@ pub struct StartReport {
     pub status: String,
     /// Its objective.
     pub objective: f64,
+    /// The least objective of its iterates that fulfil the constraints; none if there was none.
+    pub feasible: Option<f64>,
     /// Its scaled KKT residual.
     pub kkt: f64,
     /// Its smallest scaled curvature: see [`Fit::curvature`].
@@ -72,11 +74,16 @@ pub struct Fit {
 /// Relative distance to the best objective within which starts agree.
 pub const AGREE: f64 = 1e-3;
 
+/// True when two objectives count as the same.
+pub(super) fn agree(objective: f64, best: f64) -> bool {
+    (objective - best).abs() <= AGREE * best
+}
+
 impl Fit {
     /// How many of [`Self::starts`] ended within 0.1 % of the best objective among them. One alone of
     /// several is a warning: there are other optima, and one may be missed.
     pub fn agreeing(&self) -> usize {
-        let near = |start: &&StartReport| start.objective <= self.objective * (1.0 + AGREE);
+        let near = |start: &&StartReport| agree(start.objective, self.objective);
         self.starts.iter().filter(near).count()
     }
 }

@@ -1,10 +1,10 @@
 //! The fit: starts from the data, the SQP from each, the best.
 
+use super::multi_start::{Starts, multi_start};
 use super::problem::{self, fill_gaps};
-use super::result::{AGREE, StartReport};
-use super::{Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, start};
-use crate::sqp::{self, Iteration, Solution, Status};
-use crate::transcription::{Collocation, Condensed, ParameterConstraints};
+use super::{Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, random_starts, start};
+use crate::sqp::{Iteration, Status};
+use crate::transcription::{Collocation, ParameterConstraints};
 use pilotage_models::{Dynamics, Pilot};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -75,6 +75,26 @@ pub enum FitError {
     },
 }
 
+/// Trials to which a fit that only gives a start is made; of more, so many are taken
+/// ([`start::spread`]).
+pub const MANY_TRIALS: usize = 24;
+
+/// Random starts that join at most, without being asked for: see [`Options::random_starts`].
+pub const SPARE_STARTS: usize = 8;
+
+/// Those of them that join in any case where initial states are free.
+pub const FREE_STARTS: usize = 4;
+
+/// Seed of the random starts.
+const SEED: u64 = 0;
+
+/// [`crate::sqp::Options::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable
+/// fail.
+pub const SHORT_STEP: f64 = 0.01;
+
+/// Scaled KKT residual of a fit that only gives a start.
+const ROUGH_TOLERANCE: f64 = 1e-4;
+
 /// Highest order of an identified pilot.
 pub const MAX_ORDER: usize = 6;
 
@@ -88,7 +108,7 @@ pub struct Progress<'a> {
     pub order: usize,
     /// Which start, from 0.
     pub start: usize,
-    /// Of how many.
+    /// Of how many so far: random ones may join.
     pub starts: usize,
     /// The iterate.
     pub iteration: &'a Iteration,
@@ -134,7 +154,12 @@ pub fn fit(
         }
     };
     let observer: &mut Observer<'_> = &mut latched;
-    let (candidates, before) = candidates(trials, &sticks, options, observer)?;
+    let (all, before) = candidates(trials, &sticks, options, observer)?;
+    let spare = match trials.len() <= MANY_TRIALS {
+        true => random(options).spare,
+        false => Vec::new(),
+    };
+    let starts = Starts { all, spare };
     let mut fit = match options.objective {
         Objective::Response => {
             let from = |theta: &[f64]| {
@@ -146,7 +171,7 @@ pub fn fit(
                 let z = start::variables(&problem, &states, theta);
                 (problem, z)
             };
-            multi_start(&candidates, &from, options, observer, &|problem, z| {
+            multi_start(&starts, &from, options, observer, &|problem, z| {
                 runs(problem, z, trials)
             })
         }
@@ -165,7 +190,7 @@ pub fn fit(
                 run.position = fill_gaps(&trial.time, &trial.position);
                 run
             };
-            multi_start(&candidates, &from, options, observer, &|problem, z| {
+            multi_start(&starts, &from, options, observer, &|problem, z| {
                 runs(problem, z, trials)
                     .into_iter()
                     .zip(trials)
@@ -191,30 +216,47 @@ pub fn candidates(
     observer: &mut Observer<'_>,
 ) -> Result<(Vec<Vec<f64>>, usize), FitError> {
     let order = options.pilot.order;
-    if let Some(theta) = &options.start {
-        return Ok((vec![theta.clone()], 0));
-    }
-    let many = trials.len() > MANY_TRIALS;
     let at_rest = options.initial_state == InitialState::AtRest;
-    if many && !at_rest {
-        // Optima differ by far more than the trials do, and the way to the best is long.
+    let (mut starts, iterations) = if let Some(theta) = &options.start {
+        (vec![theta.clone()], 0)
+    } else if trials.len() > MANY_TRIALS && !at_rest {
+        // Optima differ by far more than the trials do, and the way to the best is long: some of the trials
+        // choose, from the random starts as well.
         let (theta, iterations) = rough(trials, options, observer)?;
         return Ok((vec![theta], iterations));
-    }
-    if order <= 2 {
-        return Ok((start::low_order(trials, sticks, options), 0));
-    }
-    let lower = Options {
-        pilot: Pilot { order: order - 1 },
-        ..options.clone()
+    } else if order <= 2 {
+        (start::low_order(trials, sticks, options), 0)
+    } else {
+        let lower = Options {
+            pilot: Pilot { order: order - 1 },
+            random_starts: Some(0),
+            ..options.clone()
+        };
+        let (theta, iterations) = rough(trials, &lower, observer)?;
+        let mut raised = start::with_pair(&theta, trials, sticks, options);
+        if !at_rest {
+            // Free initial states make many optima, and the order below may have led to the wrong one.
+            raised.extend(start::regressions(trials, sticks, options));
+        }
+        (raised, iterations)
     };
-    let (theta, iterations) = rough(trials, &lower, observer)?;
-    let mut raised = start::with_pair(&theta, trials, sticks, options);
-    if !at_rest {
-        // Free initial states make many optima, and the order below may have led to the wrong one.
-        raised.extend(start::regressions(trials, sticks, options));
-    }
-    Ok((raised, iterations))
+    starts.extend(random(options).all);
+    Ok((starts, iterations))
+}
+
+/// The random starts that [`Options::random_starts`] tells of.
+fn random(options: &Options) -> Starts {
+    let at_rest = options.initial_state == InitialState::AtRest;
+    let (count, sure) = match (options.random_starts, &options.start) {
+        (Some(count), _) => (count, count),
+        (None, Some(_)) => (0, 0),
+        (None, None) if at_rest => (SPARE_STARTS, 0),
+        // The starts from the data may agree, and all miss the best: some from elsewhere always run.
+        (None, None) => (SPARE_STARTS, FREE_STARTS),
+    };
+    let mut all = random_starts::draw(options, SEED, count);
+    let spare = all.split_off(sure);
+    Starts { all, spare }
 }
 
 /// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
@@ -310,258 +352,6 @@ fn rounded_up(x: f64) -> f64 {
     let up = (x / unit).ceil() * unit;
     // The decimal that is meant, without the digits that the product left.
     format!("{up:.1e}").parse().unwrap_or(up)
-}
-
-/// Makes the runs of a solution.
-type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit> + 'a;
-
-/// A solve that may go on.
-struct Attempt<D, C> {
-    /// Which start, from 0.
-    number: usize,
-    problem: Collocation<D, C>,
-    solution: Solution,
-    iterations: usize,
-    seconds: f64,
-}
-
-/// Runs the SQP from each candidate for some iterations, then goes on with the most promising until
-/// one has converged.
-fn multi_start<D: Dynamics, C: ParameterConstraints>(
-    candidates: &[Vec<f64>],
-    from: &impl Fn(&[f64]) -> (Collocation<D, C>, Vec<f64>),
-    options: &Options,
-    observer: &mut Observer<'_>,
-    runs: &Runs<'_, D, C>,
-) -> Fit {
-    let alone = candidates.len() == 1;
-    let scout = if alone {
-        options.max_iterations
-    } else {
-        SCOUT_ITERATIONS.min(options.max_iterations)
-    };
-    let mut watched = Watched {
-        observer,
-        order: options.pilot.order,
-        starts: candidates.len(),
-        stopped: None,
-    };
-    let mut attempts: Vec<Attempt<D, C>> = Vec::new();
-    for (number, theta) in candidates.iter().enumerate() {
-        let clock = Instant::now();
-        let (problem, z) = from(theta);
-        let best = attempts
-            .iter()
-            .map(|a| rank(&a.solution))
-            .fold(f64::INFINITY, f64::min);
-        let mut race = Race {
-            best,
-            window: Vec::new(),
-        };
-        let mut watch = |iteration: &Iteration| {
-            let flow = watched.show(number, 0, iteration);
-            if flow.is_continue() && race.is_lost(iteration) {
-                ControlFlow::Break(Status::Stopped)
-            } else {
-                flow
-            }
-        };
-        let solution = run(&problem, z, options, scout, &mut watch);
-        attempts.push(Attempt {
-            number,
-            problem,
-            iterations: solution.work.iterations,
-            solution,
-            seconds: clock.elapsed().as_secs_f64(),
-        });
-        if watched.stopped.is_some() {
-            break;
-        }
-    }
-    attempts.sort_by(|a, b| {
-        let violations = || a.solution.kkt.primal.total_cmp(&b.solution.kkt.primal);
-        rank(&a.solution)
-            .total_cmp(&rank(&b.solution))
-            .then_with(violations)
-    });
-    for attempt in &mut attempts {
-        if watched.stopped.is_some() || attempt.has_converged() {
-            break;
-        }
-        attempt.go_on(options, &mut watched);
-    }
-    let best = attempts.iter().position(Attempt::has_converged);
-    let skipped = candidates.len() - attempts.len();
-    report(&attempts, best.unwrap_or(0), watched.stopped, skipped, runs)
-}
-
-/// The caller's observer, and whether it has ended the fit.
-struct Watched<'a, 'b> {
-    observer: &'a mut Observer<'b>,
-    order: usize,
-    starts: usize,
-    stopped: Option<Status>,
-}
-
-impl Watched<'_, '_> {
-    /// Shows an iteration of a solve that had `before` iterations earlier.
-    fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
-        let flow = (self.observer)(&Progress {
-            order: self.order,
-            start,
-            starts: self.starts,
-            iteration: &Iteration {
-                number: before + iteration.number,
-                ..*iteration
-            },
-        });
-        self.stopped = flow.break_value();
-        flow
-    }
-}
-
-impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
-    fn has_converged(&self) -> bool {
-        self.solution.status == Status::Converged
-    }
-
-    /// Goes on where the scouting stopped, if that was for its limit on iterations or a lost race.
-    fn go_on(&mut self, options: &Options, watched: &mut Watched<'_, '_>) {
-        let left = options.max_iterations.saturating_sub(self.iterations);
-        let may = matches!(
-            self.solution.status,
-            Status::IterationLimit | Status::Stopped
-        );
-        if left == 0 || !may {
-            return;
-        }
-        let clock = Instant::now();
-        let (number, before) = (self.number, self.iterations);
-        let mut watch = |iteration: &Iteration| watched.show(number, before, iteration);
-        let z = self.solution.iterate.z.clone();
-        self.solution = run(&self.problem, z, options, left, &mut watch);
-        self.iterations += self.solution.work.iterations;
-        self.seconds += clock.elapsed().as_secs_f64();
-    }
-
-    fn report(&self) -> StartReport {
-        StartReport {
-            number: self.number + 1,
-            status: self.solution.status.to_string(),
-            objective: self.solution.iterate.f,
-            kkt: self.solution.kkt.residual(),
-            curvature: self.solution.curvature,
-            iterations: self.iterations,
-            seconds: self.seconds,
-        }
-    }
-}
-
-/// Whether a start still may beat the best so far.
-struct Race {
-    best: f64,
-    window: Vec<f64>,
-}
-
-impl Race {
-    /// True when the states are consistent and the objective is behind the best and hardly moves: it
-    /// gained less than half of what is left over [`RACE_WINDOW`] iterations, or nothing that counts
-    /// over [`TIE_WINDOW`] and ends where the best is.
-    fn is_lost(&mut self, iteration: &Iteration) -> bool {
-        let f = iteration.objective;
-        self.window.push(f);
-        let gained = |window: usize| {
-            let earlier = self.window.len().checked_sub(window + 1);
-            earlier.map_or(f64::INFINITY, |k| (self.window[k] - f).abs())
-        };
-        let behind = f - self.best;
-        match behind > AGREE * self.best {
-            true => iteration.kkt.primal < 1e-2 && gained(RACE_WINDOW) < 0.5 * behind,
-            false => {
-                iteration.kkt.primal < 1e-4
-                    && behind > -ROUNDING * self.best
-                    && gained(TIE_WINDOW) < TIE * self.best
-            }
-        }
-    }
-}
-
-/// Iterations over which a start must gain half of what it lies behind.
-const RACE_WINDOW: usize = 10;
-
-/// Iterations over which a start beside the best must gain something, and the relative gain that counts.
-const TIE_WINDOW: usize = 2;
-const TIE: f64 = 1e-5;
-/// Relative difference below which two objectives are equal.
-const ROUNDING: f64 = 1e-8;
-
-/// Trials to which a fit that only gives a start is made; of more, so many are taken
-/// ([`start::spread`]).
-const MANY_TRIALS: usize = 24;
-
-/// Scaled KKT residual of a fit that only gives a start.
-const ROUGH_TOLERANCE: f64 = 1e-4;
-
-/// SQP iterations from each start before the most promising is finished.
-const SCOUT_ITERATIONS: usize = 60;
-
-/// [`sqp::Options::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable fail.
-pub const SHORT_STEP: f64 = 0.01;
-
-/// What the starts are compared by: the objective, when the states are nearly consistent.
-fn rank(solution: &Solution) -> f64 {
-    match solution.kkt.primal < 1e-2 && solution.iterate.f.is_finite() {
-        true => solution.iterate.f,
-        false => f64::INFINITY,
-    }
-}
-
-fn run<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    z: Vec<f64>,
-    options: &Options,
-    max_iterations: usize,
-    watch: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
-) -> Solution {
-    let sqp_options = sqp::Options {
-        tolerance: options.tolerance,
-        max_iterations,
-        short_step: SHORT_STEP,
-        ..sqp::Options::default()
-    };
-    sqp::solve(problem, &mut Condensed::default(), z, &sqp_options, watch)
-}
-
-/// `stopped` is why the observer ended the fit, if it did.
-fn report<D: Dynamics, C: ParameterConstraints>(
-    attempts: &[Attempt<D, C>],
-    best: usize,
-    stopped: Option<Status>,
-    skipped: usize,
-    runs: &Runs<'_, D, C>,
-) -> Fit {
-    let attempt = &attempts[best];
-    let Attempt {
-        problem, solution, ..
-    } = attempt;
-    let status = match stopped {
-        Some(status) if !attempt.has_converged() => status,
-        _ => solution.status,
-    };
-    Fit {
-        theta: problem.physical_theta(&solution.iterate.z),
-        objective: solution.iterate.f,
-        converged: attempt.has_converged(),
-        status: status.to_string(),
-        kkt: solution.kkt.residual(),
-        curvature: solution.curvature,
-        iterations: attempts.iter().map(|a| a.iterations).sum(),
-        unknowns: solution.iterate.z.len(),
-        seconds: 0.0,
-        starts: attempts.iter().map(Attempt::report).collect(),
-        skipped,
-        runs: runs(problem, &solution.iterate.z),
-    }
 }
 
 /// The runs of a solution at the samples.

@@ -286,7 +286,7 @@ pub fn restrained(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
 }
 
 /// Coefficients, in ascending order and without the leading one, of the polynomial with these roots.
-fn denominator(poles: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
+pub(super) fn denominator(poles: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
     let mut polynomial = vec![Complex::new(1.0, 0.0)];
     for pole in poles {
         let mut next = vec![Complex::new(0.0, 0.0); polynomial.len() + 1];

@@ -4,7 +4,8 @@
 #[path = "../../benches/starts/pilots.rs"]
 mod pilots;
 
-use pilotage::identification::{Fit, Options, Trial, fit, start};
+use pilotage::identification::solve::SPARE_STARTS;
+use pilotage::identification::{Fit, Options, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
@@ -19,8 +20,8 @@ fn fitted(trials: &[Trial], options: &Options) -> Fit {
     fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// The least objective of converged fits from random starts.
-fn best_of_random(trials: &[Trial], count: usize) -> f64 {
+/// The least objective of converged fits from random starts, others than those that the fit itself draws.
+fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
     let from = |start| {
         let options = Options {
             start: Some(start),
@@ -28,20 +29,23 @@ fn best_of_random(trials: &[Trial], count: usize) -> f64 {
         };
         fitted(trials, &options)
     };
-    let fits = pilots::random_starts(1, count).into_iter().map(from);
+    let fits = random_starts::draw(&Options::default(), seed, count)
+        .into_iter()
+        .map(from);
     let converged = fits.filter(|fit| fit.converged).map(|fit| fit.objective);
     converged.fold(f64::INFINITY, f64::min)
 }
 
 /// On the first, a pilot that integrates is an optimum 0.25 % above the best; on the second most starts
-/// end where a pole runs away.
+/// end where a pole runs away; on the third most end 0.13 % above the best, where one pole runs away so fast
+/// that a solve may be cut short with its states far apart.
 #[test]
 fn the_default_start_is_as_good_as_the_best_of_random_ones() {
-    for (name, seed) in [("plain", 1), ("eager", 1)] {
+    for (name, seed, count) in [("plain", 1, 4), ("eager", 1, 4), ("eager", 6, 8)] {
         let trials = flights(name, seed);
         let fit = fitted(&trials, &Options::default());
         assert!(fit.converged, "{name} {seed}: {}", fit.status);
-        let best = best_of_random(&trials, 4);
+        let best = best_of_random(&trials, seed, count);
         assert!(best.is_finite(), "{name} {seed}: no random start converged");
         assert!(
             fit.objective <= best * 1.001,
@@ -114,7 +118,7 @@ fn of_many_trials_all_count() {
     let fit = fitted(&trials, &Options::default());
     assert!(fit.converged, "{}", fit.status);
     assert_eq!(fit.runs.len(), 30);
-    let best = best_of_random(&trials, 2);
+    let best = best_of_random(&trials, 1, 2);
     assert!(best.is_finite(), "no random start converged");
     assert!(fit.objective <= best * 1.001, "{} {best}", fit.objective);
     assert_eq!(
@@ -122,6 +126,30 @@ fn of_many_trials_all_count() {
         3,
         "a pair at each of its places, with all of the trials"
     );
+}
+
+/// Among the starts from the data one alone ends at the best, so that random ones join until another does.
+#[test]
+fn random_starts_join_where_one_start_is_alone() {
+    let trials = flights("eager", 8);
+    let with = |count| {
+        let options = Options {
+            random_starts: count,
+            ..Options::default()
+        };
+        fitted(&trials, &options)
+    };
+    let without = with(Some(0));
+    assert_eq!((without.starts.len(), without.agreeing()), (3, 1));
+    let joined = with(None);
+    assert!(joined.starts.len() > 3 && joined.starts.len() <= 3 + SPARE_STARTS);
+    assert_eq!(joined.agreeing(), 2);
+    let asked = with(Some(2));
+    assert_eq!(asked.starts.len(), 5);
+    for fit in [&joined, &asked] {
+        assert!(fit.converged, "{}", fit.status);
+        assert!(fit.objective <= without.objective * (1.0 + 1e-6));
+    }
 }
 
 #[test]

@@ -48,6 +48,14 @@ fn the_shipped_trials_give_the_same_bits() {
 }
 
 #[test]
+fn random_starts_give_the_same_bits() {
+    alike_for_any_number_of_threads(&Options {
+        random_starts: Some(3),
+        ..Options::default()
+    });
+}
+
+#[test]
 fn a_mesh_apart_from_the_samples_gives_the_same_bits() {
     alike_for_any_number_of_threads(&Options {
         scheme: Scheme::Gauss(2),

@@ -70,6 +70,7 @@ impl Log {
                 "status": start.status,
                 "iterations": start.iterations,
                 "objective": start.objective,
+                "feasible": start.feasible,
                 "kkt": start.kkt,
                 "curvature": start.curvature,
                 "seconds": start.seconds,

@@ -31,6 +31,9 @@ Examples:
   pilotage fit run*.csv --log fit.jsonl
   pilotage fit run*.csv --log - | jq -c 'select(.event == \"iteration\") | [.start, .objective]'
 
+  # Is there a better optimum? Twenty starts from anywhere beside those from the data.
+  pilotage fit run*.csv --random-starts 20
+
   # At most ten seconds, and from where that ended.
   pilotage fit run*.csv --time-limit 10
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
@@ -71,6 +74,10 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     start: Option<Vec<f64>>,
+    /// Random starts beside the others; where it is missing, up to 8 as long as one start alone leads to
+    /// the best sum of squares, and always 4 where initial states are free.
+    #[arg(long, value_name = "N")]
+    random_starts: Option<usize>,
     /// The vehicle that was flown (TOML); the default vehicle where it is missing.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
@@ -180,6 +187,7 @@ impl Args {
             pilot,
             vehicle,
             start: self.start.clone(),
+            random_starts: self.random_starts,
             stick_limit: self.stick_limit,
             tolerance: self.tolerance,
             max_iterations: self.max_iterations,

@@ -38,7 +38,7 @@ impl Args {
                 "      --start {}, to go on from here\n",
                 numbers(&fit.theta)
             ),
-            false => "      --start with other values of θ\n".into(),
+            false => "      --random-starts 20, or --start with other values of θ\n".into(),
         };
         if let (true, Some(limit)) = (ended_by(Status::TimeLimit), self.time_limit) {
             text += &format!("      --time-limit above {limit}\n");

@@ -64,6 +64,7 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
                 "start": start.number,
                 "status": start.status,
                 "objective": start.objective,
+                "feasible": start.feasible,
                 "kkt": start.kkt,
                 "curvature": start.curvature,
                 "iterations": start.iterations,
