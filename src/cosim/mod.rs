@@ -25,7 +25,6 @@
 
 pub mod algorithms;
 pub mod clock;
-mod decimal;
 pub mod fmu_slave;
 pub mod linearize;
 pub mod master;
