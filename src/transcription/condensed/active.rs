@@ -3,6 +3,7 @@
 
 use super::arrow::{Arrow, ArrowFactor};
 use super::dense::{axpy, cholesky_solve, independent_cholesky};
+use super::dual;
 use crate::sqp::QpFailure;
 use crate::sqp::convex::{ConvexQp, ConvexSolution};
 use crate::sqp::iterate::violation;
@@ -11,11 +12,6 @@ use crate::sqp::iterate::violation;
 const RELAXATION: f64 = 1e6;
 /// Exchanges of active rows before another method is asked for them.
 const MAX_EXCHANGES: usize = 12;
-/// Steps of the dual method for each row before clarabel is asked.
-const MAX_STEPS: usize = 10;
-/// A row whose part that does not depend on the active ones is smaller than this, squared and relative, depends
-/// on them.
-const DEPENDENT: f64 = 1e-12;
 /// Rounding allowed to a polished solution.
 const POLISH_TOLERANCE: f64 = 1e-10;
 
@@ -71,7 +67,7 @@ impl Row {
 
     /// How far a value of the row lies above its upper limit, or, negative, below its lower one: zero within
     /// rounding.
-    fn excess(&self, value: f64) -> f64 {
+    pub fn excess(&self, value: f64) -> f64 {
         let scale = 1.0 + self.lower.abs().min(self.upper.abs());
         match violation(value, self.lower, self.upper) <= POLISH_TOLERANCE * scale {
             true => 0.0,
@@ -158,7 +154,7 @@ pub fn solve(
 ) -> Result<ConvexSolution, QpFailure> {
     let factor = &convex.factor;
     let found = exchanged(factor, q, rows, guess)
-        .or_else(|| exchanged(factor, q, rows, &dual_active_set(factor, q, rows)?));
+        .or_else(|| exchanged(factor, q, rows, &dual::active_set(factor, q, rows)?));
     if let Some(solution) = found {
         return Ok(solution);
     }
@@ -255,99 +251,6 @@ pub fn exchanged(
     None
 }
 
-/// The sides at which rows are active, by a dual method that begins without rows and takes the most
-/// violated one at a time (Goldfarb & Idnani, *A numerically stable dual method for solving strictly
-/// convex quadratic programs*, Math. Program. 27, 1983). None where the rows are inconsistent.
-fn dual_active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Option<Vec<f64>> {
-    let mut x = free(factor, q).x;
-    // H⁻¹ a of the rows that were needed.
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); rows.len()];
-    // Row, side, and multiplier, which is not negative.
-    let mut active: Vec<(usize, f64, f64)> = Vec::new();
-    let mut entering: Option<(usize, f64, f64)> = None;
-    for _ in 0..MAX_STEPS * rows.len() {
-        let (new, side, multiplier) = match entering.or_else(|| most_violated(rows, &x, &active)) {
-            Some(row) => row,
-            None => {
-                let mut sides = vec![0.0; rows.len()];
-                active.iter().for_each(|(k, side, _)| sides[*k] = *side);
-                return Some(sides);
-            }
-        };
-        if columns[new].is_empty() {
-            columns[new] = factor.solved(&rows[new].entries, q.len());
-        }
-        let product = |i: usize, j: usize| rows[i].value(&columns[j]);
-        let (kept, schur) =
-            independent_cholesky(active.len(), |i, j| product(active[i].0, active[j].0));
-        if kept.len() < active.len() {
-            return None;
-        }
-        // As the new multiplier grows by one, those of the active rows fall by these.
-        let mut fall: Vec<f64> = (active.iter())
-            .map(|(k, own, _)| own * side * product(*k, new))
-            .collect();
-        let signs = active.iter().map(|(_, own, _)| *own);
-        let mut signed: Vec<f64> = fall.iter().zip(signs.clone()).map(|(f, s)| f * s).collect();
-        cholesky_solve(&schur, kept.len(), &mut signed);
-        fall = signed.iter().zip(signs).map(|(f, s)| f * s).collect();
-        // And the variables move by this, back from the new row's limit.
-        let mut back: Vec<f64> = columns[new].iter().map(|v| side * v).collect();
-        for ((k, own, _), fall) in active.iter().zip(&fall) {
-            axpy(-own * fall, &columns[*k], &mut back);
-        }
-        let ratios = active.iter().zip(&fall).enumerate();
-        let ratios = ratios.filter(|(_, (_, fall))| **fall > 0.0);
-        let ratios = ratios.map(|(at, ((.., multiplier), fall))| (multiplier / fall, at));
-        let blocking = ratios.min_by(|a, b| a.0.total_cmp(&b.0));
-        let slope = side * rows[new].value(&back);
-        let excess = side * (rows[new].value(&x) - rows[new].limit(side));
-        let independent = active.len() < x.len() && slope > DEPENDENT * product(new, new);
-        let full = match independent {
-            true => excess / slope,
-            false => f64::INFINITY,
-        };
-        let length = blocking.map_or(full, |(ratio, _)| ratio.min(full));
-        if length.is_infinite() || length.is_nan() {
-            return None;
-        }
-        if full.is_finite() {
-            axpy(-length, &back, &mut x);
-        }
-        for (own, fall) in active.iter_mut().zip(&fall) {
-            own.2 = (own.2 - length * fall).max(0.0);
-        }
-        let grown = (new, side, multiplier + length);
-        entering = match blocking.filter(|(ratio, _)| *ratio < full) {
-            Some((_, at)) => {
-                active.remove(at);
-                Some(grown)
-            }
-            None => {
-                active.push(grown);
-                None
-            }
-        };
-    }
-    None
-}
-
-/// The row that is not active and violated most beyond rounding, its side, and zero for its multiplier.
-fn most_violated(
-    rows: &[Row],
-    x: &[f64],
-    active: &[(usize, f64, f64)],
-) -> Option<(usize, f64, f64)> {
-    let outside = rows.iter().enumerate().filter_map(|(k, row)| {
-        let value = row.value(x);
-        let excess = row.excess(value);
-        let known = active.iter().any(|(own, ..)| *own == k);
-        (excess != 0.0 && !known).then_some((k, excess))
-    });
-    let worst = outside.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    worst.map(|(k, excess)| (k, excess.signum(), 0.0))
-}
-
 /// The solution with the rows active at these sides as equations. Rows that depend on others, as where two
 /// runs are the same, are left out: their sides become zero.
 fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64]) -> ConvexSolution {
@@ -377,12 +280,10 @@ fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64])
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
-    use proptest::prelude::*;
-    use proptest::test_runner::RngSeed;
 
-    fn row(entries: &[f64], lower: f64, upper: f64) -> Row {
+    pub fn row(entries: &[f64], lower: f64, upper: f64) -> Row {
         Row {
             at: RowAt::Parameter(0),
             index: 0,
@@ -392,7 +293,7 @@ mod tests {
         }
     }
 
-    fn matrix(diagonal: &[f64]) -> Arrow {
+    pub fn matrix(diagonal: &[f64]) -> Arrow {
         let mut arrow = Arrow::zeros(diagonal.len(), &[]);
         let n = diagonal.len();
         diagonal
@@ -435,63 +336,5 @@ mod tests {
         assert!(!held(&sides, &solve(&convex, &q, &rows, &sides).unwrap()));
     }
 
-    const INF: f64 = f64::INFINITY;
-
-    /// Rows on both sides that exclude each other.
-    #[test]
-    fn inconsistent_rows_have_no_active_set() {
-        let factor = matrix(&[2.0, 4.0]).factor().unwrap();
-        let rows = [
-            row(&[1.0, 1.0], 1.0, INF),
-            row(&[1.0, 0.0], -INF, 0.25),
-            row(&[0.0, 1.0], -INF, 0.5),
-        ];
-        assert_eq!(dual_active_set(&factor, &[0.0, 0.0], &rows), None);
-        assert!(dual_active_set(&factor, &[0.0, 0.0], &rows[..2]).is_some());
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig {
-            rng_seed: RngSeed::Fixed(11),
-            failure_persistence: None,
-            ..ProptestConfig::default()
-        })]
-
-        /// The dual method's active set has the solution that clarabel finds.
-        #[test]
-        fn the_dual_method_agrees_with_clarabel(
-            n in 1_usize..7,
-            diagonal in prop::collection::vec(0.1..10.0_f64, 7),
-            q in prop::collection::vec(-10.0..10.0_f64, 7),
-            values in prop::collection::vec(-1.0..1.0_f64, 84),
-            limits in prop::collection::vec((-1.5..0.5_f64, 0.0..2.0_f64), 12),
-        ) {
-            let arrow = matrix(&diagonal[..n]);
-            let factor = arrow.factor().unwrap();
-            let bounds = values.chunks(7).zip(&limits);
-            let rows: Vec<Row> = bounds.map(|(a, (l, w))| row(&a[..n], *l, l + w)).collect();
-            let entries = rows.iter().enumerate();
-            let qp = ConvexQp {
-                p: arrow.triplets(),
-                q: q[..n].to_vec(),
-                a: entries
-                    .flat_map(|(i, row)| row.entries.iter().map(move |&(c, v)| (i, c, v)))
-                    .collect(),
-                lower: rows.iter().map(|row| row.lower).collect(),
-                upper: rows.iter().map(|row| row.upper).collect(),
-            };
-            let found = dual_active_set(&factor, &q[..n], &rows);
-            match (qp.solve(None), found) {
-                (Ok(rough), Some(sides)) => {
-                    let exact = exchanged(&factor, &q[..n], &rows, &sides);
-                    let exact = exact.expect("an active set that needs no exchange");
-                    for (x, y) in exact.x.iter().zip(&rough.x) {
-                        prop_assert!((x - y).abs() < 1e-6, "{:?} {:?}", exact.x, rough.x);
-                    }
-                }
-                (Err(QpFailure::Infeasible), None) => {}
-                (clarabel, own) => prop_assert!(false, "{clarabel:?} {own:?}"),
-            }
-        }
-    }
+    pub const INF: f64 = f64::INFINITY;
 }

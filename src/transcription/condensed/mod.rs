@@ -14,6 +14,7 @@ pub mod arrow;
 mod bundle;
 mod curvature;
 mod dense;
+mod dual;
 mod gradients;
 mod points;
 mod reduce;
