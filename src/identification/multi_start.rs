@@ -55,18 +55,15 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         starts: starts.all.len(),
         stopped: None,
     };
+    let scouted = |attempts: &mut Vec<Attempt<D, C>>, theta: &[f64], best, watched: &mut _| {
+        let (number, race) = (attempts.len(), (scout, best));
+        attempts.push(Attempt::scout(number, from(theta), race, options, watched));
+    };
     let mut attempts: Vec<Attempt<D, C>> = Vec::new();
     for theta in &starts.all {
         let nearest = attempts.iter().map(|a| a.course.near);
         let best = nearest.fold(f64::INFINITY, f64::min);
-        let number = attempts.len();
-        attempts.push(Attempt::scout(
-            number,
-            from(theta),
-            (scout, best),
-            options,
-            &mut watched,
-        ));
+        scouted(&mut attempts, theta, best, &mut watched);
         if watched.stopped.is_some() {
             break;
         }
@@ -76,15 +73,8 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         let Some(best) = lone(&attempts).filter(|_| watched.stopped.is_none()) else {
             break;
         };
-        let number = attempts.len();
         watched.starts += 1;
-        attempts.push(Attempt::scout(
-            number,
-            from(theta),
-            (scout, best),
-            options,
-            &mut watched,
-        ));
+        scouted(&mut attempts, theta, best, &mut watched);
         finish(&mut attempts, options, &mut watched);
     }
     let skipped = starts.all.len().saturating_sub(attempts.len());
@@ -299,7 +289,7 @@ impl Race {
         };
         let behind = f - self.best;
         match behind > AGREE * self.best {
-            true => iteration.kkt.primal < 1e-2 && gained(RACE_WINDOW) < 0.5 * behind,
+            true => iteration.kkt.primal < NEAR && gained(RACE_WINDOW) < 0.5 * behind,
             false => {
                 iteration.kkt.primal < 1e-4
                     && behind > -ROUNDING * self.best

@@ -78,6 +78,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             if round == 0 && test.passes(value, 1.0) {
                 return Some(test.ratio(value));
             }
+            // Without equalities there is nothing to correct.
             if moved == 0.0 {
                 return None;
             }

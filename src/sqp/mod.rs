@@ -22,7 +22,7 @@ pub mod solution;
 pub mod solver;
 pub mod sparse_qp;
 pub mod status;
-pub mod vector;
+pub(crate) mod vector;
 
 pub use convergence::Kkt;
 pub use curvature::Curvature;

@@ -43,7 +43,8 @@ impl RunSweep {
         })
     }
 
-    /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when something is not finite.
+    /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when
+    /// something is not finite.
     pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
         let (r, w) = (self.r(), self.w);
         if at.problem.grids[at.j].combinations > 0 {
