@@ -1,5 +1,6 @@
-//! Stability of the identified pilot.
+//! Stability of the identified pilot, and of its closed loop.
 
+use super::closed_loop::{LOOP_MARGIN, LinearVehicle, routh};
 use crate::transcription::ParameterConstraints;
 use pilotage_models::{Pilot, Scalar};
 
@@ -38,6 +39,31 @@ impl ParameterConstraints for RouthHurwitz {
         }
         for (out, size) in out[n..].iter_mut().zip(self.minors()) {
             *out = hurwitz_minor(&theta[..n], size) - STABILITY_MARGIN;
+        }
+    }
+}
+
+/// The pilot is stable, and so is its closed loop with a vehicle, if there is one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stability {
+    /// Of the pilot.
+    pub pilot: RouthHurwitz,
+    /// The vehicle with which the closed loop decays at least as fast as [`LOOP_MARGIN`]; none: nobody asks.
+    pub vehicle: Option<LinearVehicle>,
+}
+
+impl ParameterConstraints for Stability {
+    fn count(&self) -> usize {
+        let closed_loop = self.vehicle.map_or(0, |v| v.degree(self.pilot.pilot));
+        self.pilot.count() + closed_loop
+    }
+
+    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
+        let (own, closed_loop) = out.split_at_mut(self.pilot.count());
+        self.pilot.values(theta, own);
+        if let Some(vehicle) = self.vehicle {
+            let characteristic = vehicle.characteristic(self.pilot.pilot, theta);
+            routh(&characteristic, LOOP_MARGIN, closed_loop);
         }
     }
 }

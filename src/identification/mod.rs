@@ -1,5 +1,6 @@
 //! The pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 
+pub mod closed_loop;
 pub mod constraints;
 pub mod doubts;
 mod multi_start;
@@ -16,7 +17,8 @@ pub mod trials;
 
 pub use crate::transcription::Scheme;
 pub use doubts::{Doubt, doubts};
-pub use options::{InitialState, Mesh, Objective, Options};
+pub use closed_loop::ClosedLoop;
+pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotFile, RunFit};
 pub use simulate::simulate;

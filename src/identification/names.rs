@@ -1,6 +1,6 @@
 //! The options' names, as the command line and the result file write them.
 
-use super::{InitialState, Objective};
+use super::{InitialPosition, InitialState, Objective};
 
 impl InitialState {
     /// All of them.
@@ -12,6 +12,19 @@ impl InitialState {
             Self::Free => "free",
             Self::VehicleAtRest => "vehicle-at-rest",
             Self::AtRest => "at-rest",
+        }
+    }
+}
+
+impl InitialPosition {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Estimated, Self::Known];
+
+    /// `estimated` or `known`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Estimated => "estimated",
+            Self::Known => "known",
         }
     }
 }

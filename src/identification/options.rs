@@ -17,10 +17,19 @@ pub enum Mesh {
 pub enum InitialState {
     /// Nothing: every state of every run is free (the paper's implicit states).
     Free,
-    /// The vehicle hovers at the first recorded position; the pilot's states are free.
+    /// The vehicle hovers, where [`InitialPosition`] says; the pilot's states are free.
     VehicleAtRest,
-    /// The vehicle hovers at the first recorded position and the pilot's states are zero.
+    /// The vehicle hovers, where [`InitialPosition`] says, and the pilot's states are zero.
     AtRest,
+}
+
+/// What is known of the vehicle's position at the first sample, where the vehicle is at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InitialPosition {
+    /// It is measured as at every other sample, and estimated.
+    Estimated,
+    /// It is the first recorded one exactly, as where a simulator sets it.
+    Known,
 }
 
 /// What is compared with the recording.
@@ -42,6 +51,11 @@ pub struct Options {
     pub mesh: Mesh,
     /// Initial states. Default: at rest, as an exported pilot begins; the paper's are free.
     pub initial_state: InitialState,
+    /// Position at the start. Default: estimated.
+    pub initial_position: InitialPosition,
+    /// True, the default, where a fit of the response keeps the closed loop with [`Self::vehicle`] stable
+    /// ([`super::closed_loop::LOOP_MARGIN`]).
+    pub stable_loop: bool,
     /// Objective. Default: the vehicle's response.
     pub objective: Objective,
     /// The pilot's structure. Default: third order.
@@ -69,6 +83,8 @@ impl Default for Options {
             scheme: Scheme::HermiteSimpson,
             mesh: Mesh::Samples,
             initial_state: InitialState::AtRest,
+            initial_position: InitialPosition::Estimated,
+            stable_loop: true,
             objective: Objective::Response,
             pilot: Pilot::default(),
             vehicle: Quadcopter::default(),

@@ -1,14 +1,15 @@
 //! The paper's problem from trials and options.
 
-use super::constraints::RouthHurwitz;
-use super::{InitialState, Mesh, Options, Trial};
+use super::closed_loop::LinearVehicle;
+use super::constraints::{RouthHurwitz, Stability};
+use super::{InitialPosition, InitialState, Mesh, Options, Trial};
 use crate::transcription::{Collocation, Run, Scales};
 use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter, quadcopter};
 
 /// The problem of the response fit: pilot and vehicle in closed loop.
-pub type ResponseProblem = Collocation<Joint, RouthHurwitz>;
+pub type ResponseProblem = Collocation<Joint, Stability>;
 /// The problem of the stick fit: the pilot alone, driven by the recorded error.
-pub type StickProblem = Collocation<OpenLoopPilot, RouthHurwitz>;
+pub type StickProblem = Collocation<OpenLoopPilot, Stability>;
 
 impl Mesh {
     /// Interval boundaries [s] for samples at these times.
@@ -54,6 +55,9 @@ pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Response
         if options.initial_state == InitialState::AtRest {
             initial[quadcopter::N_STATES..].fill(Some(0.0));
         }
+        if options.initial_position == InitialPosition::Estimated {
+            initial[0] = None;
+        }
         Run {
             mesh: options.mesh.boundaries(&trial.time),
             time: trial.time.clone(),
@@ -63,7 +67,8 @@ pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Response
             initial,
         }
     });
-    collocation(joint, runs.collect(), options, scales)
+    let kept = Some(LinearVehicle::of(&options.vehicle)).filter(|_| options.stable_loop);
+    collocation(joint, kept, runs.collect(), options, scales)
 }
 
 /// The stick problem: stick residuals of the pilot that sees the recorded error.
@@ -83,18 +88,20 @@ pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProble
         weight: trial.weight,
         initial: vec![known; pilot.n_states()],
     });
-    collocation(pilot, runs.collect(), options, scales)
+    collocation(pilot, None, runs.collect(), options, scales)
 }
 
 fn collocation<D: Dynamics>(
     dynamics: D,
+    vehicle: Option<LinearVehicle>,
     runs: Vec<Run>,
     options: &Options,
     scales: Scales,
-) -> Collocation<D, RouthHurwitz> {
-    let constraints = RouthHurwitz {
+) -> Collocation<D, Stability> {
+    let pilot = RouthHurwitz {
         pilot: options.pilot,
     };
+    let constraints = Stability { pilot, vehicle };
     Collocation::new(
         dynamics,
         constraints,

@@ -16,6 +16,6 @@ mod tests;
 
 pub use discrete::Sampled;
 pub use margins::{GainCrossing, Margins, PhaseCrossing, Response};
-pub use modes::Mode;
+pub use modes::{Mode, eigenvalues};
 pub use realization::{Realization, RealizationError, realize, steps_needed};
 pub use state_space::{AlgebraicLoop, StateSpace, Wire};

@@ -37,7 +37,7 @@ impl Mode {
 ///
 /// The matrix is scaled first (`balance`): states in metres and in kiloradians per second differ by
 /// orders of magnitude, which would cost the small eigenvalues their digits.
-pub(super) fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
+pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     // The iteration does not end on what is not finite.
     if matrix.is_empty() || matrix.iter().any(|value| !value.is_finite()) {
         return Vec::new();

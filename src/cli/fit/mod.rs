@@ -9,7 +9,7 @@ mod watch;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Fit, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet, fit, pilot_file,
+    Fit, InitialPosition, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet, fit, pilot_file,
 };
 use crate::models::Pilot;
 use crate::output::Output;
@@ -62,6 +62,15 @@ pub struct Args {
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
           default_value = Options::default().initial_state.as_str())]
     initial_state: InitialState,
+    /// Where the vehicle is at the first sample, when it is at rest: estimated, since that sample is a
+    /// measurement like the others, or known to be there exactly, as where a simulator puts it.
+    #[arg(long, value_parser = named(InitialPosition::ALL, InitialPosition::as_str),
+          default_value = Options::default().initial_position.as_str())]
+    initial_position: InitialPosition,
+    /// Do not ask for a stable closed loop of pilot and vehicle; without this a fit of the response keeps
+    /// it stable.
+    #[arg(long)]
+    allow_unstable_loop: bool,
     /// What is compared with the recording: the vehicle's response (the paper's), or the stick.
     #[arg(long, value_parser = named(Objective::ALL, Objective::as_str),
           default_value = Options::default().objective.as_str())]
@@ -183,6 +192,8 @@ impl Args {
             scheme: self.scheme,
             mesh: self.mesh_step.map_or(Mesh::Samples, Mesh::Step),
             initial_state: self.initial_state,
+            initial_position: self.initial_position,
+            stable_loop: !self.allow_unstable_loop,
             objective: self.objective,
             pilot,
             vehicle,
