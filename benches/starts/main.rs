@@ -15,9 +15,7 @@
 mod pilots;
 
 use clap::Parser;
-use pilotage::identification::{
-    Doubt, Fit, InitialState, Options, Trial, doubts, fit, random_starts,
-};
+use pilotage::identification::{Doubt, Fit, InitialState, Options, Trial, fit, random_starts};
 use pilotage::sqp::Status;
 use pilotage::synthetic::Human;
 use pilotage::transcription::Scheme;
@@ -257,9 +255,8 @@ impl Outcome<'_> {
 
     /// True when the fit itself says that there may be a better optimum, or that it has not converged.
     fn says_so(&self) -> bool {
-        let doubts = doubts(&self.fit, Options::default().pilot);
         let of_starts = |d: &Doubt| matches!(d, Doubt::OneStart { .. } | Doubt::Lower { .. });
-        !self.fit.converged || doubts.iter().any(of_starts)
+        !self.fit.converged || self.fit.doubts.iter().any(of_starts)
     }
 
     fn to_json(&self, args: &Args) -> Value {

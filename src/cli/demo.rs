@@ -1,10 +1,13 @@
 //! `pilotage demo`: the whole chain on the six example trials, into one new folder.
 
+use super::fit::summary;
 use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
 use crate::export::{self, Provenance};
-use crate::identification::{Fit, Options, RunFit, Trial, TrialSet, fit, pilot_file, simulate};
+use crate::identification::{
+    Fit, Options, PilotFile, RunFit, Trial, TrialSet, fit, pilot_file, simulate,
+};
 use crate::models::Joint;
 use crate::report::{self, ClosedLoop, Report, rms, significant};
 use crate::series::Series;
@@ -57,7 +60,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let loops = demo.co_simulate(&trials)?;
     demo.report(&fit, &trials, &loops)?;
     terminal::print(&demo.what_lies_where(&loops))?;
-    Ok(match fit.converged && valid {
+    Ok(match fit.is_answer() && valid {
         true => Outcome::Done,
         false => Outcome::No,
     })
@@ -111,10 +114,7 @@ impl Demo {
             "vehicle.toml",
             vehicle::to_toml(&self.options.vehicle).as_bytes(),
         )?;
-        let verdict = match fitted.converged {
-            true => "converged".to_owned(),
-            false => format!("NOT CONVERGED ({})", fitted.status),
-        };
+        let verdict = summary::verdict(&fitted);
         let residual = rms(fitted.runs.iter().flat_map(|run| &run.residual));
         say(
             "fit",
@@ -126,12 +126,16 @@ impl Demo {
                 significant(residual, 3)
             ),
         )?;
+        for doubt in &fitted.doubts {
+            say("", &format!("doubt ({}): {doubt}", doubt.code()))?;
+        }
         Ok(fitted)
     }
 
     fn export(&self, fit: &Fit) -> Result<(), Failure> {
         let text = crate::document::read(&self.path("pilot.toml"))?;
-        let provenance = Provenance::fit(text, fit.converged);
+        let pilot = PilotFile::parse(&text, "pilot.toml")?;
+        let provenance = Provenance::fit(text, pilot.stable_loop, pilot.caveat());
         let (theta, limit) = (&fit.theta, self.options.stick_limit);
         export::export_pilot(theta, limit, &provenance, &self.path("pilot.fmu"))?;
         let provenance = Provenance::vehicle(None);

@@ -148,8 +148,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 /// The pilot of a result file.
 fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), Failure> {
     let pilot = PilotFile::read(file)?;
-    if !pilot.converged && !allow_unconverged {
-        let message = format!("{}: the fit did not converge", file.display());
+    if !pilot.is_answer() && !allow_unconverged {
+        let fatal = pilot.doubts.iter().find(|doubt| doubt.fatal);
+        let why = fatal
+            .filter(|_| pilot.converged)
+            .map_or("did not converge", |doubt| &doubt.words);
+        let message = format!("{}: the fit is no answer: {why}", file.display());
         return Err(Failure::new(message).hint(
             "fit again (more iterations, another --start), or pass --allow-unconverged to export \
              its best iterate",
@@ -167,7 +171,7 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
     let model = Model::pilot(&pilot.theta, pilot.stick_limit);
     Ok((
         model,
-        Provenance::fit(document::read(file)?, pilot.converged),
+        Provenance::fit(document::read(file)?, pilot.stable_loop, pilot.caveat()),
     ))
 }
 

@@ -63,12 +63,18 @@ pub struct Provenance {
 const LICENSE: &str = "MIT OR Apache-2.0";
 
 impl Provenance {
-    /// A pilot identified from flights; `file` is the text of the result file, `converged` what it says.
-    pub fn fit(file: String, converged: bool) -> Self {
+    /// A pilot identified from flights; `file` is the text of the result file, `stable_loop` and `caveat` what
+    /// it says of the closed loop with the vehicle of the fit and of the fit itself.
+    pub fn fit(file: String, stable_loop: Option<bool>, caveat: Option<String>) -> Self {
+        let closed_loop = match stable_loop {
+            Some(true) => " Its closed loop with the vehicle of the fit is stable.",
+            Some(false) => " Its closed loop with the vehicle of the fit is UNSTABLE.",
+            None => "",
+        };
+        let origin = "θ was identified from recorded flights; the result file is in extra/.";
         Self {
-            origin: "θ was identified from recorded flights; the result file is in extra/.".into(),
-            caveat: (!converged)
-                .then(|| "The fit did NOT converge: θ is its best iterate, not a solution.".into()),
+            origin: format!("{origin}{closed_loop}"),
+            caveat,
             source: Some(("pilot.toml", file)),
             license: Some(LICENSE.into()),
         }

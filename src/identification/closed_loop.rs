@@ -139,10 +139,7 @@ mod tests {
     }
 
     fn worst(roots: &[Complex<f64>]) -> f64 {
-        roots
-            .iter()
-            .map(|r| r.re)
-            .fold(f64::NEG_INFINITY, f64::max)
+        roots.iter().map(|r| r.re).fold(f64::NEG_INFINITY, f64::max)
     }
 
     proptest! {
@@ -192,6 +189,9 @@ mod tests {
         assert!(of(&[1.0, -0.03]).rightmost().unwrap().im > 0.0);
         let lead = [216.0, 108.0, 18.0, -6.48, -16.2, -0.5];
         assert!(ClosedLoop::of(Quadcopter::default(), Pilot { order: 3 }, &lead).is_stable());
-        assert!(!of(&[f64::NAN, -0.03]).is_stable(), "not known is not stable");
+        assert!(
+            !of(&[f64::NAN, -0.03]).is_stable(),
+            "not known is not stable"
+        );
     }
 }

@@ -16,11 +16,11 @@ pub mod start;
 pub mod trials;
 
 pub use crate::transcription::Scheme;
-pub use doubts::{Doubt, doubts};
 pub use closed_loop::ClosedLoop;
+pub use doubts::{Doubt, doubts};
 pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
-pub use result::{Fit, PilotFile, RunFit};
+pub use result::{Fit, PilotDoubt, PilotFile, RunFit};
 pub use simulate::simulate;
 pub use solve::{FitError, Progress, fit};
 pub use trials::{Trial, TrialError, TrialSet};

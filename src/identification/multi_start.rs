@@ -1,6 +1,6 @@
 //! The SQP from several starts: losers stop early, the most promising is finished.
 
-use super::result::{AGREE, StartReport, agree};
+use super::result::{AGREE, FEASIBLE, StartReport, agree};
 use super::solve::{Observer, Progress, SHORT_STEP};
 use super::{Fit, Options, RunFit};
 use crate::sqp::{self, Iteration, Solution, Status};
@@ -21,8 +21,6 @@ const ROUNDING: f64 = 1e-8;
 /// Scaled violation of the constraints below which the states are nearly consistent, so that the objective
 /// tells how promising a start is.
 const NEAR: f64 = 1e-2;
-/// Scaled violation below which an iterate is a pilot that flies so.
-const FEASIBLE: f64 = 1e-6;
 
 /// Values of θ to start from.
 #[derive(Debug, Clone, Default)]
@@ -326,6 +324,7 @@ fn report<D: Dynamics, C: ParameterConstraints>(
         converged: converged.is_some(),
         status: status.to_string(),
         kkt: kkt.residual(),
+        violation: kkt.primal,
         curvature: *curvature,
         iterations: attempts.iter().map(|a| a.course.iterations).sum(),
         unknowns: iterate.z.len(),
@@ -333,5 +332,7 @@ fn report<D: Dynamics, C: ParameterConstraints>(
         starts: attempts.iter().map(Attempt::report).collect(),
         skipped,
         runs: runs(&best.problem, &iterate.z),
+        closed_loop: None,
+        doubts: Vec::new(),
     }
 }

@@ -62,6 +62,9 @@ pub struct Options {
     pub pilot: Pilot,
     /// The vehicle. Default: the project's own quadcopter.
     pub vehicle: Quadcopter,
+    /// True where nobody said which vehicle was flown, and [`Self::vehicle`] is the default one: a fit of the
+    /// stick then knows no closed loop. Default: false.
+    pub vehicle_assumed: bool,
     /// A start for θ; none: estimated from the data.
     pub start: Option<Vec<f64>>,
     /// Random starts beside the others ([`super::random_starts`]). None, the default: up to
@@ -77,6 +80,15 @@ pub struct Options {
     pub max_iterations: usize,
 }
 
+impl Options {
+    /// The vehicle with which the pilot closes a loop: none in a fit of the stick where nobody said which one
+    /// was flown.
+    pub fn loop_vehicle(&self) -> Option<&Quadcopter> {
+        let known = self.objective == Objective::Response || !self.vehicle_assumed;
+        known.then_some(&self.vehicle)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {
@@ -88,6 +100,7 @@ impl Default for Options {
             objective: Objective::Response,
             pilot: Pilot::default(),
             vehicle: Quadcopter::default(),
+            vehicle_assumed: false,
             start: None,
             random_starts: None,
             stick_limit: 1.0,

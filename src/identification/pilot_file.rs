@@ -1,9 +1,11 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
-use super::{Fit, Mesh, Options, PilotFile, Trial};
+use super::result::PilotDoubt;
+use super::{ClosedLoop, Doubt, Fit, Mesh, Options, PilotFile, Trial};
 use crate::document::{self, Document, DocumentError};
 use crate::models::{COEFFICIENTS, Pilot, Unit};
 use crate::vehicle::Mode;
+use nalgebra::Complex;
 use std::path::Path;
 
 /// What can be wrong with a pilot file.
@@ -49,13 +51,15 @@ pub enum PilotFileError {
 }
 
 /// Fields of the file's top level. Those that only tell where θ comes from may be missing.
-const FIELDS: [&str; 9] = [
+const FIELDS: [&str; 11] = [
     "tool",
     "status",
     "converged",
     "stick_limit",
     "theta",
     "pole",
+    "closed_loop",
+    "doubt",
     "fit",
     "vehicle",
     "data",
@@ -87,10 +91,45 @@ impl PilotFile {
                 value: stick_limit,
             });
         }
+        let stable_loop = match root.table("closed_loop")? {
+            Some(table) => table.boolean("stable")?,
+            None => None,
+        };
         Ok(Self {
             theta: theta(&root.required("theta", root.table("theta")?)?)?,
             stick_limit,
             converged: root.boolean("converged")?.unwrap_or(true),
+            stable_loop,
+            doubts: (root.tables("doubt")?.iter())
+                .map(PilotDoubt::read)
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// True when the fit converged and no doubt makes it meaningless.
+    pub fn is_answer(&self) -> bool {
+        self.converged && !self.doubts.iter().any(|doubt| doubt.fatal)
+    }
+
+    /// What a user must know before trusting the pilot.
+    pub fn caveat(&self) -> Option<String> {
+        let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
+        let unconverged = (!self.converged).then(|| unconverged.to_owned());
+        let doubts = self
+            .doubts
+            .iter()
+            .map(|doubt| format!("Doubt: {}.", doubt.words));
+        let all: Vec<String> = unconverged.into_iter().chain(doubts).collect();
+        (!all.is_empty()).then(|| all.join(" "))
+    }
+}
+
+impl PilotDoubt {
+    fn read(table: &document::Table) -> Result<Self, DocumentError> {
+        Ok(Self {
+            code: table.required("code", table.string("code")?)?.into(),
+            words: table.required("words", table.string("words")?)?.into(),
+            fatal: table.boolean("fatal")?.unwrap_or(false),
         })
     }
 }
@@ -119,7 +158,7 @@ fn theta(table: &document::Table) -> Result<Vec<f64>, PilotFileError> {
     names.iter().map(value).collect()
 }
 
-/// The text of a pilot file. A fit that did not converge is marked as such, first thing.
+/// The text of a pilot file. A fit that is no answer is marked as such, first thing.
 pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
     let mut text = String::from(
         "# A pilot: y_p/u_p = (θ2n s^(n-1) + ... + θn+1) / (s^n + θn s^(n-1) + ... + θ1),\n\
@@ -127,6 +166,9 @@ pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
     );
     if !fit.converged {
         text += "# NOT CONVERGED: this is the best iterate of a solve that did not reach its tolerance.\n";
+    }
+    for doubt in fit.doubts.iter().filter(|doubt| doubt.is_fatal()) {
+        text += &format!("# NO ANSWER: {doubt}.\n");
     }
     text += &format!(
         "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {:?}\n\n[theta]\n",
@@ -139,7 +181,13 @@ pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
         let assignment = format!("theta{} = {value:?}", i + 1);
         text += &format!("{assignment:<34} # [{unit}]\n");
     }
-    text + &poles(fit, options.pilot) + &solve(fit, options) + &data(options, trials)
+    let closed_loop = fit
+        .closed_loop
+        .as_ref()
+        .map_or_else(String::new, closed_loop);
+    let doubts: String = fit.doubts.iter().map(doubt).collect();
+    let pilot = poles("pole", &options.pilot.poles(&fit.theta));
+    text + &doubts + &closed_loop + &pilot + &solve(fit, options) + &data(options, trials)
 }
 
 /// Units of the components of θ, in order (see [`crate::models::pilot`]), as people write them.
@@ -152,11 +200,28 @@ pub fn units(pilot: Pilot) -> Vec<String> {
         .collect()
 }
 
-fn poles(fit: &Fit, pilot: Pilot) -> String {
+fn doubt(doubt: &Doubt) -> String {
+    format!(
+        "\n[[doubt]]\ncode = \"{}\"\nwords = {}\nfatal = {}\n",
+        doubt.code(),
+        quoted(&doubt.to_string()),
+        doubt.is_fatal()
+    )
+}
+
+fn closed_loop(closed_loop: &ClosedLoop) -> String {
+    format!(
+        "\n[closed_loop]                      # with the vehicle below, linearised about hover\nstable = {}\n{}",
+        closed_loop.is_stable(),
+        poles("closed_loop.pole", &closed_loop.poles)
+    )
+}
+
+fn poles(table: &str, poles: &[Complex<f64>]) -> String {
     let mut text = String::new();
-    for mode in Mode::of_poles(&pilot.poles(&fit.theta)) {
+    for mode in Mode::of_poles(poles) {
         text += &format!(
-            "\n[[pole]]                           # with its conjugate where im is not 0\n\
+            "\n[[{table}]] # with its conjugate where im is not 0\n\
              re = {:?} # [1/s]\nim = {:?} # [1/s]\nfrequency = {:?} # [rad/s]\ndamping = {:?}\n",
             mode.pole.re, mode.pole.im, mode.frequency, mode.damping
         );
@@ -174,11 +239,13 @@ fn solve(fit: &Fit, options: &Options) -> String {
         Mesh::Step(step) => format!("mesh_step = {step:?} # [s]"),
     };
     format!(
-        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\n{mesh}\ninitial_state = \"{}\"\n\
+        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\n{mesh}\ninitial_state = \"{}\"\ninitial_position = \"{}\"\nstable_loop = {} # asked for\n\
          sum_of_squares = {:?} # [{unit}]\nkkt = {:?}\ntolerance = {:?}\niterations = {}\nseconds = {:.3}\n",
         options.objective.as_str(),
         options.scheme,
         options.initial_state.as_str(),
+        options.initial_position.as_str(),
+        options.stable_loop,
         fit.objective,
         fit.kkt,
         options.tolerance,
@@ -231,7 +298,16 @@ mod tests {
             starts: Vec::new(),
             skipped: 0,
             curvature: None,
+            violation: 0.0,
             runs: Vec::new(),
+            closed_loop: Some(ClosedLoop {
+                poles: vec![
+                    Complex::new(-1.0, 2.0),
+                    Complex::new(-1.0, -2.0),
+                    Complex::new(1e-3, 0.0),
+                ],
+            }),
+            doubts: vec![Doubt::NoForcing],
         }
     }
 
@@ -258,7 +334,13 @@ mod tests {
             PilotFile {
                 theta: fit().theta,
                 stick_limit: 1.0,
-                converged: false
+                converged: false,
+                stable_loop: Some(false),
+                doubts: vec![PilotDoubt {
+                    code: "no-forcing".into(),
+                    words: Doubt::NoForcing.to_string(),
+                    fatal: true,
+                }],
             }
         );
         let table: toml::Table = text.parse().unwrap();

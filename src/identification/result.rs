@@ -1,5 +1,7 @@
 //! What a fit gives, and the file that hands it on.
 
+use super::{ClosedLoop, Doubt};
+
 /// One run as the identified pilot flies it in the optimiser's solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunFit {
@@ -53,6 +55,8 @@ pub struct Fit {
     pub status: String,
     /// Scaled KKT residual of the returned iterate.
     pub kkt: f64,
+    /// Its scaled violation of the constraints: above [`FEASIBLE`] its runs are no flights of its pilot.
+    pub violation: f64,
     /// Smallest eigenvalue of the reduced Hessian of the Lagrangian over the critical cone, scaled by that
     /// matrix's norm ([`crate::sqp::Curvature::smallest`]): not negative, beyond rounding, at a local
     /// optimum. None where it was not looked at, since the iterate is no KKT point.
@@ -69,7 +73,14 @@ pub struct Fit {
     pub skipped: usize,
     /// The runs.
     pub runs: Vec<RunFit>,
+    /// The linearised closed loop with the vehicle of the fit; none where nobody said which was flown.
+    pub closed_loop: Option<ClosedLoop>,
+    /// What speaks against taking it at its word, the gravest first.
+    pub doubts: Vec<Doubt>,
 }
+
+/// Scaled violation of the constraints below which an iterate is a pilot that flies so.
+pub const FEASIBLE: f64 = 1e-6;
 
 /// Relative distance to the best objective within which starts agree.
 pub const AGREE: f64 = 1e-3;
@@ -80,6 +91,16 @@ pub(super) fn agree(objective: f64, best: f64) -> bool {
 }
 
 impl Fit {
+    /// True when it converged and no doubt makes it meaningless.
+    pub fn is_answer(&self) -> bool {
+        self.converged && !self.doubts.iter().any(Doubt::is_fatal)
+    }
+
+    /// True when the runs of the returned iterate fulfil the equations.
+    pub fn is_feasible(&self) -> bool {
+        self.violation <= FEASIBLE
+    }
+
     /// How many of [`Self::starts`] ended within 0.1 % of the best objective among them. One alone of
     /// several is a warning: there are other optima, and one may be missed.
     pub fn agreeing(&self) -> usize {
@@ -97,4 +118,19 @@ pub struct PilotFile {
     pub stick_limit: f64,
     /// False marks the best iterate of a fit that did not converge.
     pub converged: bool,
+    /// Whether its closed loop with the vehicle of the fit is stable; none where the file does not say.
+    pub stable_loop: Option<bool>,
+    /// What spoke against taking the fit at its word.
+    pub doubts: Vec<PilotDoubt>,
+}
+
+/// A [`Doubt`] as a pilot file keeps it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PilotDoubt {
+    /// One word for scripts.
+    pub code: String,
+    /// For people.
+    pub words: String,
+    /// True when it makes the result meaningless.
+    pub fatal: bool,
 }

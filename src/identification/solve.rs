@@ -2,7 +2,10 @@
 
 use super::multi_start::{Starts, multi_start};
 use super::problem::{self, fill_gaps};
-use super::{Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, random_starts, start};
+use super::{
+    ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
+    start,
+};
 use crate::sqp::{Iteration, Status};
 use crate::transcription::{Collocation, ParameterConstraints};
 use pilotage_models::{Dynamics, Pilot};
@@ -67,6 +70,21 @@ pub enum FitError {
         /// A step that the trial allows [s].
         least: f64,
     },
+    /// A position that no vehicle was ever at.
+    #[error(
+        "trial {trial}: position = {position:e} m at {time} s; expected less than {limit:e} m in magnitude: \
+         empty the cell if it is an error, or give the column its unit, as in `position [mm]`"
+    )]
+    Position {
+        /// Name of the trial.
+        trial: String,
+        /// Time of the sample [s].
+        time: f64,
+        /// The value [m].
+        position: f64,
+        /// The limit [m].
+        limit: f64,
+    },
     /// A trial without a stick, for the stick objective.
     #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
     NoStick {
@@ -101,6 +119,9 @@ pub const MAX_ORDER: usize = 6;
 /// Most mesh intervals of a run where the mesh is not its samples: some 1 GB of derivatives.
 pub const MAX_INTERVALS: usize = 200_000;
 
+/// Positions and targets of a larger magnitude are refused [m]: more than the way to the Moon and back.
+pub const FARTHEST: f64 = 1e9;
+
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
@@ -133,6 +154,19 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
 /// result, with its status.
 pub fn fit(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Fit, FitError> {
+    let mut fit = solve(trials, options, observer)?;
+    let vehicle = options.loop_vehicle();
+    fit.closed_loop = vehicle.map(|&v| ClosedLoop::of(v, options.pilot, &fit.theta));
+    fit.doubts = doubts(&fit, options, trials);
+    Ok(fit)
+}
+
+/// The fit, without what is said of it.
+fn solve(
     trials: &[Trial],
     options: &Options,
     observer: &mut Observer<'_>,
@@ -270,10 +304,10 @@ fn rough(
         ..options.clone()
     };
     if trials.len() <= MANY_TRIALS {
-        let fit = fit(trials, &options, observer)?;
+        let fit = solve(trials, &options, observer)?;
         return Ok((fit.theta, fit.iterations));
     }
-    let fit = fit(&start::spread(trials, MANY_TRIALS), &options, observer)?;
+    let fit = solve(&start::spread(trials, MANY_TRIALS), &options, observer)?;
     let theta = start::restrained(options.pilot, &fit.theta);
     Ok((theta, fit.iterations))
 }
@@ -306,9 +340,10 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
             });
         }
     }
-    trials
-        .iter()
-        .try_for_each(|t| check_mesh(t, options.mesh))?;
+    for trial in trials {
+        check_positions(trial)?;
+        check_mesh(trial, options.mesh)?;
+    }
     let has_stick = |t: &Trial| {
         t.stick
             .as_ref()
@@ -320,6 +355,20 @@ fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
     {
         Some(trial) => Err(FitError::NoStick {
             trial: trial.name.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_positions(trial: &Trial) -> Result<(), FitError> {
+    let all = [&trial.position, &trial.target].map(|values| trial.time.iter().zip(values));
+    let far = |(_, value): &(&f64, &f64)| value.abs() > FARTHEST;
+    match all.into_iter().flatten().find(far) {
+        Some((&time, &position)) => Err(FitError::Position {
+            trial: trial.name.clone(),
+            time,
+            position,
+            limit: FARTHEST,
         }),
         None => Ok(()),
     }

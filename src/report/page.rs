@@ -4,7 +4,7 @@ use super::figures::{self, ClosedLoop, Targets};
 use super::html::{escape, whole};
 use super::number::{self, significant};
 use super::tables;
-use crate::identification::{Fit, Objective, Options, RunFit, Trial};
+use crate::identification::{Doubt, Fit, Objective, Options, RunFit, Trial};
 use crate::models::Pilot;
 
 /// What a report shows.
@@ -16,7 +16,8 @@ pub struct Report<'a> {
     pub options: &'a Options,
     /// The trials that it was fitted to, in the order of the fit's runs.
     pub trials: &'a [Trial],
-    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate()`]).
+    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate()`]); none where nobody
+    /// said which vehicle was flown.
     pub flown: &'a [RunFit],
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
@@ -60,6 +61,9 @@ pub fn page(report: &Report) -> String {
 /// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
 /// shown as it flies alone.
 fn response(report: &Report, targets: &Targets) -> String {
+    if report.options.loop_vehicle().is_none() {
+        return String::new();
+    }
     let (runs, caption) = match report.options.objective {
         Objective::Response => (
             &report.fit.runs[..],
@@ -87,9 +91,11 @@ fn header(report: &Report) -> String {
         trials,
         ..
     } = report;
-    let (class, verdict) = match fit.converged {
-        true => ("good", "converged".to_owned()),
-        false => ("bad", format!("not converged: {}", fit.status)),
+    let (class, verdict) = match (fit.converged, fit.doubts.first()) {
+        (false, _) => ("bad", format!("not converged: {}", fit.status)),
+        (true, Some(doubt)) if doubt.is_fatal() => ("bad", format!("no answer: {}", doubt.code())),
+        (true, Some(doubt)) => ("doubtful", format!("converged, in doubt: {}", doubt.code())),
+        (true, None) => ("good", "converged".to_owned()),
     };
     let unit = match options.objective.unit() {
         "1" => String::new(),
@@ -106,6 +112,7 @@ fn header(report: &Report) -> String {
                  converge. Do not use them as a result: try another <code>--start</code>, \
                  <code>--initial-state vehicle-at-rest</code> or a higher <code>--max-iterations</code>.</p>\n";
     }
+    html += &doubts(fit);
     html += &format!(
         "<div class=\"formula\">{}</div>\n",
         transfer_function(options.pilot, &fit.theta)
@@ -115,11 +122,27 @@ fn header(report: &Report) -> String {
         ("samples", samples.to_string()),
         (
             "rms residual",
-            significant(tables::rms(residuals()), 3) + &unit,
+            match fit.is_feasible() {
+                true => significant(tables::rms(residuals()), 3) + &unit,
+                false => "none: the last iterate violates the equations".into(),
+            },
         ),
         ("iterations", fit.iterations.to_string()),
     ]);
     html
+}
+
+/// What speaks against the result, before the result.
+fn doubts(fit: &Fit) -> String {
+    let item = |doubt: &Doubt| {
+        let class = if doubt.is_fatal() { "warning" } else { "doubt" };
+        let words = escape(&doubt.to_string());
+        format!(
+            "<p class=\"{class}\"><b>{}</b>: {words}.</p>\n",
+            doubt.code()
+        )
+    };
+    fit.doubts.iter().map(item).collect()
 }
 
 /// A row of large numbers.
@@ -202,6 +225,7 @@ fn numbers(report: &Report) -> String {
     };
     section("Parameters", tables::theta(fit, options.pilot))
         + &section("Poles of the pilot", tables::poles(fit, options.pilot))
+        + &section("Poles of the closed loop", tables::closed_loop(fit))
         + &section("Runs", tables::runs(report))
         + &section("Solve", tables::solve(fit, options, command))
         + &section("Vehicle", tables::vehicle(options))
@@ -236,7 +260,10 @@ mod tests {
             starts: Vec::new(),
             skipped: 0,
             curvature: None,
+            violation: 0.0,
             runs: runs.collect(),
+            closed_loop: None,
+            doubts: Vec::new(),
         }
     }
 

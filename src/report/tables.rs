@@ -8,6 +8,7 @@ use crate::identification::result::StartReport;
 use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
+use nalgebra::Complex;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.
 fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
@@ -54,7 +55,18 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
 }
 
 pub fn poles(fit: &Fit, pilot: Pilot) -> String {
-    let rows: Vec<_> = Mode::of_poles(&pilot.poles(&fit.theta))
+    modes(&pilot.poles(&fit.theta))
+}
+
+pub fn closed_loop(fit: &Fit) -> String {
+    match &fit.closed_loop {
+        Some(closed_loop) => modes(&closed_loop.poles),
+        None => "<p>Not known: the fit was told of no vehicle.</p>".into(),
+    }
+}
+
+fn modes(poles: &[Complex<f64>]) -> String {
+    let rows: Vec<_> = Mode::of_poles(poles)
         .iter()
         .map(|mode| {
             let (re, im) = (number::html(mode.pole.re, 4), number::html(mode.pole.im, 4));
@@ -81,7 +93,8 @@ pub fn poles(fit: &Fit, pilot: Pilot) -> String {
 
 pub fn runs(report: &Report) -> String {
     let unit = report.options.objective.unit();
-    let rows: Vec<_> = (report.fit.runs.iter().zip(report.trials).zip(report.flown))
+    let flown = report.flown.iter().map(Some).chain(std::iter::repeat(None));
+    let rows: Vec<_> = (report.fit.runs.iter().zip(report.trials).zip(flown))
         .map(|((run, trial), flown)| {
             let summary = trial.summary();
             let finite = run.residual.iter().filter(|r| r.is_finite());
@@ -97,7 +110,7 @@ pub fn runs(report: &Report) -> String {
                 peak.map_or("–".into(), |peak| format!("{peak:.3}")),
                 number::html(rms(&run.residual), 3),
                 number::html(largest, 3),
-                number::html(rms(&flown.residual), 3),
+                flown.map_or("–".into(), |flown| number::html(rms(&flown.residual), 3)),
             ]
         })
         .collect();
@@ -156,6 +169,17 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         (
             "initial states",
             initial_state(options.initial_state).into(),
+        ),
+        (
+            "position at the start",
+            options.initial_position.as_str().into(),
+        ),
+        (
+            "closed loop",
+            match options.stable_loop && options.objective == Objective::Response {
+                true => "kept stable".into(),
+                false => "as it came out".into(),
+            },
         ),
         ("start of θ", start),
         ("pilot", format!("linear, order {}", options.pilot.order)),
@@ -232,7 +256,7 @@ fn objective(objective: Objective) -> &'static str {
 fn initial_state(initial_state: InitialState) -> &'static str {
     match initial_state {
         InitialState::Free => "all free (the paper's)",
-        InitialState::VehicleAtRest => "vehicle hovers at the first position, pilot free",
-        InitialState::AtRest => "vehicle hovers at the first position, pilot at zero",
+        InitialState::VehicleAtRest => "vehicle hovers, pilot free",
+        InitialState::AtRest => "vehicle hovers, pilot at zero",
     }
 }

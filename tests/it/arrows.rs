@@ -21,6 +21,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "transcription",
             "sqp",
             "vehicle",
+            "linear",
             "document",
             "nearest",
             "output",

@@ -15,7 +15,7 @@ const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
 
 fn folder_with_fmus() -> Folder {
     let folder = Folder::new();
-    let provenance = Provenance::fit("nobody.toml".to_owned(), true);
+    let provenance = Provenance::fit("nobody.toml".to_owned(), None, None);
     export(
         &Model::pilot(&THETA, 1.0),
         &provenance,

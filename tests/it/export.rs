@@ -16,7 +16,11 @@ fn models() -> [(Model, Provenance); 4] {
         mass: 2.5,
         ..Quadcopter::default()
     };
-    let fit = Provenance::fit("converged = false # <best iterate>\n".into(), false);
+    let fit = Provenance::fit(
+        "converged = false # <best iterate>\n".into(),
+        Some(false),
+        Some("The fit did NOT converge: θ is its best iterate, not a solution.".into()),
+    );
     [
         (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
         (second_order, fit),

@@ -2,19 +2,19 @@
 
 mod log;
 mod next;
-mod summary;
+pub mod summary;
 mod table;
 mod watch;
 
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Fit, InitialPosition, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet, fit, pilot_file,
+    Fit, InitialPosition, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet,
+    fit, pilot_file,
 };
 use crate::models::Pilot;
 use crate::output::Output;
 use crate::report::{self, Report};
-use crate::vehicle::PitchLoop;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
 use std::path::{Path, PathBuf};
@@ -39,8 +39,9 @@ Examples:
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
 
 A fit that a limit or Ctrl-C ends writes the best iterate so far, marked as not converged; a
-second Ctrl-C kills. Exit codes: 0 converged, 1 not converged (the best iterate is written), 2 bad
-use or input.";
+second Ctrl-C kills. Doubts are what speaks against taking the result at its word; each has a code.
+Exit codes: 0 converged, 1 not converged (the best iterate is written), or a doubt that makes the
+result meaningless, 2 bad use or input.";
 
 /// Arguments of `pilotage fit`; the defaults are those of [`Options`].
 #[derive(Debug, clap::Args)]
@@ -171,7 +172,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(log) = log {
         log.close(&fitted)?;
     }
-    Ok(match fitted.converged {
+    Ok(match fitted.is_answer() {
         true => Outcome::Done,
         false => Outcome::No,
     })
@@ -183,11 +184,6 @@ impl Args {
             order: self.order.into(),
         };
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
-        if !PitchLoop::of(&vehicle).is_stable() {
-            terminal::note(
-                "the vehicle's pitch loop is unstable, so nobody can have flown it; see `pilotage vehicle check`",
-            );
-        }
         Ok(Options {
             scheme: self.scheme,
             mesh: self.mesh_step.map_or(Mesh::Samples, Mesh::Step),
@@ -197,6 +193,7 @@ impl Args {
             objective: self.objective,
             pilot,
             vehicle,
+            vehicle_assumed: self.vehicle.is_none(),
             start: self.start.clone(),
             random_starts: self.random_starts,
             stick_limit: self.stick_limit,
@@ -225,7 +222,7 @@ impl Args {
 
 /// The report page of a fit alone.
 fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
-    let flown: Vec<RunFit> = flown.iter().map(|flown| flown.run.clone()).collect();
+    let flown: Vec<RunFit> = flown.iter().filter_map(|flown| flown.run.clone()).collect();
     let words = std::env::args_os().skip(1);
     let command: Vec<String> = words
         .map(|word| word.to_string_lossy().into_owned())

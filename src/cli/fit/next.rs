@@ -12,9 +12,10 @@ impl Args {
         if let Some(report) = &self.report {
             text += &format!("wrote {}\n", report.display());
         }
-        text + &match fit.converged {
-            true => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
-            false => self.what_else(fit, options),
+        text + &match (fit.is_answer(), fit.converged) {
+            (true, _) => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
+            (false, true) => "next: mend what the first doubt says, and fit again\n".into(),
+            (false, false) => self.what_else(fit, options),
         }
     }
 

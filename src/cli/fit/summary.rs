@@ -1,8 +1,10 @@
 //! What a fit gave, for people and for scripts.
 
 use crate::cli::{Failure, format};
+use crate::identification::Doubt;
 use crate::identification::{
-    Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, doubts, pilot_file, simulate,
+    ClosedLoop, Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file,
+    simulate,
 };
 use crate::models::Joint;
 use crate::report::{rms, significant};
@@ -12,8 +14,8 @@ use serde_json::{Value, json};
 /// A run as the identified pilot flies it alone, from rest.
 pub struct Flown<'a> {
     trial: &'a Trial,
-    /// That run.
-    pub run: RunFit,
+    /// That run; none where nobody said which vehicle was flown.
+    pub run: Option<RunFit>,
     /// The run in the optimiser's solution; none for a validation run.
     solution: Option<&'a RunFit>,
 }
@@ -21,26 +23,29 @@ pub struct Flown<'a> {
 impl<'a> Flown<'a> {
     /// All trials of a set, with the runs of its fit.
     pub fn all(fit: &'a Fit, options: &Options, set: &'a TrialSet) -> Result<Vec<Self>, Failure> {
-        let joint = Joint {
-            vehicle: options.vehicle,
+        let joint = options.loop_vehicle().map(|&vehicle| Joint {
+            vehicle,
             pilot: options.pilot,
-        };
+        });
         let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
         (set.all().zip(solutions))
             .map(|(trial, solution)| {
                 Ok(Self {
                     trial,
-                    run: simulate(&joint, &fit.theta, trial)?,
+                    run: (joint.as_ref())
+                        .map(|joint| simulate(joint, &fit.theta, trial))
+                        .transpose()?,
                     solution,
                 })
             })
             .collect()
     }
 
-    /// Where it ends, from the last target [m].
-    fn final_error(&self) -> f64 {
+    /// Its rms distance from the recording, and where it ends, from the last target [m].
+    fn errors(&self) -> Option<(f64, f64)> {
+        let run = self.run.as_ref()?;
         let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
-        last(&self.run.position) - last(&self.run.target)
+        Some((rms(&run.residual), last(&run.position) - last(&run.target)))
     }
 }
 
@@ -52,9 +57,9 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
             json!({
                 "name": flown.trial.name,
                 "use": if flown.solution.is_some() { "fit" } else { "validation" },
-                "rms_residual": flown.solution.map(|run| rms(&run.residual)),
-                "closed_loop_rms_m": rms(&flown.run.residual),
-                "closed_loop_final_error_m": flown.final_error(),
+                "rms_residual": flown.solution.filter(|_| fit.is_feasible()).map(|run| rms(&run.residual)),
+                "closed_loop_rms_m": flown.errors().map(|(rms, _)| rms),
+                "closed_loop_final_error_m": flown.errors().map(|(_, last)| last),
             })
         })
         .collect();
@@ -77,18 +82,59 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
+        "parameters": parameters(fit, options),
+        "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,
         "skipped": fit.skipped,
         "starts_agreeing": fit.agreeing(),
-        "doubts": (doubts(fit, options.pilot).iter()).map(ToString::to_string).collect::<Vec<_>>(),
+        "doubts": doubts(fit),
         "kkt": fit.kkt,
+        "violation": fit.violation,
         "curvature": fit.curvature,
         "seconds": fit.seconds,
         "poles": modes.iter().map(|mode| json!([mode.pole.re, mode.pole.im])).collect::<Vec<_>>(),
         "runs": runs,
     })
+}
+
+/// Value and unit of each parameter, by name.
+fn parameters(fit: &Fit, options: &Options) -> Value {
+    let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
+    let all = all.enumerate().map(|(i, (value, unit))| {
+        let entry = json!({ "value": value, "unit": unit });
+        (format!("theta{}", i + 1), entry)
+    });
+    Value::Object(all.collect())
+}
+
+/// Every pole as real and imaginary part [1/s].
+fn closed_loop(closed_loop: &ClosedLoop) -> Value {
+    let poles = closed_loop.poles.iter();
+    json!({
+        "stable": closed_loop.is_stable(),
+        "poles": poles.map(|pole| json!([pole.re, pole.im])).collect::<Vec<_>>(),
+    })
+}
+
+fn doubts(fit: &Fit) -> Vec<Value> {
+    let one = |doubt: &Doubt| json!({ "code": doubt.code(), "words": doubt.to_string(), "fatal": doubt.is_fatal() });
+    fit.doubts.iter().map(one).collect()
+}
+
+/// How the fit ended, in a word or two: never a plain one where something speaks against it.
+pub fn verdict(fit: &Fit) -> String {
+    let unstable = |doubt: &Doubt| matches!(doubt, Doubt::UnstableLoop { .. });
+    match fit.doubts.first() {
+        _ if !fit.converged => format!("NOT CONVERGED ({})", fit.status),
+        Some(doubt) if unstable(doubt) => "converged, but the closed loop is UNSTABLE".into(),
+        Some(doubt) if doubt.is_fatal() => {
+            format!("NO ANSWER ({}), though converged", doubt.code())
+        }
+        Some(_) => format!("converged, in doubt ({})", fit.doubts.len()),
+        None => "converged".into(),
+    }
 }
 
 /// The summary for people.
@@ -99,23 +145,32 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     };
     let squared = unit.replace('m', "m²");
     let residuals = || fit.runs.iter().flat_map(|run| &run.residual);
-    let verdict = match fit.converged {
-        true => "converged".to_owned(),
-        false => format!("NOT CONVERGED ({})", fit.status),
-    };
+    let (verdict, feasible) = (verdict(fit), fit.is_feasible());
+    let count = residuals().filter(|residual| residual.is_finite()).count();
     let mut text = format!(
-        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}{}\n{}\
-         {} runs, {} samples: rms residual {}{unit}, sum of squares {}{squared}\n\n",
+        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}{}\n{}{} runs, {count} samples: {}\n",
         fit.iterations,
         significant(fit.seconds, 3),
         fit.kkt,
         curvature(fit),
         skipped(fit),
         fit.runs.len(),
-        residuals().filter(|residual| residual.is_finite()).count(),
-        significant(rms(residuals()), 3),
-        significant(fit.objective, 6),
+        match feasible {
+            true => format!(
+                "rms residual {}{unit}, sum of squares {}{squared}",
+                significant(rms(residuals()), 3),
+                significant(fit.objective, 6),
+            ),
+            false => format!(
+                "the last iterate violates the equations by {:.1e} (scaled), so it has no residual",
+                fit.violation
+            ),
+        }
     );
+    for doubt in &fit.doubts {
+        text += &format!("doubt ({}): {doubt}\n", doubt.code());
+    }
+    text += "\n";
     for (i, (value, unit)) in fit
         .theta
         .iter()
@@ -129,22 +184,36 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &runs(flown, options) + &doubtful(fit, options) + &carried(flown, options)
+    text + &loop_poles(fit)
+        + &runs(fit, flown, options)
+        + &agreement(fit)
+        + &carried(flown, options)
 }
 
-/// How many starts agree, and what speaks against taking the pilot at its word.
-fn doubtful(fit: &Fit, options: &Options) -> String {
-    let mut text = match fit.starts.len() {
+/// The modes of the closed loop.
+fn loop_poles(fit: &Fit) -> String {
+    let Some(closed_loop) = &fit.closed_loop else {
+        return "\n  closed loop: not known, since no --vehicle was given\n".into();
+    };
+    let stable = if closed_loop.is_stable() {
+        "stable"
+    } else {
+        "UNSTABLE"
+    };
+    let modes = Mode::of_poles(&closed_loop.poles);
+    let modes: String = modes.iter().map(format::mode).collect();
+    format!("\n  closed loop, {stable}     frequency [rad/s]  damping\n{modes}")
+}
+
+/// How many starts agree.
+fn agreement(fit: &Fit) -> String {
+    match fit.starts.len() {
         0 | 1 => String::new(),
         all => format!(
             "\n{} of {all} starts ended within 0.1 % of this sum of squares\n",
             fit.agreeing()
         ),
-    };
-    for doubt in doubts(fit, options.pilot) {
-        text += &format!("note: {doubt}\n");
     }
-    text
 }
 
 /// The second-order condition, where the first-order one is fulfilled.
@@ -169,7 +238,7 @@ fn skipped(fit: &Fit) -> String {
 
 /// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.
 fn carried(flown: &[Flown], options: &Options) -> String {
-    let fitted = || flown.iter().filter_map(|f| Some((f.solution?, &f.run)));
+    let fitted = || (flown.iter()).filter_map(|f| Some((f.solution?, f.run.as_ref()?)));
     let solved = rms(fitted().flat_map(|(solution, _)| &solution.residual));
     let alone = rms(fitted().flat_map(|(_, run)| &run.residual));
     let comparable = options.objective == Objective::Response;
@@ -186,7 +255,7 @@ fn carried(flown: &[Flown], options: &Options) -> String {
 }
 
 /// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
-fn runs(flown: &[Flown], options: &Options) -> String {
+fn runs(fit: &Fit, flown: &[Flown], options: &Options) -> String {
     let width = flown
         .iter()
         .map(|flown| flown.trial.name.chars().count())
@@ -199,14 +268,18 @@ fn runs(flown: &[Flown], options: &Options) -> String {
     );
     for flown in flown {
         let residual = match flown.solution {
-            Some(run) => significant(rms(&run.residual), 3),
+            Some(run) if fit.is_feasible() => significant(rms(&run.residual), 3),
+            Some(_) => "-".into(),
             None => "validation".into(),
         };
+        let (alone, last) = flown
+            .errors()
+            .map_or(("-".into(), "-".into()), |(rms, last)| {
+                (significant(rms, 3), significant(last, 3))
+            });
         text += &format!(
-            "  {:<width$}  {residual:>16}  {:>30}  {:>15}\n",
+            "  {:<width$}  {residual:>16}  {alone:>30}  {last:>15}\n",
             flown.trial.name,
-            significant(rms(&flown.run.residual), 3),
-            significant(flown.final_error(), 3),
         );
     }
     text

@@ -1,0 +1,357 @@
+//! What θ, its poles, its residuals and the other starts say.
+
+use super::{Doubt, Fit, Options};
+use crate::identification::closed_loop::LOOP_MARGIN;
+use crate::identification::constraints::{RouthHurwitz, STABILITY_MARGIN};
+use crate::identification::result::{AGREE, RunFit, StartReport};
+use crate::identification::{ClosedLoop, Objective};
+use crate::transcription::ParameterConstraints;
+use nalgebra::Complex;
+use pilotage_models::Pilot;
+use std::f64::consts::PI;
+
+/// A condition for stability within this many margins is on its bound.
+const ON_BOUND: f64 = 10.0;
+/// The same for the closed loop's margin, which is a rate.
+const LOOP_ON_BOUND: f64 = 1.01;
+/// Relative distance of a pole from a zero that it cancels.
+const CANCELLED: f64 = 0.01;
+/// A stick that never leaves zero by more does nothing.
+const IDLE: f64 = 1e-6;
+/// Variance accounted for below which the model says little.
+const POOR: f64 = 0.5;
+/// An outlier is this many robust standard deviations of the residuals from the mean of its neighbours.
+const OUTLYING: f64 = 10.0;
+/// Standard deviation of a normal distribution over its median magnitude.
+const ROBUST: f64 = 1.4826;
+
+/// The doubts.
+pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
+    let pilot = options.pilot;
+    let poles = pilot.poles(&fit.theta);
+    [
+        closed_loop(fit.closed_loop.as_ref(), options),
+        is_idle(fit).then_some(Doubt::IdlePilot),
+        outlier(fit, options),
+        poor(fit, options),
+        one_start(fit),
+        lower(fit),
+        on_bound(fit, pilot, &poles),
+        fast_pole(fit, &poles),
+        cancelled(fit, pilot, &poles),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn closed_loop(closed_loop: Option<&ClosedLoop>, options: &Options) -> Option<Doubt> {
+    let closed_loop = closed_loop?;
+    let pole = closed_loop.rightmost().map_or(f64::NAN, |pole| pole.re);
+    if !closed_loop.is_stable() {
+        let allowed = !options.stable_loop;
+        return Some(Doubt::UnstableLoop { pole, allowed });
+    }
+    (pole >= -LOOP_ON_BOUND * LOOP_MARGIN).then_some(Doubt::LoopOnBound { pole })
+}
+
+fn is_idle(fit: &Fit) -> bool {
+    let sticks = fit.runs.iter().flat_map(|run| &run.stick);
+    sticks.fold(0.0, |most: f64, u| most.max(u.abs())) <= IDLE
+}
+
+/// Residuals whose distance from the mean of their neighbours is far beyond the residuals' own spread.
+fn outlier(fit: &Fit, options: &Options) -> Option<Doubt> {
+    let all = fit.runs.iter().flat_map(|run| &run.residual);
+    let mut sizes: Vec<f64> = all.map(|r| r.abs()).filter(|r| r.is_finite()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let spread = ROBUST * sizes.get(sizes.len() / 2)?;
+    let found: Vec<(&RunFit, usize, f64)> = fit
+        .runs
+        .iter()
+        .flat_map(|run| spikes(&run.residual).map(move |(k, jump)| (run, k, jump)))
+        .filter(|(_, _, jump)| *jump > OUTLYING * spread && spread > 0.0)
+        .collect();
+    let &(run, k, _) = found.iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|r| r * r).sum::<f64>();
+    let theirs = squares(&mut found.iter().map(|(run, k, _)| run.residual[*k]));
+    let total = squares(&mut sizes.iter().copied());
+    Some(Doubt::Outlier {
+        run: run.name.clone(),
+        time: run.time[k],
+        residual: run.residual[k],
+        unit: options.objective.unit(),
+        count: found.len(),
+        share: theirs / total,
+    })
+}
+
+/// How far each residual lies from the mean of its neighbours; a neighbour of an outlier lies half as far, so
+/// only local maxima count.
+fn spikes(residual: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+    let known: Vec<usize> = (0..residual.len())
+        .filter(|&k| residual[k].is_finite())
+        .collect();
+    let jumps: Vec<f64> = (0..known.len())
+        .map(|i| {
+            let around = [i.checked_sub(1), Some(i + 1).filter(|&j| j < known.len())];
+            let around = || around.into_iter().flatten().map(|j| residual[known[j]]);
+            let mean = around().sum::<f64>() / around().count() as f64;
+            (residual[known[i]] - mean).abs()
+        })
+        .collect();
+    let at = move |i: usize| jumps.get(i).copied().unwrap_or(0.0);
+    let peaks = (0..known.len()).filter_map(move |i| {
+        let peak = at(i) >= at(i + 1) && (i == 0 || at(i) > at(i - 1));
+        peak.then(|| (known[i], at(i)))
+    });
+    peaks.collect::<Vec<_>>().into_iter()
+}
+
+fn poor(fit: &Fit, options: &Options) -> Option<Doubt> {
+    let (mut left, mut total) = (0.0, 0.0);
+    for run in &fit.runs {
+        let model = match options.objective {
+            Objective::Response => &run.position,
+            Objective::Stick => &run.stick,
+        };
+        let recorded = model.iter().zip(&run.residual).map(|(m, r)| m + r);
+        let recorded: Vec<f64> = recorded.filter(|y| y.is_finite()).collect();
+        let mean = recorded.iter().sum::<f64>() / recorded.len().max(1) as f64;
+        total += recorded.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+        left += (run.residual.iter())
+            .filter(|r| r.is_finite())
+            .map(|r| r * r)
+            .sum::<f64>();
+    }
+    let explained = 1.0 - left / total;
+    (explained < POOR).then_some(Doubt::PoorFit { explained })
+}
+
+fn one_start(fit: &Fit) -> Option<Doubt> {
+    let starts = fit.starts.len();
+    (starts > 0 && fit.agreeing() <= 1).then_some(Doubt::OneStart { starts })
+}
+
+fn lower(fit: &Fit) -> Option<Doubt> {
+    let feasible = |s: &StartReport| s.feasible.map(|objective| (s.number, objective));
+    let all = fit.starts.iter().filter_map(feasible);
+    let (start, objective) = all.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (objective < fit.objective * (1.0 - AGREE)).then_some(Doubt::Lower { start, objective })
+}
+
+fn on_bound(fit: &Fit, pilot: Pilot, poles: &[Complex<f64>]) -> Option<Doubt> {
+    let conditions = RouthHurwitz { pilot };
+    let mut values = vec![0.0; conditions.count()];
+    conditions.values(&fit.theta, &mut values);
+    let near = |value: &f64| *value <= (ON_BOUND - 1.0) * STABILITY_MARGIN;
+    let rightmost = poles.iter().max_by(|a, b| a.re.total_cmp(&b.re))?;
+    match values.iter().position(near)? {
+        0 => Some(Doubt::Integrates),
+        _ => Some(Doubt::PilotOnBound {
+            frequency: rightmost.norm(),
+        }),
+    }
+}
+
+fn fast_pole(fit: &Fit, poles: &[Complex<f64>]) -> Option<Doubt> {
+    let steps = fit.runs.iter().flat_map(|run| run.time.windows(2));
+    let steps = steps.map(|pair| pair[1] - pair[0]);
+    let limit = PI / steps.fold(f64::INFINITY, f64::min);
+    let pole = poles.iter().map(|pole| pole.re).fold(0.0, f64::min);
+    (pole < -limit).then_some(Doubt::FastPole { pole, limit })
+}
+
+fn cancelled(fit: &Fit, pilot: Pilot, poles: &[Complex<f64>]) -> Option<Doubt> {
+    let zeros = zeros(&fit.theta[pilot.order..]);
+    let nearest = |pole: &Complex<f64>| {
+        let distances = zeros.iter().map(|zero| (zero - pole).norm());
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let on_zero = |pole: &&Complex<f64>| nearest(pole) <= CANCELLED * pole.norm();
+    let pole = poles.iter().find(on_zero)?.norm();
+    Some(Doubt::Cancelled { pole })
+}
+
+/// Roots of the polynomial with these ascending coefficients.
+fn zeros(numerator: &[f64]) -> Vec<Complex<f64>> {
+    let degree = numerator.iter().rposition(|c| *c != 0.0).unwrap_or(0);
+    if degree == 0 {
+        return Vec::new();
+    }
+    let monic: Vec<f64> = (numerator[..degree].iter())
+        .map(|c| c / numerator[degree])
+        .collect();
+    Pilot { order: degree }.poles(&monic)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::RunFit;
+
+    /// A fit of `theta` to samples 0.05 s apart, with these objectives of its starts.
+    fn fit(theta: [f64; 6], starts: &[f64]) -> Fit {
+        let run = RunFit {
+            name: "run".into(),
+            time: vec![0.0, 0.05, 0.1],
+            target: vec![1.0; 3],
+            position: vec![0.0; 3],
+            stick: vec![0.1; 3],
+            residual: vec![0.0; 3],
+            states: vec![vec![0.0; 9]; 3],
+        };
+        let start = |objective: &f64| StartReport {
+            number: 1,
+            kkt: 0.0,
+            curvature: Some(1.0),
+            seconds: 0.0,
+            status: "converged".into(),
+            objective: *objective,
+            feasible: Some(*objective),
+            iterations: 1,
+        };
+        Fit {
+            theta: theta.to_vec(),
+            objective: starts[0],
+            converged: true,
+            status: "converged".into(),
+            kkt: 0.0,
+            curvature: Some(1.0),
+            skipped: 0,
+            iterations: 1,
+            unknowns: 33,
+            seconds: 0.0,
+            starts: starts.iter().map(start).collect(),
+            violation: 0.0,
+            runs: vec![run],
+            closed_loop: None,
+            doubts: Vec::new(),
+        }
+    }
+
+    fn of(theta: [f64; 6], starts: &[f64]) -> Vec<Doubt> {
+        doubts(&fit(theta, starts), &Options::default())
+    }
+
+    /// Poles at -1, -2 and -3, zeros at -5 and -6.
+    const SOUND: [f64; 6] = [6.0, 11.0, 6.0, 30.0, 11.0, 1.0];
+
+    #[test]
+    fn a_sound_fit_raises_none() {
+        assert_eq!(of(SOUND, &[7.0, 7.006]), []);
+        let alone = Doubt::OneStart { starts: 1 };
+        assert_eq!(
+            of(SOUND, &[7.0]),
+            [alone],
+            "nothing agrees with a start of the user's"
+        );
+    }
+
+    #[test]
+    fn starts_that_end_elsewhere_are_told() {
+        assert_eq!(
+            of(SOUND, &[7.0, 7.008, 8.0]),
+            [Doubt::OneStart { starts: 3 }]
+        );
+    }
+
+    #[test]
+    fn a_start_that_was_lower_is_told_and_agrees_with_none() {
+        let mut fit = fit(SOUND, &[7.0, 7.0, 6.99]);
+        assert_eq!(fit.agreeing(), 2);
+        let lower = Doubt::Lower {
+            start: 1,
+            objective: 6.99,
+        };
+        assert_eq!(doubts(&fit, &Options::default()), [lower]);
+        fit.starts[2].feasible = None;
+        assert_eq!(doubts(&fit, &Options::default()), []);
+    }
+
+    #[test]
+    fn an_integrating_pilot_is_told() {
+        assert_eq!(
+            of([1e-6, 2.0, 3.0, 30.0, 11.0, 1.0], &[7.0, 7.0]),
+            [Doubt::Integrates]
+        );
+    }
+
+    #[test]
+    fn a_pole_beyond_the_samples_is_told() {
+        // Poles at -1, -2 and -100.
+        let found = of([200.0, 302.0, 103.0, 30.0, 11.0, 1.0], &[7.0, 7.0]);
+        assert!(
+            matches!(found[..], [Doubt::FastPole { pole, .. }] if (pole + 100.0).abs() < 1e-6),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_pole_on_a_zero_is_told() {
+        // Zeros at -2.01 and -6.
+        let found = of([6.0, 11.0, 6.0, 12.06, 8.01, 1.0], &[7.0, 7.0]);
+        assert!(
+            matches!(found[..], [Doubt::Cancelled { pole }] if (pole - 2.0).abs() < 1e-6),
+            "{found:?}"
+        );
+    }
+
+    /// s³ + 2 s² + 3 s + 6 has the roots -2 and ±√3 i.
+    #[test]
+    fn an_undamped_pilot_is_told() {
+        let found = of([6.0, 3.0, 2.0, 30.0, 11.0, 1.0], &[7.0, 7.0]);
+        assert!(
+            matches!(found[..], [Doubt::PilotOnBound { frequency }] if (frequency - 3.0_f64.sqrt()).abs() < 1e-6),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn the_closed_loop_is_told_where_it_is_unstable_or_on_its_bound() {
+        let with = |re: f64, stable_loop: bool| {
+            let mut fit = fit(SOUND, &[7.0, 7.0]);
+            let poles = vec![Complex::new(-2.0, 0.0), Complex::new(re, 0.0)];
+            fit.closed_loop = Some(ClosedLoop { poles });
+            let options = Options {
+                stable_loop,
+                ..Options::default()
+            };
+            doubts(&fit, &options)
+        };
+        let unstable = |allowed| {
+            vec![Doubt::UnstableLoop {
+                pole: 1e-4,
+                allowed,
+            }]
+        };
+        assert_eq!(with(1e-4, true), unstable(false));
+        assert_eq!(with(1e-4, false), unstable(true));
+        assert!(unstable(false)[0].is_fatal() && !unstable(true)[0].is_fatal());
+        assert_eq!(with(-1e-3, true), [Doubt::LoopOnBound { pole: -1e-3 }]);
+        assert_eq!(with(-0.01, true), []);
+    }
+
+    /// Coloured residuals of 0.3 m with one sample at 500 m; and without it.
+    #[test]
+    fn one_sample_far_from_its_neighbours_is_told() {
+        let mut fit = fit(SOUND, &[7.0, 7.0]);
+        let run = &mut fit.runs[0];
+        run.time = (0..300).map(|k| 0.05 * f64::from(k)).collect();
+        run.position = run.time.iter().map(|t| 10.0 - 10.0 * (-t).exp()).collect();
+        run.stick = vec![0.1; 300];
+        run.residual = run.time.iter().map(|t| 0.3 * (2.0 * t).sin()).collect();
+        assert_eq!(doubts(&fit, &Options::default()), []);
+        fit.runs[0].residual[100] += 500.0;
+        fit.runs[0].residual[101] = f64::NAN;
+        let found = doubts(&fit, &Options::default());
+        let outlier = |doubt: &Doubt| match doubt {
+            Doubt::Outlier {
+                time, count, share, ..
+            } => (*time, *count, *share > 0.99),
+            _ => panic!("{doubt:?}"),
+        };
+        assert_eq!(outlier(&found[0]), (5.0, 1, true), "{found:?}");
+        assert!(found[0].is_fatal(), "it governs the objective");
+    }
+}
