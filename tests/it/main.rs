@@ -12,6 +12,7 @@ mod cosim_command;
 mod curvature;
 mod demo;
 mod derivatives;
+mod doubts;
 mod examples;
 mod export;
 mod fit;

@@ -156,7 +156,7 @@ impl std::fmt::Display for Doubt {
                  leaves the target when it is flown on{}",
                 match allowed {
                     true => "",
-                    false => "; fit without --allow-unstable-loop, or --objective response",
+                    false => "; a fit of the response that converges keeps it stable",
                 }
             ),
             Self::ConstantData => write!(
@@ -274,8 +274,8 @@ impl std::fmt::Display for Doubt {
 
 /// What speaks against taking `fit` at its word, the gravest first.
 pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
-    let mut doubts = solution::doubts(fit, options);
-    doubts.extend(flights::doubts(fit, options, trials));
+    let mut doubts = flights::doubts(fit, options, trials);
+    doubts.extend(solution::doubts(fit, options));
     let rank = |doubt: &Doubt| {
         (
             !matches!(doubt, Doubt::UnstableLoop { .. }),

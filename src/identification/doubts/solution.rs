@@ -25,24 +25,25 @@ const OUTLYING: f64 = 10.0;
 /// Standard deviation of a normal distribution over its median magnitude.
 const ROBUST: f64 = 1.4826;
 
-/// The doubts.
+/// The doubts; where the solve did not converge, those of its last iterate alone that say what went wrong.
 pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
     let pilot = options.pilot;
     let poles = pilot.poles(&fit.theta);
-    [
+    let wrong = [
         closed_loop(fit.closed_loop.as_ref(), options),
         is_idle(fit).then_some(Doubt::IdlePilot),
         outlier(fit, options),
+        lower(fit),
+    ];
+    let untold = [
         poor(fit, options),
         one_start(fit),
-        lower(fit),
         on_bound(fit, pilot, &poles),
         fast_pole(fit, &poles),
         cancelled(fit, pilot, &poles),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    ];
+    let untold = untold.into_iter().filter(|_| fit.converged);
+    wrong.into_iter().chain(untold).flatten().collect()
 }
 
 fn closed_loop(closed_loop: Option<&ClosedLoop>, options: &Options) -> Option<Doubt> {
