@@ -47,8 +47,8 @@ fn answer(request: &Value) -> Result<Value, Failure> {
             let stick = |trial| start::implied_stick(trial, &options.vehicle);
             let sticks: Vec<_> = set.fit.iter().map(stick).collect();
             let quiet = &mut |_: &Progress<'_>| ControlFlow::Continue(());
-            let (candidates, _) = candidates(&set.fit, &sticks, &options, quiet)?;
-            Ok(json!({ "candidates": candidates }))
+            let candidates = candidates(&set.fit, &sticks, &options, quiet)?;
+            Ok(json!({ "candidates": candidates.all }))
         }
         theta => race(
             &set,

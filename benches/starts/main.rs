@@ -309,7 +309,7 @@ fn line(outcome: &Outcome) -> String {
         outcome.data.seed,
         fit.objective,
         fit.status,
-        format!("{}/{}", fit.agreeing(), fit.starts.len()),
+        format!("{}/{}", fit.agreeing(), fit.tried),
         fit.iterations,
         fit.seconds,
         outcome.best,

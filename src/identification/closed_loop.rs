@@ -1,10 +1,10 @@
 //! The closed loop of pilot and vehicle, linearised about hover: its poles, and its characteristic
 //! polynomial, which a fit keeps stable.
 
+use super::linearised::Linear;
 use crate::linear::eigenvalues;
-use nalgebra::{Complex, DMatrix};
-use num_dual::Dual64;
-use pilotage_models::{Dynamics, Joint, Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
+use nalgebra::Complex;
+use pilotage_models::{Joint, Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
 
 /// Slowest decay of a closed loop that a fit may have [1/s]: each pole's real part is at most minus this.
 /// What is left of a slow mode then fades within a thousand seconds; flights of seconds cannot tell more.
@@ -21,19 +21,9 @@ impl ClosedLoop {
     /// Of the pilot `theta` with that vehicle: eigenvalues of the Jacobian of the joint equations. No poles
     /// where it is not finite.
     pub fn of(vehicle: Quadcopter, pilot: Pilot, theta: &[f64]) -> Self {
-        let joint = Joint { vehicle, pilot };
-        let n = joint.n_states();
-        let theta: Vec<Dual64> = theta.iter().map(|&t| t.into()).collect();
-        let mut jacobian = DMatrix::zeros(n, n);
-        for column in 0..n {
-            let mut x = vec![Dual64::from(0.0); n];
-            x[column].eps = 1.0;
-            let mut dx = x.clone();
-            joint.derivative(&x, &[0.0.into()], &theta, &mut dx);
-            (0..n).for_each(|row| jacobian[(row, column)] = dx[row].eps);
-        }
+        let linear = Linear::of(&Joint { vehicle, pilot }, theta);
         Self {
-            poles: eigenvalues(&jacobian),
+            poles: eigenvalues(&linear.a),
         }
     }
 

@@ -52,6 +52,15 @@ pub struct Stability {
     pub vehicle: Option<LinearVehicle>,
 }
 
+impl Stability {
+    /// True where θ fulfils every condition.
+    pub fn holds(&self, theta: &[f64]) -> bool {
+        let mut values = vec![0.0; self.count()];
+        self.values(theta, &mut values);
+        values.iter().all(|value| *value >= 0.0)
+    }
+}
+
 impl ParameterConstraints for Stability {
     fn count(&self) -> usize {
         let closed_loop = self.vehicle.map_or(0, |v| v.degree(self.pilot.pilot));

@@ -3,11 +3,13 @@
 pub mod closed_loop;
 pub mod constraints;
 pub mod doubts;
+mod linearised;
 mod multi_start;
 mod names;
 pub mod options;
 pub mod pilot_file;
 pub mod problem;
+pub mod projection;
 pub mod random_starts;
 pub mod result;
 pub mod simulate;

@@ -232,6 +232,7 @@ impl<D, C> Attempt<D, C> {
             curvature: self.solution.curvature,
             iterations: self.course.iterations,
             seconds: self.course.seconds,
+            descents: 1,
         }
     }
 }
@@ -330,6 +331,7 @@ fn report<D: Dynamics, C: ParameterConstraints>(
         unknowns: iterate.z.len(),
         seconds: 0.0,
         starts: attempts.iter().map(Attempt::report).collect(),
+        tried: attempts.len(),
         skipped,
         runs: runs(&best.problem, &iterate.z),
         closed_loop: None,

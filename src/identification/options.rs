@@ -67,10 +67,10 @@ pub struct Options {
     pub vehicle_assumed: bool,
     /// A start for θ; none: estimated from the data.
     pub start: Option<Vec<f64>>,
-    /// Random starts beside the others ([`super::random_starts`]). None, the default: up to
-    /// [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another, as
-    /// long as one start alone leads to the best objective, of which [`super::solve::FREE_STARTS`] join in any
-    /// case where initial states are free; none beside a start of the user's.
+    /// Random starts beside the others ([`super::random_starts`]). None, the default: where runs begin at rest
+    /// up to [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another,
+    /// as long as one start alone leads to the best objective; none beside a start of the user's, or where
+    /// initial states are free.
     pub random_starts: Option<usize>,
     /// Limit on |y_p|, dimensionless. Default: 1.
     pub stick_limit: f64,
@@ -86,6 +86,12 @@ impl Options {
     pub fn loop_vehicle(&self) -> Option<&Quadcopter> {
         let known = self.objective == Objective::Response || !self.vehicle_assumed;
         known.then_some(&self.vehicle)
+    }
+
+    /// The vehicle with which a fit keeps the closed loop stable: none in a fit of the stick.
+    pub fn kept_vehicle(&self) -> Option<&Quadcopter> {
+        let kept = self.stable_loop && self.objective == Objective::Response;
+        kept.then_some(&self.vehicle)
     }
 }
 

@@ -296,6 +296,7 @@ mod tests {
             seconds: 0.25,
             unknowns: 16_260,
             starts: Vec::new(),
+            tried: 0,
             skipped: 0,
             curvature: None,
             violation: 0.0,

@@ -4,7 +4,7 @@ use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::{InitialPosition, InitialState, Mesh, Options, Trial};
 use crate::transcription::{Collocation, Run, Scales};
-use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter, quadcopter};
+use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter};
 
 /// The problem of the response fit: pilot and vehicle in closed loop.
 pub type ResponseProblem = Collocation<Joint, Stability>;
@@ -31,49 +31,83 @@ impl Mesh {
     }
 }
 
-/// The response problem (paper, eq. 5).
+/// What is to be fitted, before it is discretised.
+pub struct Posed<D> {
+    /// The model.
+    pub dynamics: D,
+    /// What θ must fulfil.
+    pub constraints: Stability,
+    /// The runs.
+    pub runs: Vec<Run>,
+}
+
+impl<D: Dynamics + Clone> Posed<D> {
+    /// The nonlinear program.
+    pub fn discretised(&self, options: &Options, scales: Scales) -> Collocation<D, Stability> {
+        Collocation::new(
+            self.dynamics.clone(),
+            self.constraints,
+            options.scheme,
+            self.runs.clone(),
+            scales,
+            options.stick_limit,
+        )
+    }
+}
+
+/// The response problem (paper, eq. 5), discretised.
 pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> ResponseProblem {
-    let joint = Joint {
+    pose_response(trials, options).discretised(options, scales)
+}
+
+/// The stick problem, discretised: stick residuals of the pilot that sees the recorded error.
+pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProblem {
+    pose_stick(trials, options).discretised(options, scales)
+}
+
+/// The response problem (paper, eq. 5).
+pub fn pose_response(trials: &[Trial], options: &Options) -> Posed<Joint> {
+    let dynamics = Joint {
         vehicle: options.vehicle,
         pilot: options.pilot,
     };
-    let runs = trials.iter().map(|trial| {
-        let z0 = trial
-            .position
-            .iter()
-            .copied()
-            .find(|z| z.is_finite())
-            .unwrap_or(0.0);
-        let mut initial = vec![None; joint.n_states()];
-        if options.initial_state != InitialState::Free {
-            let hover = Quadcopter::hover(z0);
-            initial
-                .iter_mut()
-                .zip(hover)
-                .for_each(|(known, value)| *known = Some(value));
-        }
-        if options.initial_state == InitialState::AtRest {
-            initial[quadcopter::N_STATES..].fill(Some(0.0));
-        }
-        if options.initial_position == InitialPosition::Estimated {
-            initial[0] = None;
-        }
-        Run {
-            mesh: options.mesh.boundaries(&trial.time),
-            time: trial.time.clone(),
-            inputs: trial.target.iter().map(|t| vec![*t]).collect(),
-            measured: trial.position.clone(),
-            weight: trial.weight,
-            initial,
-        }
+    let runs = trials.iter().map(|trial| Run {
+        mesh: options.mesh.boundaries(&trial.time),
+        time: trial.time.clone(),
+        inputs: trial.target.iter().map(|t| vec![*t]).collect(),
+        measured: trial.position.clone(),
+        weight: trial.weight,
+        initial: known_states(trial, options),
     });
-    let kept = Some(LinearVehicle::of(&options.vehicle)).filter(|_| options.stable_loop);
-    collocation(joint, kept, runs.collect(), options, scales)
+    Posed {
+        dynamics,
+        constraints: Stability {
+            pilot: RouthHurwitz {
+                pilot: options.pilot,
+            },
+            vehicle: options.kept_vehicle().map(LinearVehicle::of),
+        },
+        runs: runs.collect(),
+    }
 }
 
-/// The stick problem: stick residuals of the pilot that sees the recorded error.
-pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProblem {
-    let pilot = OpenLoopPilot {
+/// What is known of pilot and vehicle at the first sample.
+fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
+    let mut recorded = trial.position.iter().copied().filter(|z| z.is_finite());
+    let vehicle = Quadcopter::hover(recorded.next().unwrap_or(0.0));
+    let vehicle_known = options.initial_state != InitialState::Free;
+    let pilot_known = options.initial_state == InitialState::AtRest;
+    let pilot = std::iter::repeat_n(pilot_known.then_some(0.0), options.pilot.order);
+    let mut known: Vec<Option<f64>> = vehicle.map(|x| vehicle_known.then_some(x)).to_vec();
+    if options.initial_position == InitialPosition::Estimated {
+        known[0] = None;
+    }
+    known.into_iter().chain(pilot).collect()
+}
+
+/// The stick problem.
+pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed<OpenLoopPilot> {
+    let dynamics = OpenLoopPilot {
         pilot: options.pilot,
     };
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
@@ -86,30 +120,18 @@ pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProble
             .clone()
             .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
         weight: trial.weight,
-        initial: vec![known; pilot.n_states()],
+        initial: vec![known; dynamics.n_states()],
     });
-    collocation(pilot, None, runs.collect(), options, scales)
-}
-
-fn collocation<D: Dynamics>(
-    dynamics: D,
-    vehicle: Option<LinearVehicle>,
-    runs: Vec<Run>,
-    options: &Options,
-    scales: Scales,
-) -> Collocation<D, Stability> {
-    let pilot = RouthHurwitz {
-        pilot: options.pilot,
-    };
-    let constraints = Stability { pilot, vehicle };
-    Collocation::new(
+    Posed {
         dynamics,
-        constraints,
-        options.scheme,
-        runs,
-        scales,
-        options.stick_limit,
-    )
+        constraints: Stability {
+            pilot: RouthHurwitz {
+                pilot: options.pilot,
+            },
+            vehicle: None,
+        },
+        runs: runs.collect(),
+    }
 }
 
 /// The error ŷ - y_v that the pilot saw at each sample [m], gaps filled.

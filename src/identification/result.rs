@@ -40,6 +40,8 @@ pub struct StartReport {
     pub iterations: usize,
     /// Wall time that it took [s].
     pub seconds: f64,
+    /// How many descents of the linearised problem ended where it began; 1 where it began elsewhere.
+    pub descents: usize,
 }
 
 /// The outcome of a fit, converged or not.
@@ -69,6 +71,8 @@ pub struct Fit {
     pub seconds: f64,
     /// What became of each start, best first.
     pub starts: Vec<StartReport>,
+    /// All starts: those of [`Self::starts`], each with its descents, and the descents that were given up.
+    pub tried: usize,
     /// Starts that were not tried, since the observer ended the fit.
     pub skipped: usize,
     /// The runs.
@@ -101,11 +105,12 @@ impl Fit {
         self.violation <= FEASIBLE
     }
 
-    /// How many of [`Self::starts`] ended within 0.1 % of the best objective among them. One alone of
+    /// How many of [`Self::tried`] ended within 0.1 % of the best objective among them. One alone of
     /// several is a warning: there are other optima, and one may be missed.
     pub fn agreeing(&self) -> usize {
         let near = |start: &&StartReport| agree(start.objective, self.objective);
-        self.starts.iter().filter(near).count()
+        let near = self.starts.iter().filter(near);
+        near.map(|start| start.descents).sum()
     }
 }
 

@@ -1,13 +1,15 @@
 //! The fit: starts from the data, the SQP from each, the best.
 
-use super::multi_start::{Starts, multi_start};
-use super::problem::{self, fill_gaps};
+use super::constraints::Stability;
+use super::multi_start::{Runs, Starts, multi_start};
+use super::problem::{self, Posed, fill_gaps};
+use super::projection::Search;
 use super::{
     ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
     start,
 };
 use crate::sqp::{Iteration, Status};
-use crate::transcription::{Collocation, ParameterConstraints};
+use crate::transcription::{Collocation, ParameterConstraints, Run};
 use pilotage_models::{Dynamics, Pilot};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -100,8 +102,8 @@ pub const MANY_TRIALS: usize = 24;
 /// Random starts that join at most, without being asked for: see [`Options::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
-/// Those of them that join in any case where initial states are free.
-pub const FREE_STARTS: usize = 4;
+/// Pilots drawn for the search where initial states are free ([`super::projection`]).
+const DRAWS: usize = 3000;
 
 /// Seed of the random starts.
 const SEED: u64 = 0;
@@ -141,14 +143,15 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 
 /// Fits one pilot to all trials (paper, eq. 5).
 ///
-/// Without a start of the user's, a pilot of second order is fitted first, from starts estimated from the
-/// data ([`start::low_order`]); each order above that starts from the one below, with a pole and a zero
-/// more ([`start::with_pair`]), so that its objective is never above. Of several starts the SQP runs
-/// some iterations from each and finishes the best.
+/// Where a run begins at rest, a pilot of second order is fitted first, from starts estimated from the
+/// data ([`start::low_order`]), unless the user gives a start; each order above that starts from the one
+/// below, with a pole and a zero more ([`start::with_pair`]), so that its objective is never above. Of
+/// several starts the SQP runs some iterations from each and finishes the best. Of many trials some suffice
+/// for the order below. They would not for the order asked for: what all trials tell of the last pole, a few
+/// may not, and it runs away to −∞.
 ///
-/// Of many trials some suffice for the order below. They would not for the order asked for: what all
-/// trials tell of the last pole, a few may not, and it runs away to −∞. Where initial states are free,
-/// some of the trials choose among the starts all the same, since each costs many iterations there.
+/// Where initial states are free, the starts are the optima of the linearised problem
+/// ([`super::projection`]).
 ///
 /// # Errors
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
@@ -188,58 +191,105 @@ fn solve(
         }
     };
     let observer: &mut Observer<'_> = &mut latched;
-    let (all, before) = candidates(trials, &sticks, options, observer)?;
-    let spare = match trials.len() <= MANY_TRIALS {
-        true => random(options).spare,
-        false => Vec::new(),
-    };
-    let starts = Starts { all, spare };
+    let candidates = candidates(trials, &sticks, options, observer)?;
     let mut fit = match options.objective {
         Objective::Response => {
-            let from = |theta: &[f64]| {
-                let states: Vec<_> = trials
-                    .par_iter()
-                    .map(|t| start::joint_states(t, options, theta))
-                    .collect();
-                let problem = problem::response(trials, options, start::scales(&states, theta));
-                let z = start::variables(&problem, &states, theta);
-                (problem, z)
-            };
-            multi_start(&starts, &from, options, observer, &|problem, z| {
-                runs(problem, z, trials)
-            })
+            let posed = problem::pose_response(trials, options);
+            let at_rest = |trial: &Trial, theta: &[f64]| start::joint_states(trial, options, theta);
+            let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
+            solve_posed(
+                &posed,
+                trials,
+                options,
+                &candidates,
+                &at_rest,
+                observer,
+                &runs,
+            )
         }
         Objective::Stick => {
-            let from = |theta: &[f64]| {
-                let states: Vec<_> = trials
-                    .par_iter()
-                    .map(|t| start::stick_states(t, options, theta))
-                    .collect();
-                let problem = problem::stick(trials, options, start::scales(&states, theta));
-                let z = start::variables(&problem, &states, theta);
-                (problem, z)
+            let posed = problem::pose_stick(trials, options);
+            let at_rest = |trial: &Trial, theta: &[f64]| start::stick_states(trial, options, theta);
+            let runs = |problem: &Collocation<_, _>, z: &[f64]| {
+                let mut runs = runs(problem, z, trials);
+                for (run, trial) in runs.iter_mut().zip(trials) {
+                    // The pilot alone moves no vehicle: the position stays the recorded one.
+                    run.position = fill_gaps(&trial.time, &trial.position);
+                }
+                runs
             };
-            // The pilot alone moves no vehicle: the position stays the recorded one.
-            let recorded = |mut run: RunFit, trial: &Trial| {
-                run.position = fill_gaps(&trial.time, &trial.position);
-                run
-            };
-            multi_start(&starts, &from, options, observer, &|problem, z| {
-                runs(problem, z, trials)
-                    .into_iter()
-                    .zip(trials)
-                    .map(|(run, trial)| recorded(run, trial))
-                    .collect()
-            })
+            solve_posed(
+                &posed,
+                trials,
+                options,
+                &candidates,
+                &at_rest,
+                observer,
+                &runs,
+            )
         }
     };
-    fit.iterations += before;
+    fit.iterations += candidates.iterations;
+    for start in &mut fit.starts {
+        let descents = candidates.descents.get(start.number - 1);
+        start.descents = descents.copied().unwrap_or(1);
+    }
+    fit.tried = candidates.lost + fit.starts.iter().map(|s| s.descents).sum::<usize>();
     fit.seconds = clock.elapsed().as_secs_f64();
     Ok(fit)
 }
 
-/// Starts for θ from the data and the trials' sticks ([`start::implied_stick`]), and the SQP iterations
-/// that they took.
+/// Runs the SQP from the candidates. The first states come from the linearised problem where initial states are
+/// free, else from `at_rest`.
+fn solve_posed<D: Dynamics + Clone>(
+    posed: &Posed<D>,
+    trials: &[Trial],
+    options: &Options,
+    candidates: &Candidates,
+    at_rest: &(impl Fn(&Trial, &[f64]) -> Vec<Vec<f64>> + Sync),
+    observer: &mut Observer<'_>,
+    runs: &Runs<'_, D, Stability>,
+) -> Fit {
+    let search = is_free(options).then(|| Search::of(posed));
+    let from = |theta: &[f64]| {
+        let of_run = |(trial, run): (&Trial, &Run)| {
+            let states = search.as_ref().and_then(|search| search.states(theta, run));
+            states.unwrap_or_else(|| at_rest(trial, theta))
+        };
+        let all = trials.par_iter().zip(&posed.runs);
+        let states: Vec<_> = all.map(of_run).collect();
+        let problem = posed.discretised(options, start::scales(&states, theta));
+        let z = start::variables(&problem, &states, theta);
+        (problem, z)
+    };
+    let starts = Starts {
+        all: candidates.all.clone(),
+        spare: candidates.spare.clone(),
+    };
+    multi_start(&starts, &from, options, observer, runs)
+}
+
+/// True where initial states make many optima.
+fn is_free(options: &Options) -> bool {
+    options.initial_state != InitialState::AtRest
+}
+
+/// Where the SQP starts.
+#[derive(Debug, Clone, Default)]
+pub struct Candidates {
+    /// θ of the starts that all run.
+    pub all: Vec<Vec<f64>>,
+    /// θ of those that join, one after another, while one start alone leads to the best objective.
+    pub spare: Vec<Vec<f64>>,
+    /// How many descents of the linearised problem ended at each of the first of `all`.
+    pub descents: Vec<usize>,
+    /// Descents that ended elsewhere.
+    pub lost: usize,
+    /// SQP iterations that finding them took.
+    pub iterations: usize,
+}
+
+/// Starts for θ from the data and the trials' sticks ([`start::implied_stick`]).
 ///
 /// # Errors
 /// As [`fit`].
@@ -248,18 +298,15 @@ pub fn candidates(
     sticks: &[Vec<f64>],
     options: &Options,
     observer: &mut Observer<'_>,
-) -> Result<(Vec<Vec<f64>>, usize), FitError> {
+) -> Result<Candidates, FitError> {
     let order = options.pilot.order;
-    let at_rest = options.initial_state == InitialState::AtRest;
-    let (mut starts, iterations) = if let Some(theta) = &options.start {
-        (vec![theta.clone()], 0)
-    } else if trials.len() > MANY_TRIALS && !at_rest {
-        // Optima differ by far more than the trials do, and the way to the best is long: some of the trials
-        // choose, from the random starts as well.
-        let (theta, iterations) = rough(trials, options, observer)?;
-        return Ok((vec![theta], iterations));
+    let mut out = Candidates::default();
+    if let Some(theta) = &options.start {
+        out.all.push(theta.clone());
+    } else if is_free(options) {
+        out = optima(trials, sticks, options);
     } else if order <= 2 {
-        (start::low_order(trials, sticks, options), 0)
+        out.all = start::low_order(trials, sticks, options);
     } else {
         let lower = Options {
             pilot: Pilot { order: order - 1 },
@@ -267,26 +314,40 @@ pub fn candidates(
             ..options.clone()
         };
         let (theta, iterations) = rough(trials, &lower, observer)?;
-        let mut raised = start::with_pair(&theta, trials, sticks, options);
-        if !at_rest {
-            // Free initial states make many optima, and the order below may have led to the wrong one.
-            raised.extend(start::regressions(trials, sticks, options));
-        }
-        (raised, iterations)
+        out.all = start::with_pair(&theta, trials, sticks, options);
+        out.iterations = iterations;
+    }
+    let random = random(options);
+    out.all.extend(random.all);
+    if trials.len() <= MANY_TRIALS {
+        out.spare = random.spare;
+    }
+    Ok(out)
+}
+
+/// Optima of the linearised problem, from drawn pilots and those that the sticks suggest.
+fn optima(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Candidates {
+    let mut draws = random_starts::draw(options, SEED, DRAWS);
+    draws.extend(start::regressions(trials, sticks, options));
+    let optima = match options.objective {
+        Objective::Response => Search::of(&problem::pose_response(trials, options)).optima(draws),
+        Objective::Stick => Search::of(&problem::pose_stick(trials, options)).optima(draws),
     };
-    starts.extend(random(options).all);
-    Ok((starts, iterations))
+    Candidates {
+        all: optima.best.iter().map(|o| o.theta.clone()).collect(),
+        descents: optima.best.iter().map(|o| o.descents).collect(),
+        lost: optima.lost,
+        ..Candidates::default()
+    }
 }
 
 /// The random starts that [`Options::random_starts`] tells of.
 fn random(options: &Options) -> Starts {
-    let at_rest = options.initial_state == InitialState::AtRest;
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
-        (None, None) if at_rest => (SPARE_STARTS, 0),
-        // The starts from the data may agree, and all miss the best: some from elsewhere always run.
-        (None, None) => (SPARE_STARTS, FREE_STARTS),
+        (None, None) if is_free(options) => (0, 0),
+        (None, None) => (SPARE_STARTS, 0),
     };
     let mut all = random_starts::draw(options, SEED, count);
     let spare = all.split_off(sure);

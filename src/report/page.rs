@@ -258,6 +258,7 @@ mod tests {
             seconds: 1.5,
             unknowns: 16_260,
             starts: Vec::new(),
+            tried: 0,
             skipped: 0,
             curvature: None,
             violation: 0.0,

@@ -84,8 +84,8 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     start: Option<Vec<f64>>,
-    /// Random starts beside the others; where it is missing, up to 8 as long as one start alone leads to
-    /// the best sum of squares, and always 4 where initial states are free.
+    /// Random starts beside the others; where it is missing and runs begin at rest, up to 8 as long as one start
+    /// alone leads to the best sum of squares.
     #[arg(long, value_name = "N")]
     random_starts: Option<usize>,
     /// The vehicle that was flown (TOML); the default vehicle where it is missing.

@@ -88,6 +88,7 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         "iterations": fit.iterations,
         "starts": starts,
         "skipped": fit.skipped,
+        "starts_tried": fit.tried,
         "starts_agreeing": fit.agreeing(),
         "doubts": doubts(fit),
         "kkt": fit.kkt,
@@ -207,7 +208,7 @@ fn loop_poles(fit: &Fit) -> String {
 
 /// How many starts agree.
 fn agreement(fit: &Fit) -> String {
-    match fit.starts.len() {
+    match fit.tried {
         0 | 1 => String::new(),
         all => format!(
             "\n{} of {all} starts ended within 0.1 % of this sum of squares\n",

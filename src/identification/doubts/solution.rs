@@ -130,7 +130,7 @@ fn poor(fit: &Fit, options: &Options) -> Option<Doubt> {
 }
 
 fn one_start(fit: &Fit) -> Option<Doubt> {
-    let starts = fit.starts.len();
+    let starts = fit.tried;
     (starts > 0 && fit.agreeing() <= 1).then_some(Doubt::OneStart { starts })
 }
 
@@ -207,6 +207,7 @@ mod tests {
             kkt: 0.0,
             curvature: Some(1.0),
             seconds: 0.0,
+            descents: 1,
             status: "converged".into(),
             objective: *objective,
             feasible: Some(*objective),
@@ -219,6 +220,7 @@ mod tests {
             status: "converged".into(),
             kkt: 0.0,
             curvature: Some(1.0),
+            tried: starts.len(),
             skipped: 0,
             iterations: 1,
             unknowns: 33,

@@ -1,0 +1,83 @@
+//! A model linearised about zero: `ẋ = A x + B w`, `y = C x`.
+
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+use pilotage_models::Dynamics;
+use pilotage_models::lti::Transition;
+
+/// The linear system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linear {
+    /// A, by rows and columns of the states.
+    pub a: DMatrix<f64>,
+    /// B, by states and inputs.
+    pub b: DMatrix<f64>,
+    /// C.
+    pub c: Vec<f64>,
+}
+
+impl Linear {
+    /// Of a model at zero states and inputs, by dual numbers.
+    pub fn of<D: Dynamics>(dynamics: &D, theta: &[f64]) -> Self {
+        let (n, m) = (dynamics.n_states(), dynamics.n_inputs());
+        let theta: Vec<Dual64> = theta.iter().map(|&t| t.into()).collect();
+        let (mut a, mut b, mut c) = (DMatrix::zeros(n, n), DMatrix::zeros(n, m), vec![0.0; n]);
+        for column in 0..n + m {
+            let mut at = vec![Dual64::from(0.0); n + m];
+            at[column].eps = 1.0;
+            let (x, w) = at.split_at(n);
+            let mut dx = vec![Dual64::from(0.0); n];
+            dynamics.derivative(x, w, &theta, &mut dx);
+            let dx = dx.iter().map(|dx| dx.eps);
+            match column.checked_sub(n) {
+                Some(input) => b.set_column(input, &DVector::from_iterator(n, dx)),
+                None => {
+                    a.set_column(column, &DVector::from_iterator(n, dx));
+                    c[column] = dynamics.measured(x, w, &theta).eps;
+                }
+            }
+        }
+        Self { a, b, c }
+    }
+
+    /// One step; none where it cannot be computed.
+    pub fn transition(&self, h: f64) -> Option<Transition> {
+        let size = [self.a.nrows(), self.b.ncols()];
+        let derivative = |x: &[f64], w: &[f64], dx: &mut [f64]| {
+            for (row, dx) in dx.iter_mut().enumerate() {
+                let of = |m: &DMatrix<f64>, v: &[f64]| {
+                    v.iter()
+                        .enumerate()
+                        .map(|(j, v)| m[(row, j)] * v)
+                        .sum::<f64>()
+                };
+                *dx = of(&self.a, x) + of(&self.b, w);
+            }
+        };
+        Transition::new(size, h, derivative).ok()
+    }
+
+    /// The outputs at `count` samples for each unit initial state: `C Φ^k`.
+    pub fn responses(&self, transition: &Transition, count: usize) -> Vec<Vec<f64>> {
+        let n = self.c.len();
+        let no_input = vec![0.0; self.b.ncols()];
+        let column = |j: usize| {
+            let (mut unit, mut phi) = (vec![0.0; n], vec![0.0; n]);
+            unit[j] = 1.0;
+            transition.apply(&unit, &no_input, &no_input, &mut phi);
+            phi
+        };
+        let phi: Vec<Vec<f64>> = (0..n).map(column).collect();
+        let mut rows = vec![self.c.clone()];
+        while rows.len() < count {
+            let last = &rows[rows.len() - 1];
+            rows.push(phi.iter().map(|column| dot(last, column)).collect());
+        }
+        rows
+    }
+}
+
+/// The scalar product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
