@@ -48,7 +48,8 @@ fn answer(request: &Value) -> Result<Value, Failure> {
             let sticks: Vec<_> = set.fit.iter().map(stick).collect();
             let quiet = &mut |_: &Progress<'_>| ControlFlow::Continue(());
             let candidates = candidates(&set.fit, &sticks, &options, quiet)?;
-            Ok(json!({ "candidates": candidates.all }))
+            let thetas: Vec<_> = candidates.all.iter().map(|start| &start.theta).collect();
+            Ok(json!({ "candidates": thetas }))
         }
         theta => race(
             &set,

@@ -40,20 +40,31 @@ impl Linear {
         Self { a, b, c }
     }
 
+    /// The same with one more input for each of these states, which adds to its derivative.
+    pub fn driven(self, states: &[usize]) -> Self {
+        let m = self.b.ncols();
+        let mut b = self.b.resize_horizontally(m + states.len(), 0.0);
+        for (k, &state) in states.iter().enumerate() {
+            b[(state, m + k)] = 1.0;
+        }
+        Self { b, ..self }
+    }
+
+    /// `A x + B w`.
+    pub fn derivative(&self, x: &[f64], w: &[f64]) -> Vec<f64> {
+        let of = |m: &DMatrix<f64>, row: usize, v: &[f64]| -> f64 {
+            v.iter().enumerate().map(|(j, v)| m[(row, j)] * v).sum()
+        };
+        let rows = 0..self.a.nrows();
+        rows.map(|row| of(&self.a, row, x) + of(&self.b, row, w))
+            .collect()
+    }
+
     /// One step; none where it cannot be computed.
     pub fn transition(&self, h: f64) -> Option<Transition> {
         let size = [self.a.nrows(), self.b.ncols()];
-        let derivative = |x: &[f64], w: &[f64], dx: &mut [f64]| {
-            for (row, dx) in dx.iter_mut().enumerate() {
-                let of = |m: &DMatrix<f64>, v: &[f64]| {
-                    v.iter()
-                        .enumerate()
-                        .map(|(j, v)| m[(row, j)] * v)
-                        .sum::<f64>()
-                };
-                *dx = of(&self.a, x) + of(&self.b, w);
-            }
-        };
+        let derivative =
+            |x: &[f64], w: &[f64], dx: &mut [f64]| dx.copy_from_slice(&self.derivative(x, w));
         Transition::new(size, h, derivative).ok()
     }
 

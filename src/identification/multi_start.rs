@@ -22,13 +22,38 @@ const ROUNDING: f64 = 1e-8;
 /// tells how promising a start is.
 const NEAR: f64 = 1e-2;
 
-/// Values of θ to start from.
+/// Where a solve starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// θ.
+    pub theta: Vec<f64>,
+    /// States of each run at its samples; none: those that follow from the data.
+    pub states: Option<Vec<Vec<Vec<f64>>>>,
+    /// How many descents of the linearised problem ended here; 1 where it comes from elsewhere.
+    pub descents: usize,
+}
+
+impl From<Vec<f64>> for Start {
+    fn from(theta: Vec<f64>) -> Self {
+        Self {
+            theta,
+            states: None,
+            descents: 1,
+        }
+    }
+}
+
+/// Where the SQP starts.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Starts {
+pub struct Starts {
     /// Those that all run.
-    pub all: Vec<Vec<f64>>,
+    pub all: Vec<Start>,
     /// Those that join, one after another, while one start alone leads to the best objective.
-    pub spare: Vec<Vec<f64>>,
+    pub spare: Vec<Start>,
+    /// Descents of the linearised problem that ended elsewhere.
+    pub lost: usize,
+    /// SQP iterations that finding them took.
+    pub iterations: usize,
 }
 
 /// Makes the runs of a solution.
@@ -38,7 +63,7 @@ pub(super) type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFi
 /// ahead of the best that has converged.
 pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
     starts: &Starts,
-    from: &impl Fn(&[f64]) -> (Collocation<D, C>, Vec<f64>),
+    from: &impl Fn(&Start) -> (Collocation<D, C>, Vec<f64>),
     options: &Options,
     observer: &mut Observer<'_>,
     runs: &Runs<'_, D, C>,
@@ -53,30 +78,39 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         starts: starts.all.len(),
         stopped: None,
     };
-    let scouted = |attempts: &mut Vec<Attempt<D, C>>, theta: &[f64], best, watched: &mut _| {
+    let scouted = |attempts: &mut Vec<Attempt<D, C>>, start: &Start, best, watched: &mut _| {
         let (number, race) = (attempts.len(), (scout, best));
-        attempts.push(Attempt::scout(number, from(theta), race, options, watched));
+        attempts.push(Attempt::scout(
+            (number, start.descents),
+            from(start),
+            race,
+            options,
+            watched,
+        ));
     };
     let mut attempts: Vec<Attempt<D, C>> = Vec::new();
-    for theta in &starts.all {
+    for start in &starts.all {
         let nearest = attempts.iter().map(|a| a.course.near);
         let best = nearest.fold(f64::INFINITY, f64::min);
-        scouted(&mut attempts, theta, best, &mut watched);
+        scouted(&mut attempts, start, best, &mut watched);
         if watched.stopped.is_some() {
             break;
         }
     }
     finish(&mut attempts, options, &mut watched);
-    for theta in &starts.spare {
+    for start in &starts.spare {
         let Some(best) = lone(&attempts).filter(|_| watched.stopped.is_none()) else {
             break;
         };
         watched.starts += 1;
-        scouted(&mut attempts, theta, best, &mut watched);
+        scouted(&mut attempts, start, best, &mut watched);
         finish(&mut attempts, options, &mut watched);
     }
     let skipped = starts.all.len().saturating_sub(attempts.len());
-    report(&attempts, watched.stopped, skipped, runs)
+    let mut fit = report(&attempts, watched.stopped, skipped, runs);
+    fit.iterations += starts.iterations;
+    fit.tried += starts.lost;
+    fit
 }
 
 /// Goes on with the start that is most ahead of the best converged one, until there is none, and sorts
@@ -209,6 +243,7 @@ struct Attempt<D, C> {
     problem: Collocation<D, C>,
     solution: Solution,
     course: Course,
+    descents: usize,
 }
 
 impl<D, C> Attempt<D, C> {
@@ -232,7 +267,7 @@ impl<D, C> Attempt<D, C> {
             curvature: self.solution.curvature,
             iterations: self.course.iterations,
             seconds: self.course.seconds,
-            descents: 1,
+            descents: self.descents,
         }
     }
 }
@@ -240,7 +275,7 @@ impl<D, C> Attempt<D, C> {
 impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
     /// The first iterations.
     fn scout(
-        number: usize,
+        (number, descents): (usize, usize),
         (problem, z): (Collocation<D, C>, Vec<f64>),
         race: (usize, f64),
         options: &Options,
@@ -258,6 +293,7 @@ impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
             problem,
             solution,
             course,
+            descents,
         }
     }
 
@@ -331,7 +367,7 @@ fn report<D: Dynamics, C: ParameterConstraints>(
         unknowns: iterate.z.len(),
         seconds: 0.0,
         starts: attempts.iter().map(Attempt::report).collect(),
-        tried: attempts.len(),
+        tried: attempts.iter().map(|a| a.descents).sum(),
         skipped,
         runs: runs(&best.problem, &iterate.z),
         closed_loop: None,

@@ -10,6 +10,7 @@
 
 use super::constraints::Stability;
 use super::linearised::{Linear, dot};
+use super::multi_start::{Start, Starts};
 use super::problem::Posed;
 use crate::transcription::Run;
 use nalgebra::{DMatrix, DVector};
@@ -32,36 +33,21 @@ const DIFFERENCE: f64 = 1e-6;
 const DEPENDENT: f64 = 1e-9;
 /// Optima whose sums of squares differ by less, relatively, are one.
 const SAME: f64 = 1e-3;
+/// A correction of a smaller magnitude is none, in the state's unit per second.
+const NEGLIGIBLE: f64 = 1e-9;
 /// Optima within this factor of the best are starts, and so many at most.
 const NEAR_BEST: f64 = 1.5;
 const STARTS: usize = 6;
 
-/// An optimum of the linearised problem.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Optimum {
-    /// Its θ.
-    pub theta: Vec<f64>,
-    /// Its weighted sum of squares.
-    pub objective: f64,
-    /// How many of the descents ended here.
-    pub descents: usize,
-}
-
-/// What a search found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Optima {
-    /// The best, best first.
-    pub best: Vec<Optimum>,
-    /// Descents that ended elsewhere.
-    pub lost: usize,
-}
-
-/// A model and its runs, resampled to even steps.
+/// A model and its runs, as the linearised problem sees them.
 pub struct Search<'a, D> {
     dynamics: &'a D,
     constraints: &'a Stability,
+    /// States whose equations have a correction, which stands behind the inputs of each run.
+    corrected: Vec<usize>,
+    runs: Vec<Run>,
     step: f64,
-    runs: Vec<Sampled>,
+    sampled: Vec<Sampled>,
 }
 
 /// One run on an even grid.
@@ -75,19 +61,66 @@ struct Sampled {
 impl<'a, D: Dynamics> Search<'a, D> {
     /// Of a problem.
     pub fn of(posed: &'a Posed<D>) -> Self {
-        let runs = &posed.runs;
+        Self::with(posed, Vec::new(), posed.runs.clone())
+    }
+
+    /// Of a problem of which the solution at some other θ is known, with the states of each run at its
+    /// samples: what the linearisation leaves out along them is kept as a known function of time. Since all
+    /// pilots that fit move the vehicle as it was recorded, it is nearly the same for all of them.
+    pub fn about(posed: &'a Posed<D>, theta: &[f64], states: &[Vec<Vec<f64>>]) -> Self {
+        let linear = Linear::of(&posed.dynamics, theta);
+        let n = posed.dynamics.n_states();
+        let mut dx = vec![0.0; n];
+        let mut left_out = |x: &Vec<f64>, w: &Vec<f64>| -> Vec<f64> {
+            posed.dynamics.derivative(x, w, theta, &mut dx);
+            let linear = linear.derivative(x, w);
+            dx.iter().zip(linear).map(|(f, l)| f - l).collect()
+        };
+        let corrections: Vec<Vec<Vec<f64>>> = (states.iter().zip(&posed.runs))
+            .map(|(states, run)| {
+                states
+                    .iter()
+                    .zip(&run.inputs)
+                    .map(|(x, w)| left_out(x, w))
+                    .collect()
+            })
+            .collect();
+        let largest = |i: usize| {
+            corrections
+                .iter()
+                .flatten()
+                .fold(0.0, |m: f64, d| m.max(d[i].abs()))
+        };
+        let corrected: Vec<usize> = (0..n).filter(|&i| largest(i) > NEGLIGIBLE).collect();
+        let mut runs = posed.runs.clone();
+        for (run, corrections) in runs.iter_mut().zip(&corrections) {
+            for (inputs, correction) in run.inputs.iter_mut().zip(corrections) {
+                inputs.extend(corrected.iter().map(|&i| correction[i]));
+            }
+        }
+        Self::with(posed, corrected, runs)
+    }
+
+    fn with(posed: &'a Posed<D>, corrected: Vec<usize>, runs: Vec<Run>) -> Self {
         let even = |run: &Run| duration(run) / (run.time.len() - 1).min(MOST_SAMPLES) as f64;
         let step = runs.iter().map(even).fold(0.0, f64::max);
         Self {
             dynamics: &posed.dynamics,
             constraints: &posed.constraints,
+            corrected,
             step,
-            runs: runs.iter().map(|run| Sampled::of(run, step)).collect(),
+            sampled: runs.iter().map(|run| Sampled::of(run, step)).collect(),
+            runs,
         }
     }
 
-    /// The best optima to which descents from `draws` lead, best first.
-    pub fn optima(&self, draws: Vec<Vec<f64>>) -> Optima {
+    /// The linearised model, with an input for each correction.
+    fn linear(&self, theta: &[f64]) -> Linear {
+        Linear::of(self.dynamics, theta).driven(&self.corrected)
+    }
+
+    /// The best optima to which descents from `draws` lead, best first, with their states.
+    pub fn starts(&self, draws: Vec<Vec<f64>>) -> Starts {
         let look = |theta: Vec<f64>| Descent::at(self, theta);
         let mut descents: Vec<Descent> = draws.into_par_iter().filter_map(look).collect();
         for (keep, steps) in PROMISING.into_iter().zip([FIRST, REST]) {
@@ -97,43 +130,32 @@ impl<'a, D: Dynamics> Search<'a, D> {
         }
         sort(&mut descents);
         let all = descents.len();
-        let mut optima: Vec<Optimum> = Vec::new();
-        for Descent {
-            theta, objective, ..
-        } in descents
-        {
-            match optima
-                .last_mut()
-                .filter(|o| objective <= o.objective * (1.0 + SAME))
-            {
-                Some(same) => same.descents += 1,
-                None => optima.push(Optimum {
-                    theta,
-                    objective,
-                    descents: 1,
-                }),
-            }
-        }
-        let best = optima.first().map_or(0.0, |o| o.objective);
-        optima.retain(|o| o.objective <= NEAR_BEST * best);
-        optima.truncate(STARTS);
-        Optima {
-            lost: all - optima.iter().map(|o| o.descents).sum::<usize>(),
-            best: optima,
+        let optima = distinct(descents);
+        Starts {
+            lost: all - optima.iter().map(|(_, count)| count).sum::<usize>(),
+            all: (optima.into_iter())
+                .map(|(descent, count)| self.start(descent.theta, count))
+                .collect(),
+            ..Starts::default()
         }
     }
 
-    /// The states of a run at its samples, in the solution of the linearised problem.
-    pub fn states(&self, theta: &[f64], run: &Run) -> Option<Vec<Vec<f64>>> {
-        let (linear, sampled) = (
-            Linear::of(self.dynamics, theta),
-            Sampled::of(run, self.step),
-        );
-        let mut projection = Projection::new(
-            &linear.responses(self.step, sampled.measured.len())?,
-            &sampled.initial,
-        );
-        let mut residual = sampled.unexplained(&linear, self.step)?;
+    fn start(&self, theta: Vec<f64>, descents: usize) -> Start {
+        let runs = 0..self.runs.len();
+        Start {
+            states: runs.map(|j| self.states(&theta, j)).collect(),
+            theta,
+            descents,
+        }
+    }
+
+    /// The states of run `j` at its samples, in the solution of the linearised problem.
+    fn states(&self, theta: &[f64], j: usize) -> Option<Vec<Vec<f64>>> {
+        let (linear, run, sampled) = (self.linear(theta), &self.runs[j], &self.sampled[j]);
+        let transition = linear.transition(self.step)?;
+        let responses = linear.responses(&transition, sampled.measured.len());
+        let mut projection = Projection::new(&responses, &sampled.initial);
+        let mut residual = sampled.unexplained(&linear, &transition, self.step);
         let free = projection.remove(&mut residual);
         let mut x: Vec<f64> = (sampled.initial.iter().zip(free))
             .map(|(known, free)| known.unwrap_or(free))
@@ -161,13 +183,13 @@ impl<'a, D: Dynamics> Search<'a, D> {
         if !self.constraints.holds(theta) {
             return None;
         }
-        let linear = Linear::of(self.dynamics, theta);
+        let linear = self.linear(theta);
         let transition = linear.transition(self.step)?;
-        let longest = self.runs.iter().map(|run| run.measured.len()).max()?;
+        let longest = self.sampled.iter().map(|run| run.measured.len()).max()?;
         let responses = linear.responses(&transition, longest);
         let mut projections: Vec<(usize, &[Option<f64>], Projection)> = Vec::new();
         let mut all = Vec::new();
-        for run in &self.runs {
+        for run in &self.sampled {
             let samples = run.measured.len();
             let same = |(n, initial, _): &&(usize, &[Option<f64>], Projection)| {
                 *n == samples
@@ -192,6 +214,25 @@ impl<'a, D: Dynamics> Search<'a, D> {
 
 fn duration(run: &Run) -> f64 {
     run.time[run.time.len() - 1] - run.time[0]
+}
+
+/// The first of each group of sorted descents that ended within [`SAME`] of each other, with how many they are;
+/// of those near the best, some.
+fn distinct(descents: Vec<Descent>) -> Vec<(Descent, usize)> {
+    let best = descents.first().map_or(0.0, |d| d.objective);
+    let mut optima: Vec<(Descent, usize)> = Vec::new();
+    for descent in descents {
+        let same = |(first, _): &&mut (Descent, usize)| {
+            descent.objective <= first.objective * (1.0 + SAME)
+        };
+        match optima.last_mut().filter(same) {
+            Some((_, count)) => *count += 1,
+            None => optima.push((descent, 1)),
+        }
+    }
+    optima.retain(|(descent, _)| descent.objective <= NEAR_BEST * best);
+    optima.truncate(STARTS);
+    optima
 }
 
 fn sort(descents: &mut [Descent]) {
@@ -230,8 +271,7 @@ impl Sampled {
 
 impl Sampled {
     /// What the inputs and the known initial states leave of the measurements.
-    fn unexplained(&self, linear: &Linear, step: f64) -> Option<Vec<f64>> {
-        let transition = linear.transition(step)?;
+    fn unexplained(&self, linear: &Linear, transition: &Transition, step: f64) -> Vec<f64> {
         let mut x: Vec<f64> = self
             .initial
             .iter()
@@ -251,7 +291,7 @@ impl Sampled {
                 std::mem::swap(&mut x, &mut next);
             }
         }
-        Some(out)
+        out
     }
 }
 

@@ -1,7 +1,7 @@
 //! The fit: starts from the data, the SQP from each, the best.
 
 use super::constraints::Stability;
-use super::multi_start::{Runs, Starts, multi_start};
+use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
 use super::projection::Search;
 use super::{
@@ -9,8 +9,8 @@ use super::{
     start,
 };
 use crate::sqp::{Iteration, Status};
-use crate::transcription::{Collocation, ParameterConstraints, Run};
-use pilotage_models::{Dynamics, Pilot};
+use crate::transcription::{Collocation, ParameterConstraints};
+use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Pilot};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -191,102 +191,80 @@ fn solve(
         }
     };
     let observer: &mut Observer<'_> = &mut latched;
-    let candidates = candidates(trials, &sticks, options, observer)?;
+    let starts = candidates(trials, &sticks, options, observer)?;
     let mut fit = match options.objective {
         Objective::Response => {
             let posed = problem::pose_response(trials, options);
-            let at_rest = |trial: &Trial, theta: &[f64]| start::joint_states(trial, options, theta);
-            let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
-            solve_posed(
-                &posed,
-                trials,
-                options,
-                &candidates,
-                &at_rest,
-                observer,
-                &runs,
-            )
+            solve_response(&posed, trials, options, &starts, observer)
         }
         Objective::Stick => {
             let posed = problem::pose_stick(trials, options);
-            let at_rest = |trial: &Trial, theta: &[f64]| start::stick_states(trial, options, theta);
-            let runs = |problem: &Collocation<_, _>, z: &[f64]| {
-                let mut runs = runs(problem, z, trials);
-                for (run, trial) in runs.iter_mut().zip(trials) {
-                    // The pilot alone moves no vehicle: the position stays the recorded one.
-                    run.position = fill_gaps(&trial.time, &trial.position);
-                }
-                runs
-            };
-            solve_posed(
-                &posed,
-                trials,
-                options,
-                &candidates,
-                &at_rest,
-                observer,
-                &runs,
-            )
+            solve_stick(&posed, trials, options, &starts, observer)
         }
     };
-    fit.iterations += candidates.iterations;
-    for start in &mut fit.starts {
-        let descents = candidates.descents.get(start.number - 1);
-        start.descents = descents.copied().unwrap_or(1);
-    }
-    fit.tried = candidates.lost + fit.starts.iter().map(|s| s.descents).sum::<usize>();
     fit.seconds = clock.elapsed().as_secs_f64();
     Ok(fit)
 }
 
-/// Runs the SQP from the candidates. The first states come from the linearised problem where initial states are
-/// free, else from `at_rest`.
-fn solve_posed<D: Dynamics + Clone>(
+/// The response problem from these starts.
+fn solve_response(
+    posed: &Posed<Joint>,
+    trials: &[Trial],
+    options: &Options,
+    starts: &Starts,
+    observer: &mut Observer<'_>,
+) -> Fit {
+    let from = |start: &Start| {
+        let from_data = |trial: &Trial| start::joint_states(trial, options, &start.theta);
+        begin(posed, trials, options, start, from_data)
+    };
+    let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
+    multi_start(starts, &from, options, observer, &runs)
+}
+
+/// The stick problem from these starts.
+fn solve_stick(
+    posed: &Posed<OpenLoopPilot>,
+    trials: &[Trial],
+    options: &Options,
+    starts: &Starts,
+    observer: &mut Observer<'_>,
+) -> Fit {
+    let from = |start: &Start| {
+        let from_data = |trial: &Trial| start::stick_states(trial, options, &start.theta);
+        begin(posed, trials, options, start, from_data)
+    };
+    let runs = |problem: &Collocation<_, _>, z: &[f64]| {
+        let mut runs = runs(problem, z, trials);
+        for (run, trial) in runs.iter_mut().zip(trials) {
+            // The pilot alone moves no vehicle: the position stays the recorded one.
+            run.position = fill_gaps(&trial.time, &trial.position);
+        }
+        runs
+    };
+    multi_start(starts, &from, options, observer, &runs)
+}
+
+/// The discretised problem, scaled for a start, and its variables there.
+fn begin<D: Dynamics + Clone>(
     posed: &Posed<D>,
     trials: &[Trial],
     options: &Options,
-    candidates: &Candidates,
-    at_rest: &(impl Fn(&Trial, &[f64]) -> Vec<Vec<f64>> + Sync),
-    observer: &mut Observer<'_>,
-    runs: &Runs<'_, D, Stability>,
-) -> Fit {
-    let search = is_free(options).then(|| Search::of(posed));
-    let from = |theta: &[f64]| {
-        let of_run = |(trial, run): (&Trial, &Run)| {
-            let states = search.as_ref().and_then(|search| search.states(theta, run));
-            states.unwrap_or_else(|| at_rest(trial, theta))
-        };
-        let all = trials.par_iter().zip(&posed.runs);
-        let states: Vec<_> = all.map(of_run).collect();
-        let problem = posed.discretised(options, start::scales(&states, theta));
-        let z = start::variables(&problem, &states, theta);
-        (problem, z)
+    start: &Start,
+    from_data: impl Fn(&Trial) -> Vec<Vec<f64>> + Send + Sync,
+) -> (Collocation<D, Stability>, Vec<f64>) {
+    let states = match &start.states {
+        Some(states) => states.clone(),
+        None => trials.par_iter().map(from_data).collect(),
     };
-    let starts = Starts {
-        all: candidates.all.clone(),
-        spare: candidates.spare.clone(),
-    };
-    multi_start(&starts, &from, options, observer, runs)
+    let problem = posed.discretised(options, start::scales(&states, &start.theta));
+    let z = start::variables(&problem, &states, &start.theta);
+    (problem, z)
 }
 
 /// True where initial states make many optima.
 fn is_free(options: &Options) -> bool {
     options.initial_state != InitialState::AtRest
-}
-
-/// Where the SQP starts.
-#[derive(Debug, Clone, Default)]
-pub struct Candidates {
-    /// θ of the starts that all run.
-    pub all: Vec<Vec<f64>>,
-    /// θ of those that join, one after another, while one start alone leads to the best objective.
-    pub spare: Vec<Vec<f64>>,
-    /// How many descents of the linearised problem ended at each of the first of `all`.
-    pub descents: Vec<usize>,
-    /// Descents that ended elsewhere.
-    pub lost: usize,
-    /// SQP iterations that finding them took.
-    pub iterations: usize,
 }
 
 /// Starts for θ from the data and the trials' sticks ([`start::implied_stick`]).
@@ -298,15 +276,16 @@ pub fn candidates(
     sticks: &[Vec<f64>],
     options: &Options,
     observer: &mut Observer<'_>,
-) -> Result<Candidates, FitError> {
+) -> Result<Starts, FitError> {
     let order = options.pilot.order;
-    let mut out = Candidates::default();
+    let mut starts = Starts::default();
     if let Some(theta) = &options.start {
-        out.all.push(theta.clone());
+        starts.all.push(theta.clone().into());
     } else if is_free(options) {
-        out = optima(trials, sticks, options);
+        starts = optima(trials, sticks, options, observer);
     } else if order <= 2 {
-        out.all = start::low_order(trials, sticks, options);
+        let low = start::low_order(trials, sticks, options);
+        starts.all.extend(low.into_iter().map(Start::from));
     } else {
         let lower = Options {
             pilot: Pilot { order: order - 1 },
@@ -314,35 +293,71 @@ pub fn candidates(
             ..options.clone()
         };
         let (theta, iterations) = rough(trials, &lower, observer)?;
-        out.all = start::with_pair(&theta, trials, sticks, options);
-        out.iterations = iterations;
+        let pairs = start::with_pair(&theta, trials, sticks, options);
+        starts.all.extend(pairs.into_iter().map(Start::from));
+        starts.iterations = iterations;
     }
-    let random = random(options);
-    out.all.extend(random.all);
+    let (joining, spare) = random(options);
+    starts.all.extend(joining.into_iter().map(Start::from));
     if trials.len() <= MANY_TRIALS {
-        out.spare = random.spare;
+        starts.spare = spare.into_iter().map(Start::from).collect();
     }
-    Ok(out)
+    Ok(starts)
 }
 
-/// Optima of the linearised problem, from drawn pilots and those that the sticks suggest.
-fn optima(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Candidates {
+/// Optima of the linearised problem, from drawn pilots and those that the sticks suggest; of many trials some
+/// suffice.
+///
+/// The vehicle is at rest there even where its states are free: free ones make the vehicle tumble in the first
+/// tenths of a second, which no linearisation follows.
+fn optima(
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Starts {
+    if trials.len() > MANY_TRIALS {
+        let some = start::spread(trials, MANY_TRIALS);
+        let sticks: Vec<_> = (some.iter())
+            .map(|t| start::implied_stick(t, &options.vehicle))
+            .collect();
+        let mut starts = optima(&some, &sticks, options, observer);
+        starts.all.iter_mut().for_each(|start| start.states = None);
+        return starts;
+    }
     let mut draws = random_starts::draw(options, SEED, DRAWS);
     draws.extend(start::regressions(trials, sticks, options));
-    let optima = match options.objective {
-        Objective::Response => Search::of(&problem::pose_response(trials, options)).optima(draws),
-        Objective::Stick => Search::of(&problem::pose_stick(trials, options)).optima(draws),
+    let free = match options.objective {
+        Objective::Response => InitialState::VehicleAtRest,
+        Objective::Stick => InitialState::Free,
     };
-    Candidates {
-        all: optima.best.iter().map(|o| o.theta.clone()).collect(),
-        descents: optima.best.iter().map(|o| o.descents).collect(),
-        lost: optima.lost,
-        ..Candidates::default()
+    let options = &Options {
+        initial_state: free,
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    match options.objective {
+        Objective::Stick => Search::of(&problem::pose_stick(trials, options)).starts(draws),
+        Objective::Response => {
+            let posed = problem::pose_response(trials, options);
+            let mut first = Search::of(&posed).starts(draws.clone());
+            first.all.truncate(1);
+            let fit = solve_response(&posed, trials, options, &first, observer);
+            let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
+            let mut starts = Search::about(&posed, &fit.theta, &states).starts(draws);
+            starts.all.push(Start {
+                theta: fit.theta,
+                states: Some(states),
+                descents: 1,
+            });
+            starts.iterations = fit.iterations;
+            starts
+        }
     }
 }
 
-/// The random starts that [`Options::random_starts`] tells of.
-fn random(options: &Options) -> Starts {
+/// The random starts that [`Options::random_starts`] tells of: those that all run, and those that may join.
+fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
@@ -351,7 +366,7 @@ fn random(options: &Options) -> Starts {
     };
     let mut all = random_starts::draw(options, SEED, count);
     let spare = all.split_off(sure);
-    Starts { all, spare }
+    (all, spare)
 }
 
 /// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
