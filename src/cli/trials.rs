@@ -3,6 +3,7 @@
 use super::{Failure, Outcome, folder, terminal, vehicle};
 use crate::identification::trials::{Summary, TrialSet};
 use crate::output;
+use crate::report::{short, significant, target_of};
 use crate::synthetic::{Flight, Flights, Human};
 use clap::Subcommand;
 use serde_json::{Value, json};
@@ -216,42 +217,46 @@ fn to_json(set: &TrialSet) -> Value {
                 "rate_per_s": summary.rate,
                 "largest_gap": summary.largest_gap,
                 "target_m": summary.target,
+                "target_range_m": summary.target_range,
                 "final_error_m": summary.final_error,
+                "rms_error_m": summary.rms_error,
                 "overshoot": summary.overshoot,
                 "peak_stick": summary.peak_stick,
             })
         })
         .collect();
-    json!({ "trials": trials })
+    json!({ "trials": trials, "notes": set.notes })
 }
 
 fn to_table(set: &TrialSet) -> String {
     let uses = uses(set);
-    let width = uses
-        .iter()
-        .map(|(trial, ..)| trial.name.chars().count())
-        .max();
-    let width = width.unwrap_or(0).max(5);
+    let width = |cells: &mut dyn Iterator<Item = usize>, least: usize| cells.fold(least, usize::max);
+    let names = &mut uses.iter().map(|(trial, ..)| trial.name.chars().count());
+    let names = width(names, 5);
+    let targets = width(&mut uses.iter().map(|(_, run, _)| target_of(run).len()), 6);
     let mut text = format!(
-        "{:<width$}  use         weight  samples  missing   rate  target  final error  overshoot  peak stick\n\
-         {:<width$}                                       [1/s]     [m]          [m]        [%]         [1]\n",
-        "trial", ""
+        "{:<names$}  use         weight  samples  missing     rate  {:>targets$}  rms error  final error  overshoot  peak stick\n\
+         {:<names$}                                         [1/s]  {:>targets$}        [m]          [m]        [%]         [1]\n",
+        "trial", "target", "", "[m]"
     );
+    let or_none = |number: Option<String>| number.unwrap_or_else(|| "-".into());
     for (trial, summary, used) in &uses {
-        let stick = summary
-            .peak_stick
-            .map_or("-".into(), |peak| format!("{peak:.3}"));
         text += &format!(
-            "{:<width$}  {used:<10}  {:>6}  {:>7}  {:>7}  {:>5.2}  {:>6}  {:>11.3}  {:>9.1}  {stick:>10}\n",
+            "{:<names$}  {used:<10}  {:>6}  {:>7}  {:>7}  {:>7}  {:>targets$}  {:>9.3}  {:>11.3}  {:>9}  {:>10}\n",
             trial.name,
-            trial.weight,
+            short(trial.weight, 4),
             summary.samples,
             summary.missing,
-            summary.rate,
-            summary.target,
+            significant(summary.rate, 4),
+            target_of(summary),
+            summary.rms_error,
             summary.final_error,
-            100.0 * summary.overshoot,
+            or_none(summary.overshoot.map(|part| format!("{:.1}", 100.0 * part))),
+            or_none(summary.peak_stick.map(|peak| format!("{peak:.3}"))),
         );
+    }
+    for note in &set.notes {
+        text += &format!("note: {note}\n");
     }
     for (trial, summary, _) in uses
         .iter()

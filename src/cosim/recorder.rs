@@ -1,6 +1,6 @@
 //! Where the rows of a run go.
 
-use crate::series::{Column, Series};
+use crate::series::{Column, Series, head};
 use std::io::{self, Write};
 
 /// A recorded signal.
@@ -66,8 +66,10 @@ impl Recorder for SeriesRecorder {
 /// Writes the rows as CSV: each by one call as it comes, so that in a file without buffer all rows survive
 /// whatever ends the process; or, which is faster, in larger portions.
 ///
-/// The header is `time,instance.variable,...` without units, numbers are the shortest that read back
-/// as the same `f64`: what `fmpy.util.read_csv` and the FMI cross-check rules expect.
+/// The header is `time,instance.variable [unit],...`, numbers are the shortest that read back as the same
+/// `f64` (`NaN` and `inf` among them): [`Series::read_table`] reads names and units back. So does
+/// `fmpy.util.read_csv`, to which the unit is part of the name; it looks for a column `time`, which therefore
+/// has none [s].
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
@@ -115,12 +117,7 @@ impl<W: Write> Recorder for CsvRecorder<W> {
         let mut header = b"time".to_vec();
         for signal in signals {
             header.push(b',');
-            if signal.name.contains([',', '"', '\n', '\r']) {
-                let quoted = format!("\"{}\"", signal.name.replace('"', "\"\""));
-                header.extend(quoted.as_bytes());
-            } else {
-                header.extend(signal.name.as_bytes());
-            }
+            header.extend(head(&signal.name, &signal.unit).as_bytes());
         }
         header.push(b'\n');
         self.room = vec![0; self.portion + LONGEST * (signals.len() + 1)];

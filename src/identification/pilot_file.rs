@@ -1,7 +1,7 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
 use super::{Fit, Mesh, Options, PilotFile, Trial};
-use crate::document::{self, Document, DocumentError};
+use crate::document::{self, Document, DocumentError, number};
 use crate::models::{COEFFICIENTS, Pilot, Unit};
 use crate::vehicle::Mode;
 use std::path::Path;
@@ -129,14 +129,14 @@ pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
         text += "# NOT CONVERGED: this is the best iterate of a solve that did not reach its tolerance.\n";
     }
     text += &format!(
-        "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {:?}\n\n[theta]\n",
+        "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {}\n\n[theta]\n",
         env!("CARGO_PKG_VERSION"),
         quoted(&fit.status),
         fit.converged,
-        options.stick_limit
+        number(options.stick_limit)
     );
     for (i, (value, unit)) in fit.theta.iter().zip(units(options.pilot)).enumerate() {
-        let assignment = format!("theta{} = {value:?}", i + 1);
+        let assignment = format!("theta{} = {}", i + 1, number(*value));
         text += &format!("{assignment:<34} # [{unit}]\n");
     }
     text + &poles(fit, options.pilot) + &solve(fit, options) + &data(options, trials)
@@ -157,8 +157,11 @@ fn poles(fit: &Fit, pilot: Pilot) -> String {
     for mode in Mode::of_poles(&pilot.poles(&fit.theta)) {
         text += &format!(
             "\n[[pole]]                           # with its conjugate where im is not 0\n\
-             re = {:?} # [1/s]\nim = {:?} # [1/s]\nfrequency = {:?} # [rad/s]\ndamping = {:?}\n",
-            mode.pole.re, mode.pole.im, mode.frequency, mode.damping
+             re = {} # [1/s]\nim = {} # [1/s]\nfrequency = {} # [rad/s]\ndamping = {}\n",
+            number(mode.pole.re),
+            number(mode.pole.im),
+            number(mode.frequency),
+            number(mode.damping)
         );
     }
     text
@@ -171,19 +174,19 @@ fn solve(fit: &Fit, options: &Options) -> String {
     };
     let mesh = match options.mesh {
         Mesh::Samples => "mesh = \"samples\"".into(),
-        Mesh::Step(step) => format!("mesh_step = {step:?} # [s]"),
+        Mesh::Step(step) => format!("mesh_step = {} # [s]", number(step)),
     };
     format!(
         "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\n{mesh}\ninitial_state = \"{}\"\n\
-         sum_of_squares = {:?} # [{unit}]\nkkt = {:?}\ntolerance = {:?}\niterations = {}\nseconds = {:.3}\n",
+         sum_of_squares = {} # [{unit}]\nkkt = {}\ntolerance = {}\niterations = {}\nseconds = {}\n",
         options.objective.as_str(),
         options.scheme,
         options.initial_state.as_str(),
-        fit.objective,
-        fit.kkt,
-        options.tolerance,
+        number(fit.objective),
+        number(fit.kkt),
+        number(options.tolerance),
         fit.iterations,
-        fit.seconds
+        number((1e3 * fit.seconds).round() / 1e3)
     )
 }
 
@@ -191,19 +194,19 @@ fn data(options: &Options, trials: &[Trial]) -> String {
     let mut text = String::from("\n[vehicle]\n");
     for field in &COEFFICIENTS {
         text += &format!(
-            "{} = {:?} # [{}]\n",
+            "{} = {} # [{}]\n",
             field.name,
-            (field.get)(&options.vehicle),
+            number((field.get)(&options.vehicle)),
             (field.unit)().symbol()
         );
     }
     for trial in trials {
         text += &format!(
-            "\n[[data]]\nfile = {}\nsha256 = \"{}\"\nsamples = {}\nweight = {:?}\n",
+            "\n[[data]]\nfile = {}\nsha256 = \"{}\"\nsamples = {}\nweight = {}\n",
             quoted(&trial.origin),
             trial.sha256,
             trial.time.len(),
-            trial.weight
+            number(trial.weight)
         );
     }
     text
@@ -217,6 +220,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn fit() -> Fit {
         Fit {
@@ -266,6 +270,38 @@ mod tests {
             table["data"][0]["file"].as_str(),
             Some(trial().origin.as_str())
         );
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(256))]
+        /// Whatever a solve ends with: θ, its limit and the mark come back, and the rest is TOML.
+        #[test]
+        fn whatever_is_written_is_read_again(
+            theta in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 6),
+            [objective, kkt, seconds, tolerance] in prop::array::uniform4(prop::num::f64::ANY),
+            stick_limit in f64::MIN_POSITIVE..f64::MAX,
+            converged: bool,
+            status in ".*",
+            origins in prop::collection::vec("(?s).*", 0..3),
+            step in prop::option::of(prop::num::f64::POSITIVE),
+        ) {
+            let written = Fit { theta, objective, converged, status, kkt, seconds, ..fit() };
+            let mesh = step.map_or(Mesh::Samples, Mesh::Step);
+            let options = Options { stick_limit, tolerance, mesh, ..Options::default() };
+            let trials: Vec<Trial> = (origins.iter())
+                .map(|origin| Trial { origin: origin.clone(), weight: objective, ..trial() })
+                .collect();
+            let text = to_toml(&written, &options, &trials);
+            let read = PilotFile::parse(&text, "pilot.toml").unwrap();
+            prop_assert_eq!(read, PilotFile { theta: written.theta, stick_limit, converged });
+            let table: toml::Table = text.parse().unwrap();
+            prop_assert_eq!(table["status"].as_str(), Some(written.status.as_str()));
+            let found = table["fit"]["kkt"].as_float().unwrap();
+            prop_assert!(found == kkt || (found.is_nan() && kkt.is_nan()));
+            for (k, origin) in origins.iter().enumerate() {
+                prop_assert_eq!(table["data"][k]["file"].as_str(), Some(origin.as_str()));
+            }
+        }
     }
 
     #[test]

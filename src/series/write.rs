@@ -1,16 +1,18 @@
 //! CSV out.
 
-use super::{Column, Series};
+use super::Series;
+use super::read::name_and_unit;
 
 impl Series {
     /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, then a
     /// header with units, then one row for each time.
     pub fn to_csv(&self) -> String {
-        let mut text: String = self.comments.iter().map(|c| format!("# {c}\n")).collect();
+        let comment = |text: &String| format!("# {}\n", text.replace(['\n', '\r'], " "));
+        let mut text: String = self.comments.iter().map(comment).collect();
         text += "time [s]";
         for column in &self.columns {
             text.push(',');
-            text += &head(column);
+            text += &head(&column.name, &column.unit);
         }
         text.push('\n');
         for (k, time) in self.time.iter().enumerate() {
@@ -25,13 +27,16 @@ impl Series {
     }
 }
 
-/// One cell of the header, quoted where the name holds a comma or a quote.
-fn head(column: &Column) -> String {
-    let cell = match column.unit.as_str() {
-        "" => column.name.clone(),
-        unit => format!("{} [{unit}]", column.name),
+/// `name [unit]` as a cell of a header row, that reads back as this name and this unit; quoted where it holds
+/// a comma or a quote.
+pub fn head(name: &str, unit: &str) -> String {
+    let cell = match unit {
+        // A name that ends like a unit: an empty one says that it is none.
+        "" if name_and_unit(name).is_some_and(|(read, _)| read != name) => format!("{name} []"),
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
     };
-    match cell.contains([',', '"']) {
+    match cell.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell,
     }
@@ -49,6 +54,7 @@ fn number(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::series::Column;
     use proptest::prelude::*;
 
     proptest! {
@@ -56,11 +62,15 @@ mod tests {
         #[test]
         fn what_is_written_reads_back_to_the_same_bits(
             values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
+            // Balanced brackets, no line breaks: what a name may be.
+            name in "[a-z](\\[[a-z0-9,\" ]{1,3}\\]|[.,\"'#; äα()]|[a-z0-9]){0,8}[a-z\\])]".prop_filter("balanced", |name| name.matches('[').count() == name.matches(']').count()),
+            unit in "|1|m|rad/s|µs/rad|\"|m,s|°",
         ) {
             let series = Series {
+                time_unit: "s".into(),
                 comments: vec!["pilot: A".into(), String::new()],
                 time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
-                columns: vec![Column { name: "a, \"b\"".into(), unit: "m/s".into(), values }],
+                columns: vec![Column { name, unit, values }],
             };
             let read = Series::parse(series.to_csv().as_bytes(), "f.csv").unwrap();
             prop_assert_eq!(&read, &series);
@@ -70,6 +80,7 @@ mod tests {
     #[test]
     fn missing_samples_are_empty_cells() {
         let series = Series {
+            time_unit: "s".into(),
             comments: vec!["x".into()],
             time: vec![0.0, 0.5],
             columns: vec![Column {

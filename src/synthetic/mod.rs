@@ -201,6 +201,7 @@ impl Flights {
         };
         Series {
             comments: Vec::new(),
+            time_unit: "s".into(),
             time: (0..samples).map(|k| k as f64 / self.rate).collect(),
             columns: vec![
                 column("target", "m", vec![target; samples]),

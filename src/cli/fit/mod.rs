@@ -139,6 +139,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
     let options = args.options()?;
     let set = TrialSet::read(&args.trials)?;
+    for note in &set.notes {
+        terminal::note(note);
+    }
     let pilot_output = open(&args.output)?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
