@@ -1,6 +1,6 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
-use super::{Failure, Outcome, folder, terminal, vehicle};
+use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
 use crate::identification::trials::{Summary, TrialSet};
 use crate::output;
 use crate::report::{short, significant, target_of};
@@ -96,6 +96,7 @@ impl Synth {
     fn run(&self) -> Result<Outcome, Failure> {
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
         let flights = self.flights().fly(&self.human(), &vehicle)?;
+        self.check_vehicle(&flights)?;
         folder::create_new(&self.output, self.force)?;
         let mut manifest = format!("# {}\n", self.command());
         for flight in &flights {
@@ -143,7 +144,7 @@ impl Synth {
         let vehicle = self.vehicle.as_ref();
         let vehicle =
             vehicle.map_or_else(String::new, |file| format!(" --vehicle {}", file.display()));
-        format!(
+        let command = format!(
             "pilotage trials synth --targets {} --runs {} --duration {} --rate {} --seed {} \
              --variation {} --gain {} --lead {} --delay {} --omega-n {} --zeta {} --remnant {} \
              --remnant-time {}{vehicle}",
@@ -160,7 +161,9 @@ impl Synth {
             self.zeta,
             self.remnant,
             self.remnant_time,
-        )
+        );
+        // It goes into comments, which end with the line.
+        command.replace(char::is_control, " ")
     }
 
     /// A flight with its origin in the comments.
@@ -175,6 +178,15 @@ impl Synth {
             ),
         ];
         series.to_csv()
+    }
+
+    /// Refuses to overwrite the vehicle that is flown; whatever else is in the folder has been looked at.
+    fn check_vehicle(&self, flights: &[Flight]) -> Result<(), Failure> {
+        let inputs: Vec<PathBuf> = self.vehicle.iter().cloned().collect();
+        let files = flights.iter().map(|flight| format!("{}.csv", flight.name));
+        let files = files.chain(["trials.toml".to_owned()]);
+        let outputs: Vec<PathBuf> = files.map(|file| self.output.join(file)).collect();
+        overwrite::keep(&inputs, &outputs)
     }
 
     fn save(&self, file: &str, content: &str) -> Result<(), Failure> {
@@ -230,7 +242,8 @@ fn to_json(set: &TrialSet) -> Value {
 
 fn to_table(set: &TrialSet) -> String {
     let uses = uses(set);
-    let width = |cells: &mut dyn Iterator<Item = usize>, least: usize| cells.fold(least, usize::max);
+    let width =
+        |cells: &mut dyn Iterator<Item = usize>, least: usize| cells.fold(least, usize::max);
     let names = &mut uses.iter().map(|(trial, ..)| trial.name.chars().count());
     let names = width(names, 5);
     let targets = width(&mut uses.iter().map(|(_, run, _)| target_of(run).len()), 6);

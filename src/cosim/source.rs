@@ -366,7 +366,10 @@ mod tests {
         let mut infinite = series.clone();
         infinite.columns[0].values[1] = f64::NEG_INFINITY;
         let message = Source::new(infinite).unwrap_err().to_string();
-        assert_eq!(message, "column `a` is -inf at 2 s; expected finite numbers");
+        assert_eq!(
+            message,
+            "column `a` is -inf at 2 s; expected finite numbers"
+        );
         let columns = series.columns[..1].to_vec();
         let mut source = Source::new(Series { columns, ..series }).unwrap();
         let refused = |source: &mut Source, kind| source.hold_as(0, kind).unwrap_err().to_string();

@@ -362,7 +362,10 @@ mod tests {
         assert!(error.starts_with("f.csv:3: time 0 s does not"), "{error}");
         let error = Series::parse_as(&b"time,a\n0,1\ninf,1\n"[..], "f.csv", Form::Table);
         let error = error.unwrap_err().to_string();
-        assert!(error.starts_with("f.csv:3: column `time`: `inf`"), "{error}");
+        assert!(
+            error.starts_with("f.csv:3: column `time`: `inf`"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -87,7 +87,10 @@ impl Trial {
         };
         trial.check()?;
         let notes = notes.into_iter().flatten();
-        Ok((trial, notes.map(|note| format!("{origin}: {note}")).collect()))
+        Ok((
+            trial,
+            notes.map(|note| format!("{origin}: {note}")).collect(),
+        ))
     }
 
     fn check(&self) -> Result<(), TrialError> {
@@ -121,7 +124,9 @@ impl Trial {
 /// Puts a stick that is a little beyond its stops on them, and tells so.
 fn clip(stick: &mut [f64]) -> Option<String> {
     let near = |value: f64| (1.0..=1.0 + STICK_TOLERANCE).contains(&value.abs());
-    let beyond = stick.iter_mut().filter(|value| near(**value) && value.abs() != 1.0);
+    let beyond = stick
+        .iter_mut()
+        .filter(|value| near(**value) && value.abs() != 1.0);
     let (mut count, mut worst) = (0, 0.0_f64);
     for value in beyond {
         count += 1;
