@@ -179,3 +179,49 @@ fn copy_short(to: &mut [u8], from: &[u8]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 256,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(4),
+            ..ProptestConfig::default()
+        })]
+        /// Names, units and bits; a NaN is a missing sample, and times may repeat.
+        #[test]
+        fn a_result_reads_back_as_a_table(
+            names in prop::collection::btree_set("[a-z]{1,3}\\.[a-z_.()']{1,4}(\\[[0-9]{1,2}(,[0-9])?\\])?", 1..5),
+            unit in "|1|m|rad/s|µs/rad|m,s",
+            mut times in prop::collection::vec(-1e6..1e6, 1..9),
+            seed in prop::collection::vec(prop::num::f64::ANY, 40),
+        ) {
+            times.push(times[0]);
+            times.sort_by(f64::total_cmp);
+            let signals: Vec<Signal> = (names.iter())
+                .map(|name| Signal { name: name.clone(), unit: unit.clone() })
+                .collect();
+            let row = |k: usize| &seed[4 * (k % 10)..][..signals.len()];
+            let mut recorder = CsvRecorder::in_portions(Vec::new(), 100);
+            recorder.begin(&signals).unwrap();
+            for (k, time) in times.iter().enumerate() {
+                recorder.row(*time, row(k)).unwrap();
+            }
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), recorder.finish().unwrap()).unwrap();
+            let read = Series::read_table(file.path()).unwrap();
+            prop_assert_eq!(&read.time, &times);
+            prop_assert_eq!(read.columns.len(), signals.len());
+            for (i, (column, signal)) in read.columns.iter().zip(&signals).enumerate() {
+                prop_assert_eq!((&column.name, &column.unit), (&signal.name, &signal.unit));
+                for (k, value) in column.values.iter().enumerate() {
+                    let written = row(k)[i];
+                    prop_assert!(*value == written || (value.is_nan() && written.is_nan()));
+                }
+            }
+        }
+    }
+}

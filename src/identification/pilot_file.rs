@@ -273,7 +273,11 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(256))]
+        #![proptest_config(ProptestConfig {
+            cases: 256,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(6),
+            ..ProptestConfig::default()
+        })]
         /// Whatever a solve ends with: θ, its limit and the mark come back, and the rest is TOML.
         #[test]
         fn whatever_is_written_is_read_again(

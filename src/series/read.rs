@@ -247,7 +247,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
 /// Splits `name [unit]`; the unit is empty where none is written. None: not a name.
 pub(super) fn name_and_unit(cell: &str) -> Option<(String, String)> {
     let cell = cell.trim();
-    let balanced = cell.matches('[').count() == cell.matches(']').count();
+    let is_balanced = || cell.matches('[').count() == cell.matches(']').count();
     let (name, unit) = match cell
         .strip_suffix(']')
         .and_then(|rest| rest.rsplit_once('['))
@@ -257,7 +257,9 @@ pub(super) fn name_and_unit(cell: &str) -> Option<(String, String)> {
         Some((name, unit)) => (name.trim(), unit.trim()),
         None => (cell, ""),
     };
-    let good = balanced && !name.is_empty() && !name.contains(['\n', '\r']);
+    // Brackets of the name are its own, as long as those of a unit are whole.
+    let is_whole = name.len() < cell.len() || is_balanced();
+    let good = is_whole && !name.is_empty() && !name.contains(['\n', '\r']);
     good.then(|| (name.to_owned(), unit.to_owned()))
 }
 
@@ -283,6 +285,8 @@ mod tests {
             split("der(body.q[1,2])").as_deref(),
             Some("der(body.q[1,2])|")
         );
+        assert_eq!(split("q [1] []").as_deref(), Some("q [1]|"));
+        assert_eq!(split("q[ [m]").as_deref(), Some("q[|m"));
         for wrong in ["", " ", "[m]", "position [m", "position m]"] {
             assert_eq!(name_and_unit(wrong), None, "{wrong:?}");
         }

@@ -31,8 +31,8 @@ impl Series {
 /// a comma or a quote.
 pub fn head(name: &str, unit: &str) -> String {
     let cell = match unit {
-        // A name that ends like a unit: an empty one says that it is none.
-        "" if name_and_unit(name).is_some_and(|(read, _)| read != name) => format!("{name} []"),
+        // A name that ends like a unit, or with half of one: an empty one says that it is none.
+        "" if name_and_unit(name).is_none_or(|(read, _)| read != name) => format!("{name} []"),
         "" => name.to_owned(),
         unit => format!("{name} [{unit}]"),
     };
@@ -58,12 +58,15 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(ProptestConfig {
+            cases: 512,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(3),
+            ..ProptestConfig::default()
+        })]
         #[test]
         fn what_is_written_reads_back_to_the_same_bits(
             values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
-            // Balanced brackets, no line breaks: what a name may be.
-            name in "[a-z](\\[[a-z0-9,\" ]{1,3}\\]|[.,\"'#; äα()]|[a-z0-9]){0,8}[a-z\\])]".prop_filter("balanced", |name| name.matches('[').count() == name.matches(']').count()),
+            name in "[^\\s\\pC]([^\\pC]{0,8}[^\\s\\pC])?|[a-z]{1,2} ?\\[[0-9,m\\]]{0,3}",
             unit in "|1|m|rad/s|µs/rad|\"|m,s|°",
         ) {
             let series = Series {

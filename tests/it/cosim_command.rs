@@ -244,6 +244,11 @@ fn files_of_values_that_are_wrong_name_the_line() {
         ),
         (
             "v.csv",
+            "\u{feff}name,value\r\n# of the type plate\r\n\r\ngood.uu,1\r\n",
+            "v.csv:4: `good.uu`: `good` has no variable `uu`",
+        ),
+        (
+            "v.csv",
             "name;value\n",
             "v.csv:1: the header is `name;value`; expected `name,value` or `name,value,unit`",
         ),
