@@ -272,6 +272,18 @@ fn devices_and_pipes_are_written_straight() {
     use std::os::unix::fs::FileTypeExt;
     let null = std::fs::metadata("/dev/null").unwrap();
     assert!(null.file_type().is_char_device());
+    // A pipe with a name: it opens when somebody reads.
+    let pipe = folder.path("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let reader = {
+        let pipe = pipe.clone();
+        std::thread::spawn(move || std::fs::read_to_string(pipe).unwrap())
+    };
+    let piped = run(&folder, "cosim good.fmu --stop-time 1 --step 0.5 -o pipe");
+    assert_eq!((piped.code, piped.stderr.as_str()), (0, ""));
+    assert_eq!(reader.join().unwrap().lines().count(), 4);
+    assert!(!std::fs::metadata(&pipe).unwrap().is_file());
     // Into a file that the shell has opened.
     let file = std::fs::File::create(folder.path("out.csv")).unwrap();
     let status = std::process::Command::new(env!("CARGO_BIN_EXE_pilotage"))

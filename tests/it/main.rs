@@ -14,6 +14,7 @@ mod demo;
 mod derivatives;
 mod examples;
 mod export;
+#[cfg(unix)]
 mod files;
 mod fit;
 mod fit_log;
