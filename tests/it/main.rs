@@ -14,7 +14,7 @@ mod demo;
 mod derivatives;
 mod examples;
 mod export;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod files;
 mod fit;
 mod fit_log;
