@@ -78,6 +78,14 @@ pub fn read(path: &Path) -> Result<String, DocumentError> {
     })
 }
 
+/// A number as TOML spells it; it reads back to the same bits, but that all NaN are one.
+pub fn number(value: f64) -> String {
+    match value.is_nan() {
+        true => "nan".into(),
+        false => format!("{value:?}"),
+    }
+}
+
 /// File and text, to turn a span into a line.
 #[derive(Debug, Clone, Copy)]
 struct Source<'t> {

@@ -1,5 +1,6 @@
 //! `pilotage export`: models as FMUs.
 
+use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, terminal};
 use crate::document;
 use crate::export::{self, Options, Platform, Provenance};
@@ -66,6 +67,8 @@ pub struct FmuArgs {
     /// repeated.
     #[arg(long, value_name = "PLATFORM=FILE")]
     binary: Vec<String>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -79,6 +82,15 @@ enum Version {
 }
 
 impl FmuArgs {
+    /// Refuses to overwrite the model that is exported, a library, or what is no FMU of ours.
+    pub fn check_output(&self, model: Option<&Path>, output: &Path) -> Result<(), Failure> {
+        let libraries =
+            (self.binary.iter()).filter_map(|argument| Some(argument.split_once('=')?.1));
+        let inputs = libraries.map(PathBuf::from);
+        let inputs: Vec<PathBuf> = inputs.chain(model.map(Path::to_owned)).collect();
+        self.overwrite.check(&inputs, &[(output, Kind::Fmu)])
+    }
+
     /// What was asked for, libraries read.
     pub fn options(&self) -> Result<Options, Failure> {
         let read = |argument: &String| {
@@ -120,6 +132,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             allow_unconverged,
             fmu,
         } => {
+            fmu.check_output(pilot.as_deref(), &output)?;
             let (model, provenance) = match (pilot, preset) {
                 (Some(file), _) => fitted(&file, allow_unconverged)?,
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
@@ -131,6 +144,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             output,
             fmu,
         } => {
+            fmu.check_output(vehicle.as_deref(), &output)?;
             let (vehicle, source) = match &vehicle {
                 Some(file) => (vehicle::read(file)?, Some(document::read(file)?)),
                 None => (Quadcopter::default(), None),

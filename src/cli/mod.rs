@@ -12,6 +12,7 @@ mod format;
 mod info;
 mod interrupt;
 mod linearize;
+mod overwrite;
 mod pack;
 mod progress;
 mod terminal;

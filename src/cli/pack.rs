@@ -4,7 +4,7 @@ use super::export::FmuArgs;
 use super::{Failure, Outcome, terminal};
 use crate::export::{Provenance, pack};
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `pilotage pack`.
 #[derive(Debug, clap::Args)]
@@ -24,6 +24,8 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let check = |output: &Path| args.fmu.check_output(Some(&args.model), output);
+    args.output.as_deref().map_or(Ok(()), check)?;
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
         // A first build takes a minute: whoever watches sees cargo's progress.
@@ -36,7 +38,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     };
     let path = pack::pack(&library, &provenance, &options, |interface| {
         let named = || PathBuf::from(format!("{}.fmu", interface.name));
-        args.output.clone().unwrap_or_else(named)
+        let path = args.output.clone().unwrap_or_else(named);
+        check(&path).map(|()| path)
     })?;
     terminal::print(&format!(
         "wrote {0}\nnext: pilotage validate {0}\n",

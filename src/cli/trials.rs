@@ -1,8 +1,9 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
-use super::{Failure, Outcome, folder, terminal, vehicle};
+use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
 use crate::identification::trials::{Summary, TrialSet};
 use crate::output;
+use crate::report::{short, significant, target_of};
 use crate::synthetic::{Flight, Flights, Human};
 use clap::Subcommand;
 use serde_json::{Value, json};
@@ -95,6 +96,7 @@ impl Synth {
     fn run(&self) -> Result<Outcome, Failure> {
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
         let flights = self.flights().fly(&self.human(), &vehicle)?;
+        self.check_vehicle(&flights)?;
         folder::create_new(&self.output, self.force)?;
         let mut manifest = format!("# {}\n", self.command());
         for flight in &flights {
@@ -142,7 +144,7 @@ impl Synth {
         let vehicle = self.vehicle.as_ref();
         let vehicle =
             vehicle.map_or_else(String::new, |file| format!(" --vehicle {}", file.display()));
-        format!(
+        let command = format!(
             "pilotage trials synth --targets {} --runs {} --duration {} --rate {} --seed {} \
              --variation {} --gain {} --lead {} --delay {} --omega-n {} --zeta {} --remnant {} \
              --remnant-time {}{vehicle}",
@@ -159,7 +161,9 @@ impl Synth {
             self.zeta,
             self.remnant,
             self.remnant_time,
-        )
+        );
+        // It goes into comments, which end with the line.
+        command.replace(char::is_control, " ")
     }
 
     /// A flight with its origin in the comments.
@@ -174,6 +178,15 @@ impl Synth {
             ),
         ];
         series.to_csv()
+    }
+
+    /// Refuses to overwrite the vehicle that is flown; whatever else is in the folder has been looked at.
+    fn check_vehicle(&self, flights: &[Flight]) -> Result<(), Failure> {
+        let inputs: Vec<PathBuf> = self.vehicle.iter().cloned().collect();
+        let files = flights.iter().map(|flight| format!("{}.csv", flight.name));
+        let files = files.chain(["trials.toml".to_owned()]);
+        let outputs: Vec<PathBuf> = files.map(|file| self.output.join(file)).collect();
+        overwrite::keep(&inputs, &outputs)
     }
 
     fn save(&self, file: &str, content: &str) -> Result<(), Failure> {
@@ -216,42 +229,47 @@ fn to_json(set: &TrialSet) -> Value {
                 "rate_per_s": summary.rate,
                 "largest_gap": summary.largest_gap,
                 "target_m": summary.target,
+                "target_range_m": summary.target_range,
                 "final_error_m": summary.final_error,
+                "rms_error_m": summary.rms_error,
                 "overshoot": summary.overshoot,
                 "peak_stick": summary.peak_stick,
             })
         })
         .collect();
-    json!({ "trials": trials })
+    json!({ "trials": trials, "notes": set.notes })
 }
 
 fn to_table(set: &TrialSet) -> String {
     let uses = uses(set);
-    let width = uses
-        .iter()
-        .map(|(trial, ..)| trial.name.chars().count())
-        .max();
-    let width = width.unwrap_or(0).max(5);
+    let width =
+        |cells: &mut dyn Iterator<Item = usize>, least: usize| cells.fold(least, usize::max);
+    let names = &mut uses.iter().map(|(trial, ..)| trial.name.chars().count());
+    let names = width(names, 5);
+    let targets = width(&mut uses.iter().map(|(_, run, _)| target_of(run).len()), 6);
     let mut text = format!(
-        "{:<width$}  use         weight  samples  missing   rate  target  final error  overshoot  peak stick\n\
-         {:<width$}                                       [1/s]     [m]          [m]        [%]         [1]\n",
-        "trial", ""
+        "{:<names$}  use         weight  samples  missing     rate  {:>targets$}  rms error  final error  overshoot  peak stick\n\
+         {:<names$}                                         [1/s]  {:>targets$}        [m]          [m]        [%]         [1]\n",
+        "trial", "target", "", "[m]"
     );
+    let or_none = |number: Option<String>| number.unwrap_or_else(|| "-".into());
     for (trial, summary, used) in &uses {
-        let stick = summary
-            .peak_stick
-            .map_or("-".into(), |peak| format!("{peak:.3}"));
         text += &format!(
-            "{:<width$}  {used:<10}  {:>6}  {:>7}  {:>7}  {:>5.2}  {:>6}  {:>11.3}  {:>9.1}  {stick:>10}\n",
+            "{:<names$}  {used:<10}  {:>6}  {:>7}  {:>7}  {:>7}  {:>targets$}  {:>9.3}  {:>11.3}  {:>9}  {:>10}\n",
             trial.name,
-            trial.weight,
+            short(trial.weight, 4),
             summary.samples,
             summary.missing,
-            summary.rate,
-            summary.target,
+            significant(summary.rate, 4),
+            target_of(summary),
+            summary.rms_error,
             summary.final_error,
-            100.0 * summary.overshoot,
+            or_none(summary.overshoot.map(|part| format!("{:.1}", 100.0 * part))),
+            or_none(summary.peak_stick.map(|peak| format!("{peak:.3}"))),
         );
+    }
+    for note in &set.notes {
+        text += &format!("note: {note}\n");
     }
     for (trial, summary, _) in uses
         .iter()

@@ -1,6 +1,6 @@
 //! Where the rows of a run go.
 
-use crate::series::{Column, Series};
+use crate::series::{Column, Series, head};
 use std::io::{self, Write};
 
 /// A recorded signal.
@@ -66,8 +66,10 @@ impl Recorder for SeriesRecorder {
 /// Writes the rows as CSV: each by one call as it comes, so that in a file without buffer all rows survive
 /// whatever ends the process; or, which is faster, in larger portions.
 ///
-/// The header is `time,instance.variable,...` without units, numbers are the shortest that read back
-/// as the same `f64`: what `fmpy.util.read_csv` and the FMI cross-check rules expect.
+/// The header is `time,instance.variable [unit],...`, numbers are the shortest that read back as the same
+/// `f64` (`NaN` and `inf` among them): [`Series::read_table`] reads names and units back. So does
+/// `fmpy.util.read_csv`, to which the unit is part of the name; it looks for a column `time`, which therefore
+/// has none [s].
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
@@ -115,12 +117,7 @@ impl<W: Write> Recorder for CsvRecorder<W> {
         let mut header = b"time".to_vec();
         for signal in signals {
             header.push(b',');
-            if signal.name.contains([',', '"', '\n', '\r']) {
-                let quoted = format!("\"{}\"", signal.name.replace('"', "\"\""));
-                header.extend(quoted.as_bytes());
-            } else {
-                header.extend(signal.name.as_bytes());
-            }
+            header.extend(head(&signal.name, &signal.unit).as_bytes());
         }
         header.push(b'\n');
         self.room = vec![0; self.portion + LONGEST * (signals.len() + 1)];
@@ -179,6 +176,52 @@ fn copy_short(to: &mut [u8], from: &[u8]) {
     } else {
         for (to, from) in to.iter_mut().zip(from) {
             *to = *from;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 256,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(4),
+            ..ProptestConfig::default()
+        })]
+        /// Names, units and bits; a NaN is a missing sample, and times may repeat.
+        #[test]
+        fn a_result_reads_back_as_a_table(
+            names in prop::collection::btree_set("[a-z]{1,3}\\.[a-z_.()']{1,4}(\\[[0-9]{1,2}(,[0-9])?\\])?", 1..5),
+            unit in "|1|m|rad/s|µs/rad|m,s",
+            mut times in prop::collection::vec(-1e6..1e6, 1..9),
+            seed in prop::collection::vec(prop::num::f64::ANY, 40),
+        ) {
+            times.push(times[0]);
+            times.sort_by(f64::total_cmp);
+            let signals: Vec<Signal> = (names.iter())
+                .map(|name| Signal { name: name.clone(), unit: unit.clone() })
+                .collect();
+            let row = |k: usize| &seed[4 * (k % 10)..][..signals.len()];
+            let mut recorder = CsvRecorder::in_portions(Vec::new(), 100);
+            recorder.begin(&signals).unwrap();
+            for (k, time) in times.iter().enumerate() {
+                recorder.row(*time, row(k)).unwrap();
+            }
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), recorder.finish().unwrap()).unwrap();
+            let read = Series::read_table(file.path()).unwrap();
+            prop_assert_eq!(&read.time, &times);
+            prop_assert_eq!(read.columns.len(), signals.len());
+            for (i, (column, signal)) in read.columns.iter().zip(&signals).enumerate() {
+                prop_assert_eq!((&column.name, &column.unit), (&signal.name, &signal.unit));
+                for (k, value) in column.values.iter().enumerate() {
+                    let written = row(k)[i];
+                    prop_assert!(*value == written || (value.is_nan() && written.is_nan()));
+                }
+            }
         }
     }
 }

@@ -5,6 +5,7 @@ use super::slave::{
 };
 use crate::linear::StateSpace;
 use crate::series::{Column, Series};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Why a table's column cannot feed an input.
@@ -15,6 +16,16 @@ pub enum SourceError {
     Empty {
         /// The column.
         column: String,
+    },
+    /// An infinite sample, between which and others there is no straight line.
+    #[error("column `{column}` is {value} at {time} s; expected finite numbers")]
+    Infinite {
+        /// The column.
+        column: String,
+        /// The sample.
+        value: f64,
+        /// Its time [s].
+        time: f64,
     },
     /// A sample that is no value of the input's type.
     #[error("column `{column}` is {value} at {time} s, which is no {kind}")]
@@ -54,20 +65,21 @@ pub struct Source {
     saved: Vec<f64>,
 }
 
-/// The samples of one column, missing ones left out.
+/// The samples of one column, missing ones left out; the times are shared by all columns that miss none.
 #[derive(Debug, Clone, Default)]
 struct Samples {
-    times: Vec<f64>,
+    times: Arc<Vec<f64>>,
     values: Vec<f64>,
     is_held: bool,
 }
 
 impl Source {
-    /// A table whose columns are reals, in the units of its header.
+    /// A table whose columns are reals, in the units of its header. It keeps the values where they are: 8 bytes
+    /// for each, and for each time.
     ///
     /// # Errors
-    /// If a column has no samples.
-    pub fn new(series: &Series) -> Result<Self, SourceError> {
+    /// If a column has no samples, or an infinite one.
+    pub fn new(series: Series) -> Result<Self, SourceError> {
         let mut source = Self {
             variables: Vec::new(),
             columns: Vec::new(),
@@ -75,12 +87,13 @@ impl Source {
             time: series.time.first().copied().unwrap_or(0.0),
             saved: Vec::new(),
         };
-        for (column, handle) in series.columns.iter().zip(0..) {
-            source.columns.push(samples(&series.time, column)?);
+        let times = Arc::new(series.time);
+        for (column, handle) in series.columns.into_iter().zip(0..) {
             source.variables.push(Variable {
                 unit: (!column.unit.is_empty()).then(|| Unit::named(&column.unit)),
                 ..Variable::new(&column.name, handle, Kind::Real, Role::Output)
             });
+            source.columns.push(samples(&times, column)?);
         }
         source.find_jumps();
         Ok(source)
@@ -132,15 +145,25 @@ impl Source {
     }
 }
 
-fn samples(times: &[f64], column: &Column) -> Result<Samples, SourceError> {
-    let present = times.iter().zip(&column.values);
-    let (times, values): (Vec<f64>, Vec<f64>) = present
-        .filter(|(_, value)| !value.is_nan())
-        .map(|(&time, &value)| (time, value))
-        .unzip();
+fn samples(times: &Arc<Vec<f64>>, column: Column) -> Result<Samples, SourceError> {
+    if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
+        return Err(SourceError::Infinite {
+            value: column.values[k],
+            time: times[k],
+            column: column.name,
+        });
+    }
+    let (times, values) = match column.values.iter().any(|value| value.is_nan()) {
+        false => (times.clone(), column.values),
+        true => {
+            let all = times.iter().copied().zip(column.values);
+            let (times, values) = all.filter(|(_, value)| !value.is_nan()).unzip();
+            (Arc::new(times), values)
+        }
+    };
     match times.is_empty() {
         true => Err(SourceError::Empty {
-            column: column.name.clone(),
+            column: column.name,
         }),
         false => Ok(Samples {
             times,
@@ -277,8 +300,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("f.csv");
         std::fs::write(&path, after).unwrap();
-        let series = Series::read_with_jumps(&path).unwrap();
-        let mut source = Source::new(&series).unwrap();
+        let series = Series::read_table(&path).unwrap();
+        let mut source = Source::new(series).unwrap();
         if kind != Kind::Real {
             source.hold_as(0, kind).unwrap();
         }
@@ -338,10 +361,17 @@ mod tests {
             ],
             ..Series::default()
         };
-        let message = Source::new(&series).unwrap_err().to_string();
+        let message = Source::new(series.clone()).unwrap_err().to_string();
         assert_eq!(message, "column `b` has no samples");
+        let mut infinite = series.clone();
+        infinite.columns[0].values[1] = f64::NEG_INFINITY;
+        let message = Source::new(infinite).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "column `a` is -inf at 2 s; expected finite numbers"
+        );
         let columns = series.columns[..1].to_vec();
-        let mut source = Source::new(&Series { columns, ..series }).unwrap();
+        let mut source = Source::new(Series { columns, ..series }).unwrap();
         let refused = |source: &mut Source, kind| source.hold_as(0, kind).unwrap_err().to_string();
         assert_eq!(
             refused(&mut source, Kind::Integer),

@@ -161,22 +161,23 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     interface::read(&text.to_string_lossy()).map_err(refuse)
 }
 
-/// Writes the FMU of a user's library.
+/// Writes the FMU of a user's library, to the path that its interface asks for, which may also be refused.
 ///
 /// # Errors
 /// When the library cannot be used or asked, one of the others is not for its platform, or the file
-/// cannot be written.
-pub fn pack(
+/// cannot be written; and what `path` says.
+pub fn pack<E: From<ExportError>>(
     library: &Path,
     provenance: &Provenance,
     options: &super::Options,
-    path: impl FnOnce(&Interface) -> PathBuf,
-) -> Result<PathBuf, ExportError> {
+    path: impl FnOnce(&Interface) -> Result<PathBuf, E>,
+) -> Result<PathBuf, E> {
     let bytes = std::fs::read(library).map_err(|source| ExportError::Read {
         path: library.to_owned(),
         source,
     })?;
     let interface = ask(library, &bytes, options.version)?;
+    let path = path(&interface)?;
     let own = Platform::host().map(|platform| (platform, bytes));
     let archive = archive(&Contents {
         interface: &interface,
@@ -187,7 +188,6 @@ pub fn pack(
         picture: None,
         resources: BTreeMap::new(),
     })?;
-    let path = path(&interface);
     write(&path, &archive)?;
     Ok(path)
 }

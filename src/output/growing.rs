@@ -25,17 +25,17 @@ impl GrowingFile {
     /// ([`io::ErrorKind::IsADirectory`]), or another process is writing the same file
     /// ([`io::ErrorKind::ResourceBusy`]).
     pub fn create(path: &Path) -> io::Result<Self> {
-        super::folder_of(path)?;
-        if std::fs::metadata(path).is_ok_and(|place| !place.is_file()) {
-            return Self::straight(path);
+        if let Some(device) = super::device(path)? {
+            return Ok(Self::straight(path, device));
         }
-        let part = with_ending(path, ".part");
+        let path = super::place(path)?;
+        let part = with_ending(&path, ".part");
         let mut left_behind = None;
         let file = loop {
             match OpenOptions::new().write(true).create_new(true).open(&part) {
                 Ok(file) => break file,
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                    left_behind = Some(put_aside(path, &part)?);
+                    left_behind = Some(put_aside(&path, &part)?);
                 }
                 Err(error) => return Err(error),
             }
@@ -44,21 +44,21 @@ impl GrowingFile {
         // the file system knows no locks, they cannot.
         let _ = file.try_lock();
         Ok(Self {
-            path: path.to_owned(),
+            path,
             part,
             file,
             left_behind,
         })
     }
 
-    /// A device or a pipe, such as `/dev/stdout`: nothing stands there that half a result could spoil.
-    fn straight(path: &Path) -> io::Result<Self> {
-        Ok(Self {
+    /// A device or a pipe has no part.
+    fn straight(path: &Path, file: File) -> Self {
+        Self {
             path: path.to_owned(),
             part: path.to_owned(),
-            file: OpenOptions::new().write(true).open(path)?,
+            file,
             left_behind: None,
-        })
+        }
     }
 
     /// Where the part of an earlier process, which did not come to its end, has been put.

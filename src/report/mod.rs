@@ -11,7 +11,7 @@ mod tables;
 
 pub use figures::ClosedLoop;
 pub use loops::{LoopFigure, loop_page};
-pub use number::significant;
+pub use number::{short, significant};
 pub use page::{Report, page};
 pub use plot::{Line, Plot};
-pub use tables::rms;
+pub use tables::{rms, target_of};

@@ -16,6 +16,15 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
+/// [`significant`] without zeros at the end of its decimals: what somebody has chosen, such as a target.
+pub fn short(value: f64, digits: usize) -> String {
+    let text = significant(value, digits);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
 /// [`significant`] for a page: a true minus sign, and the power of ten as such.
 pub fn html(value: f64, digits: usize) -> String {
     let text = significant(value, digits).replace('-', "\u{2212}");
@@ -27,7 +36,7 @@ pub fn html(value: f64, digits: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{html, significant};
+    use super::{html, short, significant};
 
     #[test]
     fn digits_are_kept_at_every_size() {
@@ -41,6 +50,21 @@ mod tests {
         ];
         for (value, text) in cases {
             assert_eq!(significant(value, 4), text);
+        }
+    }
+
+    #[test]
+    fn chosen_numbers_are_short() {
+        let cases = [
+            (10.0, "10"),
+            (-2.5, "-2.5"),
+            (0.1 + 0.2, "0.3"),
+            (30.48, "30.48"),
+            (1e7, "1.000e7"),
+            (1200.0, "1200"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(short(value, 4), text);
         }
     }
 

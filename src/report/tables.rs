@@ -5,6 +5,7 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
+use crate::identification::trials::Summary;
 use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
@@ -91,6 +92,15 @@ fn modes(poles: &[Complex<f64>]) -> String {
     table(&header, &[0, 1, 2, 3], &rows)
 }
 
+/// The target of a run [m], or the range in which it moves.
+pub fn target_of(summary: &Summary) -> String {
+    let [least, greatest] = summary.target_range.map(|target| number::short(target, 4));
+    match summary.target_range[0] == summary.target_range[1] {
+        true => least,
+        false => format!("{least} to {greatest}"),
+    }
+}
+
 pub fn runs(report: &Report) -> String {
     let unit = report.options.objective.unit();
     let flown = report.flown.iter().map(Some).chain(std::iter::repeat(None));
@@ -102,11 +112,11 @@ pub fn runs(report: &Report) -> String {
             let peak = summary.peak_stick;
             vec![
                 escape(&run.name),
-                cell(format!("{}", summary.target)),
+                cell(target_of(&summary)),
                 (summary.samples - summary.missing).to_string(),
-                format!("{}", trial.weight),
+                number::short(trial.weight, 4),
                 number::html(summary.final_error, 3),
-                format!("{:.1}", 100.0 * summary.overshoot),
+                (summary.overshoot).map_or("–".into(), |part| format!("{:.1}", 100.0 * part)),
                 peak.map_or("–".into(), |peak| format!("{peak:.3}")),
                 number::html(rms(&run.residual), 3),
                 number::html(largest, 3),

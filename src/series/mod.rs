@@ -14,10 +14,13 @@
 //! comes first.
 
 mod error;
+mod lines;
 mod read;
 mod write;
 
 pub use error::SeriesError;
+pub use lines::Lines;
+pub use write::head;
 
 /// One signal of a [`Series`].
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +39,10 @@ pub struct Series {
     /// Comment lines of the file, without the leading `#`.
     pub comments: Vec<String>,
     /// Times [s], strictly increasing; equal ones may follow each other after
-    /// [`Series::read_with_jumps`].
+    /// [`Series::read_table`].
     pub time: Vec<f64>,
+    /// Unit of the times in the file's header, from which they were converted; empty where it names none.
+    pub time_unit: String,
     /// The signals, each of `time.len()` values.
     pub columns: Vec<Column>,
 }

@@ -1,7 +1,19 @@
 //! CSV in.
 
+use super::lines::Lines;
 use super::{Column, Series, SeriesError};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+
+/// What a file may hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// Finite samples, or none, at times that increase.
+    Recording,
+    /// Results of simulations too: times that repeat, and numbers that are not finite.
+    Table,
+}
 
 impl Series {
     /// Reads a CSV file: see the [module](super) for its form.
@@ -9,17 +21,17 @@ impl Series {
     /// # Errors
     /// When the file cannot be read or is not of that form; the message names file, line and column.
     pub fn read(path: &Path) -> Result<Self, SeriesError> {
-        Self::parse(&content(path)?, &path.display().to_string())
+        Self::read_as(path, Form::Recording)
     }
 
-    /// Reads a CSV file in which a time may stand in several rows: the signals jump there, from the
-    /// first of these rows to the last.
+    /// Reads a CSV file as simulations write it. A time may stand in several rows: the signals jump there,
+    /// from the first of these rows to the last. A sample may be infinite (`inf`, `-inf`), and `NaN` is a
+    /// missing one.
     ///
     /// # Errors
-    /// As [`Series::read`], but that a time may repeat.
-    pub fn read_with_jumps(path: &Path) -> Result<Self, SeriesError> {
-        let after = |time: f64, previous: f64| time >= previous;
-        Self::parse_ordered(&content(path)?, &path.display().to_string(), after)
+    /// As [`Series::read`], but for these two.
+    pub fn read_table(path: &Path) -> Result<Self, SeriesError> {
+        Self::read_as(path, Form::Table)
     }
 
     /// Parses a CSV file's bytes; `file` is its name in messages.
@@ -27,17 +39,21 @@ impl Series {
     /// # Errors
     /// As [`Series::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self, SeriesError> {
-        Self::parse_ordered(bytes, file, |time, previous| time > previous)
+        Self::parse_as(bytes, file, Form::Recording)
     }
 
-    /// Parses rows of which each time has to come `after` that of the row before.
-    fn parse_ordered(
-        bytes: &[u8],
-        file: &str,
-        after: fn(f64, f64) -> bool,
-    ) -> Result<Self, SeriesError> {
-        let text = utf8(bytes, file)?;
-        let mut rows = Rows::new(text, file);
+    fn read_as(path: &Path, form: Form) -> Result<Self, SeriesError> {
+        let opened = File::open(path).map_err(|source| SeriesError::Read {
+            file: path.to_owned(),
+            source,
+        })?;
+        let from = BufReader::with_capacity(1 << 16, opened);
+        Self::parse_as(from, &path.display().to_string(), form)
+    }
+
+    /// Parses what can be read once, from the first byte to the last: a file of any length, or a pipe.
+    fn parse_as(from: impl BufRead, file: &str, form: Form) -> Result<Self, SeriesError> {
+        let mut rows = Rows::new(from, file);
         let header = rows.header()?;
         let columns = (header.cells.iter().skip(1))
             .map(|(name, unit)| Column {
@@ -47,97 +63,68 @@ impl Series {
             })
             .collect();
         let mut series = Self {
-            comments: comments(text),
-            time: Vec::new(),
+            time_unit: header.cells[0].1.clone(),
             columns,
+            ..Self::default()
         };
-        while let Some((line, row)) = rows.next()? {
-            series.push_row(&row, line, &header, file, after)?;
+        while rows.next()? {
+            series.push_row(&rows, &header, form)?;
         }
+        series.comments = std::mem::take(&mut rows.reader.get_mut().comments);
         match series.time.is_empty() {
             true => Err(SeriesError::NoSamples { file: file.into() }),
             false => Ok(series),
         }
     }
 
-    /// Appends one row of cells.
-    fn push_row(
+    /// Appends the row at which `rows` stand.
+    fn push_row<R: BufRead>(
         &mut self,
-        row: &csv::StringRecord,
-        line: usize,
+        rows: &Rows<R>,
         header: &Header,
-        file: &str,
-        after: fn(f64, f64) -> bool,
+        form: Form,
     ) -> Result<(), SeriesError> {
+        let (row, file) = (&rows.row, || rows.file.to_owned());
         if row.len() != header.cells.len() {
             return Err(SeriesError::Ragged {
-                file: file.into(),
-                line,
+                file: file(),
+                line: rows.line(),
                 found: row.len(),
                 expected: header.cells.len(),
             });
         }
-        let number = |column: usize| match row[column].trim() {
+        let number = |column: usize, form: Form| match row[column].trim() {
             "" => Ok(f64::NAN),
             cell => match cell.parse::<f64>() {
-                Ok(value) if value.is_finite() => Ok(value),
+                Ok(value) if value.is_finite() || form == Form::Table => Ok(value),
                 _ => Err(SeriesError::Number {
-                    file: file.into(),
-                    line,
+                    file: file(),
+                    line: rows.line(),
                     column: header.cells[column].0.clone(),
                     found: cell.into(),
                 }),
             },
         };
-        let time = number(0)? * header.seconds;
+        let time = number(0, Form::Recording)? * header.seconds;
         if time.is_nan() {
-            let file = file.into();
+            let (file, line) = (file(), rows.line());
             return Err(SeriesError::MissingTime { file, line });
         }
-        if let Some(&previous) = self.time.last().filter(|&&previous| !after(time, previous)) {
+        let is_after = |previous| time > previous || (form == Form::Table && time == previous);
+        if let Some(&previous) = self.time.last().filter(|&&previous| !is_after(previous)) {
             return Err(SeriesError::TimeOrder {
-                file: file.into(),
-                line,
+                file: file(),
+                line: rows.line(),
                 time,
                 previous,
             });
         }
         for (i, column) in self.columns.iter_mut().enumerate() {
-            column.values.push(number(i + 1)?);
+            column.values.push(number(i + 1, form)?);
         }
         self.time.push(time);
         Ok(())
     }
-}
-
-fn content(path: &Path) -> Result<Vec<u8>, SeriesError> {
-    std::fs::read(path).map_err(|source| SeriesError::Read {
-        file: path.to_owned(),
-        source,
-    })
-}
-
-/// The file as text, without the byte-order mark that spreadsheets put in front.
-fn utf8<'a>(bytes: &'a [u8], file: &str) -> Result<&'a str, SeriesError> {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => Ok(text.strip_prefix('\u{feff}').unwrap_or(text)),
-        Err(error) => {
-            let at = error.valid_up_to();
-            Err(SeriesError::NotUtf8 {
-                file: file.into(),
-                line: 1 + bytes[..at].iter().filter(|&&b| b == b'\n').count(),
-                byte: bytes[at],
-            })
-        }
-    }
-}
-
-/// The comment lines, without `#` and the space after it.
-fn comments(text: &str) -> Vec<String> {
-    (text.lines())
-        .filter_map(|line| line.strip_prefix('#'))
-        .map(|line| line.trim().to_owned())
-        .collect()
 }
 
 /// The header row: names and units of all columns, and the time's factor to seconds.
@@ -147,51 +134,58 @@ struct Header {
 }
 
 /// The rows of the file with their line numbers.
-struct Rows<'a> {
-    reader: csv::Reader<&'a [u8]>,
-    text: &'a str,
+struct Rows<'a, R> {
+    reader: csv::Reader<Lines<R>>,
+    row: csv::StringRecord,
     file: &'a str,
 }
 
-impl<'a> Rows<'a> {
-    fn new(text: &'a str, file: &'a str) -> Self {
+impl<'a, R: BufRead> Rows<'a, R> {
+    fn new(from: R, file: &'a str) -> Self {
         let reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .comment(Some(b'#'))
             .flexible(true)
-            .from_reader(text.as_bytes());
-        Self { reader, text, file }
+            .from_reader(Lines::new(from));
+        let row = csv::StringRecord::new();
+        Self { reader, row, file }
     }
 
-    /// The next row and its line; blank lines and comments are passed over.
-    fn next(&mut self) -> Result<Option<(usize, csv::StringRecord)>, SeriesError> {
-        let mut row = csv::StringRecord::new();
-        let more = self.reader.read_record(&mut row);
-        let more = more.map_err(|source| SeriesError::Csv {
-            file: self.file.into(),
-            source,
-        })?;
-        Ok(more.then(|| (self.line_of(&row), row)))
+    /// Goes to the next row, if there is one; blank lines and comments are passed over.
+    fn next(&mut self) -> Result<bool, SeriesError> {
+        let more = self.reader.read_record(&mut self.row);
+        more.map_err(|source| {
+            let (file, lines) = (self.file.to_owned(), self.reader.get_ref());
+            match lines.wrong {
+                Some(byte) => SeriesError::NotUtf8 {
+                    file,
+                    line: lines.number,
+                    byte,
+                },
+                None if source.is_io_error() => SeriesError::Read {
+                    file: file.into(),
+                    source: source.into(),
+                },
+                None => SeriesError::Csv { file, source },
+            }
+        })
     }
 
-    /// The line on which a row stands. The reader's own count is of the place where it began to look,
+    /// The line on which the row begins. The reader's own count is of the place where it began to look,
     /// before the comments and blank lines that it then passed over.
-    fn line_of(&self, row: &csv::StringRecord) -> usize {
-        let start = row.position().map_or(0, |p| p.byte() as usize);
-        let before = self.text[..start].matches('\n').count();
-        let passed = (self.text[start..].lines())
-            .take_while(|line| line.is_empty() || line.starts_with('#'))
-            .count();
-        1 + before + passed
+    fn line(&self) -> usize {
+        let within: usize = self.row.iter().map(|cell| cell.matches('\n').count()).sum();
+        self.reader.get_ref().number - within
     }
 
     fn header(&mut self) -> Result<Header, SeriesError> {
         let file = || self.file.to_owned();
-        let Some((line, row)) = self.next()? else {
+        if !self.next()? {
             return Err(SeriesError::Empty {
                 file: self.file.into(),
             });
-        };
+        }
+        let (line, row) = (self.line(), &self.row);
         let separator = |c: char| row.len() == 1 && row[0].contains(c);
         for (c, separator_name) in [(';', "semicolons"), ('\t', "tabs")] {
             if separator(c) {
@@ -251,9 +245,9 @@ impl<'a> Rows<'a> {
 }
 
 /// Splits `name [unit]`; the unit is empty where none is written. None: not a name.
-fn name_and_unit(cell: &str) -> Option<(String, String)> {
+pub(super) fn name_and_unit(cell: &str) -> Option<(String, String)> {
     let cell = cell.trim();
-    let balanced = cell.matches('[').count() == cell.matches(']').count();
+    let is_balanced = || cell.matches('[').count() == cell.matches(']').count();
     let (name, unit) = match cell
         .strip_suffix(']')
         .and_then(|rest| rest.rsplit_once('['))
@@ -263,7 +257,9 @@ fn name_and_unit(cell: &str) -> Option<(String, String)> {
         Some((name, unit)) => (name.trim(), unit.trim()),
         None => (cell, ""),
     };
-    let good = balanced && !name.is_empty() && !name.contains(['\n', '\r']);
+    // Brackets of the name are its own, as long as those of a unit are whole.
+    let is_whole = name.len() < cell.len() || is_balanced();
+    let good = is_whole && !name.is_empty() && !name.contains(['\n', '\r']);
     good.then(|| (name.to_owned(), unit.to_owned()))
 }
 
@@ -275,6 +271,7 @@ fn is_index(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     #[test]
     fn names_and_units() {
@@ -288,6 +285,8 @@ mod tests {
             split("der(body.q[1,2])").as_deref(),
             Some("der(body.q[1,2])|")
         );
+        assert_eq!(split("q [1] []").as_deref(), Some("q [1]|"));
+        assert_eq!(split("q[ [m]").as_deref(), Some("q[|m"));
         for wrong in ["", " ", "[m]", "position [m", "position m]"] {
             assert_eq!(name_and_unit(wrong), None, "{wrong:?}");
         }
@@ -306,6 +305,70 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "f.csv:9: time 1 s does not come after 1 s, the row before"
+        );
+    }
+
+    /// What is taken from it cannot be taken again; keeps the size of the largest portion.
+    struct Once<'a> {
+        rest: &'a [u8],
+        most: &'a mut usize,
+    }
+
+    impl Read for Once<'_> {
+        fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+            *self.most = (*self.most).max(to.len());
+            self.rest.read(to)
+        }
+    }
+
+    /// Work and memory: each byte comes once, in small portions, and yet an error far below has its line.
+    #[test]
+    fn a_file_is_read_once_in_portions() {
+        let rows: String = (0..20_000).map(|k| format!("{k},{}\r\n", 2 * k)).collect();
+        let text = format!("# one\r\ntime [ms],a [m]\r\n\r\n{rows}# end\r\n20000,x\r\n1,1\r\n");
+        let mut most = 0;
+        let once = Once {
+            rest: text.as_bytes(),
+            most: &mut most,
+        };
+        let from = BufReader::with_capacity(512, once);
+        let error = Series::parse_as(from, "f.csv", Form::Recording).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "f.csv:20005: column `a`: `x` is not a finite number; leave the cell empty where the sample is missing"
+        );
+        assert_eq!(most, 512);
+        let good = text.replace("20000,x\r\n1,1", "20000,40000");
+        let series = Series::parse(good.as_bytes(), "f.csv").unwrap();
+        assert_eq!(series.comments, ["one", "end"]);
+        assert_eq!(series.time.len(), 20_001);
+        assert_eq!(series.time[20_000], 20.0);
+        assert_eq!(series.columns[0].values[19_999], 39_998.0);
+    }
+
+    #[test]
+    fn a_row_of_several_lines_is_named_by_its_first() {
+        let text = "time,a\n0,1\n1,\"2\n3\"\n";
+        let error = Series::parse(text.as_bytes(), "f.csv").unwrap_err();
+        assert!(error.to_string().starts_with("f.csv:3: "), "{error}");
+    }
+
+    #[test]
+    fn tables_may_repeat_times_and_hold_what_is_not_finite() {
+        let text = "time,a\n0,1\n0,inf\n1,-inf\n1,NaN\n";
+        let read = |form| Series::parse_as(text.as_bytes(), "f.csv", form);
+        let table = read(Form::Table).unwrap();
+        assert_eq!(table.time, [0.0, 0.0, 1.0, 1.0]);
+        let a = &table.columns[0].values;
+        assert_eq!(a[..3], [1.0, f64::INFINITY, f64::NEG_INFINITY]);
+        assert!(a[3].is_nan());
+        let error = read(Form::Recording).unwrap_err().to_string();
+        assert!(error.starts_with("f.csv:3: time 0 s does not"), "{error}");
+        let error = Series::parse_as(&b"time,a\n0,1\ninf,1\n"[..], "f.csv", Form::Table);
+        let error = error.unwrap_err().to_string();
+        assert!(
+            error.starts_with("f.csv:3: column `time`: `inf`"),
+            "{error}"
         );
     }
 

@@ -103,6 +103,12 @@ pub enum SyntheticError {
         /// Greatest value.
         max: f64,
     },
+    /// A target that is asked for twice: its runs would have the same names.
+    #[error("target {target} m is given twice; `runs` says how often each is flown to")]
+    Twice {
+        /// The target [m].
+        target: f64,
+    },
     /// Human and vehicle together are unstable.
     #[error(
         "in run {run} human and vehicle swing up without bound: {position:e} m at {time} s; \
@@ -170,8 +176,17 @@ impl Flights {
             ("duration", self.duration, 1.0, 3600.0),
             ("rate", self.rate, 1.0, 1e4),
             ("variation", self.variation, 0.0, 0.3),
+            // Fewer samples are no trial.
+            ("duration · rate", self.duration * self.rate, 9.0, 3.6e7),
         ];
-        check_ranges(targets.chain(rest))
+        check_ranges(targets.chain(rest))?;
+        let is_before = |k: usize| self.targets[..k].contains(&self.targets[k]);
+        match (0..self.targets.len()).find(|&k| is_before(k)) {
+            Some(k) => Err(SyntheticError::Twice {
+                target: self.targets[k],
+            }),
+            None => Ok(()),
+        }
     }
 
     /// One run from hover at 0 to `target`, which appears at time 0.
@@ -201,6 +216,7 @@ impl Flights {
         };
         Series {
             comments: Vec::new(),
+            time_unit: "s".into(),
             time: (0..samples).map(|k| k as f64 / self.rate).collect(),
             columns: vec![
                 column("target", "m", vec![target; samples]),

@@ -83,3 +83,29 @@ pub fn to_toml(vehicle: &Quadcopter) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 256,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(8),
+            ..ProptestConfig::default()
+        })]
+        /// Anywhere in the ranges, their ends included.
+        #[test]
+        fn a_vehicle_that_is_written_is_read_again_to_the_same_bits(
+            parts in prop::array::uniform10(prop_oneof![Just(0.0), Just(1.0), 0.0..1.0]),
+        ) {
+            let mut vehicle = Quadcopter::default();
+            for (field, part) in COEFFICIENTS.iter().zip(parts) {
+                let (min, max) = field.range;
+                (field.set)(&mut vehicle, if part == 1.0 { max } else { min + part * (max - min) });
+            }
+            prop_assert_eq!(parse(&to_toml(&vehicle), "v.toml").unwrap(), vehicle);
+        }
+    }
+}

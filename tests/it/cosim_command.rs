@@ -63,7 +63,7 @@ fn a_table_feeds_inputs_of_every_type_in_their_units() {
          note: nothing feeds `good.text_in`; it keeps its start value\n\
          note: `good.text` is text and not in the table\n"
     );
-    let header = "time,good.u,good.y,good.tolerance,good.start,good.stop,good.n_in,good.n,good.flag_in,good.flag";
+    let header = "time,good.u [m],good.y [m],good.tolerance,good.start,good.stop,good.n_in,good.n,good.flag_in,good.flag";
     assert_eq!(folder.read("result.csv").lines().next().unwrap(), header);
     let rows = rows(&folder, "result.csv");
     let column = |i: usize| rows.iter().map(|row| row[i]).collect::<Vec<_>>();
@@ -244,6 +244,11 @@ fn files_of_values_that_are_wrong_name_the_line() {
         ),
         (
             "v.csv",
+            "\u{feff}name,value\r\n# of the type plate\r\n\r\ngood.uu,1\r\n",
+            "v.csv:4: `good.uu`: `good` has no variable `uu`",
+        ),
+        (
+            "v.csv",
             "name;value\n",
             "v.csv:1: the header is `name;value`; expected `name,value` or `name,value,unit`",
         ),
@@ -293,7 +298,7 @@ fn signals_and_rows_are_chosen_and_fmpy_reads_them() {
         serde_json::from_str(&python::run("read_result.py", [result])).unwrap();
     assert_eq!(
         read["names"],
-        serde_json::json!(["time", "good.k", "good.y", "good.u", "good.n"])
+        serde_json::json!(["time", "good.k [1/s]", "good.y [m]", "good.u [m]", "good.n"])
     );
     assert_eq!(read["rows"], 3);
     let y = 1.0 - (-2.0f64).exp();
@@ -302,8 +307,8 @@ fn signals_and_rows_are_chosen_and_fmpy_reads_them() {
     assert_eq!((last[0], last[1], last[3], last[4]), (2.0, 1.0, 1.0, 1.0));
     // Parameters only where nothing else fits.
     for (pattern, header) in [
-        ("good.?", "time,good.u,good.y,good.n"),
-        ("*.k*", "time,good.k"),
+        ("good.?", "time,good.u [m],good.y [m],good.n"),
+        ("*.k*", "time,good.k [1/s]"),
     ] {
         assert_eq!(short_run(&folder, &["--record", pattern]).code, 0);
         assert_eq!(folder.read("result.csv").lines().next(), Some(header));
@@ -330,11 +335,11 @@ fn signals_and_rows_are_chosen_and_fmpy_reads_them() {
 #[test]
 fn rows_survive_a_crash_and_the_next_run_says_so() {
     let folder = folder(&["good", "crash@1.25"]);
-    folder.write("result.csv", "old");
+    folder.write("result.csv", "time,a.b\n0,1\n");
     let run = |fmu| folder.pilotage(&["cosim", fmu, "--stop-time", "2", "--step", "0.25"]);
     let ended = run("crash.fmu");
     assert_eq!(ended.code, -1, "{ended:?}");
-    assert_eq!(folder.read("result.csv"), "old");
+    assert_eq!(folder.read("result.csv"), "time,a.b\n0,1\n");
     // All rows until the step in which the FMU crashed, as fmpy reads them.
     let part = folder.path("result.csv.part").into_os_string();
     let read: serde_json::Value =

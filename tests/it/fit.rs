@@ -214,7 +214,7 @@ fn failures_leave_what_stood_there_before() {
     ];
     for (arguments, message) in cases {
         let folder = Folder::new();
-        folder.write("pilot.toml", "mine");
+        folder.write("pilot.toml", "# A pilot: mine");
         folder.write("bad.csv", "time [s],target [m],position [m]\n");
         let trial = example("trials/10m-run1.csv");
         let run = format!(
@@ -228,7 +228,7 @@ fn failures_leave_what_stood_there_before() {
             (2, *message),
             "{arguments:?}"
         );
-        assert_eq!(folder.read("pilot.toml"), "mine");
+        assert_eq!(folder.read("pilot.toml"), "# A pilot: mine");
         assert_eq!(folder.files(), ["bad.csv", "pilot.toml", "validation.toml"]);
     }
 }

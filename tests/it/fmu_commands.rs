@@ -53,8 +53,8 @@ fn a_loop_is_simulated_and_recorded() {
     let csv = folder.read("result.csv");
     assert_eq!(
         csv.lines().next().unwrap(),
-        "time,good.y,good.tolerance,good.start,good.stop,good.n,good.flag,\
-         other.y,other.tolerance,other.start,other.stop,other.n,other.flag"
+        "time,good.y [m],good.tolerance,good.start,good.stop,good.n,good.flag,\
+         other.y [m],other.tolerance,other.start,other.stop,other.n,other.flag"
     );
     assert_eq!(csv.lines().count(), 6);
     assert!(csv.lines().nth(5).unwrap().starts_with("1,0,0.001,0,1,"));
@@ -112,7 +112,7 @@ fn rows_before_a_failure_are_kept_and_it_says_where() {
 #[test]
 fn what_was_there_stays_if_the_initialization_fails() {
     let folder = folder(&["error-in-initialization"]);
-    folder.write("result.csv", "precious");
+    folder.write("result.csv", "time,a.b\n0,1\n");
     let arguments = [
         "cosim",
         "error-in-initialization.fmu",
@@ -122,7 +122,7 @@ fn what_was_there_stays_if_the_initialization_fails() {
         "0.25",
     ];
     assert_eq!(folder.pilotage(&arguments).code, 2);
-    assert_eq!(folder.read("result.csv"), "precious");
+    assert_eq!(folder.read("result.csv"), "time,a.b\n0,1\n");
     assert_eq!(
         folder.files(),
         ["error-in-initialization.fmu", "result.csv"]

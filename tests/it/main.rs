@@ -15,6 +15,8 @@ mod derivatives;
 mod doubts;
 mod examples;
 mod export;
+#[cfg(target_os = "linux")]
+mod files;
 mod fit;
 mod fit_log;
 mod fmi;

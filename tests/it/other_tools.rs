@@ -92,7 +92,11 @@ fn fmus_of_other_tools_fly_as_in_fmpy() {
         // Both integrate model exchange to a tolerance of their own.
         let tolerance = if kind == "cs" { 1e-12 } else { 1e-6 };
         for (column, ours) in head.iter().zip(&last).skip(1) {
-            let column = column.trim_start_matches("fmu.");
+            let column = column
+                .split(" [")
+                .next()
+                .unwrap()
+                .trim_start_matches("fmu.");
             let column = column.split(" [").next().unwrap();
             let Some(theirs) = theirs[column].as_f64() else {
                 continue;

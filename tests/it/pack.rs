@@ -22,7 +22,10 @@ pub fn packed(crate_folder: &Path, version: FmiVersion, path: PathBuf) -> PathBu
         ..Options::default()
     };
     let (library, _) = pack::build(crate_folder, false).expect("it is built");
-    pack::pack(&library, &Provenance::default(), &options, |_| path).expect("it is packed")
+    pack::pack(&library, &Provenance::default(), &options, |_| {
+        Ok::<_, pilotage::export::ExportError>(path)
+    })
+    .expect("it is packed")
 }
 
 fn names(fmu: &[u8]) -> Vec<String> {

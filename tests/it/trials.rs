@@ -63,14 +63,14 @@ fn a_check_shows_each_trial_in_a_few_numbers() {
     assert_eq!(
         ended.stdout,
         "\
-trial     use         weight  samples  missing   rate  target  final error  overshoot  peak stick
-                                               [1/s]     [m]          [m]        [%]         [1]
-10m-run1  fit              1      301        0  20.00      10       -0.273       27.5       0.292
-10m-run2  fit              1      301        0  20.00      10       -0.336       22.4       0.318
-10m-run3  fit              1      301        0  20.00      10       -0.065       13.4       0.284
-20m-run1  fit              1      301        0  20.00      20       -0.161       15.3       0.636
-20m-run2  fit              1      301        0  20.00      20       -0.680       20.1       0.596
-20m-run3  fit              1      301        0  20.00      20       -0.495       15.0       0.625
+trial     use         weight  samples  missing     rate  target  rms error  final error  overshoot  peak stick
+                                                 [1/s]     [m]        [m]          [m]        [%]         [1]
+10m-run1  fit              1      301        0    20.00      10      4.255       -0.273       27.5       0.292
+10m-run2  fit              1      301        0    20.00      10      4.170       -0.336       22.4       0.318
+10m-run3  fit              1      301        0    20.00      10      4.209       -0.065       13.4       0.284
+20m-run1  fit              1      301        0    20.00      20      8.187       -0.161       15.3       0.636
+20m-run2  fit              1      301        0    20.00      20      8.406       -0.680       20.1       0.596
+20m-run3  fit              1      301        0    20.00      20      8.235       -0.495       15.0       0.625
 "
     );
 }
@@ -96,6 +96,8 @@ fn units_are_converted_and_missing_samples_counted() {
     assert_eq!(trial["peak_stick"], 0.55);
     assert_eq!(trial["missing"], 1);
     assert_eq!(trial["weight"], 2.0);
+    assert!((trial["rate_per_s"].as_f64().unwrap() - 20.0).abs() < 1e-9);
+    assert_eq!(ended.json()["notes"], serde_json::json!([]));
     assert_eq!(trial["use"], "validation");
     let error = trial["final_error_m"].as_f64().unwrap();
     assert!((error - (1.1 - 30.48)).abs() < 1e-12);
@@ -112,6 +114,156 @@ fn a_lost_stretch_of_a_recording_is_pointed_out() {
     let ended = folder.pilotage(&["trials", "check", "a.csv"]);
     let note = "note: a: the longest time step is 11.0 times the usual one; is a stretch of the recording lost?\n";
     assert!(ended.code == 0 && ended.stdout.ends_with(note), "{ended:?}");
+}
+
+/// A sine to follow ends near zero and has no overshoot; nor has a hover.
+#[test]
+fn a_target_that_moves_has_a_range_and_no_overshoot() {
+    let folder = Folder::new();
+    let file = |target: fn(f64) -> f64, position: fn(f64) -> f64| -> String {
+        let times = (0..=40).map(|k| f64::from(k) * std::f64::consts::PI / 20.0);
+        let rows: String = times
+            .map(|t| format!("{t},{},{}\n", target(t), position(t)))
+            .collect();
+        format!("time [s],target [m],position [m]\n{rows}")
+    };
+    folder.write("sine.csv", file(|t| 3.0 * t.sin(), |t| 3.0 * t.sin() + 0.5));
+    folder.write("hover.csv", file(|_| 2.0, |t| 2.0 + 1e-9 + t.sin()));
+    folder.write("down.csv", file(|_| -2.0, |t| -2.5 + 2.5 * t.cos()));
+    let files = ["sine.csv", "hover.csv", "down.csv"];
+    let json = folder
+        .pilotage(&[&["trials", "check", "--json"], &files[..]].concat())
+        .json();
+    let number = |k: usize, name: &str| json["trials"][k][name].as_f64();
+    assert_eq!([0, 1].map(|k| number(k, "overshoot")), [None; 2]);
+    // From 0 to -5, with the target at -2.
+    assert!((number(2, "overshoot").unwrap() - 1.5).abs() < 1e-12);
+    assert!((number(0, "rms_error_m").unwrap() - 0.5).abs() < 1e-12);
+    assert_eq!(
+        json["trials"][0]["target_range_m"],
+        serde_json::json!([-3.0, 3.0])
+    );
+    let text = folder
+        .pilotage(&[&["trials", "check"], &files[..]].concat())
+        .stdout;
+    let rows: Vec<String> = text
+        .lines()
+        .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+        .collect();
+    assert_eq!(rows[2], "sine fit 1 41 0 6.366 -3 to 3 0.500 0.500 - -");
+    assert_eq!(rows[3], "hover fit 1 41 0 6.366 2 0.698 0.000 - -");
+    assert_eq!(rows[4], "down fit 1 41 0 6.366 -2 1.841 2.000 150.0 -");
+}
+
+/// A stick that rounding or calibration puts a little beyond its stops is clipped, and one told about.
+#[test]
+fn a_stick_a_little_beyond_its_stops_is_clipped_and_told() {
+    let folder = Folder::new();
+    let file = |stick: &str| {
+        let rows: String = (0..12)
+            .map(|k| {
+                format!(
+                    "{},10,{k},{}\n",
+                    f64::from(k) * 0.5,
+                    if k % 4 == 0 { stick } else { "1" }
+                )
+            })
+            .collect();
+        format!("time [s],target [m],position [m],stick\n{rows}")
+    };
+    folder.write("a.csv", file("-1.0004"));
+    let note = "a.csv: 3 of 12 samples of the stick are beyond its stops, the farthest at -1.0004; they are taken for full";
+    let ended = folder.pilotage(&["trials", "check", "a.csv"]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    assert!(
+        ended.stdout.ends_with(&format!("note: {note}\n")),
+        "{ended:?}"
+    );
+    let json = folder
+        .pilotage(&["trials", "check", "--json", "a.csv"])
+        .json();
+    assert_eq!(json["trials"][0]["peak_stick"], 1.0);
+    assert_eq!(json["notes"], serde_json::json!([note]));
+    folder.write("a.csv", file("-1.0201"));
+    let ended = folder.pilotage(&["trials", "check", "a.csv"]);
+    assert_eq!(ended.code, 2);
+    assert!(
+        ended
+            .stderr
+            .starts_with("error: a.csv: stick = -1.0201 at 0 s;"),
+        "{ended:?}"
+    );
+}
+
+/// 301 samples of 50 ms are 15 s and not 15,000; a header that names the unit is believed.
+#[test]
+fn times_that_are_probably_milliseconds_are_doubted() {
+    let folder = Folder::new();
+    let rows: String = (0..301).map(|k| format!("{},10,{k}\n", 50 * k)).collect();
+    let file = |unit: &str| format!("time{unit},target [m],position [m]\n{rows}");
+    let note = "note: a.csv: the times have no unit and are taken for seconds: 301 samples in 15000 s, one every 50 s; \
+                head the column `time [ms]` if they are milliseconds, and `time [s]` if they are not\n";
+    folder.write("a.csv", file(""));
+    let ended = folder.pilotage(&["trials", "check", "a.csv"]);
+    assert!(ended.code == 0 && ended.stdout.ends_with(note), "{ended:?}");
+    let ended = folder.pilotage(&[
+        "fit",
+        "a.csv",
+        "--max-iterations=1",
+        "--random-starts=0",
+        "--scheme=euler",
+    ]);
+    assert!(ended.stderr.starts_with(note), "{ended:?}");
+    for (unit, rate) in [(" [ms]", 20.0), (" [s]", 0.02)] {
+        folder.write("a.csv", file(unit));
+        let json = folder
+            .pilotage(&["trials", "check", "--json", "a.csv"])
+            .json();
+        assert_eq!(json["notes"], serde_json::json!([]), "{unit}");
+        let found = json["trials"][0]["rate_per_s"].as_f64().unwrap();
+        assert!((found / rate - 1.0).abs() < 1e-9, "{unit}: {found}");
+    }
+}
+
+/// What `synth` writes, `check` reads: odd targets, the shortest of runs, a vehicle of an odd name.
+#[test]
+fn what_is_made_is_read_again() {
+    let folder = Folder::new();
+    let vehicle = folder.pilotage(&["vehicle", "show"]).stdout;
+    folder.write("odd\n[name].toml", vehicle);
+    let synth = [
+        "trials",
+        "synth",
+        "--runs=2",
+        "--duration=1",
+        "--rate=9",
+        "--vehicle=odd\n[name].toml",
+    ];
+    let ended =
+        folder.pilotage(&[&synth[..], &["--targets=0.1,-0.30000000000000004,99999.9"]].concat());
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    let ended = folder.pilotage(&["trials", "check", "--json", "trials/trials.toml"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert_eq!(ended.json()["trials"].as_array().unwrap().len(), 6);
+    for (more, message) in [
+        (
+            "--targets=10,20,10",
+            "error: target 10 m is given twice; `runs` says how often each is flown to\n",
+        ),
+        (
+            "--rate=8",
+            "error: duration · rate = 8 is out of range; expected 9 to 36000000\n",
+        ),
+    ] {
+        let ended = folder.pilotage(
+            &[
+                &["trials", "synth", "--duration=1", "-o", "new"],
+                &[more][..],
+            ]
+            .concat(),
+        );
+        assert_eq!((ended.code, ended.stderr.as_str()), (2, message));
+    }
 }
 
 #[test]

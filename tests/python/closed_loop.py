@@ -84,6 +84,8 @@ def main():
     for slave in slaves:
         slave.close()
     table = read_csv(result)
+    # To fmpy a column is named `instance.variable [unit]`.
+    table.dtype.names = tuple(name.split(" [")[0] for name in table.dtype.names)
     assert list(table.dtype.names) == ["time", *rows[0]], table.dtype.names
     assert len(table) == steps + 1, len(table)
     assert all(table["time"][k] == k * h for k in range(steps + 1))

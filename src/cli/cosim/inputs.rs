@@ -3,7 +3,7 @@
 use super::super::Failure;
 use super::wiring::instance;
 use crate::cosim::{Clock, Kind, Role, Source, System, SystemError, Variable};
-use crate::series::Series;
+use crate::series::{Column, Series};
 use std::path::PathBuf;
 
 /// A table that has been added to the system.
@@ -23,11 +23,11 @@ pub fn add(
     connections: &[(String, String)],
 ) -> Result<Table, Failure> {
     let (name, file) = instance(argument);
-    let series = Series::read_with_jumps(&file)?;
+    let mut series = Series::read_table(&file)?;
     let at = |error: &dyn std::error::Error| Failure::new(format!("{}: {error}", file.display()));
-    let mut source = Source::new(&series).map_err(|error| at(&error))?;
-    let (mut named, mut unused) = (Vec::new(), Vec::new());
-    for (position, column) in series.columns.iter().enumerate() {
+    let (mut named, mut unused, mut holds) = (Vec::new(), Vec::new(), Vec::new());
+    let mut is_used = false;
+    for column in std::mem::take(&mut series.columns) {
         let own = own_input(system, &column.name)
             .map_err(|error| at(&error).hint("rename the column, or leave it out"))?;
         let port = format!("{name}.{}", column.name);
@@ -40,20 +40,28 @@ pub fn add(
             (None, Some((_, to))) => held(system.find(to)?),
             (None, None) => {
                 unused.push(column.name.clone());
+                // Results of a run may hold what nobody can use, and nobody needs to.
+                if !is_usable(&column) {
+                    continue;
+                }
                 None
             }
         };
-        if let Some(kind) = held {
-            (source.hold_as(position, kind)).map_err(|error| at(&error))?;
-        }
+        is_used |= own.is_some() || wired.is_some();
+        holds.extend(held.map(|kind| (series.columns.len(), kind)));
+        series.columns.push(column);
     }
-    if unused.len() == series.columns.len() {
+    if !is_used {
         let message = format!("{}: no column is named like an input", file.display());
         return Err(Failure::new(message).hint(format!(
             "name a column `INSTANCE.INPUT`, or wire one with --connect {name}.COLUMN=INSTANCE.INPUT"
         )));
     }
-    let ends = (series.time.first(), series.time.last());
+    let ends = [series.time.first(), series.time.last()].map(|time| time.copied().unwrap_or(0.0));
+    let mut source = Source::new(series).map_err(|error| at(&error))?;
+    for (column, kind) in holds {
+        (source.hold_as(column, kind)).map_err(|error| at(&error))?;
+    }
     system.add(&name, Box::new(source))?;
     for (port, input) in &named {
         system.connect(port, input)?;
@@ -62,9 +70,15 @@ pub fn add(
         name,
         file,
         unused,
-        begin: ends.0.copied().unwrap_or(0.0),
-        end: ends.1.copied().unwrap_or(0.0),
+        begin: ends[0],
+        end: ends[1],
     })
+}
+
+/// Whether a column can feed anything at all.
+fn is_usable(column: &Column) -> bool {
+    let values = &column.values;
+    values.iter().any(|value| !value.is_nan()) && !values.iter().any(|value| value.is_infinite())
 }
 
 /// The type of a variable between whose samples values are held and not interpolated.

@@ -13,6 +13,7 @@ use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
 use self::wiring::{Wired, Wiring, positive};
+use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
 use crate::output::GrowingFile;
@@ -37,7 +38,8 @@ Examples:
   pilotage cosim pilot.fmu --record 'pilot.s*,pilot.theta1' --record-every 1 \\
     --stop-time 3600 --step 0.05 --progress json
 
-The result has a column `time` and a column `instance.variable` for every output. While the run goes
+The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
+reads it. While the run goes
 it grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name.
 What a crash leaves behind, the next run puts aside and says so.
 Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are
@@ -81,6 +83,8 @@ pub struct Args {
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// Runs the command.
@@ -88,6 +92,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
     let coupling = args.coupling.coupling(&clock)?;
     let every = args.rows_between()?;
+    let output = (args.output.as_path(), Kind::Result);
+    args.overwrite.check(&args.wiring.files(), &[output])?;
     let Wired { mut system, tables } = args.wiring.build()?;
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;

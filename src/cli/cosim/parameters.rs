@@ -3,6 +3,7 @@
 use super::super::Failure;
 use crate::cosim::{System, Unit};
 use crate::document::{self, Document, DocumentError, Table};
+use crate::series::Lines;
 use std::path::Path;
 
 /// A value as a file gives it.
@@ -90,14 +91,13 @@ fn rows(text: &str, file: &str) -> Result<Vec<Entry>, Failure> {
         .comment(Some(b'#'))
         .flexible(true)
         .trim(csv::Trim::All)
-        .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+        .from_reader(Lines::new(text.as_bytes()));
     let mut entries = Vec::new();
     let mut header: Option<Vec<String>> = None;
-    for row in reader.records() {
-        let row = row.map_err(|error| Failure::new(format!("{file}: not CSV: {error}")))?;
-        let line = row
-            .position()
-            .map_or(0, |position| position.line() as usize);
+    let mut row = csv::StringRecord::new();
+    let failed = |error| Failure::new(format!("{file}: not CSV: {error}"));
+    while reader.read_record(&mut row).map_err(failed)? {
+        let line = reader.get_ref().number;
         let wrong = |what: String| Failure::new(format!("{file}:{line}: {what}"));
         let Some(columns) = &header else {
             let found: Vec<String> = row.iter().map(str::to_owned).collect();

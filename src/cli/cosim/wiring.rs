@@ -82,6 +82,13 @@ pub struct Wired {
 }
 
 impl Wiring {
+    /// All files that are read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = self.models.iter().chain(&self.input);
+        let named = named.map(|argument| instance(argument).1);
+        named.chain(self.parameters.iter().cloned()).collect()
+    }
+
     /// Opens everything and wires it.
     pub fn build(&self) -> Result<Wired, Failure> {
         let mut system = System::new();

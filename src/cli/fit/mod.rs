@@ -6,6 +6,7 @@ pub mod summary;
 mod table;
 mod watch;
 
+use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
@@ -120,6 +121,8 @@ pub struct Args {
     /// Print a line for each iteration on stderr.
     #[arg(short, long)]
     verbose: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// A parser for one of `all`, by its name.
@@ -149,6 +152,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
     let options = args.options()?;
     let set = TrialSet::read(&args.trials)?;
+    for note in &set.notes {
+        terminal::note(note);
+    }
+    args.check_outputs(&set)?;
     let pilot_output = open(&args.output)?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
@@ -200,6 +207,17 @@ impl Args {
             tolerance: self.tolerance,
             max_iterations: self.max_iterations,
         })
+    }
+
+    fn check_outputs(&self, set: &TrialSet) -> Result<(), Failure> {
+        let inputs: Vec<PathBuf> = set.files.iter().chain(&self.vehicle).cloned().collect();
+        let log = self.log.as_deref().filter(|log| !log::is_stdout(log));
+        let outputs: Vec<(&Path, Kind)> = [(self.output.as_path(), Kind::Pilot)]
+            .into_iter()
+            .chain(self.report.as_deref().map(|path| (path, Kind::Page)))
+            .chain(log.map(|path| (path, Kind::Log)))
+            .collect();
+        self.overwrite.check(&inputs, &outputs)
     }
 
     /// The summary, away from the log.

@@ -5,6 +5,7 @@ mod text;
 
 use super::cosim::ending;
 use super::cosim::wiring::{Wired, Wiring, pair, positive};
+use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, terminal};
 use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
 use crate::linear::{Mode, StateSpace};
@@ -73,6 +74,8 @@ pub struct Args {
     /// Print one JSON object, matrices and responses included, instead of text.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// What is told of the system, in continuous time or in steps.
@@ -92,6 +95,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         return Err(Failure::new("--report draws loops, and none is asked for")
             .hint("add --loop INSTANCE.OUTPUT=INSTANCE.INPUT"));
     }
+    args.check_outputs()?;
     let Wired { system, tables } = args.wiring.build()?;
     for note in tables.iter().flat_map(|table| table.notes(&clock)) {
         terminal::note(&note);
@@ -129,6 +133,18 @@ impl Args {
                 "--step is missing, to come to {at} s"
             ))),
         }
+    }
+
+    fn check_outputs(&self) -> Result<(), Failure> {
+        let outputs: Vec<(&Path, Kind)> = [
+            (&self.matlab, Kind::Matlab),
+            (&self.csv, Kind::Matrices),
+            (&self.report, Kind::Page),
+        ]
+        .into_iter()
+        .filter_map(|(path, kind)| Some((path.as_deref()?, kind)))
+        .collect();
+        self.overwrite.check(&self.wiring.files(), &outputs)
     }
 
     fn views(

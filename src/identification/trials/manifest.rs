@@ -11,6 +11,10 @@ pub struct TrialSet {
     pub fit: Vec<Trial>,
     /// What the fitted pilot is tried on.
     pub validation: Vec<Trial>,
+    /// What the user may not have meant or not know, one sentence each, with the file's name.
+    pub notes: Vec<String>,
+    /// All files that were read, manifests too.
+    pub files: Vec<PathBuf>,
 }
 
 impl TrialSet {
@@ -26,7 +30,10 @@ impl TrialSet {
                 .is_some_and(|extension| extension == "toml")
             {
                 true => set.read_manifest(path)?,
-                false => set.fit.push(Trial::read(path)?),
+                false => {
+                    let trial = set.read_trial(path)?;
+                    set.fit.push(trial);
+                }
             }
         }
         set.check_names()?;
@@ -38,6 +45,13 @@ impl TrialSet {
         self.fit.iter().chain(&self.validation)
     }
 
+    fn read_trial(&mut self, path: &Path) -> Result<Trial, TrialError> {
+        let (trial, notes) = Trial::read_with_notes(path)?;
+        self.notes.extend(notes);
+        self.files.push(path.to_owned());
+        Ok(trial)
+    }
+
     fn read_manifest(&mut self, path: &Path) -> Result<(), TrialError> {
         let (text, file) = (document::read(path)?, path.display().to_string());
         let document = Document::parse(&text, &file)?;
@@ -47,6 +61,7 @@ impl TrialSet {
         if runs.is_empty() {
             return Err(TrialError::NoRuns { file });
         }
+        self.files.push(path.to_owned());
         let folder = path.parent().unwrap_or(Path::new(""));
         runs.iter().try_for_each(|run| self.read_run(run, folder))
     }
@@ -55,9 +70,9 @@ impl TrialSet {
         run.only(&["file", "weight", "use"])?;
         let file = run.required("file", run.string("file")?)?;
         let weight = weight(run)?;
-        let set = match run.string("use")?.unwrap_or("fit") {
-            "fit" => &mut self.fit,
-            "validation" => &mut self.validation,
+        let is_fitted = match run.string("use")?.unwrap_or("fit") {
+            "fit" => true,
+            "validation" => false,
             found => {
                 return Err(TrialError::Use {
                     file: run.file().into(),
@@ -66,8 +81,14 @@ impl TrialSet {
                 });
             }
         };
-        let trial = Trial::read(&folder.join(file))?;
-        set.push(Trial { weight, ..trial });
+        let trial = Trial {
+            weight,
+            ..self.read_trial(&folder.join(file))?
+        };
+        match is_fitted {
+            true => self.fit.push(trial),
+            false => self.validation.push(trial),
+        }
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! A trial from its file.
 
+use super::summary::median_step;
 use super::{Trial, TrialError};
 use crate::nearest::nearest;
 use crate::series::{Column, Series};
@@ -22,17 +23,31 @@ const LENGTHS: &[(&str, f64)] = &[
 /// Units of the stick; full deflection is 1.
 const STICKS: &[(&str, f64)] = &[("1", 1.0), ("", 1.0), ("-", 1.0), ("%", 1e-2)];
 
+/// How far a stick may be beyond its stops, by rounding and calibration, and still be taken for full: 1 % of
+/// the way from stop to stop.
+const STICK_TOLERANCE: f64 = 0.02;
+
+/// Least time between samples [s] that makes one doubt that a time without a unit is in seconds: nobody
+/// records a human's hand once a second.
+const SLOW: f64 = 1.0;
+
 impl Trial {
-    /// Reads one run from its CSV file.
+    /// Reads one run from its CSV file. What may be wrong with it is told by
+    /// [`TrialSet::read`](super::TrialSet::read) alone.
     ///
     /// # Errors
     /// When the file cannot be read, is not a time series, or lacks what a trial must have.
     pub fn read(path: &Path) -> Result<Self, TrialError> {
+        Self::read_with_notes(path).map(|(trial, _)| trial)
+    }
+
+    /// The same, with what the user may not have meant or not know.
+    pub(super) fn read_with_notes(path: &Path) -> Result<(Self, Vec<String>), TrialError> {
         let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
             file: path.to_owned(),
             source,
         })?;
-        Self::parse(&bytes, &path.display().to_string())
+        Self::parse_with_notes(&bytes, &path.display().to_string())
     }
 
     /// Parses the bytes of a CSV file; `origin` is its name, and the trial is named after its stem.
@@ -40,6 +55,10 @@ impl Trial {
     /// # Errors
     /// As [`Trial::read`].
     pub fn parse(bytes: &[u8], origin: &str) -> Result<Self, TrialError> {
+        Self::parse_with_notes(bytes, origin).map(|(trial, _)| trial)
+    }
+
+    fn parse_with_notes(bytes: &[u8], origin: &str) -> Result<(Self, Vec<String>), TrialError> {
         let series = Series::parse(bytes, origin)?;
         let stem = Path::new(origin).file_stem();
         let target = values(
@@ -51,9 +70,11 @@ impl Trial {
         let position = required(&series, "position", origin)?;
         let position = values(position, "position", LENGTHS, origin)?;
         let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
-        let stick = (series.column("stick").filter(recorded))
+        let mut stick = (series.column("stick").filter(recorded))
             .map(|column| values(column, "stick", STICKS, origin))
             .transpose()?;
+        let clipped = stick.as_mut().and_then(|stick| clip(stick));
+        let notes = [doubtful_times(&series), clipped];
         let trial = Self {
             name: stem.map_or_else(|| origin.into(), |stem| stem.to_string_lossy().into_owned()),
             origin: origin.into(),
@@ -65,7 +86,11 @@ impl Trial {
             weight: 1.0,
         };
         trial.check()?;
-        Ok(trial)
+        let notes = notes.into_iter().flatten();
+        Ok((
+            trial,
+            notes.map(|note| format!("{origin}: {note}")).collect(),
+        ))
     }
 
     fn check(&self) -> Result<(), TrialError> {
@@ -94,6 +119,45 @@ impl Trial {
             None => Ok(()),
         }
     }
+}
+
+/// Puts a stick that is a little beyond its stops on them, and tells so.
+fn clip(stick: &mut [f64]) -> Option<String> {
+    let near = |value: f64| (1.0..=1.0 + STICK_TOLERANCE).contains(&value.abs());
+    let beyond = stick
+        .iter_mut()
+        .filter(|value| near(**value) && value.abs() != 1.0);
+    let (mut count, mut worst) = (0, 0.0_f64);
+    for value in beyond {
+        count += 1;
+        if value.abs() > worst.abs() {
+            worst = *value;
+        }
+        *value = value.signum();
+    }
+    let all = stick.len();
+    (count > 0).then(|| {
+        format!(
+            "{count} of {all} samples of the stick are beyond its stops, the farthest at {worst:.4}; they are \
+             taken for full"
+        )
+    })
+}
+
+/// Times that are probably not in seconds, where the header does not say in what they are.
+fn doubtful_times(series: &Series) -> Option<String> {
+    let step = median_step(&series.time).filter(|step| *step >= SLOW)?;
+    let duration = series.time[series.time.len() - 1] - series.time[0];
+    let rounded = |value: f64| (1e3 * value).round() / 1e3;
+    series.time_unit.is_empty().then(|| {
+        format!(
+            "the times have no unit and are taken for seconds: {} samples in {} s, one every {} s; head the \
+             column `time [ms]` if they are milliseconds, and `time [s]` if they are not",
+            series.time.len(),
+            rounded(duration),
+            rounded(step)
+        )
+    })
 }
 
 /// The column that must be there.

@@ -17,41 +17,81 @@ pub struct Summary {
     pub largest_gap: f64,
     /// The last target [m].
     pub target: f64,
-    /// The last recorded position minus the last target [m].
+    /// Least and greatest target [m]: the same where it stands still.
+    pub target_range: [f64; 2],
+    /// The last recorded position minus the target then [m].
     pub final_error: f64,
-    /// How far the vehicle went beyond the last target, relative to the distance from its first
-    /// recorded position; 0 where it never did.
-    pub overshoot: f64,
+    /// Root mean square of the recorded positions minus the targets then [m].
+    pub rms_error: f64,
+    /// How far the vehicle went beyond the target, relative to the distance from its first recorded position;
+    /// 0 where it never did. None where that means nothing: the target moves, or the vehicle starts at it, to a
+    /// tenth of the range in which it then moves.
+    pub overshoot: Option<f64>,
     /// Greatest |stick|; none where the stick was not recorded.
     pub peak_stick: Option<f64>,
 }
 
+/// Least part of the range of the positions that is a way to the target.
+const LEAST_WAY: f64 = 0.1;
+
 impl Trial {
     /// The run in a few numbers.
     pub fn summary(&self) -> Summary {
-        let mut steps: Vec<f64> = self.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
+        let steps = steps(&self.time);
         let step = steps[steps.len() / 2];
-        let target = self.target[self.target.len() - 1];
-        let recorded = || self.position.iter().copied().filter(|p| !p.is_nan());
-        let (first, last) = (recorded().next(), recorded().next_back());
-        let (first, last) = (first.unwrap_or(f64::NAN), last.unwrap_or(f64::NAN));
-        let way = target - first;
-        let beyond = recorded().map(|position| (position - target) / way);
+        let errors: Vec<f64> = (self.position.iter().zip(&self.target))
+            .map(|(position, target)| position - target)
+            .filter(|error| !error.is_nan())
+            .collect();
+        let squares: f64 = errors.iter().map(|error| error * error).sum();
         let peak = |stick: &Vec<f64>| stick.iter().fold(0.0, |peak: f64, s| peak.max(s.abs()));
         Summary {
             samples: self.time.len(),
-            missing: self.time.len() - recorded().count(),
+            missing: self.time.len() - errors.len(),
             duration: self.time[self.time.len() - 1] - self.time[0],
             rate: 1.0 / step,
             largest_gap: steps[steps.len() - 1] / step,
-            target,
-            final_error: last - target,
-            overshoot: match way == 0.0 {
-                true => 0.0,
-                false => beyond.fold(0.0, f64::max),
-            },
+            target: self.target[self.target.len() - 1],
+            target_range: range(&self.target),
+            final_error: errors.last().copied().unwrap_or(f64::NAN),
+            rms_error: (squares / errors.len() as f64).sqrt(),
+            overshoot: self.overshoot(),
             peak_stick: self.stick.as_ref().map(peak),
         }
     }
+
+    fn overshoot(&self) -> Option<f64> {
+        let [target, greatest] = range(&self.target);
+        let [low, high] = range(&self.position);
+        let first = self.position.iter().find(|position| !position.is_nan())?;
+        let way = target - first;
+        if target != greatest || way == 0.0 || way.abs() < LEAST_WAY * (high - low) {
+            return None;
+        }
+        // The farthest on the side to which it went.
+        let farthest = if way > 0.0 { high } else { low };
+        Some(((farthest - target) / way).max(0.0))
+    }
+}
+
+/// The time from each sample to the next [s], the shortest first.
+fn steps(time: &[f64]) -> Vec<f64> {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps
+}
+
+/// The usual time from a sample to the next [s]; none where there are no two.
+pub(super) fn median_step(time: &[f64]) -> Option<f64> {
+    let steps = steps(time);
+    steps.get(steps.len() / 2).copied()
+}
+
+/// Least and greatest of the values that are not missing.
+fn range(values: &[f64]) -> [f64; 2] {
+    let present = || values.iter().copied();
+    [
+        present().fold(f64::INFINITY, f64::min),
+        present().fold(f64::NEG_INFINITY, f64::max),
+    ]
 }

@@ -158,7 +158,7 @@ fn csv_keeps_every_bit() {
     let mut lines = text.lines();
     assert_eq!(
         lines.next(),
-        Some("time,f.y,f.tolerance,f.start,f.stop,f.n,f.flag")
+        Some("time,f.y [m],f.tolerance,f.start,f.stop,f.n,f.flag")
     );
     for (k, line) in lines.enumerate() {
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();

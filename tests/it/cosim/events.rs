@@ -44,6 +44,7 @@ fn slave(system: &mut System, behaviour: &str, is_updated: bool) {
 fn table(column: &str, times: &[f64], values: &[f64]) -> Source {
     let series = Series {
         comments: Vec::new(),
+        time_unit: "s".into(),
         time: times.to_vec(),
         columns: vec![Column {
             name: column.to_owned(),
@@ -51,7 +52,7 @@ fn table(column: &str, times: &[f64], values: &[f64]) -> Source {
             values: values.to_vec(),
         }],
     };
-    Source::new(&series).unwrap()
+    Source::new(series).unwrap()
 }
 
 fn column<'a>(recorder: &'a SeriesRecorder, name: &str) -> &'a [f64] {

@@ -10,6 +10,7 @@ use pilotage::series::{Column, Series};
 fn integral(times: &[f64], values: &[f64], h: f64, coupling: Coupling) -> (f64, Steps) {
     let table = Series {
         comments: Vec::new(),
+        time_unit: "s".into(),
         time: times.to_vec(),
         columns: vec![Column {
             name: "u".into(),
@@ -21,7 +22,7 @@ fn integral(times: &[f64], values: &[f64], h: f64, coupling: Coupling) -> (f64, 
     let mut system = System::new();
     system.add("integrator", Box::new(integrator)).unwrap();
     system
-        .add("table", Box::new(Source::new(&table).unwrap()))
+        .add("table", Box::new(Source::new(table).unwrap()))
         .unwrap();
     system.connect("table.u", "integrator.u").unwrap();
     let clock = Clock::new(0.0, 1.0, h).unwrap();
@@ -107,6 +108,7 @@ fn steps_are_cut_at_jumps() {
 fn slaves_of_fixed_steps_make_ramps_of_jumps() {
     let table = Series {
         comments: Vec::new(),
+        time_unit: "s".into(),
         time: vec![0.0, 0.5, 0.5, 1.0],
         columns: vec![Column {
             name: "u".into(),
@@ -117,7 +119,7 @@ fn slaves_of_fixed_steps_make_ramps_of_jumps() {
     let mut system = System::new();
     let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().fixed();
     system.add("integrator", Box::new(integrator)).unwrap();
-    let table = Box::new(Source::new(&table).unwrap());
+    let table = Box::new(Source::new(table).unwrap());
     system.add("table", table).unwrap();
     system.connect("table.u", "integrator.u").unwrap();
     let (run, recorder) = simulate(system, 1.0, 0.1, Algorithm::Strong);

@@ -1,0 +1,131 @@
+//! What the commands write, told from what else may stand in its place.
+
+use super::Failure;
+use crate::output::{self, Planned, Refusal};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// The option of every command that writes files.
+#[derive(Debug, clap::Args)]
+pub struct Overwrite {
+    /// Overwrite a file of another kind than the one written in its place; inputs are never overwritten.
+    #[arg(long)]
+    force: bool,
+}
+
+/// What is written; the command that writes it may replace what it wrote before.
+#[derive(Debug, Clone, Copy)]
+pub enum Kind {
+    /// A pilot file.
+    Pilot,
+    /// A report page.
+    Page,
+    /// The log of a fit.
+    Log,
+    /// An FMU.
+    Fmu,
+    /// The result of a co-simulation.
+    Result,
+    /// A linear system as a script.
+    Matlab,
+    /// A linear system as a table.
+    Matrices,
+}
+
+impl Overwrite {
+    /// Refuses outputs that would destroy something: to be called before the work.
+    pub fn check(&self, inputs: &[PathBuf], outputs: &[(&Path, Kind)]) -> Result<(), Failure> {
+        let planned: Vec<Planned> = (outputs.iter())
+            .map(|(path, kind)| kind.planned(path))
+            .collect();
+        output::check(inputs, &planned, self.force).map_err(refused)
+    }
+}
+
+/// Refuses outputs that are inputs, in a folder that has been found free for whatever is written.
+pub fn keep(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<(), Failure> {
+    let planned = |path| Planned {
+        path,
+        what: "a file",
+        is_own: |_| true,
+    };
+    let planned: Vec<Planned> = outputs.iter().map(|path| planned(path)).collect();
+    output::check(inputs, &planned, true).map_err(refused)
+}
+
+fn refused(refusal: Refusal) -> Failure {
+    let hint = match refusal {
+        Refusal::Input { .. } => "give the output another name",
+        Refusal::Twice { .. } => "give each output a name of its own",
+        Refusal::Foreign { .. } => {
+            "give the output another name, or overwrite that file with --force"
+        }
+    };
+    Failure::from(refusal).hint(hint)
+}
+
+impl Kind {
+    fn planned(self, path: &Path) -> Planned<'_> {
+        let (what, is_own): (_, fn(&Path) -> bool) = match self {
+            Self::Pilot => ("a pilot file", |path| head(path).starts_with("# A pilot: ")),
+            Self::Page => ("a report", |path| {
+                let head = head(path);
+                head.starts_with("<!DOCTYPE html>") && head.contains("<title>pilotage: ")
+            }),
+            Self::Log => ("a log", |path| first_line(path).contains("\"event\":\"")),
+            Self::Fmu => ("an FMU", is_own_fmu),
+            Self::Result => ("a result", is_result),
+            Self::Matlab => ("a script", |path| {
+                first_line(path).ends_with("made by pilotage linearize")
+            }),
+            Self::Matrices => ("a table of matrices", |path| {
+                first_line(path).split(',').next() == Some("row")
+            }),
+        };
+        Planned { path, what, is_own }
+    }
+}
+
+/// Bytes at the beginning of a file that tell what it is.
+const HEAD: u64 = 1 << 16;
+
+/// The beginning of a file; nothing where it cannot be read.
+fn head(path: &Path) -> String {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut bytes));
+    read.map_or_else(
+        |_| String::new(),
+        |_| String::from_utf8_lossy(&bytes).into_owned(),
+    )
+}
+
+fn first_line(path: &Path) -> String {
+    head(path).lines().next().unwrap_or_default().to_owned()
+}
+
+/// A co-simulation's result: a `time` without a unit, and beside it nothing but `instance.variable`.
+fn is_result(path: &Path) -> bool {
+    let line = first_line(path);
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .from_reader(line.as_bytes());
+    let mut cells = csv::StringRecord::new();
+    reader
+        .read_record(&mut cells)
+        .is_ok_and(|is_there| is_there)
+        && &cells[0] == "time"
+        && cells.iter().skip(1).all(|cell| cell.contains('.'))
+}
+
+/// An FMU that was made here, and not by another tool.
+fn is_own_fmu(path: &Path) -> bool {
+    let description = || {
+        let mut archive = zip::ZipArchive::new(File::open(path).ok()?).ok()?;
+        let mut text = String::new();
+        let file = archive.by_name("modelDescription.xml").ok()?;
+        file.take(HEAD).read_to_string(&mut text).ok()?;
+        Some(text)
+    };
+    description().is_some_and(|text| text.contains("generationTool=\"pilotage "))
+}

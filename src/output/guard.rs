@@ -1,0 +1,220 @@
+//! What a command must not overwrite.
+
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+
+/// A file that a command is about to write.
+#[derive(Debug, Clone, Copy)]
+pub struct Planned<'a> {
+    /// Where.
+    pub path: &'a Path,
+    /// What, in words: `a pilot file`.
+    pub what: &'static str,
+    /// Whether the file that stands there is one that the command itself would write.
+    pub is_own: fn(&Path) -> bool,
+}
+
+/// Why an output is not written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// It is an input.
+    #[error("{} is an input of this command{}, and would be overwritten", output.display(), by_name(output, other))]
+    Input {
+        /// The output.
+        output: PathBuf,
+        /// The input.
+        other: PathBuf,
+    },
+    /// It is another output too.
+    #[error("two outputs go to {}{}", output.display(), by_name(output, other))]
+    Twice {
+        /// One output.
+        output: PathBuf,
+        /// The other.
+        other: PathBuf,
+    },
+    /// Something else stands there.
+    #[error("{} exists and is not {what} of pilotage", output.display())]
+    Foreign {
+        /// The output.
+        output: PathBuf,
+        /// What it would be.
+        what: &'static str,
+    },
+}
+
+/// The other name of a file that has two.
+fn by_name(path: &Path, other: &Path) -> String {
+    match path == other {
+        true => String::new(),
+        false => format!(" (as {})", other.display()),
+    }
+}
+
+/// Whether the outputs may be written: none of them is an input or another output, by whatever links, and
+/// what stands in their places is theirs to replace, or `force` says that it is. Devices and pipes always
+/// may.
+///
+/// # Errors
+/// For the first that may not.
+pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(), Refusal> {
+    let is_device = |planned: &&Planned| metadata(planned.path).is_some_and(|is| !is.is_file());
+    let outputs: Vec<&Planned> = outputs
+        .iter()
+        .filter(|planned| !is_device(planned))
+        .collect();
+    for (k, planned) in outputs.iter().enumerate() {
+        let output = || planned.path.to_owned();
+        let is_same = |other: &&Path| is_same_file(planned.path, other);
+        if let Some(other) = inputs.iter().map(PathBuf::as_path).find(is_same) {
+            let (output, other) = (output(), other.to_owned());
+            return Err(Refusal::Input { output, other });
+        }
+        if let Some(other) = outputs[..k].iter().map(|other| other.path).find(is_same) {
+            let (output, other) = (output(), other.to_owned());
+            return Err(Refusal::Twice { output, other });
+        }
+        let stands = metadata(planned.path).filter(|file| file.len() > 0);
+        if stands.is_some() && !force && !(planned.is_own)(planned.path) {
+            return Err(Refusal::Foreign {
+                output: output(),
+                what: planned.what,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn metadata(path: &Path) -> Option<Metadata> {
+    std::fs::metadata(path).ok()
+}
+
+/// Whether two paths mean one file, or would if it were made.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    match (metadata(a), metadata(b)) {
+        (Some(of_a), Some(of_b)) => resolved(a) == resolved(b) || is_hard_link(&of_a, &of_b),
+        (None, None) => resolved(a) == resolved(b),
+        _ => false,
+    }
+}
+
+#[cfg(unix)]
+fn is_hard_link(a: &Metadata, b: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Elsewhere the standard library cannot tell.
+#[cfg(not(unix))]
+fn is_hard_link(_: &Metadata, _: &Metadata) -> bool {
+    false
+}
+
+/// As many links as an operating system follows.
+const MOST_LINKS: usize = 40;
+
+/// The path without links, those to files that are not there yet included.
+pub(super) fn resolved(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        if let Ok(whole) = path.canonicalize() {
+            return whole;
+        }
+        match std::fs::read_link(&path) {
+            Ok(target) => path = parent(&path).join(target),
+            Err(_) => break,
+        }
+    }
+    match (parent(&path).canonicalize(), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path,
+    }
+}
+
+/// The folder of a file, also of one that is named without.
+pub(super) fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::fs::{create_dir, hard_link, write};
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn one_file_is_known_by_all_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write(at("a"), "1").unwrap();
+        write(at("b"), "1").unwrap();
+        create_dir(at("sub")).unwrap();
+        symlink(at("a"), at("link")).unwrap();
+        symlink("link", at("link-of-link")).unwrap();
+        hard_link(at("a"), at("hard")).unwrap();
+        symlink(folder.path(), at("sub/up")).unwrap();
+        symlink("new", at("dangling")).unwrap();
+        symlink("loop", at("loop")).unwrap();
+        let same = [
+            ("a", "sub/../a"),
+            ("a", "link"),
+            ("link-of-link", "hard"),
+            ("a", "sub/up/a"),
+            ("new", "sub/up/./new"),
+            ("new", "dangling"),
+            ("sub/up/dangling", "new"),
+        ];
+        for (one, other) in same {
+            assert!(is_same_file(&at(one), &at(other)), "{one} {other}");
+        }
+        for (one, other) in [("a", "b"), ("a", "new"), ("new", "newer"), ("loop", "a")] {
+            assert!(!is_same_file(&at(one), &at(other)), "{one} {other}");
+        }
+    }
+
+    #[test]
+    fn inputs_and_outputs_are_kept_apart_and_what_stands_there_is_looked_at() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for (name, text) in [
+            ("in", "own"),
+            ("old", "own"),
+            ("other", "mine"),
+            ("empty", ""),
+        ] {
+            write(at(name), text).unwrap();
+        }
+        let is_own: fn(&Path) -> bool = |path| std::fs::read(path).unwrap() == b"own";
+        let asked = |names: &[&str], force| {
+            let paths: Vec<PathBuf> = names.iter().map(|name| at(name)).collect();
+            let planned = |path| Planned {
+                path,
+                what: "a result",
+                is_own,
+            };
+            let outputs: Vec<Planned> = paths.iter().map(|path| planned(path)).collect();
+            check(&[at("in")], &outputs, force)
+        };
+        for (names, force) in [
+            (&["old", "new", "empty"][..], false),
+            (&["other"], true),
+            (&["/dev/null", "/dev/null"], false),
+        ] {
+            assert_eq!(asked(names, force), Ok(()), "{names:?}");
+        }
+        for force in [false, true] {
+            let input = asked(&["new", "in"], force);
+            assert!(matches!(input, Err(Refusal::Input { .. })), "{input:?}");
+            let twice = asked(&["new", "./new"], force);
+            assert!(matches!(twice, Err(Refusal::Twice { .. })), "{twice:?}");
+        }
+        let foreign = asked(&["other"], false);
+        assert!(
+            matches!(foreign, Err(Refusal::Foreign { .. })),
+            "{foreign:?}"
+        );
+    }
+}
