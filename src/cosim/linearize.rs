@@ -84,6 +84,7 @@ pub fn linearize(
     let mut notes = Vec::new();
     let mut look = |slave: &mut dyn Slave| {
         let Linear { system, note } = slave.linearize(clock.step())?;
+        system.check_finite()?;
         let instance = &names[parts.len()];
         notes.extend(note.map(|note| format!("`{instance}` {note}")));
         parts.push(prefixed(system, instance));

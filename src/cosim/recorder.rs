@@ -20,6 +20,11 @@ pub trait Recorder {
     /// One row: the time [s] and a value for each signal.
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()>;
 
+    /// Called once, after the last row.
+    fn end_rows(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
     /// Whether the run shall end after this row: asked after each.
     fn is_stop_asked(&mut self) -> bool {
         false

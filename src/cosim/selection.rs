@@ -142,7 +142,7 @@ fn fits(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// Records chosen signals at every `every`-th row, the first one included.
+/// Records chosen signals at every `every`-th row, the first one included, and at the last.
 #[derive(Debug)]
 pub struct Thinned<R> {
     /// Where the chosen values go.
@@ -154,6 +154,9 @@ pub struct Thinned<R> {
     every: u64,
     /// Rows until the next one that is kept.
     wait: u64,
+    /// Time and values of the last row, if it was left out.
+    skipped: Option<f64>,
+    last: Vec<f64>,
     /// What is recorded.
     pub signals: Vec<Signal>,
     /// Rows that were recorded.
@@ -174,14 +177,30 @@ impl<R> Thinned<R> {
             row: Vec::new(),
             every,
             wait: 0,
+            skipped: None,
+            last: Vec::new(),
             signals: Vec::new(),
             rows: 0,
         }
     }
 }
 
+impl<R: Recorder> Thinned<R> {
+    fn record(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        self.rows += 1;
+        if self.selection.is_none() {
+            return self.inner.row(time, values);
+        }
+        for (value, (slot, conversion)) in self.row.iter_mut().zip(&self.slots) {
+            *value = conversion.apply(values[*slot]);
+        }
+        self.inner.row(time, &self.row)
+    }
+}
+
 impl<R: Recorder> Recorder for Thinned<R> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        self.last = vec![f64::NAN; signals.len()];
         let Some(selection) = &self.selection else {
             self.signals = signals.to_vec();
             return self.inner.begin(signals);
@@ -205,17 +224,21 @@ impl<R: Recorder> Recorder for Thinned<R> {
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
         if self.wait > 0 {
             self.wait -= 1;
+            self.skipped = Some(time);
+            self.last.copy_from_slice(values);
             return Ok(());
         }
         self.wait = self.every - 1;
-        self.rows += 1;
-        if self.selection.is_none() {
-            return self.inner.row(time, values);
+        self.skipped = None;
+        self.record(time, values)
+    }
+
+    fn end_rows(&mut self) -> io::Result<()> {
+        if let Some(time) = self.skipped.take() {
+            let last = std::mem::take(&mut self.last);
+            self.record(time, &last)?;
         }
-        for (value, (slot, conversion)) in self.row.iter_mut().zip(&self.slots) {
-            *value = conversion.apply(values[*slot]);
-        }
-        self.inner.row(time, &self.row)
+        self.inner.end_rows()
     }
 
     fn is_stop_asked(&mut self) -> bool {

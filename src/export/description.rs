@@ -51,7 +51,7 @@ pub fn description(
             step_size: Some(STEP_SIZE),
         }),
         variables: (0..described)
-            .map(|index| variable(interface, index))
+            .map(|index| variable(interface, index, newer))
             .collect(),
         structure: structure(interface, version),
         ..fmi::ModelDescription::default()
@@ -101,6 +101,9 @@ fn co_simulation(interface: &Interface, newer: bool) -> fmi::CoSimulation {
         provides_adjoint_derivatives: newer,
         provides_per_element_dependencies: newer,
         has_event_mode: newer,
+        // Inputs go straight from the begin of a step to its end: more than held.
+        recommended_intermediate_input_smoothness: i32::from(newer),
+        provides_intermediate_update: newer,
         might_return_early_from_do_step: newer && events,
         ..fmi::CoSimulation::default()
     }
@@ -149,7 +152,7 @@ fn unit(unit: &Unit) -> fmi::Unit {
     }
 }
 
-fn variable(interface: &Interface, index: usize) -> fmi::ScalarVariable {
+fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVariable {
     use fmi::{Causality as C, Initial as I, Variability as V};
     let variable = &interface.variables[index];
     let (causality, variability, initial) = match variable.role {
@@ -183,6 +186,7 @@ fn variable(interface: &Interface, index: usize) -> fmi::ScalarVariable {
     fmi::ScalarVariable {
         description: Some(variable.description.clone()),
         initial,
+        intermediate_update: newer && variable.role == Role::Input,
         ..fmi::ScalarVariable::new(&variable.name, reference, causality, variability, kind)
     }
 }

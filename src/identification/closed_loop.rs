@@ -18,8 +18,8 @@ pub struct ClosedLoop {
 }
 
 impl ClosedLoop {
-    /// Of the pilot `theta` with that vehicle: eigenvalues of the Jacobian of the joint equations. No poles
-    /// where it is not finite.
+    /// Of the pilot `theta` with that vehicle: eigenvalues of the Jacobian of the joint equations; infinite where
+    /// they cannot be found.
     pub fn of(vehicle: Quadcopter, pilot: Pilot, theta: &[f64]) -> Self {
         let linear = Linear::of(&Joint { vehicle, pilot }, theta);
         Self {

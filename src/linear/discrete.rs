@@ -1,6 +1,7 @@
 //! The loop as a co-simulation sees it: parts that hold their inputs during a communication step.
 
 use super::margins::{Margins, Response};
+use super::modes::exponential;
 use super::state_space::{AlgebraicLoop, StateSpace, Wire, transfer};
 use nalgebra::{Complex, DMatrix};
 use std::f64::consts::PI;
@@ -22,13 +23,14 @@ pub struct Sampled {
 impl Sampled {
     /// Parts that stand [side by side](StateSpace::side_by_side), in steps of `step` [s]: `Φ = e^(A h)`,
     /// `Γ = ∫ e^(A t) dt B`, both from one exponential (C. F. Van Loan, IEEE Trans. Automatic Control
-    /// 23(3), 1978).
+    /// 23(3), 1978). Where the exponential has no digits left (`|A h|` beyond 1e8), all poles are infinite.
     pub fn new(parts: &StateSpace, step: f64) -> Self {
         let (n, m) = (parts.states.len(), parts.inputs.len());
         let mut exponent = DMatrix::zeros(n + m, n + m);
         exponent.view_mut((0, 0), (n, n)).copy_from(&parts.a);
         exponent.view_mut((0, n), (n, m)).copy_from(&parts.b);
-        let exponential = (exponent * step).exp();
+        let unknown = || DMatrix::from_element(n + m, n + m, f64::NAN);
+        let exponential = exponential(&(exponent * step)).unwrap_or_else(unknown);
         let mut a = DMatrix::zeros(n + m, n + m);
         a.view_mut((0, 0), (n, n))
             .copy_from(&exponential.view((0, 0), (n, n)));

@@ -100,10 +100,12 @@ impl Response {
 /// Logarithmic steps, and finer ones around each resonance.
 fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
     let modes = Mode::of_poles(poles);
-    // Poles that differ from 0 by rounding alone tell nothing about where to look.
-    let fastest = modes.iter().map(|m| m.frequency).fold(0.0, f64::max);
-    let modes: Vec<Mode> = (modes.into_iter())
+    // Poles that differ from 0 by rounding alone tell nothing about where to look, nor do unknown ones.
+    let known = || modes.iter().filter(|m| m.frequency.is_finite());
+    let fastest = known().map(|m| m.frequency).fold(0.0, f64::max);
+    let modes: Vec<Mode> = known()
         .filter(|m| m.frequency > 1e-9 * fastest)
+        .copied()
         .collect();
     let slowest = modes
         .iter()

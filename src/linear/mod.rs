@@ -18,4 +18,4 @@ pub use discrete::Sampled;
 pub use margins::{GainCrossing, Margins, PhaseCrossing, Response};
 pub use modes::{Mode, eigenvalues};
 pub use realization::{Realization, RealizationError, realize, steps_needed};
-pub use state_space::{AlgebraicLoop, StateSpace, Wire};
+pub use state_space::{AlgebraicLoop, NotFinite, StateSpace, Wire};

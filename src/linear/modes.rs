@@ -1,6 +1,6 @@
 //! Poles, and what they mean.
 
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Schur};
 
 /// One pole, or one pair of conjugate poles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +24,7 @@ impl Mode {
                 frequency: pole.norm(),
                 damping: match pole.norm() {
                     0.0 => 0.0,
+                    f64::INFINITY => -pole.re.signum(),
                     frequency => -pole.re / frequency,
                 },
             })
@@ -33,18 +34,20 @@ impl Mode {
     }
 }
 
-/// Eigenvalues, sorted by magnitude, then imaginary part; none of a matrix that is not finite.
+/// Iterations for each eigenvalue at most; LAPACK allows 30 (`dhseqr`).
+const MAX_ITERATIONS: usize = 100;
+
+/// Eigenvalues, sorted by magnitude, then imaginary part. Infinite, all of them, where they cannot be found: of a
+/// matrix that is not finite, or if the iteration does not converge. So nothing is called stable of which nothing
+/// is known.
 ///
 /// The matrix is scaled first (`balance`): states in metres and in kiloradians per second differ by
 /// orders of magnitude, which would cost the small eigenvalues their digits.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
-    // The iteration does not end on what is not finite.
-    if matrix.is_empty() || matrix.iter().any(|value| !value.is_finite()) {
-        return Vec::new();
-    }
-    let mut balanced = matrix.clone();
-    balance(&mut balanced);
-    let mut values: Vec<_> = balanced.complex_eigenvalues().iter().copied().collect();
+    let mut values = match iterate(matrix) {
+        Some(values) => values,
+        None => vec![Complex::new(f64::INFINITY, 0.0); matrix.nrows()],
+    };
     values.sort_by(|a, b| {
         let close = (a.norm() - b.norm()).abs() <= 1e-12 * a.norm().max(b.norm());
         match close {
@@ -53,6 +56,32 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
         }
     });
     values
+}
+
+/// The eigenvalues as they come; `None` where that does not end, or not well.
+fn iterate(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    if matrix.is_empty() {
+        return Some(Vec::new());
+    }
+    // The iteration does not end on what is not finite.
+    if matrix.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let mut balanced = matrix.clone();
+    balance(&mut balanced);
+    let limit = MAX_ITERATIONS * matrix.nrows();
+    let schur = Schur::try_new(balanced, f64::EPSILON, limit)?;
+    let values: Vec<_> = schur.complex_eigenvalues().iter().copied().collect();
+    let are_finite = values.iter().all(|s| s.re.is_finite() && s.im.is_finite());
+    are_finite.then_some(values)
+}
+
+/// `e^matrix`; `None` where it would have no digits left, which is so far below what overflows, or the matrix is
+/// not finite: nalgebra's algorithm would then square without end.
+pub(super) fn exponential(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const MAX_NORM: f64 = 1e8;
+    let is_usual = matrix.iter().all(|value| value.abs() <= MAX_NORM);
+    is_usual.then(|| matrix.exp())
 }
 
 /// Scales rows and columns by powers of two until they are of like size (B. N. Parlett, C. Reinsch,

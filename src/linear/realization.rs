@@ -1,5 +1,6 @@
 //! A linear system from what it does: the eigensystem realization algorithm.
 
+use super::modes::exponential;
 use super::state_space::StateSpace;
 use nalgebra::DMatrix;
 use thiserror::Error;
@@ -15,8 +16,21 @@ pub struct Realization {
 }
 
 /// Why no system in continuous time has such responses.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[derive(Debug, Clone, PartialEq, Error)]
 pub enum RealizationError {
+    /// A response is no number.
+    #[error(
+        "its `{output}` is {value} after a pulse of `{input}`, so that nothing can be found of its states; run \
+         it to a time at which it is finite"
+    )]
+    NotFinite {
+        /// The output.
+        output: String,
+        /// The input with the pulse.
+        input: String,
+        /// What came.
+        value: f64,
+    },
     /// The responses do not end to bring news.
     #[error(
         "its responses over {steps} steps look like more than {order} states, or are too noisy to tell; \
@@ -45,6 +59,9 @@ const ROUNDING: f64 = 1e-11;
 /// States stand out of the noise, which is seen at the middle of the singular values, by this factor.
 const ABOVE_NOISE: f64 = 100.0;
 
+/// Iterations of the singular value decomposition for each row or column at most.
+const MAX_ITERATIONS: usize = 100;
+
 /// Largest number of rows and columns of the Hankel matrix.
 const LARGEST: usize = 240;
 
@@ -67,7 +84,7 @@ pub fn steps_needed(inputs: usize, outputs: usize) -> usize {
 /// continuous time by the matrix logarithm, for inputs that are held during a step of `step` [s].
 ///
 /// # Errors
-/// If the order cannot be told, or there is no logarithm.
+/// If a response is not finite, the order cannot be told, or there is no logarithm.
 ///
 /// # Panics
 /// If there are fewer than [`steps_needed`] steps.
@@ -79,6 +96,7 @@ pub fn realize(
 ) -> Result<Realization, RealizationError> {
     let (p, m) = (outputs.len(), inputs.len());
     assert!(pulses.len() >= steps_needed(m, p));
+    check_finite(pulses, &inputs, &outputs)?;
     let scales = Scales::of(pulses);
     let scaled: Vec<DMatrix<f64>> = pulses.iter().map(|y| scales.apply(y)).collect();
     let blocks = (pulses.len() - 1) / 2;
@@ -88,19 +106,25 @@ pub fn realize(
         })
     };
     // From the second step on: the first one shows direct feedthrough too.
-    let svd = hankel(1).svd(true, true);
-    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
-        unreachable!("both were asked for")
+    let (rows, columns) = (blocks * p, blocks * m);
+    let limit = MAX_ITERATIONS * rows.max(columns);
+    let svd = hankel(1).try_svd(true, true, 5.0 * f64::EPSILON, limit);
+    // Where the iteration does not end, it is noise.
+    let unclear = RealizationError::Order {
+        steps: pulses.len(),
+        order: rows.min(columns) / 2,
     };
-    let singular = &svd.singular_values;
+    let Some((Some(u), Some(v_t), singular)) = svd.map(|svd| (svd.u, svd.v_t, svd.singular_values))
+    else {
+        return Err(unclear);
+    };
     let largest = singular.iter().copied().fold(0.0, f64::max);
     let most = singular.len() / 2;
     let noise = singular.get(most).copied().unwrap_or(0.0);
     let floor = (ABOVE_NOISE * noise).max(ROUNDING * largest);
     let n = singular.iter().filter(|&&value| value > floor).count();
     if n >= most && n > 0 || n == 0 && noise > 0.0 {
-        let steps = pulses.len();
-        return Err(RealizationError::Order { steps, order: most });
+        return Err(unclear);
     }
     let root = DMatrix::from_diagonal(&singular.rows(0, n).map(f64::sqrt));
     let inverse = DMatrix::from_diagonal(&singular.rows(0, n).map(|value| 1.0 / value.sqrt()));
@@ -113,7 +137,8 @@ pub fn realize(
     let (a, b, gamma) = match n {
         0 => (phi, phi_gamma.clone(), phi_gamma),
         _ => {
-            let gamma = phi.clone().lu().solve(&phi_gamma).ok_or(no_logarithm)?;
+            let gamma = phi.clone().lu().solve(&phi_gamma);
+            let gamma = gamma.ok_or_else(|| no_logarithm.clone())?;
             let (a, b) = continuous(&phi, &gamma, step).ok_or(no_logarithm)?;
             (a, b, gamma)
         }
@@ -135,6 +160,24 @@ pub fn realize(
             .map(|value| value / largest.max(f64::MIN_POSITIVE))
             .collect(),
     })
+}
+
+fn check_finite(
+    pulses: &[DMatrix<f64>],
+    inputs: &[String],
+    outputs: &[String],
+) -> Result<(), RealizationError> {
+    let entries = pulses.iter().flat_map(|y| y.iter().enumerate());
+    let mut strange = entries.filter(|(_, value)| !value.is_finite());
+    // Entries come column by column.
+    match strange.next() {
+        None => Ok(()),
+        Some((at, &value)) => Err(RealizationError::NotFinite {
+            output: outputs[at % outputs.len()].clone(),
+            input: inputs[at / outputs.len()].clone(),
+            value,
+        }),
+    }
 }
 
 /// Largest response of each output, then of each input: units shall not decide what is noise.
@@ -195,7 +238,7 @@ fn continuous(
     all.view_mut((0, n), (n, m)).copy_from(gamma);
     let logarithm = logarithm(all.clone())?;
     // A logarithm that is not the one is none.
-    let back = (logarithm.clone().exp() - &all).amax();
+    let back = (exponential(&logarithm)? - &all).amax();
     let is_right = back <= 1e-9 * all.amax();
     is_right.then(|| {
         let part = |column, width| logarithm.view((0, column), (n, width)) / step;
@@ -332,6 +375,20 @@ mod tests {
             .collect();
         let error = realize(&noise, 0.1, names("u", 1), names("y", 1)).unwrap_err();
         assert!(matches!(error, RealizationError::Order { .. }), "{error}");
+    }
+
+    /// The decomposition would not end on what is no number.
+    #[test]
+    fn a_response_that_is_no_number_is_named() {
+        let exact = system();
+        let mut pulses = pulses(&exact, 0.05);
+        pulses[7][(1, 0)] = f64::NAN;
+        let error = realize(&pulses, 0.05, exact.inputs, exact.outputs).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "its `y2` is NaN after a pulse of `u1`, so that nothing can be found of its states; run it to a \
+             time at which it is finite"
+        );
     }
 
     /// Without any state there is nothing but feedthrough.

@@ -33,6 +33,21 @@ pub struct Wire {
     pub factor: f64,
 }
 
+/// An entry that is no number.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error(
+    "the derivative of {of} with respect to `{by}` is {value} where it stands; linearise it where the model is \
+     smooth: at another time, or with other start values or parameters"
+)]
+pub struct NotFinite {
+    /// What changes.
+    pub of: String,
+    /// With what: a state or an input.
+    pub by: String,
+    /// The entry.
+    pub value: f64,
+}
+
 /// The outputs depend on each other at once in a way that has no unique solution.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
@@ -86,6 +101,34 @@ impl StateSpace {
             inputs,
             outputs,
         })
+    }
+
+    /// Refuses entries that are no numbers, since nothing that is computed from them ends well.
+    ///
+    /// # Errors
+    /// For the first one.
+    pub fn check_finite(&self) -> Result<(), NotFinite> {
+        let rate = |state: &String| format!("the rate of `{state}`");
+        let output = |output: &String| format!("`{output}`");
+        let rates: Vec<String> = self.states.iter().map(rate).collect();
+        let outputs: Vec<String> = self.outputs.iter().map(output).collect();
+        for (matrix, rows, columns) in [
+            (&self.a, &rates, &self.states),
+            (&self.b, &rates, &self.inputs),
+            (&self.c, &outputs, &self.states),
+            (&self.d, &outputs, &self.inputs),
+        ] {
+            // Entries come column by column.
+            if let Some(at) = matrix.iter().position(|value| !value.is_finite()) {
+                let (row, column) = (at % matrix.nrows(), at / matrix.nrows());
+                return Err(NotFinite {
+                    of: rows[row].clone(),
+                    by: columns[column].clone(),
+                    value: matrix[(row, column)],
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Several systems as one, which do not act on each other.
@@ -191,7 +234,8 @@ impl StateSpace {
         })
     }
 
-    /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates side by side.
+    /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates side by side; infinite where they
+    /// cannot be found, as of entries that are not finite.
     pub fn poles(&self) -> Vec<Complex<f64>> {
         super::modes::eigenvalues(&self.a)
     }

@@ -225,3 +225,39 @@ proptest! {
         prop_assert!((expected - closed).norm() < 1e-9);
     }
 }
+
+/// Nothing hangs on what is not finite or overflows, and nothing of it is called stable.
+#[test]
+fn what_has_no_poles_in_numbers_has_infinite_ones() {
+    let infinite = Complex::new(f64::INFINITY, 0.0);
+    let with = |value: f64| {
+        let names = |prefix: &str, n: usize| (1..=n).map(|k| format!("{prefix}{k}")).collect();
+        let mut a = DMatrix::from_fn(3, 3, |i, j| (i as f64 - 2.0 * j as f64).cos());
+        a[(1, 2)] = value;
+        StateSpace {
+            a,
+            b: DMatrix::from_element(3, 1, 1.0),
+            c: DMatrix::from_element(1, 3, 1.0),
+            d: DMatrix::zeros(1, 1),
+            states: names("x", 3),
+            inputs: names("u", 1),
+            outputs: names("y", 1),
+        }
+    };
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let system = with(value);
+        assert_eq!(system.poles(), [infinite; 3]);
+        let (response, _) = system.margins();
+        assert!(!response.frequency.is_empty());
+        let error = system.check_finite().unwrap_err().to_string();
+        let begin = format!("the derivative of the rate of `x2` with respect to `x3` is {value} ");
+        assert!(error.starts_with(&begin), "{error}");
+    }
+    for value in [1e300, -1e308, f64::MAX] {
+        let system = with(value);
+        assert_eq!(system.check_finite(), Ok(()));
+        assert_eq!(system.poles().len(), 3);
+        let sampled = Sampled::new(&system, 1e6).poles(&[]).unwrap();
+        assert!(sampled.iter().all(|pole| pole.re == f64::INFINITY));
+    }
+}

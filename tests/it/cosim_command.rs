@@ -332,6 +332,33 @@ fn signals_and_rows_are_chosen_and_fmpy_reads_them() {
     }
 }
 
+/// However the run ends: 4 steps, and one that an FMU gives up.
+#[test]
+fn the_last_row_is_recorded_whatever_lies_between_rows() {
+    let folder = folder(&["good", "discard@1.6"]);
+    let times = |name: &str, every: &str, code: i32| -> Vec<f64> {
+        let ended = folder.pilotage(&[
+            "cosim",
+            name,
+            "--stop-time",
+            "2",
+            "--step",
+            "0.5",
+            "--record-every",
+            every,
+        ]);
+        assert_eq!(ended.code, code, "{ended:?}");
+        rows(&folder, "result.csv")
+            .iter()
+            .map(|row| row[0])
+            .collect()
+    };
+    assert_eq!(times("good.fmu", "1.5", 0), [0.0, 1.5, 2.0]);
+    assert_eq!(times("good.fmu", "1", 0), [0.0, 1.0, 2.0]);
+    assert_eq!(times("good.fmu", "5", 0), [0.0, 2.0]);
+    assert_eq!(times("discard.fmu", "5", 1), [0.0, 1.6]);
+}
+
 #[test]
 fn rows_survive_a_crash_and_the_next_run_says_so() {
     let folder = folder(&["good", "crash@1.25"]);

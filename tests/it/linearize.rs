@@ -4,9 +4,12 @@
 use crate::command::{Ended, Folder};
 use crate::{foreign, python};
 use num_dual::Dual64;
+use pilotage::cosim::slave::{Linear, SlaveError, Value as Given};
 use pilotage::cosim::{
-    Algorithm, Clock, Linearization, NativeSlave, SeriesRecorder, System, linearize,
+    Algorithm, Clock, Ending, Kind, Linearization, NativeSlave, Progress, Role, SeriesRecorder,
+    Slave, System, Variable, linearize,
 };
+use pilotage::linear::StateSpace;
 use pilotage::models::{Dynamics, Joint, Model, Pilot, Quadcopter};
 use serde_json::{Value, json};
 use std::io::{Cursor, Read};
@@ -197,6 +200,78 @@ fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
     let ended = folder.pilotage(&[&files[..], &CONNECTIONS, more].concat());
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
     ended
+}
+
+/// A slave whose equations have no derivative where it stands.
+struct Kink(Vec<Variable>);
+
+impl Slave for Kink {
+    fn variables(&self) -> &[Variable] {
+        &self.0
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values.fill(0.0);
+        Ok(())
+    }
+
+    fn set(&mut self, _handle: u32, _value: &Given) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Given, SlaveError> {
+        Ok(Given::Real(0.0))
+    }
+
+    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
+        Ok(Progress::Done)
+    }
+
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+        let names = [
+            vec!["x".to_owned()],
+            vec!["u".to_owned()],
+            vec!["y".to_owned()],
+        ];
+        let columns = [[-1.0, 1.0], [f64::NAN, 0.0]];
+        let system = StateSpace::from_columns(names, |k| Ok::<_, SlaveError>(columns[k].to_vec()))?;
+        Ok(system.into())
+    }
+}
+
+/// It is named, instead of handed on to what does not end on it or calls it stable.
+#[test]
+fn a_derivative_that_is_no_number_is_named() {
+    let mut system = System::new();
+    let variables = vec![
+        Variable::new("u", 0, Kind::Real, Role::Input),
+        Variable::new("y", 1, Kind::Real, Role::Output),
+    ];
+    system.add("kink", Box::new(Kink(variables))).unwrap();
+    let clock = Clock::standing(0.0, 1.0).unwrap();
+    let recorder = &mut SeriesRecorder::default();
+    let (run, found) = linearize(system, &clock, None, Algorithm::Jacobi, recorder).unwrap();
+    assert!(found.is_none());
+    let Ending::Failed {
+        instance, source, ..
+    } = run.ending
+    else {
+        panic!("{:?}", run.ending)
+    };
+    assert_eq!(instance, "kink");
+    assert_eq!(
+        source.to_string(),
+        "the derivative of the rate of `x` with respect to `u` is NaN where it stands; linearise it where the \
+         model is smooth: at another time, or with other start values or parameters"
+    );
 }
 
 /// Exported FMUs of both versions, for co-simulation and model exchange, at the same point: by directional

@@ -24,6 +24,7 @@ mod fmpy;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
+mod joint_ode;
 mod libcosim;
 mod linearize;
 mod mutation;

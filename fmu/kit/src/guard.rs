@@ -54,13 +54,18 @@ pub struct Component<E, V: Version> {
     pub events: Events,
 }
 
-/// FMI 3.0, co-simulation: what the importer can do about events within a step. In FMI 2.0 neither.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+/// FMI 3.0, co-simulation: what the importer can do about events and inputs within a step. In FMI 2.0 nothing.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Events {
     /// It calls event mode.
     pub event_mode: bool,
     /// A step may end early.
     pub early_return: bool,
+    /// It gives inputs within a step when it is called back, with this as the first argument.
+    pub update: Option<(
+        abi::fmi3::types::IntermediateUpdateCallback,
+        abi::fmi3::types::InstanceEnvironment,
+    )>,
 }
 
 impl<E: Equations, V: Version> Component<E, V> {

@@ -193,6 +193,23 @@ impl<E: Equations> Instance<E> {
         Ok(())
     }
 
+    /// Values of the inputs.
+    pub fn inputs(&self) -> &[f64] {
+        let simulation = &self.simulation;
+        &simulation.snapshot().values[simulation.table().inputs()]
+    }
+
+    /// Lets the inputs go from the values `before` to those that are set, in the next step by `h` [s].
+    pub fn lead_inputs(&mut self, before: &[f64], h: f64) -> Result<(), Problem> {
+        let inputs = self.simulation.table().inputs();
+        for (index, &begin) in inputs.zip(before) {
+            let end = self.simulation.get(index);
+            self.simulation.set(index, begin)?;
+            self.simulation.set_slope(index, (end - begin) / h)?;
+        }
+        Ok(())
+    }
+
     /// Time derivatives of outputs at the end of the last step.
     pub fn get_slopes(
         &self,

@@ -12,7 +12,7 @@
 //! `1/(m·s^(n-i+1))`.
 
 use crate::Scalar;
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, Schur};
 
 /// The published θ (paper, section "Pilot Model Estimation"), as printed: four decimals.
 ///
@@ -64,7 +64,8 @@ impl Pilot {
         sum
     }
 
-    /// The poles: roots of `s^n + θ_n s^{n-1} + ... + θ_1` [1/s], sorted by real, then imaginary part.
+    /// The poles: roots of `s^n + θ_n s^{n-1} + ... + θ_1` [1/s], sorted by real, then imaginary part. Infinite
+    /// where θ is not finite, see [`roots`].
     pub fn poles(&self, theta: &[f64]) -> Vec<Complex<f64>> {
         roots(&theta[..self.order])
     }
@@ -77,17 +78,58 @@ impl Pilot {
 
 /// Roots of the monic polynomial `s^n + c[n-1] s^{n-1} + ... + c[0]`: eigenvalues of its companion
 /// matrix, sorted by real, then imaginary part.
+///
+/// Where they cannot be found, since a coefficient is not finite or too large, all are `+∞`: nothing is called
+/// stable of which nothing is known.
 pub fn roots(c: &[f64]) -> Vec<Complex<f64>> {
+    let mut roots = iterate(c).unwrap_or(vec![Complex::new(f64::INFINITY, 0.0); c.len()]);
+    roots.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
+    roots
+}
+
+/// The roots as they come; `None` where that does not end, or not well.
+fn iterate(c: &[f64]) -> Option<Vec<Complex<f64>>> {
+    /// For each root; LAPACK allows 30 (`dhseqr`).
+    const MAX_ITERATIONS: usize = 100;
     let n = c.len();
+    if n == 0 {
+        return Some(Vec::new());
+    }
+    // The iteration does not end on what is not finite.
+    if c.iter().any(|c| !c.is_finite()) {
+        return None;
+    }
     let companion = DMatrix::from_fn(n, n, |i, j| match i + 1 == n {
         true => -c[j],
         false => f64::from(i + 1 == j),
     });
-    let mut roots: Vec<_> = companion.complex_eigenvalues().iter().copied().collect();
-    roots.sort_by(|a, b| {
-        (a.re, a.im)
-            .partial_cmp(&(b.re, b.im))
-            .unwrap_or(std::cmp::Ordering::Equal)
-    });
-    roots
+    let schur = Schur::try_new(companion, f64::EPSILON, MAX_ITERATIONS * n)?;
+    let roots: Vec<_> = schur.complex_eigenvalues().iter().copied().collect();
+    let are_finite = roots.iter().all(|s| s.re.is_finite() && s.im.is_finite());
+    are_finite.then_some(roots)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The iteration would not end.
+    #[test]
+    fn poles_of_what_is_no_number_are_unstable() {
+        let pilot = Pilot::default();
+        let infinite = [Complex::new(f64::INFINITY, 0.0); 3];
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for place in 0..3 {
+                let mut theta = PAPER_THETA;
+                theta[place] = value;
+                assert_eq!(pilot.poles(&theta), infinite);
+            }
+        }
+        // Found or not, it ends.
+        for value in [1e150, -1e250, f64::MAX, f64::MIN_POSITIVE] {
+            assert_eq!(roots(&[value, -value, value]).len(), 3);
+        }
+        assert_eq!(roots(&[]), []);
+        assert_eq!(roots(&[2.0]), [Complex::new(-2.0, 0.0)]);
+    }
 }

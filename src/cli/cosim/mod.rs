@@ -71,7 +71,8 @@ pub struct Args {
     /// for one; outputs, inputs and locals, or parameters where nothing else fits [default: all outputs].
     #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
     record: Vec<String>,
-    /// Time between recorded rows [s]; a multiple of the step [default: the step].
+    /// Time between recorded rows [s]; a multiple of the step [default: the step]. The last row of the run
+    /// comes in any case.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     record_every: Option<f64>,
     /// Where the result goes (CSV).

@@ -184,7 +184,11 @@ fn brief(report: &Report) -> String {
         };
         text += &format!("  {} -> {}: {}, {late}", c.from, c.to, c.transfer);
         if let Some(error) = c.error {
-            text += &format!(", off by {:.1e}{} in the mean", error.mean, unit(c));
+            text += &format!(
+                ", off by {:.1e}{} in the mean of a step",
+                error.mean,
+                unit(c)
+            );
         }
         text.push('\n');
     }

@@ -161,6 +161,10 @@ impl<R: Recorder> Recorder for Watch<R> {
         self.inner.row(time, values)
     }
 
+    fn end_rows(&mut self) -> io::Result<()> {
+        self.inner.end_rows()
+    }
+
     fn is_stop_asked(&mut self) -> bool {
         interrupt::is_asked()
     }

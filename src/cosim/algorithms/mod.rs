@@ -25,13 +25,17 @@ pub enum Algorithm {
     ///
     /// Within the step an input goes straight from the feeding output's value at `t_k` to that at
     /// `t_{k+1}` or, where the slave gives the outputs' derivatives, along the cubic with these at both
-    /// ends. A slave that takes input derivatives gets the line nearest to that, any other its mean;
+    /// ends; a derivative at `t_k` that belongs to a transient which is over within the step makes an exponential
+    /// and a line instead, so that fast poles (and jumps through them) throw nothing off. A slave that takes input derivatives gets the line nearest to that, any other its mean;
     /// where a slave with direct feedthrough would so be given another value at the end, its outputs
     /// come from a step that ends right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose
     /// matrix comes from differences of repeated steps and is kept as long as it serves; algebraic
     /// loops between slaves are thereby solved too. Slaves that cannot go back take their step first,
     /// with extrapolated inputs. Values that are no reals are held through a step, at those of its end if
-    /// these settle.
+    /// these settle, reals that are discrete at those of its begin.
+    ///
+    /// Where the coupling error of a step of fixed length is as large as the signal, the step is halved until it
+    /// is not; where slaves cannot do that, the run ends.
     Strong,
 }
 

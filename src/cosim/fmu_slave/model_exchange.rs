@@ -10,6 +10,10 @@ use crate::cosim::slave::{
 use crate::fmi::simulate::{RunWork, SavedRun};
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
+/// Part of a communication step over which outputs are looked at to see their slopes. What is left out is of
+/// second order in it, and a few roundings of the values are divided by it.
+const GLANCE: f64 = 1e-4;
+
 /// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
 #[derive(Debug)]
 pub struct ModelExchangeSlave {
@@ -20,6 +24,8 @@ pub struct ModelExchangeSlave {
     /// Tolerance of the description's `DefaultExperiment`.
     tolerance: Option<f64>,
     start: f64,
+    /// Over how long a time outputs are looked at to see their slopes [s].
+    glance: f64,
     has_begun: bool,
     can_save: bool,
     saved: Vec<Option<SavedRun>>,
@@ -42,6 +48,8 @@ impl ModelExchangeSlave {
             variables: variables(description, &Arrays::default()),
             tolerance: description.default_experiment.and_then(|e| e.tolerance),
             start: 0.0,
+            // As for steps of 10 ms, as long as none is known.
+            glance: 1e-2 * GLANCE,
             has_begun: false,
             can_save: (description.model_exchange.as_ref())
                 .is_some_and(|me| me.can_get_and_set_fmu_state),
@@ -69,6 +77,7 @@ impl Slave for ModelExchangeSlave {
         self.start = experiment.start;
         let (start, stop) = (experiment.start, experiment.stop);
         let stop = stop.is_finite().then_some(stop);
+        self.run.set_stop(stop);
         let instance = self.run.instance();
         Ok(instance.setup_experiment(tolerance, start, stop)?)
     }
@@ -116,6 +125,7 @@ impl Slave for ModelExchangeSlave {
     }
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.glance = GLANCE * h;
         Ok(match self.run.step_to(t + h)? {
             Reached::Target => Progress::Done,
             Reached::EndRequested(reached) => Progress::EndRequested { reached },
@@ -131,6 +141,7 @@ impl Slave for ModelExchangeSlave {
             rollback: self.can_save,
             variable_steps: true,
             input_derivatives: !self.access.has_singles(),
+            output_derivatives: self.access.is_simple(),
             ..Abilities::default()
         }
     }
@@ -154,6 +165,14 @@ impl Slave for ModelExchangeSlave {
     /// Of the inputs that were set last.
     fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
         Ok(self.run.set_inputs(handles, &self.last, Some(slopes))?)
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        Ok(self.run.output_slopes(handles, self.glance, slopes)?)
     }
 
     fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {

@@ -39,6 +39,9 @@ pub(super) struct Newer {
 #[derive(Debug, Default)]
 struct Ramps {
     is_on: bool,
+    /// The FMU wants inputs that are smooth within a step: what it gets counts at that time alone, and it finds
+    /// what is between. Else that is held.
+    is_smooth: bool,
     handles: Vec<u32>,
     /// Values at the begin, slopes [1/s], room for the values in between.
     values: Vec<f64>,
@@ -57,12 +60,13 @@ struct Ramps {
 }
 
 impl Ramps {
-    /// The values that count from `time` until the FMU asks again: those in the middle of that.
+    /// The values at `time` or, if these count until the FMU asks again, those in the middle of that.
     fn at(&mut self, time: f64) -> (&[u32], &[f64]) {
         let is_end = self.end - time <= ROUNDING * (self.end - self.begin);
         let next = (time + self.between).min(self.end);
         self.given = match is_end {
             true => self.end - self.begin,
+            false if self.is_smooth => time - self.begin,
             false => 0.5 * (time + next) - self.begin + self.short / (next - time),
         };
         self.room.clear();
@@ -120,7 +124,12 @@ impl Newer {
             && continuous().all(|v| v.intermediate_update)
             && continuous().next().is_some()
             && inputs().all(|v| v.dimensions.is_empty());
-        let ramps = is_updated.then(Arc::<Mutex<Ramps>>::default);
+        let is_smooth = cs.is_some_and(|cs| cs.recommended_intermediate_input_smoothness > 0);
+        let ramps = Ramps {
+            is_smooth,
+            ..Ramps::default()
+        };
+        let ramps = is_updated.then(|| Arc::new(Mutex::new(ramps)));
         let update = ramps.clone().map(|ramps| {
             IntermediateUpdate::new(move |intermediate| {
                 lock(&ramps).update(intermediate);

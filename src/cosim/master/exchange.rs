@@ -1,7 +1,7 @@
 //! The stepping loop's slaves and the values between them.
 
 use super::crew::Crew;
-use super::history::{Course, History, Outcome};
+use super::history::{Course, History, Outcome, Traits};
 use super::stopwatch::Stopwatch;
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
@@ -46,13 +46,14 @@ impl Exchange {
         for (slave, instance) in system.instances.into_iter().enumerate() {
             exchange.add(slave, instance, &mut slots);
         }
-        let mut nominals = Vec::new();
+        let (mut nominals, mut traits) = (Vec::new(), Vec::new());
         for connection in &system.connections {
             let Some(&slot) = slots.get(&(connection.from.slave, connection.from.variable)) else {
                 continue;
             };
             let source = &mut exchange.wired[connection.from.slave];
-            let nominal = source.slave.variables()[connection.from.variable].nominal;
+            let output = &source.slave.variables()[connection.from.variable];
+            let (nominal, is_discrete) = (output.nominal, output.is_discrete);
             let target = &mut exchange.wired[connection.to.slave];
             let variable = &target.slave.variables()[connection.to.variable];
             if variable.kind != Kind::Real {
@@ -67,6 +68,10 @@ impl Exchange {
             let position = known.unwrap_or_else(|| {
                 exchange.fed.push(slot);
                 nominals.push(nominal);
+                traits.push(Traits {
+                    has_slope: false,
+                    is_discrete,
+                });
                 exchange.fed.len() - 1
             });
             target.inputs.push(variable.handle);
@@ -79,13 +84,12 @@ impl Exchange {
             exchange.wired[slave].finish(&fed, &exchange.fed, coupling);
         }
         let n = exchange.fed.len();
-        let mut has_slope = vec![false; n];
         for wired in exchange.wired.iter().filter(|w| !w.sloped.is_empty()) {
             for &p in &wired.fed_positions {
-                has_slope[p] = true;
+                traits[p].has_slope = !traits[p].is_discrete;
             }
         }
-        exchange.history = History::new(nominals, has_slope);
+        exchange.history = History::new(nominals, traits);
         exchange.courses = vec![Course::default(); n];
         exchange.values.slopes = vec![0.0; n];
         exchange.others_before = exchange.values.others.clone();
@@ -158,6 +162,7 @@ impl Exchange {
             input_values: Vec::new(),
             slopes: Vec::new(),
             used: Vec::new(),
+            defects: Vec::new(),
             errors: Vec::new(),
             conversions: Vec::new(),
             other_inputs: Vec::new(),
@@ -273,10 +278,13 @@ impl Exchange {
     /// Reads the outputs of a slave that ended the run later than at `time`, the last point, and tells where it
     /// stands; `None` if it did not, or no longer gives them.
     pub(super) fn read_at_end(&mut self, ending: &Ending, time: f64) -> Option<f64> {
-        let Ending::EndRequested {
+        let (Ending::EndRequested {
             instance,
             time: reached,
-        } = ending
+        }
+        | Ending::Discarded {
+            instance, reached, ..
+        }) = ending
         else {
             return None;
         };

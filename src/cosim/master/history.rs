@@ -3,6 +3,11 @@
 /// Communication points that are kept: enough for a polynomial of degree 3 with the one to come.
 const KEPT: usize = 3;
 
+/// A slope at the begin that differs from the line to the end by more than so many times all else belongs to a
+/// transient that is over within the step: an exponential is when it falls to less than `e⁻³`, where both courses
+/// are equally wrong.
+const TRANSIENT: f64 = 2.0;
+
 /// How a value goes within a step, as far as a slave can be told: its mean; the line `mean ± lean`
 /// with the same first moment (the projection on polynomials of degree 1); and its value at the end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -53,26 +58,55 @@ pub(super) struct Outcome {
     pub(super) slope: f64,
 }
 
+/// A decay `height·exp(-t/(length·h))` that a value begins its way through a step of `h` [s] with, beside the line
+/// that it ends on: what a fast pole makes of a jump. Both follow from the values and slopes at the ends, with
+/// what is left of the decay at the end neglected. The longer the step, the more the end alone counts, as in
+/// an L-stable method.
+struct Transient {
+    height: f64,
+    length: f64,
+}
+
+impl Transient {
+    fn course(&self, h: f64, end: Outcome) -> Course {
+        let (rise, part) = (h * end.slope, self.height * self.length);
+        Course {
+            mean: end.value - 0.5 * rise + part,
+            lean: 0.5 * rise + 3.0 * part * (2.0 * self.length - 1.0),
+            end: end.value,
+        }
+    }
+}
+
+/// What is known of an output beside its values.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Traits {
+    /// Its slopes.
+    pub(super) has_slope: bool,
+    /// That it keeps its value until it jumps, though it is a real.
+    pub(super) is_discrete: bool,
+}
+
 /// Values of all fed outputs at the last communication points, newest first.
 #[derive(Debug, Default)]
 pub(super) struct History {
     times: [f64; KEPT],
     points: [Vec<Outcome>; KEPT],
     len: usize,
-    /// Whether slopes are known, for each output.
-    has_slope: Vec<bool>,
+    /// What else is known of each output.
+    traits: Vec<Traits>,
     /// Largest magnitude of each so far, nominal values counted.
     pub(super) magnitudes: Vec<f64>,
 }
 
 impl History {
-    pub(super) fn new(nominals: Vec<f64>, has_slope: Vec<bool>) -> Self {
+    pub(super) fn new(nominals: Vec<f64>, traits: Vec<Traits>) -> Self {
         let room = || vec![Outcome::default(); nominals.len()];
         Self {
             times: [0.0; KEPT],
             points: [room(), room(), room()],
             len: 0,
-            has_slope,
+            traits,
             magnitudes: nominals,
         }
     }
@@ -99,12 +133,16 @@ impl History {
         self.times[0]
     }
 
+    pub(super) fn is_discrete(&self, p: usize) -> bool {
+        self.traits[p].is_discrete
+    }
+
     /// The next `h` [s] along the polynomial of that degree (or as many points as there are) through
     /// the last points.
     pub(super) fn extrapolated(&self, p: usize, degree: usize, h: f64) -> Course {
         let y = self.value(0, p);
         let degree = degree.min(self.len - 1);
-        if degree == 0 {
+        if degree == 0 || self.traits[p].is_discrete {
             return Course::held(y);
         }
         let first = self.first_difference(p);
@@ -131,14 +169,20 @@ impl History {
     }
 
     /// The next `h` [s] from the last point to `end`: along the cubic with the slopes at both ends
-    /// (Hermite's) where these are known; else along the polynomial of degree 1 or 2 (if there are
-    /// points enough), whose means are the trapezoidal rule and the Adams-Moulton formula of order 3
-    /// for unequal steps.
+    /// (Hermite's) where these are known, or along a [transient](Transient) and a line; else along the
+    /// polynomial of degree 1 or 2 (if there are points enough), whose means are the trapezoidal rule and the
+    /// Adams-Moulton formula of order 3 for unequal steps. What is discrete is held as it was at the begin.
     pub(super) fn interpolated(&self, p: usize, degree: usize, h: f64, end: Outcome) -> Course {
+        if self.traits[p].is_discrete {
+            return Course::held(self.value(0, p));
+        }
+        if let Some(transient) = self.transient(p, h, end) {
+            return transient.course(h, end);
+        }
         let begin = self.points[0][p];
         let half = 0.5 * (end.value - begin.value);
         let (mut mean, mut lean) = (0.5 * (begin.value + end.value), half);
-        if self.has_slope[p] {
+        if self.traits[p].has_slope {
             mean += h / 12.0 * (begin.slope - end.slope);
             lean = (6.0 * half - 0.25 * h * (begin.slope + end.slope)) / 5.0;
         } else if degree.min(self.len) >= 2 {
@@ -151,15 +195,56 @@ impl History {
         }
     }
 
-    /// By how much the mean of that with degree 2 may be off. With slopes it is the difference to the
+    /// What is over long before the end of the step, if the slopes say that there is such a thing. The cubic
+    /// would be wrong by that slope times `h²/12`, whatever the value at the end.
+    fn transient(&self, p: usize, h: f64, end: Outcome) -> Option<Transient> {
+        if !self.traits[p].has_slope {
+            return None;
+        }
+        let begin = self.points[0][p];
+        let (change, rise) = (end.value - begin.value, h * end.slope);
+        let (at_begin, at_end) = (h * begin.slope - change, rise - change);
+        let is_over = at_begin.abs() > TRANSIENT * (change.abs() + rise.abs());
+        is_over.then(|| Transient {
+            height: at_end,
+            length: at_end / (at_end - at_begin),
+        })
+    }
+
+    /// By how much that mean is off, as well as it is known. With slopes it is the error of the cubic,
+    /// `h⁴/720` times the fourth derivative, seen with another point; after the very first step, that of an
+    /// exponential with these second and third derivatives. This is finer than `coarse`, which
+    /// [may be](Self::interpolation_error), and nothing is left to be careful with.
+    pub(super) fn mean_error(&self, p: usize, h: f64, end: Outcome, coarse: f64) -> f64 {
+        if !self.traits[p].has_slope || self.transient(p, h, end).is_some() {
+            return coarse;
+        }
+        if self.len > 1 {
+            return h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs();
+        }
+        // `coarse` is h³/72 times the third derivative, `bend` h² times the second.
+        let bend = h * (end.slope - self.points[0][p].slope).abs();
+        (7.2 * coarse * coarse / bend).min(coarse)
+    }
+
+    /// By how much the mean of that with degree 2 may be off. Of a transient, that is all of its part in the
+    /// mean; of what is discrete, half of its change, as nobody knows when it came. With slopes it is the difference to the
     /// parabola with the slope at the begin; else the difference to degree 3, or, as long as there are
     /// too few points, of the next lower pair. After the very first step the change alone is known: an
     /// exponential that changes by a part `r` of its magnitude has an error of `r²/12`.
     pub(super) fn interpolation_error(&self, p: usize, h: f64, end: Outcome) -> f64 {
+        if let Some(transient) = self.transient(p, h, end) {
+            return (transient.height * transient.length).abs();
+        }
         let begin = self.points[0][p];
         let change = end.value - begin.value;
+        if self.traits[p].is_discrete {
+            return 0.5 * change.abs();
+        }
         match self.len {
-            _ if self.has_slope[p] => (change / 6.0 - h / 12.0 * (begin.slope + end.slope)).abs(),
+            _ if self.traits[p].has_slope => {
+                (change / 6.0 - h / 12.0 * (begin.slope + end.slope)).abs()
+            }
             0 | 1 => change * change / (12.0 * self.magnitudes[p]),
             2 => h * h / 6.0 * self.difference_with(p, h, end.value).abs(),
             _ => {
@@ -169,6 +254,22 @@ impl History {
                 (change / span).abs() * h * h * (h / 12.0 + h1 / 6.0)
             }
         }
+    }
+
+    /// Fourth divided difference at the last two points and `end`, `h` after them, the later two with slopes.
+    fn fourth_difference(&self, p: usize, h: f64, end: Outcome) -> f64 {
+        let (begin, h1) = (self.points[0][p], self.times[0] - self.times[1]);
+        let [before, next] = [self.first_difference(p), (end.value - begin.value) / h];
+        let second = [
+            (begin.slope - before) / h1,
+            (next - begin.slope) / h,
+            (end.slope - next) / h,
+        ];
+        let third = [
+            (second[1] - second[0]) / (h1 + h),
+            (second[2] - second[1]) / h,
+        ];
+        (third[1] - third[0]) / (h1 + h)
     }
 
     fn value(&self, point: usize, p: usize) -> f64 {
@@ -193,83 +294,4 @@ impl History {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TIMES: [f64; 3] = [0.3, 0.7, 0.8];
-    const H: f64 = 0.25;
-
-    /// A cubic with its slope.
-    fn at(c: [f64; 4], t: f64) -> Outcome {
-        Outcome {
-            value: c[0] + t * (c[1] + t * (c[2] + t * c[3])),
-            slope: c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]),
-        }
-    }
-
-    fn history(c: [f64; 4], has_slope: bool) -> History {
-        let mut history = History::new(vec![1.0], vec![has_slope]);
-        for t in TIMES {
-            history.push(t, std::iter::once(at(c, t)));
-        }
-        history
-    }
-
-    /// Mean, lean and end over the next step by Simpson's rule, which is exact for them in many parts.
-    fn exact(c: [f64; 4]) -> Course {
-        let n = 1000;
-        let (mut mean, mut moment) = (0.0, 0.0);
-        for k in 0..=2 * n {
-            let weight = match k {
-                0 => 1.0,
-                k if k == 2 * n => 1.0,
-                k if k % 2 == 1 => 4.0,
-                _ => 2.0,
-            };
-            let part = f64::from(k) / f64::from(2 * n);
-            let value = at(c, TIMES[2] + part * H).value * weight / f64::from(6 * n);
-            mean += value;
-            moment += value * (2.0 * part - 1.0);
-        }
-        Course {
-            mean,
-            lean: 3.0 * moment,
-            end: at(c, TIMES[2] + H).value,
-        }
-    }
-
-    fn assert_close(found: Course, expected: Course) {
-        for (found, expected) in [
-            (found.mean, expected.mean),
-            (found.lean, expected.lean),
-            (found.end, expected.end),
-        ] {
-            assert!((found - expected).abs() < 1e-11, "{found} {expected}");
-        }
-    }
-
-    /// Polynomials up to the degree in question come out exactly, on unequal steps.
-    #[test]
-    fn polynomials_are_exact() {
-        for (degree, c) in [
-            (0, [3.0, 0.0, 0.0, 0.0]),
-            (1, [3.0, -2.0, 0.0, 0.0]),
-            (2, [3.0, -2.0, 5.0, 0.0]),
-        ] {
-            let (history, exact) = (history(c, false), exact(c));
-            let end = at(c, TIMES[2] + H);
-            assert_close(history.extrapolated(0, degree, H), exact);
-            assert_close(history.interpolated(0, degree.max(1), H, end), exact);
-            assert!(history.interpolation_error(0, H, end) < 1e-12);
-        }
-        let c = [3.0, -2.0, 5.0, 7.0];
-        let end = at(c, TIMES[2] + H);
-        let with_slopes = history(c, true).interpolated(0, 1, H, end);
-        assert_close(with_slopes, exact(c));
-        // Without slopes, the estimate is exact for a cubic.
-        let history = history(c, false);
-        let error = (history.interpolated(0, 2, H, end).mean - exact(c).mean).abs();
-        let estimate = history.interpolation_error(0, H, end);
-        assert!((error - estimate).abs() < 1e-12 && error > 1e-3);
-    }
-}
+mod tests;

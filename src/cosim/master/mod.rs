@@ -165,7 +165,8 @@ pub enum Ending {
         /// Where it stands [s].
         time: f64,
     },
-    /// A slave could not finish a step.
+    /// A slave could not finish a step. If it came to somewhere within it, the last row is at that time, as
+    /// above.
     Discarded {
         /// Name of the slave.
         instance: String,
@@ -193,7 +194,7 @@ pub struct Run {
     /// How it ended.
     pub ending: Ending,
     /// Number of completed steps of the clock; one row more was recorded, and another one if a slave
-    /// [ended](Ending::EndRequested) within a step. With step-size control each is one or more
+    /// [ended](Ending::EndRequested) or [gave up](Ending::Discarded) within a step. With step-size control each is one or more
     /// [communication steps](super::Steps).
     pub steps: u64,
     /// Time of the last row [s].
@@ -286,16 +287,22 @@ fn follow(
     clock: &Clock,
     recorder: &mut dyn Recorder,
 ) -> Result<(u64, Option<Ending>, f64), MasterError> {
-    let record = |time| move |source| MasterError::Record { time, source };
     let begin = clock.time(0);
     let signals = &stepper.exchange.signals;
-    recorder.begin(signals).map_err(record(begin))?;
-    let row = |stepper: &Stepper, recorder: &mut dyn Recorder, time| {
-        let written = recorder.row(time, &stepper.exchange.values.row);
-        written.map_err(record(time))
-    };
+    recorder.begin(signals).map_err(unwritten(begin))?;
     row(stepper, recorder, begin)?;
-    let mut time = begin;
+    let done = step_to_end(stepper, clock, recorder)?;
+    recorder.end_rows().map_err(unwritten(done.2))?;
+    Ok(done)
+}
+
+/// What [`follow`] does after the first row.
+fn step_to_end(
+    stepper: &mut Stepper,
+    clock: &Clock,
+    recorder: &mut dyn Recorder,
+) -> Result<(u64, Option<Ending>, f64), MasterError> {
+    let mut time = clock.time(0);
     for step in 0..clock.steps() {
         let next = clock.time(step + 1);
         if let Err(ending) = stepper.advance(time, next, clock.step()) {
@@ -312,4 +319,14 @@ fn follow(
         }
     }
     Ok((clock.steps(), None, time))
+}
+
+#[inline]
+fn row(stepper: &Stepper, recorder: &mut dyn Recorder, time: f64) -> Result<(), MasterError> {
+    let written = recorder.row(time, &stepper.exchange.values.row);
+    written.map_err(unwritten(time))
+}
+
+fn unwritten(time: f64) -> impl FnOnce(io::Error) -> MasterError {
+    move |source| MasterError::Record { time, source }
 }

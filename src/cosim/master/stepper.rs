@@ -1,5 +1,7 @@
 //! From one communication point of the clock to the next, by the algorithm that was asked for.
 
+mod errors;
+
 use super::controller::Controller;
 use super::crew::Crew;
 use super::exchange::Exchange;
@@ -15,6 +17,9 @@ const REJECTIONS_AT_A_JUMP: u32 = 3;
 
 /// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
+
+/// How often a step of fixed length is halved at most, where its error is as large as the signal.
+const MAX_HALVINGS: u32 = 12;
 
 /// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
 const OVER_A_JUMP: f64 = 1e-6;
@@ -37,6 +42,8 @@ pub(super) struct Stepper {
     can_reject: bool,
     can_vary: bool,
     pub(super) steps: Steps,
+    /// Steps of the clock.
+    points: u64,
     room: Vec<f64>,
     /// Threads, if slaves step at the same time.
     crew: Option<Crew>,
@@ -73,6 +80,7 @@ impl Stepper {
                 shortest: f64::INFINITY,
                 ..Steps::default()
             },
+            points: 0,
             room: vec![0.0; exchange.values.row.len()],
             crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
             sampler: Sampler::new(coupling.measure),
@@ -123,9 +131,20 @@ impl Stepper {
             return Ok(());
         }
         match self.has_courses {
-            true => self.step_between_jumps(t, end, h),
-            false => self.stride(t, end, h),
+            true => self.step_between_jumps(t, end, h)?,
+            false => self.stride(t, end, h)?,
         }
+        self.follow(end)
+    }
+
+    /// Follows how the fed outputs change, from one point of the clock to the next: within it, steps may grow as
+    /// they will, and changes with them.
+    fn follow(&mut self, end: f64) -> Result<(), Ending> {
+        self.points += 1;
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        let mut all = wired.iter_mut();
+        let followed = all.try_for_each(|w| w.follow(values, self.points));
+        followed.map_err(|failure| failure.at(end))
     }
 
     /// In steps that are cut at the jumps of signals: one ends shortly before the jump, a very short one
@@ -175,65 +194,55 @@ impl Stepper {
     }
 
     fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        self.stride_in_halves(t, end, h, MAX_HALVINGS)
+    }
+
+    /// One step or, where strong coupling makes nonsense of that, two halves, each of which may be halved again.
+    fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, halvings: u32) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         self.attempt(h, false)?;
-        self.accept(end, h)
+        let nonsense = (self.strong.is_some() && self.can_reject).then(|| self.nonsense());
+        let Some((slave, input)) = nonsense.flatten() else {
+            self.accept(end, h);
+            return Ok(());
+        };
+        if !self.can_vary || halvings == 0 {
+            return Err(self.exchange.wired[slave].misled(input, t, h));
+        }
+        self.exchange.restore().map_err(|failure| failure.at(t))?;
+        self.steps.rejected += 1;
+        let middle = t + 0.5 * h;
+        self.stride_in_halves(t, middle, 0.5 * h, halvings - 1)?;
+        self.stride_in_halves(middle, end, 0.5 * h, halvings - 1)
     }
 
     /// One step by `h`; whether the outputs at its end are consistent.
     fn attempt(&mut self, h: f64, is_revocable: bool) -> Result<bool, Ending> {
-        if let Some(strong) = &mut self.strong {
-            return strong.advance(&mut self.exchange, h, &mut self.steps);
-        }
-        let degree = self.coupling.extrapolation.unwrap_or(0);
-        let (algorithm, order) = (self.coupling.algorithm, &self.order);
-        (self.exchange).advance(algorithm, order, degree, h, is_revocable)?;
-        Ok(true)
+        let is_consistent = match &mut self.strong {
+            Some(strong) => strong.advance(&mut self.exchange, h, &mut self.steps)?,
+            None => {
+                let degree = self.coupling.extrapolation.unwrap_or(0);
+                let (algorithm, order) = (self.coupling.algorithm, &self.order);
+                (self.exchange).advance(algorithm, order, degree, h, is_revocable)?;
+                true
+            }
+        };
+        self.examine(h);
+        Ok(is_consistent)
     }
 
-    fn accept(&mut self, end: f64, h: f64) -> Result<(), Ending> {
+    fn accept(&mut self, end: f64, h: f64) {
         self.measure(h);
         self.count(h);
-        let Exchange { wired, values, .. } = &mut self.exchange;
-        let mut all = wired.iter_mut();
-        let followed = all.try_for_each(|w| w.follow(values, self.steps.accepted));
-        followed.map_err(|failure| failure.at(end))?;
         self.exchange.keep(end);
-        Ok(())
     }
 
     fn count(&mut self, h: f64) {
         self.steps.accepted += 1;
         self.steps.shortest = self.steps.shortest.min(h);
         self.steps.longest = self.steps.longest.max(h);
-    }
-
-    /// By how much input `k` of a slave was wrong in the mean over the last step: by what it differs from
-    /// the polynomial of degree 2 (or the cubic with the slopes) through the communication points; and by
-    /// how much that may be wrong.
-    fn defect(exchange: &Exchange, slave: usize, k: usize, h: f64) -> (f64, f64) {
-        let wired = &exchange.wired[slave];
-        let p = wired.input_positions[k];
-        let end = exchange.outcome(p);
-        let course = exchange.history.interpolated(p, 2, h, end);
-        let doubt = exchange.history.interpolation_error(p, h, end);
-        ((wired.used[k] - course.mean).abs(), doubt)
-    }
-
-    /// Adds the errors of the last step.
-    fn measure(&mut self, h: f64) {
-        for slave in 0..self.exchange.wired.len() {
-            for k in 0..self.exchange.wired[slave].inputs.len() {
-                let (defect, doubt) = Self::defect(&self.exchange, slave, k, h);
-                // What was used is of a lower order than the polynomial, or it is the polynomial.
-                let size = defect.max(doubt);
-                let error = &mut self.exchange.wired[slave].errors[k];
-                error.mean += h * size;
-                error.max = error.max.max(size);
-            }
-        }
     }
 
     /// From one point of the clock to the next in steps as long as the error allows.
@@ -278,7 +287,7 @@ impl Stepper {
                 controller.reject(h, error);
                 continue;
             }
-            self.accept(next, h)?;
+            self.accept(next, h);
             controller.accept(h, error);
             if error > 1.0 {
                 self.steps.over_tolerance += 1;
@@ -287,50 +296,6 @@ impl Stepper {
             (t, rejections) = (next, 0);
         }
         Ok(())
-    }
-
-    /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
-    /// of what they gave since their inputs were held within the step.
-    fn error(&mut self, h: f64) -> Result<f64, Ending> {
-        let mut largest = 0.0_f64;
-        for slave in 0..self.exchange.wired.len() {
-            let exchange = &self.exchange;
-            for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
-                let size = exchange.outcome(p).value.abs();
-                let (defect, doubt) = Self::defect(exchange, slave, k, h);
-                largest = largest.max((defect + doubt) / exchange.history.magnitudes[p].max(size));
-            }
-        }
-        match self.strong.is_some() && self.can_reject {
-            true => Ok(largest.max(self.error_of_stairs(h)?)),
-            false => Ok(largest),
-        }
-    }
-
-    fn error_of_stairs(&mut self, h: f64) -> Result<f64, Ending> {
-        let mut largest = 0.0_f64;
-        let span = (self.exchange.history.time(), h);
-        for slave in 0..self.exchange.wired.len() {
-            let Exchange {
-                wired,
-                values,
-                courses,
-                history,
-                fed,
-                others_given,
-                ..
-            } = &mut self.exchange;
-            let wired = &mut wired[slave];
-            if !wired.has_stairs() {
-                continue;
-            }
-            wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
-            for &p in &wired.fed_positions {
-                let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
-                largest = largest.max(effect / history.magnitudes[p]);
-            }
-        }
-        Ok(largest)
     }
 
     /// Positions of the slaves in the order in which they step.

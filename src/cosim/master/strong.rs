@@ -40,8 +40,10 @@ pub(super) struct Strong {
     irrevocable: Vec<usize>,
     /// Outputs that are no reals and feed slaves that can go back.
     others: Vec<usize>,
-    /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is.
+    /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is; and of those that
+    /// are discrete, which keep their value through the step.
     unknowns: Vec<usize>,
+    discrete: Vec<usize>,
     place: Vec<Option<usize>>,
     tried: Vec<Outcome>,
     found: Vec<Outcome>,
@@ -61,7 +63,9 @@ impl Strong {
         let unknowns = able
             .iter()
             .flat_map(|&i| wired[i].fed_positions.iter().copied());
-        let unknowns: Vec<usize> = unknowns.filter(feeds_repeated).collect();
+        let (discrete, unknowns): (Vec<usize>, Vec<usize>) = unknowns
+            .filter(feeds_repeated)
+            .partition(|&p| exchange.history.is_discrete(p));
         let mut place = vec![None; exchange.fed.len()];
         for (k, &p) in unknowns.iter().enumerate() {
             place[p] = Some(k);
@@ -81,6 +85,7 @@ impl Strong {
             irrevocable,
             others,
             unknowns,
+            discrete,
             place,
             tried: vec![Outcome::default(); n],
             found: vec![Outcome::default(); n],
@@ -103,6 +108,9 @@ impl Strong {
     ) -> Result<bool, Ending> {
         exchange.keep_others();
         self.advance_irrevocable(exchange, h)?;
+        for &p in &self.discrete {
+            exchange.courses[p] = exchange.history.extrapolated(p, 0, h);
+        }
         for (tried, &p) in self.tried.iter_mut().zip(&self.unknowns) {
             *tried = Outcome {
                 value: exchange.history.extrapolated(p, self.predictor, h).end,

@@ -67,6 +67,8 @@ pub(super) struct Wired {
     pub(super) slopes: Vec<f64>,
     /// Means over the last step of what the inputs were given, in the outputs' units.
     pub(super) used: Vec<f64>,
+    /// Over the last step, by how much each of these means is wrong, and by how much that may be wrong.
+    pub(super) defects: Vec<(f64, f64)>,
     /// Integral of the magnitude, and largest magnitude, of the error of each of these means, where inputs
     /// are not just held.
     pub(super) errors: Vec<CouplingError>,
@@ -114,6 +116,7 @@ impl Wired {
         self.input_values = vec![0.0; n];
         self.slopes = vec![0.0; n];
         self.used = vec![0.0; n];
+        self.defects = vec![(0.0, 0.0); n];
         self.errors = vec![CouplingError::default(); n];
         for (position, slot) in fed.iter().enumerate() {
             if self.output_slots.contains(slot) {
@@ -175,6 +178,19 @@ impl Wired {
             stage,
             source,
         }
+    }
+
+    /// That what an input got in the step from `t` by `h` [s] is nonsense, and no shorter step helps.
+    #[cold]
+    pub(super) fn misled(&self, input: usize, t: f64, h: f64) -> Ending {
+        let mut variables = self.slave.variables().iter();
+        let variable = variables.find(|v| v.handle == self.inputs[input] && v.kind == Kind::Real);
+        let name = variable.map_or("an input", |v| v.name.as_str());
+        let source = format!(
+            "in a step of {h} s, what is known of `{name}` between the ends of the step is wrong by as much as \
+             its value: it changes too fast for strong coupling; take a shorter --step, or another --algorithm"
+        );
+        self.failure(Stage::SetInputs, source.into()).at(t)
     }
 
     /// Gives the inputs the values in the row.

@@ -88,6 +88,8 @@ pub struct ModelExchangeRun {
     x: Vec<f64>,
     nominals: Vec<f64>,
     is_over: bool,
+    /// Beyond this time the instance is not asked [s].
+    stop: f64,
     /// First event of those that followed each other at once, and their number.
     cluster: (f64, u32),
     work: RunWork,
@@ -106,6 +108,7 @@ impl ModelExchangeRun {
             x: Vec::new(),
             nominals: Vec::new(),
             is_over: false,
+            stop: f64::INFINITY,
             cluster: (f64::NEG_INFINITY, 0),
             work: RunWork::default(),
         }
@@ -138,6 +141,11 @@ impl ModelExchangeRun {
     /// The tolerance, which may be changed until the run begins.
     pub fn set_tolerance(&mut self, tolerance: f64) {
         self.options.tolerance = tolerance;
+    }
+
+    /// Tells the stop time of the experiment [s], beyond which no instance needs to work.
+    pub fn set_stop(&mut self, stop: Option<f64>) {
+        self.stop = stop.unwrap_or(f64::INFINITY);
     }
 
     /// Begins at `start` [s]: the instance has just left initialization mode, and is in event mode.
@@ -213,6 +221,43 @@ impl ModelExchangeRun {
             self.work.input_events += 1;
         }
         Ok(&mut self.model.instance)
+    }
+
+    /// Time derivatives of real outputs where it stands, with the inputs going on as they do [their units per
+    /// second]: by differences of second order over `span` [s] ahead, as if no event came, the states along their
+    /// derivatives. 0 once the model has asked for the end.
+    ///
+    /// # Panics
+    /// If there are not as many slopes as references.
+    pub fn output_slopes(
+        &mut self,
+        references: &[u32],
+        span: f64,
+        slopes: &mut [f64],
+    ) -> Result<(), RunError> {
+        assert_eq!(references.len(), slopes.len());
+        slopes.fill(0.0);
+        if self.is_in_event_mode() {
+            return Ok(());
+        }
+        let (t, x) = (self.time(), self.states().to_vec());
+        let mut rates = vec![0.0; x.len()];
+        self.model.put(t, &x)?;
+        if !x.is_empty() {
+            self.model.instance.get_derivatives(&mut rates)?;
+        }
+        let mut values = vec![0.0; references.len()];
+        for (part, weight) in [(0.0, -1.5), (1.0, 2.0), (2.0, -0.5)] {
+            let ahead = part * span;
+            let states = x.iter().zip(&rates).map(|(x, rate)| x + ahead * rate);
+            let states: Vec<f64> = states.collect();
+            self.model.put_ahead(t, ahead, self.stop, &states)?;
+            self.model.instance.get_real(references, &mut values)?;
+            for (slope, value) in slopes.iter_mut().zip(&values) {
+                *slope += weight / span * value;
+            }
+        }
+        Ok(self.model.put(t, &x)?)
     }
 
     fn is_in_event_mode(&self) -> bool {

@@ -112,9 +112,20 @@ impl Model {
 
     /// Puts the instance at `(t, x)`.
     pub(super) fn put(&mut self, t: f64, x: &[f64]) -> Result<(), CallError> {
-        self.instance.set_time(t)?;
+        self.put_ahead(t, 0.0, f64::INFINITY, x)
+    }
+
+    /// Puts the instance at `x` and `ahead` [s] after `t`, its time not beyond `stop`.
+    pub(super) fn put_ahead(
+        &mut self,
+        t: f64,
+        ahead: f64,
+        stop: f64,
+        x: &[f64],
+    ) -> Result<(), CallError> {
+        self.instance.set_time((t + ahead).min(stop.max(t)))?;
         if self.inputs.is_sloped {
-            self.set_inputs(t)?;
+            self.set_inputs(t + ahead)?;
         }
         match x.is_empty() {
             true => Ok(()),

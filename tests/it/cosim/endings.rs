@@ -103,6 +103,19 @@ fn an_end_within_a_step_has_a_row() {
 }
 
 #[test]
+fn a_step_that_is_given_up_within_has_a_row() {
+    let (run, recorder) = behaving("discard@0.55");
+    assert!(matches!(
+        run.ending,
+        Ending::Discarded { reached: 0.55, .. }
+    ));
+    assert_eq!((run.steps, run.time), (4, 0.55));
+    assert_eq!(recorder.series.time, [0.0, 0.125, 0.25, 0.375, 0.5, 0.55]);
+    let y = &recorder.series.column("f.y").unwrap().values;
+    assert!((y[5] - (1.0 - (-2.0 * 0.55f64).exp())).abs() < 1e-12);
+}
+
+#[test]
 fn values_of_every_type_are_exchanged_and_recorded() {
     let folder = tempdir().unwrap();
     let path = foreign::file(folder.path(), "good");

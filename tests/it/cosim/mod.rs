@@ -13,5 +13,6 @@ mod initialization;
 mod joint;
 mod slaves;
 mod sources;
+mod stiff;
 mod strong;
 mod wiring;

@@ -96,7 +96,7 @@ pub unsafe fn fmi3InstantiateModelExchange<E: Equations>(
     unsafe { order.carry_out(load, Ok(Kind::ModelExchange), Events::default()) }
 }
 
-/// `fmi3InstantiateCoSimulation`. There are no intermediate updates: what concerns them is not used.
+/// `fmi3InstantiateCoSimulation`. An importer that names no variables for intermediate updates gets none.
 pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
     load: Load<E>,
     name: String,
@@ -107,10 +107,10 @@ pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
     event_mode: Boolean,
     early_return: Boolean,
     _required: *const ValueReference,
-    _n_required: usize,
+    n_required: usize,
     environment: InstanceEnvironment,
     logger: Option<LogMessageCallback>,
-    _intermediate_update: Option<IntermediateUpdateCallback>,
+    intermediate_update: Option<IntermediateUpdateCallback>,
 ) -> Instance {
     let order = Order {
         function: Function::InstantiateCoSimulation,
@@ -124,6 +124,8 @@ pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
     let events = Events {
         event_mode,
         early_return,
+        update: (intermediate_update.filter(|_| n_required > 0))
+            .map(|callback| (callback, environment)),
     };
     // SAFETY: the importer passes NULL or C strings.
     unsafe { order.carry_out(load, Ok(Kind::CoSimulation), events) }

@@ -59,7 +59,7 @@ impl Version for Fmi3 {
     fn phase(state: State) -> Phase {
         match state {
             State::Instantiated | State::InitializationMode => Phase::Start,
-            State::ContinuousTimeMode => Phase::Continuous,
+            State::ContinuousTimeMode | State::IntermediateUpdateMode => Phase::Continuous,
             _ => Phase::Event,
         }
     }

@@ -83,6 +83,56 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
     unsafe { call(instance, Function::UpdateDiscreteStates, body) }
 }
 
+/// Asks the importer, if it wants that, for the inputs at the end of a step: within it they go straight there.
+///
+/// # Safety
+/// `instance` as for [`call`].
+unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Float64) -> Status {
+    let function = Function::DoStep;
+    let (mut asked, mut before) = (None, Vec::new());
+    let body = |c: &mut Component<E, Fmi3>| {
+        asked = c.events.update.filter(|_| step > 0.0);
+        if asked.is_some() {
+            before = c.instance.inputs().to_vec();
+            c.state = State::IntermediateUpdateMode;
+        }
+        Ok(())
+    };
+    // SAFETY: by the caller's promise; so below.
+    let status = unsafe { call(instance, function, body) };
+    let Some((update, environment)) = asked else {
+        return status;
+    };
+    let (mut wants_return, mut return_time) = (false, 0.0);
+    let (may_set, may_get, is_finished, may_return) = (true, false, false, false);
+    // SAFETY: the function and its first argument came from the importer, who keeps them until it frees the
+    // instance; both places live through the call. No reference to the instance does, so that the importer may
+    // call its functions from there.
+    unsafe {
+        update(
+            environment,
+            time + step,
+            may_set,
+            may_get,
+            is_finished,
+            may_return,
+            &raw mut wants_return,
+            &raw mut return_time,
+        );
+    }
+    let body = |c: &mut Component<E, Fmi3>| {
+        // Unless a call from there has failed.
+        if c.state == State::IntermediateUpdateMode {
+            c.state = State::StepMode;
+            c.instance.lead_inputs(&before, step)?;
+        }
+        Ok(())
+    };
+    // A function that is legal wherever that call left the instance.
+    // SAFETY: as above.
+    unsafe { call(instance, Function::GetFloat64, body) }
+}
+
 /// `fmi3DoStep`: ends at the first event if the importer handles events and a step may end early.
 pub unsafe fn fmi3DoStep<E: Equations>(
     instance: Instance,
@@ -94,6 +144,11 @@ pub unsafe fn fmi3DoStep<E: Equations>(
     early_return: *mut Boolean,
     last_successful_time: *mut Float64,
 ) -> Status {
+    // SAFETY: the importer passes NULL or its instance.
+    let asked = unsafe { ask_inputs::<E>(instance, time, step) };
+    if asked > Status::WARNING {
+        return asked;
+    }
     let body = |c: &mut Component<E, Fmi3>| {
         // SAFETY: the importer passes NULL or places for the answers.
         let (event_needed, terminate, early_return, last) = unsafe {

@@ -1,0 +1,226 @@
+//! Signals that change much faster than they are exchanged.
+
+use super::slaves::{Linear, simulate};
+use crate::joint_ode::{Loop, Point};
+use pilotage::cosim::slave::SlaveError;
+use pilotage::cosim::{
+    Abilities, Algorithm, Clock, Control, Coupling, Ending, Kind, NativeSlave, Progress, Role, Run,
+    SeriesRecorder, Slave, System, Value, Variable,
+};
+use pilotage::models::{Model, Quadcopter};
+
+const TARGET: f64 = 10.0;
+const STOP: f64 = 15.0;
+const H: f64 = 0.05;
+
+/// `-a (0.06 s² + 0.05 s + 0.01) / ((s + a) (s² + 1.6 s + 1))`: the faster the pole at `-a` [1/s] is, the more
+/// the pilot behaves like direct feedthrough.
+fn theta(a: f64) -> [f64; 6] {
+    [a, 1.0 + 1.6 * a, 1.6 + a, -0.01 * a, -0.05 * a, -0.06 * a]
+}
+
+fn closed_loop(theta: &[f64]) -> System {
+    let mut system = System::new();
+    for (name, model) in [
+        ("pilot", Model::pilot(theta, 1.0)),
+        ("quadcopter", Model::quadcopter(&Quadcopter::default())),
+    ] {
+        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+    }
+    system.connect("pilot.stick", "quadcopter.stick").unwrap();
+    system.connect("quadcopter.z", "pilot.position").unwrap();
+    system.set("pilot.target", &TARGET.to_string()).unwrap();
+    system
+}
+
+/// Largest error of the position at the communication points [m], and the run.
+fn error(a: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
+    let (run, recorder) = simulate(closed_loop(&theta(a)), STOP, H, coupling);
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    let z = &recorder.series.column("quadcopter.z").unwrap().values;
+    assert_eq!(z.len(), exact.len());
+    let errors = z.iter().zip(exact).map(|(z, exact)| (z - exact.z[0]).abs());
+    (errors.fold(0.0, f64::max), run)
+}
+
+/// The slope of the stick at the start is that of a jump which is over within a thousandth of the step and
+/// less; a cubic with that slope at its begin would throw the vehicle down by metres.
+#[test]
+fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
+    for a in [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6] {
+        let pilot = Loop {
+            theta: theta(a),
+            target: TARGET,
+        };
+        let exact = pilot.solve(H, STOP);
+        let (simple, _) = error(a, &exact, Algorithm::GaussSeidel);
+        let (strong, run) = error(a, &exact, Algorithm::Strong);
+        assert!((0.09..0.3).contains(&simple), "pole -{a}: {simple}");
+        assert!(strong < 5e-3, "pole -{a}: {strong}");
+        let steps = run.report.steps;
+        assert_eq!((steps.unconverged, steps.rejected), (0, 0), "pole -{a}");
+        // From rest with very short steps, every change is many times the one before.
+        let clock = Clock::new(0.0, STOP, H).unwrap();
+        let controlled = Coupling {
+            control: Some(Control::new(1e-6, &clock)),
+            ..Algorithm::Strong.into()
+        };
+        let (controlled, run) = error(a, &exact, controlled);
+        assert!(controlled < 1e-4, "pole -{a}: {controlled}");
+        for connection in run.report.connections {
+            assert_eq!(connection.divergence, None, "pole -{a}: {connection:?}");
+        }
+    }
+}
+
+/// `y = f(t)` with its slope.
+struct Signal {
+    f: fn(f64) -> [f64; 2],
+    time: f64,
+    saved: [f64; 3],
+    can_vary: bool,
+    variables: Vec<Variable>,
+}
+
+impl Signal {
+    fn new(f: fn(f64) -> [f64; 2]) -> Self {
+        Self {
+            f,
+            time: 0.0,
+            saved: [0.0; 3],
+            can_vary: true,
+            variables: vec![Variable::new("y", 0, Kind::Real, Role::Output)],
+        }
+    }
+}
+
+impl Slave for Signal {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+        assert!(handles.is_empty());
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values[0] = (self.f)(self.time)[0];
+        Ok(())
+    }
+
+    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
+        Err(format!("nothing to set at {handle}").into())
+    }
+
+    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
+        Ok(Value::Real((self.f)(self.time)[0]))
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
+        Ok(Progress::Done)
+    }
+
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: self.can_vary,
+            output_derivatives: true,
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.saved[place] = self.time;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.time = self.saved[place];
+        Ok(())
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        _handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        slopes[0] = (self.f)(self.time)[1];
+        Ok(())
+    }
+}
+
+/// An integrator of a signal, for 1 s in steps of 0.1 s.
+fn integrated(signal: Signal) -> (Run, SeriesRecorder) {
+    let mut system = System::new();
+    system.add("signal", Box::new(signal)).unwrap();
+    let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().following();
+    system.add("integrator", Box::new(integrator)).unwrap();
+    system.connect("signal.y", "integrator.u").unwrap();
+    simulate(system, 1.0, 0.1, Algorithm::Strong)
+}
+
+/// `cos(1000 t)`, sixteen periods in each step: what lies between two points and slopes is nonsense, and the
+/// steps are halved until it is none.
+fn fast(t: f64) -> [f64; 2] {
+    [(1000.0 * t).cos(), -1000.0 * (1000.0 * t).sin()]
+}
+
+#[test]
+fn steps_whose_error_is_as_large_as_the_signal_are_halved() {
+    let (run, recorder) = integrated(Signal::new(fast));
+    let y = &recorder.series.column("integrator.y").unwrap().values;
+    assert_eq!(recorder.series.time.len(), 11);
+    for (t, y) in recorder.series.time.iter().zip(y) {
+        let exact = (1000.0 * t).sin() / 1000.0;
+        // No step is wrong by more than the signal is large; the first one was, by three times that.
+        assert!((y - exact).abs() <= *t, "{t}: {y} {exact}");
+    }
+    let steps = run.report.steps;
+    assert!(steps.rejected > 0 && steps.accepted < 1000, "{steps:?}");
+}
+
+#[test]
+fn where_steps_cannot_be_halved_the_run_ends() {
+    let (run, _) = integrated(Signal {
+        can_vary: false,
+        ..Signal::new(fast)
+    });
+    let Ending::Failed {
+        instance, source, ..
+    } = run.ending
+    else {
+        panic!("{:?}", run.ending)
+    };
+    assert_eq!(instance, "integrator");
+    let message = source.to_string();
+    assert!(
+        message.starts_with("in a step of 0.1 s, what is known of `u` between the ends"),
+        "{message}"
+    );
+    assert!(message.ends_with("take a shorter --step, or another --algorithm"));
+}
+
+/// A sample of the time that is taken every 0.1 s, at the communication points, and kept: a real, but no line.
+fn sampled(t: f64) -> [f64; 2] {
+    [(10.0 * t + 1e-9).floor(), 3.0]
+}
+
+#[test]
+fn a_discrete_real_is_held_in_strong_coupling() {
+    let mut signal = Signal::new(sampled);
+    signal.variables[0].is_discrete = true;
+    let (run, recorder) = integrated(signal);
+    assert_eq!(run.report.steps.rejected, 0);
+    let y = &recorder.series.column("integrator.y").unwrap().values;
+    let mut exact = 0.0;
+    for (k, y) in y.iter().enumerate() {
+        assert!((y - exact).abs() < 1e-12, "{k}: {y} {exact}");
+        exact += 0.1 * k as f64;
+    }
+}
