@@ -14,7 +14,7 @@
 
 use super::Problem;
 use super::iterate::Iterate;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Scaled curvature above minus this counts as not negative: the Hessian inherits the error that the KKT
 /// tolerance leaves in point and multipliers.
@@ -26,6 +26,8 @@ const ZERO: f64 = 1e-4;
 const MAX_WEAK: usize = 6;
 /// Rows that differ by less than this, relatively, are dependent.
 const RANK: f64 = 1e-9;
+/// Steps of the eigenvalue iteration, at most.
+const MAX_ITERATIONS: usize = 10_000;
 /// Largest matrix whose eigenvalues are computed.
 pub const MAX_SIZE: usize = 500;
 
@@ -132,9 +134,10 @@ impl Cone {
             .filter(|(row, rounding)| row.norm() > *rounding)
             .map(|(row, _)| row.normalize())
             .collect();
-        let least = (0..1_usize << weak.len())
-            .filter_map(|face| least_inside(&projected, &weak, face))
-            .min_by(|(a, _), (b, _)| a.total_cmp(b));
+        let faces = 0..1_usize << weak.len();
+        let found = faces.map(|face| least_inside(&projected, &weak, face));
+        let found = found.collect::<Option<Vec<_>>>()?;
+        let least = (found.into_iter().flatten()).min_by(|(a, _), (b, _)| a.total_cmp(b));
         Some(
             least.map_or_else(Curvature::vertex, |(along, direction)| Curvature {
                 smallest: along / scale,
@@ -152,32 +155,38 @@ pub fn unit(diagonal: f64) -> f64 {
 }
 
 /// The smallest eigenvalue whose eigenvector lies in the cone `weak · d ≤ 0`, on its face where the rows
-/// in the bits of `face` are zero.
+/// in the bits of `face` are zero, if there is one. None when the eigenvalues cannot be computed.
 fn least_inside(
     h: &DMatrix<f64>,
     weak: &[DVector<f64>],
     face: usize,
-) -> Option<(f64, DVector<f64>)> {
+) -> Option<Option<(f64, DVector<f64>)>> {
     let is_held = |i: &usize| face & (1 << i) != 0;
     let held: Vec<_> = (0..weak.len()).filter(is_held).collect();
     let rows: Vec<DVector<f64>> = held.iter().map(|&i| weak[i].clone()).collect();
     let span = null_space(&rows, h.nrows());
     if span.ncols() == 0 {
+        return Some(None);
+    }
+    let inner = span.tr_mul(&(h * &span));
+    // On what is not finite the iteration would not end.
+    if !inner.iter().all(|value| value.is_finite()) {
         return None;
     }
-    let eigen = span.tr_mul(&(h * &span)).symmetric_eigen();
+    let eigen = SymmetricEigen::try_new(inner, f64::EPSILON, MAX_ITERATIONS)?;
     let inside = |d: &DVector<f64>| weak.iter().all(|row| row.dot(d) <= RANK);
     let vectors = eigen
         .eigenvalues
         .iter()
         .zip(eigen.eigenvectors.column_iter());
-    vectors
+    let least = vectors
         .filter_map(|(value, vector)| {
             let d = &span * vector;
             let signed = [-&d, d].into_iter().rev().find(inside)?;
             Some((*value, signed))
         })
-        .min_by(|(a, _), (b, _)| a.total_cmp(b))
+        .min_by(|(a, _), (b, _)| a.total_cmp(b));
+    Some(least)
 }
 
 /// An orthonormal basis of the directions with `rowᵀd = 0` for all rows, as columns; dependent rows do

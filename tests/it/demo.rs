@@ -34,7 +34,7 @@ fn the_demo_fills_one_folder_and_says_what_lies_where() {
         );
     }
     for line in [
-        "fit       converged: 32460 unknowns, ",
+        "fit       converged, in doubt (1): 32460 unknowns, ",
         "validate  both FMUs follow FMI 2.0, and their binaries run\n",
     ] {
         assert!(ended.stdout.contains(line), "{line} {}", ended.stdout);

@@ -4,7 +4,7 @@
 use crate::command::{Folder, example};
 use pilotage::identification::closed_loop::LOOP_MARGIN;
 use pilotage::identification::{
-    ClosedLoop, Doubt, Fit, Mesh, Objective, Options, Trial, TrialSet, fit, simulate,
+    ClosedLoop, Doubt, Fit, InitialState, Mesh, Objective, Options, Trial, TrialSet, fit, simulate,
 };
 use pilotage::models::{Joint, Pilot, Quadcopter};
 use pilotage::synthetic::{Flights, Human};
@@ -262,6 +262,21 @@ fn a_mesh_of_a_few_intervals_is_told() {
         codes(&fitted(&changed(|_| ()), &options)).contains(&"coarse-mesh")
     };
     assert!(of(2.0) && !of(1.0));
+}
+
+/// Free states of the vehicle tumble in the first tenths of a second; at rest they cannot.
+#[test]
+fn free_initial_states_that_no_vehicle_has_are_told() {
+    let of = |initial_state| {
+        let options = Options {
+            initial_state,
+            ..Options::default()
+        };
+        let fit = fitted(&shipped(), &options);
+        assert!(fit.converged, "{}", fit.status);
+        codes(&fit).contains(&"wild-start")
+    };
+    assert!(of(InitialState::Free) && !of(InitialState::VehicleAtRest));
 }
 
 #[test]

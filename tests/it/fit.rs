@@ -59,7 +59,10 @@ fn the_shipped_trials_give_a_pilot_that_brings_the_vehicle_to_the_target() {
         assert!(number(&run["closed_loop_rms_m"]) < 1.5, "{run}");
     }
     let page = folder.read("fit.html");
-    assert!(page.contains(">converged</p>") && page.matches("<figure>").count() == 3);
+    assert!(
+        page.contains(">converged, in doubt: loop-on-bound</p>")
+            && page.matches("<figure>").count() == 3
+    );
 
     let file: toml::Table = folder.read("pilot.toml").parse().unwrap();
     for (i, theta) in json["theta"].as_array().unwrap().iter().enumerate() {
@@ -86,7 +89,13 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
         "--initial-state=at-rest",
     ]);
     assert_eq!(ended.code, 0, "{ended:?}");
-    assert!(ended.stdout.starts_with("converged: "), "{}", ended.stdout);
+    let verdict = "converged, in doubt (1): ";
+    assert!(ended.stdout.starts_with(verdict), "{}", ended.stdout);
+    assert!(
+        ended
+            .stdout
+            .contains("\ndoubt (loop-on-bound): the closed loop lies on its stability bound")
+    );
     for unit in [
         "1/s³\n",
         "1/s²\n",

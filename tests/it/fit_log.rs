@@ -98,7 +98,11 @@ fn a_log_on_stdout_is_alone_there() {
     let ended = folder.pilotage(&["fit", &manifest(), "--log=-"]);
     assert_eq!(ended.code, 0, "{ended:?}");
     assert_eq!(lines(&ended.stdout).last().unwrap()["status"], "converged");
-    assert!(ended.stderr.starts_with("converged: "), "{}", ended.stderr);
+    assert!(
+        ended.stderr.starts_with("converged, in doubt (1): "),
+        "{}",
+        ended.stderr
+    );
     assert!(
         ended.stderr.contains("\nwrote pilot.toml\n"),
         "{}",

@@ -82,6 +82,17 @@ pub enum Doubt {
         /// That objective, in units of [`Fit::objective`].
         objective: f64,
     },
+    /// Free initial states that no vehicle has: far beyond what it does afterwards.
+    WildStart {
+        /// Name of the run.
+        run: String,
+        /// Name of the state.
+        state: &'static str,
+        /// Its value at the start, in its own unit.
+        value: f64,
+        /// Its largest magnitude after the first second.
+        later: f64,
+    },
     /// The closed loop lies on its stability bound ([`super::closed_loop::LOOP_MARGIN`]).
     LoopOnBound {
         /// Real part of its slowest pole [1/s].
@@ -128,6 +139,7 @@ impl Doubt {
             Self::SaturatedStick { .. } => "saturated-stick",
             Self::OneStart { .. } => "one-start",
             Self::Lower { .. } => "lower-start",
+            Self::WildStart { .. } => "wild-start",
             Self::LoopOnBound { .. } => "loop-on-bound",
             Self::Integrates => "integrating-pilot",
             Self::PilotOnBound { .. } => "pilot-on-bound",
@@ -245,6 +257,17 @@ impl std::fmt::Display for Doubt {
                 f,
                 "start {start} came to a sum of squares of {objective:.6} and did not converge: there is a \
                  better optimum, try --max-iterations or --random-starts 20"
+            ),
+            Self::WildStart {
+                run,
+                state,
+                value,
+                later,
+            } => write!(
+                f,
+                "{run} begins with {state} = {value:.2}, which stays within {later:.2} after a second: its free \
+                 initial states explain what the pilot should, and many optima do so; fit with --initial-state \
+                 vehicle-at-rest"
             ),
             Self::LoopOnBound { pole } => write!(
                 f,

@@ -4,10 +4,11 @@ use super::{Doubt, Fit, Options};
 use crate::identification::closed_loop::LOOP_MARGIN;
 use crate::identification::constraints::{RouthHurwitz, STABILITY_MARGIN};
 use crate::identification::result::{AGREE, RunFit, StartReport};
-use crate::identification::{ClosedLoop, Objective};
+use crate::identification::{ClosedLoop, InitialState, Objective};
 use crate::transcription::ParameterConstraints;
 use nalgebra::Complex;
 use pilotage_models::Pilot;
+use pilotage_models::quadcopter::{N_STATES, STATE_NAMES};
 use std::f64::consts::PI;
 
 /// A condition for stability within this many margins is on its bound.
@@ -20,6 +21,9 @@ const CANCELLED: f64 = 0.01;
 const IDLE: f64 = 1e-6;
 /// Variance accounted for below which the model says little.
 const POOR: f64 = 0.5;
+/// A state that begins beyond so many times what it is after [`SETTLED`] seconds is no vehicle's.
+const WILD: f64 = 3.0;
+const SETTLED: f64 = 1.0;
 /// An outlier is this many robust standard deviations of the residuals from the mean of its neighbours.
 const OUTLYING: f64 = 10.0;
 /// Standard deviation of a normal distribution over its median magnitude.
@@ -38,6 +42,7 @@ pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
     let untold = [
         poor(fit, options),
         one_start(fit),
+        wild_start(fit, options),
         on_bound(fit, pilot, &poles),
         fast_pole(fit, &poles),
         cancelled(fit, pilot, &poles),
@@ -132,6 +137,43 @@ fn poor(fit: &Fit, options: &Options) -> Option<Doubt> {
 fn one_start(fit: &Fit) -> Option<Doubt> {
     let starts = fit.tried;
     (starts > 0 && fit.agreeing() <= 1).then_some(Doubt::OneStart { starts })
+}
+
+/// The vehicle's state that begins furthest beyond what it does after [`SETTLED`].
+fn wild_start(fit: &Fit, options: &Options) -> Option<Doubt> {
+    if options.initial_state != InitialState::Free || options.objective != Objective::Response {
+        return None;
+    }
+    let of_run = |run: &RunFit| {
+        let settled = run.time.partition_point(|t| *t < run.time[0] + SETTLED);
+        let later = |i: usize| {
+            run.states[settled..]
+                .iter()
+                .fold(0.0, |m: f64, x| m.max(x[i].abs()))
+        };
+        // The position begins where it was recorded.
+        let begin = |i: usize| (i, run.states[0][i], later(i));
+        let worst = (1..N_STATES)
+            .map(begin)
+            .max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        worst.map(|worst| (run.name.clone(), worst))
+    };
+    let all = fit
+        .runs
+        .iter()
+        .filter(|run| run.states.len() > 1)
+        .filter_map(of_run);
+    let (run, worst) = all.max_by(|a, b| ratio(&a.1).total_cmp(&ratio(&b.1)))?;
+    (ratio(&worst) > WILD).then(|| Doubt::WildStart {
+        run,
+        state: STATE_NAMES[worst.0],
+        value: worst.1,
+        later: worst.2,
+    })
+}
+
+fn ratio(&(_, begin, later): &(usize, f64, f64)) -> f64 {
+    begin.abs() / later.max(1e-9)
 }
 
 fn lower(fit: &Fit) -> Option<Doubt> {
