@@ -164,10 +164,11 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
     let pilot = PilotFile::read(file)?;
     if !pilot.is_answer() && !allow_unconverged {
         let fatal = pilot.doubts.iter().find(|doubt| doubt.fatal);
-        let why = fatal
-            .filter(|_| pilot.converged)
-            .map_or("did not converge", |doubt| &doubt.words);
-        let message = format!("{}: the fit is no answer: {why}", file.display());
+        let why = match fatal.filter(|_| pilot.converged) {
+            Some(doubt) => format!("is no answer: {}", doubt.words),
+            None => "did not converge".into(),
+        };
+        let message = format!("{}: the fit {why}", file.display());
         return Err(Failure::new(message).hint(
             "fit again (more iterations, another --start), or pass --allow-unconverged to export \
              its best iterate",

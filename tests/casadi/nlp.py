@@ -16,9 +16,10 @@ SCHEMES = {
     "hermite-simpson": ([0, 1 / 2, 1], [[5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]]),
 }
 STATES, PARAMETERS = 9, 6
-# How many of the states are known at the first sample.
-INITIAL_STATES = {"free": 0, "vehicle-at-rest": 6, "at-rest": 9}
-MARGIN = 1e-6  # of the stability conditions
+# Which of the states are known at the first sample: the position is measured there, and estimated.
+INITIAL_STATES = {"free": [], "vehicle-at-rest": list(range(1, 6)), "at-rest": list(range(1, STATES))}
+MARGIN = 1e-6  # of the pilot's stability conditions
+LOOP_MARGIN = 1e-3  # every pole of the closed loop is further left [1/s]
 STICK_LIMIT = 1.0
 MULTIPLIER_SCALE = 100.0  # s_max of Wächter & Biegler
 
@@ -48,9 +49,44 @@ def joint():
     return ca.Function("f", [x, target, theta], [rate]), ca.Function("u", [x, theta], [stick])
 
 
+def product(a, b):
+    """Two polynomials, highest power first."""
+    out = [0] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            out[i + j] += x * y
+    return out
+
+
+def closed_loop(theta):
+    """First column of Routh's array, without its first entry, of the closed loop's characteristic polynomial
+    about hover in s - LOOP_MARGIN."""
+    mass, arm, inertia, gravity, hover = 1.2, 0.225, 0.0123, 9.80665, 0.9214
+    lag, gain, k_phi, k_q, full = 14.48, 0.0222, 22.96, 10.76, np.pi / 4
+    beta = np.sqrt(2) * arm / inertia * mass * gravity / hover * gain
+    denominator = [1, theta[2], theta[1], theta[0]]
+    vehicle = product([1, 0, 0], [1, lag, beta * k_q, beta * k_phi])
+    characteristic = product(denominator, vehicle)
+    for i, numerator in enumerate([theta[5], theta[4], theta[3]]):
+        characteristic[len(characteristic) - 3 + i] -= gravity * full * beta * k_phi * numerator
+    shifted = [0]
+    for coefficient in characteristic:
+        shifted = product(shifted, [1, -LOOP_MARGIN])
+        shifted[-1] += coefficient
+    shifted = shifted[-len(characteristic) :]
+    upper, lower, column = shifted[::2], shifted[1::2], []
+    while lower:
+        column.append(lower[0])
+        padded = lower + [0] * (len(upper) - len(lower))
+        rest = [u - upper[0] / lower[0] * l for u, l in zip(upper[1:], padded[1:])]
+        upper, lower = lower, rest
+    return column
+
+
 def stability(theta):
-    """Routh and Hurwitz: all positive."""
-    return ca.vertcat(theta[0], theta[1], theta[2], theta[2] * theta[1] - theta[0]) - MARGIN
+    """Routh and Hurwitz, of the pilot and of its closed loop: all positive."""
+    pilot = [theta[0], theta[1], theta[2], theta[2] * theta[1] - theta[0]]
+    return ca.vertcat(*[value - MARGIN for value in pilot], *closed_loop(theta))
 
 
 class Problem:
@@ -77,11 +113,12 @@ class Problem:
         }
         zero, limit = np.zeros(equal.numel()), np.full(bounded.numel(), STICK_LIMIT)
         free = np.full(PARAMETERS, np.inf)
+        conditions = stability(self.theta).numel()
         self.limits = {
             "lbx": np.concatenate([*lower, -free]),
             "ubx": np.concatenate([*upper, free]),
-            "lbg": np.concatenate([zero, -limit, np.zeros(4)]),
-            "ubg": np.concatenate([zero, limit, np.full(4, np.inf)]),
+            "lbg": np.concatenate([zero, -limit, np.zeros(conditions)]),
+            "ubg": np.concatenate([zero, limit, np.full(conditions, np.inf)]),
         }
         self.gauss_newton = np.concatenate([*curvature, np.zeros(PARAMETERS)])
 
@@ -108,11 +145,10 @@ class Problem:
         recorded = ca.DM(np.where(seen, trial.position, 0)).T
         mask = ca.DM(seen.astype(float)).T
         squares = trial.weight * ca.sumsqr(mask * (recorded - boundary[0, :]))
-        # Hover at the first recorded position, the pilot at zero.
+        # Hover somewhere, the pilot at zero.
         lower = np.full(x.numel(), -np.inf)
         upper = np.full(x.numel(), np.inf)
-        rest = np.array([trial.position[seen][0], *[0] * (STATES - 1)]) / self.scale
-        lower[: self.known] = upper[: self.known] = rest[: self.known]
+        lower[self.known] = upper[self.known] = 0
         curvature = np.zeros(x.numel())
         curvature[:: STATES * s] = 2 * trial.weight * seen * self.scale[0] ** 2
         return x, squares, ca.vec(ca.vertcat(*defects)), stick.T, lower, upper, curvature
@@ -122,10 +158,11 @@ class Problem:
         run with its known initial states."""
         lam_x, lam_g, rest = np.zeros(self.nlp["x"].numel()), [], np.array(equality)
         fixed = np.flatnonzero(self.limits["lbx"] == self.limits["ubx"])
+        known = len(self.known)
         for j, defects in enumerate(self.defects):
-            lam_x[fixed[j * self.known : (j + 1) * self.known]] = rest[: self.known]
-            lam_g.append(rest[self.known : self.known + defects])
-            rest = rest[self.known + defects :]
+            lam_x[fixed[j * known : (j + 1) * known]] = rest[:known]
+            lam_g.append(rest[known : known + defects])
+            rest = rest[known + defects :]
         return np.concatenate([*lam_g, inequality]), lam_x
 
     def kkt(self, x, lam_g, lam_x):

@@ -6,7 +6,7 @@ use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
 /// A pilot like the synthetic humans: lead, and lags at some rad/s; its closed loop is stable.
-const THETA: [f64; 6] = [60.0, 47.0, 12.0, -1.2, -3.6, -0.4];
+const THETA: [f64; 6] = [24.0, 26.0, 9.0, -0.36, -1.2, -0.2];
 
 /// Weights `a_ij` of the unknown nodes of an interval, one row each.
 type Table = &'static [&'static [f64]];
