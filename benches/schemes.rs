@@ -6,7 +6,7 @@
 //! cargo bench --bench schemes -- --write docs/schemes.md  puts it into that page
 //! ```
 
-use pilotage::identification::{Fit, FitError, Mesh, Options, Trial, fit};
+use pilotage::identification::{Fit, FitError, InitialPosition, Mesh, Options, Trial, fit};
 use pilotage::models::{Dynamics, Joint};
 use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
@@ -105,6 +105,9 @@ fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError
     let options = Options {
         scheme,
         mesh,
+        // The flights begin where the first sample says, and what is asked for is the scheme's error alone.
+        initial_position: InitialPosition::Known,
+        stable_loop: false,
         start: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
         ..Options::default()
     };

@@ -6,7 +6,7 @@ use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
 /// A pilot like the synthetic humans: lead, and lags at some rad/s; its closed loop is stable.
-const THETA: [f64; 6] = [24.0, 26.0, 9.0, -0.36, -1.2, -0.2];
+const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.1, -0.6, -0.1];
 
 /// Weights `a_ij` of the unknown nodes of an interval, one row each.
 type Table = &'static [&'static [f64]];
@@ -162,9 +162,9 @@ fn data_of_the_discretised_model_give_its_parameters_back() {
 #[test]
 fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
     for (scheme, h) in [
-        (Scheme::Euler, 0.006_25),
+        (Scheme::Euler, 0.003_125),
         (Scheme::Trapezoid, 0.025),
-        (Scheme::HermiteSimpson, 0.1),
+        (Scheme::HermiteSimpson, 0.05),
     ] {
         let options = Options {
             scheme,
