@@ -55,7 +55,10 @@ struct Sampled {
     inputs: Vec<Vec<f64>>,
     measured: Vec<f64>,
     weight: f64,
-    initial: Vec<Option<f64>>,
+    /// Known initial states; zero where free.
+    initial: Vec<f64>,
+    /// Which are free.
+    free: Vec<usize>,
 }
 
 impl<'a, D: Dynamics> Search<'a, D> {
@@ -76,21 +79,13 @@ impl<'a, D: Dynamics> Search<'a, D> {
             let linear = linear.derivative(x, w);
             dx.iter().zip(linear).map(|(f, l)| f - l).collect()
         };
-        let corrections: Vec<Vec<Vec<f64>>> = (states.iter().zip(&posed.runs))
-            .map(|(states, run)| {
-                states
-                    .iter()
-                    .zip(&run.inputs)
-                    .map(|(x, w)| left_out(x, w))
-                    .collect()
-            })
-            .collect();
-        let largest = |i: usize| {
-            corrections
-                .iter()
-                .flatten()
-                .fold(0.0, |m: f64, d| m.max(d[i].abs()))
+        let of_run = |(states, run): (&Vec<Vec<f64>>, &Run)| -> Vec<Vec<f64>> {
+            let samples = states.iter().zip(&run.inputs);
+            samples.map(|(x, w)| left_out(x, w)).collect()
         };
+        let corrections: Vec<Vec<Vec<f64>>> = states.iter().zip(&posed.runs).map(of_run).collect();
+        let all = || corrections.iter().flatten();
+        let largest = |i: usize| all().fold(0.0, |m: f64, d| m.max(d[i].abs()));
         let corrected: Vec<usize> = (0..n).filter(|&i| largest(i) > NEGLIGIBLE).collect();
         let mut runs = posed.runs.clone();
         for (run, corrections) in runs.iter_mut().zip(&corrections) {
@@ -154,12 +149,12 @@ impl<'a, D: Dynamics> Search<'a, D> {
         let (linear, run, sampled) = (self.linear(theta), &self.runs[j], &self.sampled[j]);
         let transition = linear.transition(self.step)?;
         let responses = linear.responses(&transition, sampled.measured.len());
-        let mut projection = Projection::new(&responses, &sampled.initial);
+        let projection = Projection::new(&responses, &sampled.free);
         let mut residual = sampled.unexplained(&linear, &transition, self.step);
-        let free = projection.remove(&mut residual);
-        let mut x: Vec<f64> = (sampled.initial.iter().zip(free))
-            .map(|(known, free)| known.unwrap_or(free))
-            .collect();
+        let mut x = sampled.initial.clone();
+        for (state, value) in projection.remove(&mut residual) {
+            x[state] = value;
+        }
         let mut states = vec![x.clone()];
         let mut last: Option<(f64, Transition)> = None;
         for k in 1..run.time.len() {
@@ -187,22 +182,15 @@ impl<'a, D: Dynamics> Search<'a, D> {
         let transition = linear.transition(self.step)?;
         let longest = self.sampled.iter().map(|run| run.measured.len()).max()?;
         let responses = linear.responses(&transition, longest);
-        let mut projections: Vec<(usize, &[Option<f64>], Projection)> = Vec::new();
+        // Runs of one length that begin alike share a projection.
+        let mut projections: Vec<((usize, &[usize]), Projection)> = Vec::new();
         let mut all = Vec::new();
         for run in &self.sampled {
-            let samples = run.measured.len();
-            let same = |(n, initial, _): &&(usize, &[Option<f64>], Projection)| {
-                *n == samples
-                    && initial
-                        .iter()
-                        .zip(&run.initial)
-                        .all(|(a, b)| a.is_some() == b.is_some())
-            };
-            if projections.iter().find(same).is_none() {
-                let projection = Projection::new(&responses[..samples], &run.initial);
-                projections.push((samples, &run.initial, projection));
+            let key = (run.measured.len(), run.free.as_slice());
+            if !projections.iter().any(|(known, _)| *known == key) {
+                projections.push((key, Projection::new(&responses[..key.0], key.1)));
             }
-            let (_, _, projection) = projections.iter_mut().find(|p| same(&&**p))?;
+            let (_, projection) = projections.iter().find(|(known, _)| *known == key)?;
             let mut residual = run.unexplained(&linear, &transition, self.step);
             projection.remove(&mut residual);
             let weight = run.weight.sqrt();
@@ -264,19 +252,20 @@ impl Sampled {
                 .map(|k| between(&times, &values, at(k)))
                 .collect(),
             weight: run.weight,
-            initial: run.initial.clone(),
+            initial: run
+                .initial
+                .iter()
+                .map(|known| known.unwrap_or(0.0))
+                .collect(),
+            free: (0..run.initial.len())
+                .filter(|&i| run.initial[i].is_none())
+                .collect(),
         }
     }
-}
 
-impl Sampled {
     /// What the inputs and the known initial states leave of the measurements.
     fn unexplained(&self, linear: &Linear, transition: &Transition, step: f64) -> Vec<f64> {
-        let mut x: Vec<f64> = self
-            .initial
-            .iter()
-            .map(|known| known.unwrap_or(0.0))
-            .collect();
+        let mut x = self.initial.clone();
         let mut next = x.clone();
         let mut slopes = vec![0.0; linear.b.ncols()];
         let mut out = Vec::with_capacity(self.measured.len());
@@ -311,60 +300,67 @@ fn between(time: &[f64], values: &[f64], t: f64) -> f64 {
 /// An orthonormal basis of the outputs that the free initial states make, by Gram and Schmidt's method, each
 /// column twice.
 struct Projection {
-    /// Free states that add a direction, and that direction.
-    basis: Vec<(usize, Vec<f64>)>,
-    /// Coefficients of each basis vector's own column over the vectors up to it.
-    triangle: Vec<Vec<f64>>,
-    states: usize,
+    directions: Vec<Direction>,
+}
+
+/// What one free state adds to those before it.
+struct Direction {
+    state: usize,
+    /// Of length 1, at right angles to those before.
+    unit: Vec<f64>,
+    /// The state's own outputs in terms of the directions up to this one.
+    coefficients: Vec<f64>,
 }
 
 impl Projection {
-    fn new(responses: &[Vec<f64>], initial: &[Option<f64>]) -> Self {
-        let mut out = Self {
-            basis: Vec::new(),
-            triangle: Vec::new(),
-            states: initial.len(),
-        };
-        for state in (0..initial.len()).filter(|&i| initial[i].is_none()) {
-            let mut column: Vec<f64> = responses.iter().map(|row| row[state]).collect();
-            let before = dot(&column, &column).sqrt();
-            let mut coefficients = vec![0.0; out.basis.len() + 1];
+    /// From the outputs at each sample for each unit initial state.
+    fn new(responses: &[Vec<f64>], free: &[usize]) -> Self {
+        let mut directions: Vec<Direction> = Vec::new();
+        for &state in free {
+            let mut unit: Vec<f64> = responses.iter().map(|row| row[state]).collect();
+            let before = dot(&unit, &unit).sqrt();
+            let mut coefficients = vec![0.0; directions.len()];
             for _ in 0..2 {
-                for ((_, q), coefficient) in out.basis.iter().zip(&mut coefficients) {
-                    let along = dot(q, &column);
-                    column.iter_mut().zip(q).for_each(|(v, q)| *v -= along * q);
-                    *coefficient += along;
+                for (direction, coefficient) in directions.iter().zip(&mut coefficients) {
+                    *coefficient += take_out(&direction.unit, &mut unit);
                 }
             }
-            let left = dot(&column, &column).sqrt();
+            let left = dot(&unit, &unit).sqrt();
             if left > DEPENDENT * before {
-                column.iter_mut().for_each(|v| *v /= left);
-                coefficients[out.basis.len()] = left;
-                out.triangle.push(coefficients);
-                out.basis.push((state, column));
+                unit.iter_mut().for_each(|v| *v /= left);
+                coefficients.push(left);
+                directions.push(Direction {
+                    state,
+                    unit,
+                    coefficients,
+                });
             }
         }
-        out
+        Self { directions }
     }
 
-    /// Takes out of the residuals what initial states explain, and tells these; zero for those that add nothing.
-    fn remove(&mut self, residual: &mut [f64]) -> Vec<f64> {
-        let mut along = Vec::with_capacity(self.basis.len());
-        for (_, q) in &self.basis {
-            let part = dot(q, residual);
-            residual.iter_mut().zip(q).for_each(|(r, q)| *r -= part * q);
-            along.push(part);
-        }
-        let mut states = vec![0.0; self.states];
-        for k in (0..along.len()).rev() {
-            let value = along[k] / self.triangle[k][k];
-            for (i, along) in along[..k].iter_mut().enumerate() {
-                *along -= value * self.triangle[k][i];
+    /// Takes out of the residuals what initial states explain, and tells which states do so, last first; those that
+    /// add nothing are left out.
+    fn remove(&self, residual: &mut [f64]) -> Vec<(usize, f64)> {
+        let directions = self.directions.iter();
+        let mut along: Vec<f64> = directions.map(|d| take_out(&d.unit, residual)).collect();
+        let mut states = Vec::new();
+        for (k, direction) in self.directions.iter().enumerate().rev() {
+            let value = along[k] / direction.coefficients[k];
+            for (along, coefficient) in along.iter_mut().zip(&direction.coefficients) {
+                *along -= value * coefficient;
             }
-            states[self.basis[k].0] = value;
+            states.push((direction.state, value));
         }
         states
     }
+}
+
+/// Takes the component along a vector of length 1 out of `v`, and tells its length.
+fn take_out(unit: &[f64], v: &mut [f64]) -> f64 {
+    let along = dot(unit, v);
+    v.iter_mut().zip(unit).for_each(|(v, u)| *v -= along * u);
+    along
 }
 
 /// A descent of the projected sum of squares by Levenberg's and Marquardt's method, inside the constraints.
@@ -453,4 +449,94 @@ impl Descent {
 fn scale(value: f64, all: &[f64]) -> f64 {
     let largest = all.iter().fold(0.0, |m: f64, t| m.max(t.abs()));
     value.abs().max(1e-6 * largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identification::{InitialState, Options, Trial, problem};
+    use pilotage_models::{Pilot, lti::Transition};
+
+    /// A stick fit is linear: flights of a known pilot from known states of its own give both back, from a start
+    /// elsewhere, and nothing is left.
+    #[test]
+    fn the_search_finds_a_linear_pilot_and_its_states() {
+        let options = Options {
+            initial_state: InitialState::Free,
+            objective: crate::identification::Objective::Stick,
+            pilot: Pilot { order: 2 },
+            ..Options::default()
+        };
+        let truth = [2.0, 3.0, -0.4, -0.9];
+        let begin = [0.7, -0.3];
+        let trial = |name: &str, target: f64| {
+            let time: Vec<f64> = (0..200).map(|k| 0.05 * f64::from(k)).collect();
+            let error = |t: f64| target * (0.7 * t).cos();
+            let derivative = |x: &[f64], u: &[f64], dx: &mut [f64]| {
+                options.pilot.derivative(x, u[0], &truth, dx);
+            };
+            let step = Transition::new([2, 1], 0.05, derivative).unwrap();
+            let mut x = begin.to_vec();
+            let mut stick = Vec::new();
+            for t in &time {
+                stick.push(options.pilot.output(&x, &truth));
+                let (u, next) = (error(*t), error(t + 0.05));
+                let mut after = vec![0.0; 2];
+                step.apply(&x, &[u], &[(next - u) / 0.05], &mut after);
+                x = after;
+            }
+            Trial {
+                name: name.into(),
+                origin: String::new(),
+                sha256: String::new(),
+                target: time.iter().map(|t| error(*t)).collect(),
+                position: vec![0.0; time.len()],
+                time,
+                stick: Some(stick),
+                weight: 1.0,
+            }
+        };
+        let trials = [trial("a", 1.0), trial("b", -2.0)];
+        let posed = problem::pose_stick(&trials, &options);
+        let starts =
+            Search::of(&posed).starts(vec![vec![1.0, 2.0, -0.1, -0.1], vec![5.0, 4.0, -1.0, 0.5]]);
+        let best = &starts.all[0];
+        for (found, expected) in best.theta.iter().zip(truth) {
+            assert!((found - expected).abs() < 1e-5, "{:?}", best.theta);
+        }
+        for states in best.states.as_ref().unwrap() {
+            for (found, expected) in states[0].iter().zip(begin) {
+                assert!((found - expected).abs() < 1e-4, "{:?}", states[0]);
+            }
+        }
+    }
+
+    /// Against the normal equations of a small problem, with one column that adds nothing.
+    #[test]
+    fn a_projection_is_the_least_squares_solution() {
+        let responses: Vec<Vec<f64>> = (0..6)
+            .map(|k| {
+                let t = f64::from(k);
+                vec![1.0, t, 2.0 - t, t * t]
+            })
+            .collect();
+        let y = [1.0, 0.5, -2.0, 4.0, 0.0, 3.0];
+        let projection = Projection::new(&responses, &[0, 1, 2, 3]);
+        let mut left = y.to_vec();
+        let states = projection.remove(&mut left);
+        assert_eq!(
+            states.iter().map(|(state, _)| *state).collect::<Vec<_>>(),
+            [3, 1, 0]
+        );
+        let columns = DMatrix::from_fn(6, 3, |k, i| responses[k][[0, 1, 3][i]]);
+        let right = columns.tr_mul(&DVector::from_column_slice(&y));
+        let expected = (columns.tr_mul(&columns)).cholesky().unwrap().solve(&right);
+        for (&(_, found), expected) in states.iter().rev().zip(expected.iter()) {
+            assert!((found - expected).abs() < 1e-12, "{states:?} {expected}");
+        }
+        let remaining = DVector::from_column_slice(&y) - columns * expected;
+        for (found, expected) in left.iter().zip(remaining.iter()) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+    }
 }

@@ -297,6 +297,11 @@ pub fn candidates(
         starts.all.extend(pairs.into_iter().map(Start::from));
         starts.iterations = iterations;
     }
+    if starts.all.is_empty() {
+        // No pilot that was looked at fulfils the conditions: the solver may find one.
+        let regressions = start::regressions(trials, sticks, options);
+        starts.all.extend(regressions.into_iter().map(Start::from));
+    }
     let (joining, spare) = random(options);
     starts.all.extend(joining.into_iter().map(Start::from));
     if trials.len() <= MANY_TRIALS {
@@ -342,6 +347,9 @@ fn optima(
             let posed = problem::pose_response(trials, options);
             let mut first = Search::of(&posed).starts(draws.clone());
             first.all.truncate(1);
+            if first.all.is_empty() {
+                return first;
+            }
             let fit = solve_response(&posed, trials, options, &first, observer);
             let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
             let mut starts = Search::about(&posed, &fit.theta, &states).starts(draws);
