@@ -24,9 +24,9 @@ const MOST_SAMPLES: usize = 200;
 const PROMISING: [usize; 2] = [96, 32];
 /// Levenberg–Marquardt steps of the promising ones, and of those that are left.
 const FIRST: usize = 6;
-const REST: usize = 60;
+const REST: usize = 40;
 /// Relative gain of a step below which a descent has ended.
-const FLAT: f64 = 1e-7;
+const FLAT: f64 = 1e-5;
 /// Relative change of a parameter for a difference quotient.
 const DIFFERENCE: f64 = 1e-6;
 /// A column of which less than this part is new lies in the span of those before.
@@ -114,8 +114,8 @@ impl<'a, D: Dynamics> Search<'a, D> {
         Linear::of(self.dynamics, theta).driven(&self.corrected)
     }
 
-    /// The best optima to which descents from `draws` lead, best first, with their states.
-    pub fn starts(&self, draws: Vec<Vec<f64>>) -> Starts {
+    /// Where descents from the most promising of `draws` end, best first.
+    pub fn descents(&self, draws: Vec<Vec<f64>>) -> Vec<Descent> {
         let look = |theta: Vec<f64>| Descent::at(self, theta);
         let mut descents: Vec<Descent> = draws.into_par_iter().filter_map(look).collect();
         for (keep, steps) in PROMISING.into_iter().zip([FIRST, REST]) {
@@ -124,6 +124,11 @@ impl<'a, D: Dynamics> Search<'a, D> {
             (descents.par_iter_mut()).for_each(|descent| descent.go_down(self, steps));
         }
         sort(&mut descents);
+        descents
+    }
+
+    /// The best optima at which descents ended, best first, with their states.
+    pub fn starts(&self, descents: Vec<Descent>) -> Starts {
         let all = descents.len();
         let optima = distinct(descents);
         Starts {
@@ -364,8 +369,9 @@ fn take_out(unit: &[f64], v: &mut [f64]) -> f64 {
 }
 
 /// A descent of the projected sum of squares by Levenberg's and Marquardt's method, inside the constraints.
-struct Descent {
-    theta: Vec<f64>,
+pub struct Descent {
+    /// Where it is.
+    pub theta: Vec<f64>,
     residuals: Vec<f64>,
     objective: f64,
     damping: f64,

@@ -103,7 +103,7 @@ pub const MANY_TRIALS: usize = 24;
 pub const SPARE_STARTS: usize = 8;
 
 /// Pilots drawn for the search where initial states are free ([`super::projection`]).
-const DRAWS: usize = 3000;
+const DRAWS: usize = 2000;
 
 /// Seed of the random starts.
 const SEED: u64 = 0;
@@ -342,17 +342,28 @@ fn optima(
         ..options.clone()
     };
     match options.objective {
-        Objective::Stick => Search::of(&problem::pose_stick(trials, options)).starts(draws),
+        Objective::Stick => {
+            let posed = problem::pose_stick(trials, options);
+            let search = Search::of(&posed);
+            search.starts(search.descents(draws))
+        }
         Objective::Response => {
             let posed = problem::pose_response(trials, options);
-            let mut first = Search::of(&posed).starts(draws.clone());
+            let search = Search::of(&posed);
+            let descents = search.descents(draws);
+            let ends: Vec<_> = descents
+                .iter()
+                .map(|descent| descent.theta.clone())
+                .collect();
+            let mut first = search.starts(descents);
             first.all.truncate(1);
             if first.all.is_empty() {
                 return first;
             }
             let fit = solve_response(&posed, trials, options, &first, observer);
             let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
-            let mut starts = Search::about(&posed, &fit.theta, &states).starts(draws);
+            let search = Search::about(&posed, &fit.theta, &states);
+            let mut starts = search.starts(search.descents(ends));
             starts.all.push(Start {
                 theta: fit.theta,
                 states: Some(states),
