@@ -255,7 +255,12 @@ impl Outcome<'_> {
 
     /// True when the fit itself says that there may be a better optimum, or that it has not converged.
     fn says_so(&self) -> bool {
-        let of_starts = |d: &Doubt| matches!(d, Doubt::OneStart { .. } | Doubt::Lower { .. });
+        let of_starts = |d: &Doubt| {
+            matches!(
+                d,
+                Doubt::OneStart { .. } | Doubt::Lower { .. } | Doubt::WildStart { .. }
+            )
+        };
         !self.fit.converged || self.fit.doubts.iter().any(of_starts)
     }
 

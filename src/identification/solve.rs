@@ -102,6 +102,9 @@ pub const MANY_TRIALS: usize = 24;
 /// Random starts that join at most, without being asked for: see [`Options::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
+/// Random starts where every initial state is free.
+pub const FREE_STARTS: usize = 8;
+
 /// Pilots drawn for the search where initial states are free ([`super::projection`]).
 const DRAWS: usize = 2000;
 
@@ -380,6 +383,8 @@ fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
+        // Free states of the vehicle make optima that no search of the linearised problem sees.
+        (None, None) if options.initial_state == InitialState::Free => (FREE_STARTS, FREE_STARTS),
         (None, None) if is_free(options) => (0, 0),
         (None, None) => (SPARE_STARTS, 0),
     };
