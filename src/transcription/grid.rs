@@ -39,8 +39,6 @@ pub struct Grid {
 pub struct Point {
     /// Its states.
     pub state: PointState,
-    /// True when its derivative enters a defect or another point.
-    pub collocated: bool,
     /// Sample at its time.
     pub sample: Option<u32>,
 }
@@ -162,15 +160,14 @@ impl Grid {
                     continue;
                 }
                 Value::Unknown(j) => PointState::Node(first + j),
-                Value::Combination { p, q } => {
+                Value::Combination(p) => {
                     let own = &self.element_points[element.points..];
-                    combination(&mut self.combinations, &element, own, p, q)
+                    combination(&mut self.combinations, &element, own, p, &Row::new())
                 }
             };
             self.element_points.push(self.points.len() as u32);
             self.points.push(Point {
                 state,
-                collocated: true,
                 sample: None,
             });
             times.push(at(point.c));
@@ -204,7 +201,6 @@ impl Grid {
                 };
                 self.points.push(Point {
                     state,
-                    collocated: false,
                     sample: None,
                 });
                 times.push(time);

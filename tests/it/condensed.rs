@@ -286,11 +286,11 @@ fn steps_and_multipliers_are_those_of_the_dense_kkt_system() {
     }
     insta::assert_debug_snapshot!(met, @"
     Met {
-        solved: 291,
-        corrected: 197,
-        with_active: 94,
+        solved: 292,
+        corrected: 198,
+        with_active: 95,
         not_convex: 65,
-        inconsistent: 44,
+        inconsistent: 43,
         dependent_rows: 0,
     }
     ");

@@ -90,13 +90,13 @@ impl ParameterConstraints for Constraints {
     }
 }
 
-/// One of each kind of scheme: explicit, implicit, with inner nodes, with stages, with coefficients
-/// that are no states, with nested points, and with one element for a whole run.
+/// One of each kind of scheme: explicit, implicit, with inner nodes, without a derivative at the start, with
+/// stages, with coefficients that are no states, and with one element for a whole run.
 pub const SCHEMES: [Scheme; 9] = [
     Scheme::Euler,
     Scheme::Trapezoid,
     Scheme::HermiteSimpson,
-    Scheme::HermiteSimpsonCompressed,
+    Scheme::Radau(1),
     Scheme::Gauss(2),
     Scheme::Radau(3),
     Scheme::Lobatto(3),

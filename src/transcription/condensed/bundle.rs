@@ -23,6 +23,18 @@ pub struct Bundle<'a, D, C> {
     pub runs: &'a mut [RunSweep],
 }
 
+/// Bundles of a problem's runs, each with the items of its own runs.
+pub fn with_items<'a, D, C, T>(
+    bundles: Vec<Bundle<'a, D, C>>,
+    mut rest: &'a mut [T],
+) -> impl Iterator<Item = (Bundle<'a, D, C>, &'a mut [T])> {
+    bundles.into_iter().map(move |bundle| {
+        let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
+        rest = tail;
+        (bundle, own)
+    })
+}
+
 impl<D, C> Bundle<'_, D, C> {
     /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
     /// constraint values `c` (of all runs). Of two runs at once.
@@ -39,12 +51,14 @@ impl<D, C> Bundle<'_, D, C> {
         }
     }
 
-    /// Forward sweep for the offsets `e` that remove the constraint values `c` (of all runs).
-    pub fn offsets(&mut self, c: &[f64]) {
+    /// Forward sweep that adds to the step `d` of each run's unknowns what removes the constraint values `c`
+    /// (of all runs).
+    pub fn correct(&mut self, c: &[f64], d: &mut [&mut [f64]]) {
         for part in self.parts() {
-            lanes::vectorised(Offsets {
-                own: self.part(part),
+            lanes::vectorised(Correct {
+                own: self.part(part.clone()),
                 c,
+                d: &mut d[part],
             });
         }
     }
@@ -170,27 +184,25 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
     }
 }
 
-/// [`Bundle::offsets`].
-struct Offsets<'a, D, C> {
+/// [`Bundle::correct`].
+struct Correct<'a, 'b, D, C> {
     own: Bundle<'a, D, C>,
     c: &'a [f64],
+    d: &'a mut [&'b mut [f64]],
 }
 
-impl<D, C> Task for Offsets<'_, D, C> {
+impl<D, C> Task for Correct<'_, '_, D, C> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { own, c } = self;
+        let Self { own, c, d } = self;
         let (n, members) = (own.runs[0].n, own.members());
         let mut at: States = [[0.0; LANES]; MAX_SIZE];
-        let mut offsets: Vec<Vec<f64>> = Vec::with_capacity(own.runs.len());
-        for k in 0..own.runs.len() {
+        for (k, d) in d.iter_mut().enumerate() {
             let known = own.runs[k].known().zip(own.equalities(k, c));
             known.for_each(|(i, c)| at[i][k] = -c);
-            let mut e = std::mem::take(&mut own.runs[k].offsets);
-            e[..n].iter_mut().zip(&at).for_each(|(e, at)| *e = at[k]);
-            offsets.push(e);
+            d[..n].iter_mut().zip(&at).for_each(|(d, at)| *d += at[k]);
         }
         let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
         let mut work = vec![[0.0; LANES]; own.runs[0].work.lanes.len()];
@@ -207,14 +219,12 @@ impl<D, C> Task for Offsets<'_, D, C> {
             let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
             stencil.start_together((k0, lane), &at, (factors.slots(), x));
             factors.solve(x);
-            for (k, e) in offsets.iter_mut().enumerate() {
-                let e = &mut e[first + n..first + n + size];
-                e.iter_mut().zip(&*x).for_each(|(e, x)| *e = x[k]);
+            for (k, d) in d.iter_mut().enumerate() {
+                let d = &mut d[first + n..first + n + size];
+                d.iter_mut().zip(&*x).for_each(|(d, x)| *d += x[k]);
             }
             at[..n].copy_from_slice(&x[size - n..]);
         }
-        let runs = own.runs.iter_mut().zip(offsets);
-        runs.for_each(|(run, e)| run.offsets = e);
     }
 }
 

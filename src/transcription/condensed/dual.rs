@@ -5,6 +5,7 @@
 use super::active::{Row, free};
 use super::arrow::ArrowFactor;
 use super::dense::{axpy, cholesky_solve, independent_cholesky};
+use crate::sqp::QpFailure;
 
 /// Steps for each row before the method gives up.
 const MAX_STEPS: usize = 10;
@@ -12,8 +13,12 @@ const MAX_STEPS: usize = 10;
 /// on them.
 const DEPENDENT: f64 = 1e-12;
 
-/// The sides at which rows are active: +1 upper, -1 lower, 0 neither. None where the rows are inconsistent.
-pub fn active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Option<Vec<f64>> {
+/// The sides at which rows are active: +1 upper, -1 lower, 0 neither.
+///
+/// # Errors
+/// [`QpFailure::Infeasible`] where the rows are inconsistent, [`QpFailure::NoSolution`] where the method
+/// gives up.
+pub fn active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Result<Vec<f64>, QpFailure> {
     let mut state = State {
         factor,
         rows,
@@ -26,11 +31,11 @@ pub fn active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Option<Vec<f
         let Some(new) = entering.or_else(|| state.most_violated()) else {
             let mut sides = vec![0.0; rows.len()];
             (state.active.iter()).for_each(|own| sides[own.row] = own.side);
-            return Some(sides);
+            return Ok(sides);
         };
         entering = state.step(new)?;
     }
-    None
+    Err(QpFailure::NoSolution)
 }
 
 /// A row that is active, or on its way to be.
@@ -54,8 +59,11 @@ struct State<'a> {
 
 impl State<'_> {
     /// Raises the new row's multiplier until the row holds, or until another row must leave first: then the
-    /// new one is returned and enters further. None where neither happens.
-    fn step(&mut self, new: Active) -> Option<Option<Active>> {
+    /// new one is returned and enters further.
+    ///
+    /// # Errors
+    /// [`QpFailure::Infeasible`] where neither happens; as [`Self::directions`].
+    fn step(&mut self, new: Active) -> Result<Option<Active>, QpFailure> {
         let (fall, back) = self.directions(new)?;
         let falling = (self.active.iter().zip(&fall).enumerate()).filter(|(_, (_, f))| **f > 0.0);
         let blocking = falling
@@ -64,7 +72,7 @@ impl State<'_> {
         let full = self.full_length(new, &back);
         let length = blocking.map_or(full, |(length, _)| length.min(full));
         if !length.is_finite() {
-            return None;
+            return Err(QpFailure::Infeasible);
         }
         if full.is_finite() {
             axpy(-length, &back, &mut self.x);
@@ -77,18 +85,21 @@ impl State<'_> {
         match blocking.filter(|(length, _)| *length < full) {
             Some((_, at)) => {
                 self.active.remove(at);
-                Some(Some(grown))
+                Ok(Some(grown))
             }
             None => {
                 self.active.push(grown);
-                Some(None)
+                Ok(None)
             }
         }
     }
 
     /// How fast the active rows' multipliers fall as the new one's grows, and how fast the variables move back
-    /// from its limit. None where the active rows depend on each other.
-    fn directions(&mut self, new: Active) -> Option<(Vec<f64>, Vec<f64>)> {
+    /// from its limit.
+    ///
+    /// # Errors
+    /// [`QpFailure::NoSolution`] where the active rows depend on each other.
+    fn directions(&mut self, new: Active) -> Result<(Vec<f64>, Vec<f64>), QpFailure> {
         let Self {
             factor,
             rows,
@@ -103,7 +114,7 @@ impl State<'_> {
         let entry = |i: usize, j: usize| product(active[i].row, active[j].row);
         let (kept, schur) = independent_cholesky(active.len(), entry);
         if kept.len() < active.len() {
-            return None;
+            return Err(QpFailure::NoSolution);
         }
         let mut fall: Vec<f64> = (active.iter())
             .map(|own| new.side * product(own.row, new.row))
@@ -115,7 +126,7 @@ impl State<'_> {
             // That was the multiplier's fall in the row's own direction.
             *fall *= own.side;
         }
-        Some((fall, back))
+        Ok((fall, back))
     }
 
     /// Length at which the new row holds; infinite where it depends on the active ones.
@@ -150,7 +161,6 @@ mod tests {
     use super::super::active::exchanged;
     use super::super::active::tests::{INF, matrix, row};
     use super::*;
-    use crate::sqp::QpFailure;
     use crate::sqp::convex::ConvexQp;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
@@ -164,8 +174,9 @@ mod tests {
             row(&[1.0, 0.0], -INF, 0.25),
             row(&[0.0, 1.0], -INF, 0.5),
         ];
-        assert_eq!(active_set(&factor, &[0.0, 0.0], &rows), None);
-        assert!(active_set(&factor, &[0.0, 0.0], &rows[..2]).is_some());
+        let found = active_set(&factor, &[0.0, 0.0], &rows);
+        assert_eq!(found, Err(QpFailure::Infeasible));
+        assert!(active_set(&factor, &[0.0, 0.0], &rows[..2]).is_ok());
     }
 
     proptest! {
@@ -200,14 +211,14 @@ mod tests {
             };
             let found = active_set(&factor, &q[..n], &rows);
             match (qp.solve(None), found) {
-                (Ok(rough), Some(sides)) => {
+                (Ok(rough), Ok(sides)) => {
                     let exact = exchanged(&factor, &q[..n], &rows, &sides);
                     let exact = exact.expect("an active set that needs no exchange");
                     for (x, y) in exact.x.iter().zip(&rough.x) {
                         prop_assert!((x - y).abs() < 1e-6, "{:?} {:?}", exact.x, rough.x);
                     }
                 }
-                (Err(QpFailure::Infeasible), None) => {}
+                (Err(QpFailure::Infeasible), Err(QpFailure::Infeasible)) => {}
                 (clarabel, own) => prop_assert!(false, "{clarabel:?} {own:?}"),
             }
         }

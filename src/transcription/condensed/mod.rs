@@ -33,6 +33,7 @@ use crate::sqp::iterate::violation;
 use crate::sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
+use bundle::with_items;
 use pilotage_models::Dynamics;
 use reduce::Reduced;
 use run::{Place, RunSweep};
@@ -120,12 +121,11 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         trial: &Iterate,
         d: &mut [f64],
     ) -> Result<(), QpFailure> {
-        let c = &trial.c;
-        let mut bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
-        parallel::each(&mut bundles, |_, bundle| bundle.offsets(c));
-        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
-            dense::axpy(1.0, &run.offsets, &mut d[at.variables()]);
-        }
+        let variables = problem.layout.runs.iter().map(|run| run.variables());
+        let mut d: Vec<_> = parallel::parts(d, variables).collect();
+        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(bundles, &mut d).collect();
+        parallel::each(&mut work, |_, (bundle, d)| bundle.correct(&trial.c, d));
         Ok(())
     }
 
@@ -467,17 +467,9 @@ impl Condensed {
         let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
-        let bundles = self
-            .stencils
-            .bundles(problem, &mut self.runs, LANES)
-            .into_iter();
-        let mut rest = lambda.as_mut_slice();
-        let mut work: Vec<_> = bundles
-            .map(|bundle| {
-                let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
-                rest = tail;
-                (bundle, own, 0.0)
-            })
+        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(bundles, &mut lambda)
+            .map(|(bundle, lambda)| (bundle, lambda, 0.0))
             .collect();
         parallel::each(&mut work, |_, (bundle, lambda, curvature)| {
             for (k, run) in bundle.runs.iter_mut().enumerate() {

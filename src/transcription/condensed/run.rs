@@ -50,8 +50,6 @@ pub struct RunSweep {
     pub theta_gradient: Vec<f64>,
     /// Its part of the Lagrangian's gradient with respect to θ.
     pub theta_lagrangian: Vec<f64>,
-    /// What a correction adds to the step of the unknowns.
-    pub offsets: Vec<f64>,
     /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
     pub(super) omega: Vec<f64>,
     pub(super) right: Vec<f64>,
@@ -137,7 +135,6 @@ impl RunSweep {
             theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
             omega: vec![0.0; points * n],
-            offsets: vec![0.0; grid.nodes() * n],
             right: vec![0.0; grid.nodes() * n],
             free,
         }

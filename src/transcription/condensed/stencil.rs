@@ -8,10 +8,8 @@
 //! K_0 = E_0 ⊗ I - h Σ_i A_i P_i0 J_i,   M likewise,   B = -h Σ_i A_i ∂f/∂θ(Y_i)
 //! ```
 //!
-//! Every entry is a constant, less `h` times a sum of entries of the points' Jacobians. Where a point also
-//! takes derivatives of earlier ones (compressed schemes), the three are formed as dense blocks.
+//! Every entry is a constant, less `h` times a sum of entries of the points' Jacobians.
 
-use super::dense::axpy;
 use super::sparse_lu::{Symbolic, gathered, take};
 use crate::transcription::grid::{Element, Grid};
 use crate::transcription::lanes::{Grouped, LANES, Lanes, less, plus};
@@ -19,13 +17,11 @@ use crate::transcription::tableau::{Tableau, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Sizes of a model and the pattern of its Jacobian.
+/// Size of a model and the pattern of its Jacobian.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Number of states.
     pub n: usize,
-    /// Number of parameters.
-    pub p: usize,
     /// Entries `(row, column)` of `J`, then of `∂f/∂θ` with columns from `n`.
     pub entries: &'a [(usize, usize)],
     /// For each entry, whether it has one value at all points.
@@ -38,11 +34,6 @@ pub struct Stencil {
     /// The tableau.
     pub tableau: Arc<Tableau>,
     n: usize,
-    p: usize,
-    /// Entries `(row, column)` of a point's Jacobian.
-    jacobian: Vec<(usize, usize)>,
-    /// True when some point takes derivatives of others.
-    nested: bool,
     m: Pattern,
     k0: Pattern,
     b: Pattern,
@@ -140,16 +131,6 @@ impl Pattern {
         self
     }
 
-    /// All places of a matrix.
-    fn dense(rows: usize, columns: usize) -> Self {
-        let places = (0..rows * columns).map(|k| place(k / columns, k % columns));
-        Self {
-            places: places.collect(),
-            constant: vec![0.0; rows * columns],
-            stamps: Vec::new(),
-        }
-    }
-
     /// The assembly with the pattern's places in this order among `size`; None for their own.
     fn assembly(&self, shared: &[bool], order: Option<(&[u32], usize)>) -> Assembly {
         let at = |k: usize| order.map_or(k, |(places, _)| places[k] as usize);
@@ -207,30 +188,13 @@ impl Assembly {
 impl Stencil {
     /// The matrices for a model of this shape.
     pub fn new(tableau: Arc<Tableau>, shape: Shape<'_>) -> Self {
-        let nested = tableau
-            .points
-            .iter()
-            .any(|point| matches!(&point.value, Value::Combination { q, .. } if !q.is_empty()));
-        let (n, p, size) = (shape.n, shape.p, shape.n * tableau.unknowns());
-        let [m, k0, b] = match nested {
-            true => [
-                Pattern::dense(size, size),
-                Pattern::dense(size, n),
-                Pattern::dense(size, p),
-            ],
-            false => {
-                let [m, k0, b] = patterns(&tableau, shape);
-                [m, k0.spread(), b]
-            }
-        };
+        let [m, k0, b] = patterns(&tableau, shape);
+        let k0 = k0.spread();
         Self {
             start: k0.assembly(shape.shared, None),
             parameters: b.assembly(shape.shared, None),
-            jacobian: shape.entries.to_vec(),
+            n: shape.n,
             tableau,
-            n,
-            p,
-            nested,
             m,
             k0,
             b,
@@ -251,11 +215,8 @@ impl Stencil {
 
     /// The values of `M` at its pattern, for one element of a group.
     fn matrix(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Vec<f64> {
-        if self.nested {
-            return self.blocks(at, lane).m;
-        }
         let mut assembly = self.m.assembly(shared, None);
-        assembly.refresh(&at.jacobian(0, lane));
+        assembly.refresh(&at.jacobian(lane));
         let mut out = vec![[0.0; LANES]; assembly.len()];
         assembly.fill(at, &mut out);
         out.iter().map(|v| v[lane]).collect()
@@ -304,21 +265,6 @@ impl Stencil {
         at: &Group<'_>,
         (m, k0, b): (&mut [Lanes], &mut [Lanes], &mut [Lanes]),
     ) {
-        if self.nested {
-            m.fill([0.0; LANES]);
-            for lane in 0..LANES {
-                let blocks = self.blocks(at, lane);
-                let places = order.places.iter().zip(blocks.m);
-                places.for_each(|(at, v)| m[*at as usize][lane] = v);
-                let set = |out: &mut [Lanes], from: Vec<f64>| {
-                    let pairs = out.iter_mut().zip(from);
-                    pairs.for_each(|(out, v)| out[lane] = v);
-                };
-                set(k0, blocks.k0);
-                set(b, blocks.b);
-            }
-            return;
-        }
         order.assembly.fill(at, m);
         self.start.fill(at, k0);
         self.parameters.fill(at, b);
@@ -393,7 +339,7 @@ fn place(row: usize, column: usize) -> Place {
     (row as u32, column as u32)
 }
 
-/// Patterns of `M`, `K_0` and `B` of a tableau without nested points.
+/// Patterns of `M`, `K_0` and `B` of a tableau.
 fn patterns(tableau: &Tableau, shape: Shape<'_>) -> [Pattern; 3] {
     let n = shape.n;
     let mut constants: [Vec<(Place, f64)>; 2] = Default::default();
@@ -437,7 +383,7 @@ fn block(unknown: usize, n: usize) -> (usize, usize) {
 fn weights(value: &Value) -> Vec<(usize, f64)> {
     match value {
         Value::Unknown(j) => vec![(*j, 1.0)],
-        Value::Combination { p, .. } => p.clone(),
+        Value::Combination(p) => p.clone(),
     }
 }
 
@@ -469,69 +415,9 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// The Jacobian at a point of the tableau, of one of the elements.
-    fn jacobian(&self, point: usize, lane: usize) -> Vec<f64> {
-        let own = self.jacobians.flat()[self.points[point][lane]..].iter();
+    /// The Jacobian at the first point of one of the elements.
+    fn jacobian(&self, lane: usize) -> Vec<f64> {
+        let own = self.jacobians.flat()[self.points[0][lane]..].iter();
         own.step_by(LANES).copied().collect()
-    }
-}
-
-/// Dense blocks of an element with nested points, row-major: `s n × n`, `s n × s n`, `s n × p`.
-struct Blocks {
-    k0: Vec<f64>,
-    m: Vec<f64>,
-    b: Vec<f64>,
-}
-
-impl Stencil {
-    /// The blocks of one element of a group.
-    fn blocks(&self, at: &Group<'_>, lane: usize) -> Blocks {
-        let (n, p, s, h) = (self.n, self.p, self.tableau.unknowns(), at.h[lane]);
-        let columns = (s + 1) * n + p;
-        // Tangents of the points and of their derivatives over [V_0; ..; V_s; θ].
-        let mut tangents: Vec<Vec<f64>> = Vec::new();
-        let mut derivatives: Vec<Vec<f64>> = Vec::new();
-        for (i, point) in self.tableau.points.iter().enumerate() {
-            let mut tangent = vec![0.0; n * columns];
-            for (j, weight) in weights(&point.value) {
-                (0..n).for_each(|l| tangent[l * columns + j * n + l] += weight);
-            }
-            if let Value::Combination { q, .. } = &point.value {
-                q.iter()
-                    .for_each(|&(k, q)| axpy(h * q, &derivatives[k], &mut tangent));
-            }
-            let mut derivative = vec![0.0; n * columns];
-            let values = at.jacobian(i, lane);
-            for (&(l, c), v) in self.jacobian.iter().zip(&values) {
-                let own = &mut derivative[l * columns..(l + 1) * columns];
-                match c.checked_sub(n) {
-                    None => axpy(*v, &tangent[c * columns..(c + 1) * columns], own),
-                    Some(parameter) => own[(s + 1) * n + parameter] += v,
-                }
-            }
-            tangents.push(tangent);
-            derivatives.push(derivative);
-        }
-        let mut out = Blocks {
-            k0: Vec::new(),
-            m: Vec::new(),
-            b: Vec::new(),
-        };
-        for defect in &self.tableau.defects {
-            let mut rows = vec![0.0; n * columns];
-            for &(j, e) in &defect.e {
-                (0..n).for_each(|l| rows[l * columns + j * n + l] += e);
-            }
-            defect
-                .a
-                .iter()
-                .for_each(|&(i, a)| axpy(-h * a, &derivatives[i], &mut rows));
-            for row in rows.chunks_exact(columns) {
-                out.k0.extend(&row[..n]);
-                out.m.extend(&row[n..(s + 1) * n]);
-                out.b.extend(&row[(s + 1) * n..]);
-            }
-        }
-        out
     }
 }

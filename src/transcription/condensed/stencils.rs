@@ -21,7 +21,6 @@ impl Stencils {
     pub fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
         let shape = Shape {
             n: problem.n_states(),
-            p: problem.n_parameters(),
             entries: &problem.model.entries,
             shared: &problem.model.shared,
         };

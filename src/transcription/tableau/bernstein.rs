@@ -19,10 +19,7 @@ pub(super) fn bernstein(d: usize) -> Tableau {
         c: place(k),
         value: match k {
             k if k == d => Value::Unknown(d),
-            k => Value::Combination {
-                p: row(basis(d, place(k))),
-                q: Vec::new(),
-            },
+            k => Value::Combination(row(basis(d, place(k)))),
         },
     };
     let defect = |k: usize| Defect {

@@ -6,13 +6,12 @@
 //! and which defects `r = 0..s` vanish at the solution:
 //!
 //! ```text
-//! Y_i = Σ_j P_ij V_j + h Σ_{l<i} Q_il f(Y_l, t_0 + c_l h)
+//! Y_i = Σ_j P_ij V_j
 //! 0   = Σ_j E_rj V_j - h Σ_i A_ri f(Y_i, t_0 + c_i h)
 //! ```
 //!
-//! Implicit Runge–Kutta methods in nodal form, the compressed Hermite–Simpson scheme, Bernstein
-//! polynomials and wide finite differences all are such a [`Tableau`]; [`Scheme`] names them and
-//! makes them. Whoever evaluates one needs to know nothing else of the scheme.
+//! Implicit Runge–Kutta methods in nodal form, Bernstein polynomials and wide finite differences all are
+//! such a [`Tableau`]; [`Scheme`] names them and makes them. Whoever evaluates one needs to know nothing else of the scheme.
 
 mod bernstein;
 mod finite_difference;
@@ -39,7 +38,7 @@ pub struct Tableau {
     /// Where along the element, from 0 to 1, each coefficient `V_j` stands: the node of a nodal basis,
     /// the Greville abscissa `j/d` of a Bernstein coefficient. The first is 0, the last is 1.
     pub abscissae: Vec<f64>,
-    /// Where `f` is evaluated; a point may use the points before it.
+    /// Where `f` is evaluated.
     pub points: Vec<Point>,
     /// What vanishes at the solution: `s` rows, as many as unknowns.
     pub defects: Vec<Defect>,
@@ -61,13 +60,8 @@ pub struct Point {
 pub enum Value {
     /// `Y_i = V_j`.
     Unknown(usize),
-    /// `Y_i = Σ_j p_j V_j + h Σ_l q_l f(Y_l)`.
-    Combination {
-        /// Over the coefficients `V`.
-        p: Row,
-        /// Over `f` at earlier points.
-        q: Row,
-    },
+    /// `Y_i = Σ_j p_j V_j`, over the coefficients `V`.
+    Combination(Row),
 }
 
 /// A defect `Σ_j e_j V_j - h Σ_i a_i f(Y_i)`.

@@ -25,30 +25,6 @@ pub(super) fn hermite_simpson() -> Tableau {
     })
 }
 
-/// Hermite–Simpson with the state in the middle eliminated: the cubic with the values and slopes of both
-/// ends.
-pub(super) fn hermite_simpson_compressed() -> Tableau {
-    let middle = Value::Combination {
-        p: vec![(0, 0.5), (1, 0.5)],
-        q: vec![(0, 0.125), (1, -0.125)],
-    };
-    let point = |c, value| Point { c, value };
-    Tableau {
-        abscissae: vec![0.0, 1.0],
-        // The middle uses f at both ends, so it comes last.
-        points: vec![
-            point(0.0, Value::Unknown(0)),
-            point(1.0, Value::Unknown(1)),
-            point(0.5, middle),
-        ],
-        defects: vec![Defect {
-            e: vec![(0, -1.0), (1, 1.0)],
-            a: vec![(0, 1.0 / 6.0), (1, 1.0 / 6.0), (2, 4.0 / 6.0)],
-        }],
-        interpolant: Interpolant::Integral(Lagrange::new(&[0.0, 1.0, 0.5])),
-    }
-}
-
 /// Gauss–Legendre with `s` stages; the end is one unknown more.
 pub(super) fn gauss(s: usize) -> Tableau {
     let abscissae: Vec<f64> = [0.0]

@@ -17,10 +17,8 @@ pub enum Scheme {
     Euler,
     /// Trapezoid.
     Trapezoid,
-    /// Hermite–Simpson, separated: the state in the middle of an interval is an unknown.
+    /// Hermite–Simpson; the state in the middle of an interval is an unknown.
     HermiteSimpson,
-    /// Hermite–Simpson, compressed: the state in the middle is eliminated.
-    HermiteSimpsonCompressed,
     /// Gauss–Legendre collocation, of this many stages.
     Gauss(usize),
     /// Radau IIA collocation, of this many stages.
@@ -42,12 +40,7 @@ struct Family {
 }
 
 /// Schemes without a size.
-const SINGLE: [Scheme; 4] = [
-    Scheme::Euler,
-    Scheme::Trapezoid,
-    Scheme::HermiteSimpson,
-    Scheme::HermiteSimpsonCompressed,
-];
+const SINGLE: [Scheme; 3] = [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson];
 
 /// Schemes with a size.
 static FAMILIES: [Family; 5] = [
@@ -96,7 +89,7 @@ impl Scheme {
         match *self {
             Self::Euler => 1,
             Self::Trapezoid => 2,
-            Self::HermiteSimpson | Self::HermiteSimpsonCompressed => 4,
+            Self::HermiteSimpson => 4,
             Self::Gauss(s) => 2 * s,
             Self::Radau(s) => 2 * s - 1,
             Self::Lobatto(n) => 2 * n,
@@ -126,9 +119,6 @@ impl Scheme {
             }
             Self::HermiteSimpson => {
                 "Betts 2010, eqs. 4.146-4.147; Hairer & Wanner II, table 5.7 (Lobatto IIIA, s = 3)"
-            }
-            Self::HermiteSimpsonCompressed => {
-                "Hargraves & Paris, J. Guidance 10(4), 1987; Kelly, SIAM Review 59(4), 2017, section 4"
             }
             Self::Gauss(_) => "Hairer & Wanner II, section IV.5 (Gauss)",
             Self::Radau(_) => "Hairer & Wanner II, section IV.5 (Radau IIA)",
@@ -190,7 +180,6 @@ impl Scheme {
             Self::Euler => runge_kutta::euler(),
             Self::Trapezoid => runge_kutta::trapezoid(),
             Self::HermiteSimpson => runge_kutta::hermite_simpson(),
-            Self::HermiteSimpsonCompressed => runge_kutta::hermite_simpson_compressed(),
             Self::Gauss(s) => runge_kutta::gauss(s),
             Self::Radau(s) => runge_kutta::radau(s),
             Self::Lobatto(n) => runge_kutta::lobatto(n),
@@ -232,8 +221,7 @@ impl fmt::Display for Scheme {
         f.pad(match self {
             Self::Euler => "euler",
             Self::Trapezoid => "trapezoid",
-            Self::HermiteSimpson => "hermite-simpson",
-            _ => "hermite-simpson-compressed",
+            _ => "hermite-simpson",
         })
     }
 }

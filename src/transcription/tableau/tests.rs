@@ -62,12 +62,10 @@ fn tableaus_are_well_formed() {
         assert_eq!((t.abscissae[0], t.abscissae[s]), (0.0, 1.0), "{scheme}");
         assert!(t.abscissae.windows(2).all(|w| w[0] < w[1]), "{scheme}");
         assert_eq!(t.defects.len(), s, "{scheme}");
-        for (i, point) in t.points.iter().enumerate() {
+        for point in &t.points {
             match &point.value {
                 Value::Unknown(j) => assert_eq!(t.abscissae[*j], point.c, "{scheme}"),
-                Value::Combination { p, q } => {
-                    assert!(is_sparse_row(p, s + 1) && is_sparse_row(q, i), "{scheme}");
-                }
+                Value::Combination(p) => assert!(is_sparse_row(p, s + 1), "{scheme}"),
             }
         }
         for defect in &t.defects {
@@ -97,9 +95,9 @@ fn defects_and_points_are_exact_for_straight_lines() {
             );
         }
         for point in &t.points {
-            if let Value::Combination { p, q } = &point.value {
+            if let Value::Combination(p) = &point.value {
                 assert_close(dot(p, |_| 1.0), 1.0, 1e-14, &what);
-                assert_close(dot(p, place) + dot(q, |_| 1.0), point.c, 1e-14, &what);
+                assert_close(dot(p, place), point.c, 1e-14, &what);
             }
         }
     }
@@ -114,7 +112,6 @@ fn polynomials_are_reproduced() {
             let v = power(&t, k);
             let f = |i: usize| k as f64 * t.points[i].c.powi(k as i32 - 1);
             let what = format!("{scheme}, power {k}");
-            // The compressed scheme's defect is Simpson's rule, exact for one degree more.
             for defect in &t.defects {
                 let rounding = 1e-14 * (1.0 + size(&defect.e) + k as f64 * size(&defect.a));
                 assert_close(dot(&defect.e, |j| v[j]), dot(&defect.a, f), rounding, &what);
@@ -377,7 +374,7 @@ fn a_name_that_no_scheme_has_is_answered_with_those_there_are() {
             error.to_string(),
             format!(
                 "no scheme is called '{name}'; there are euler, trapezoid, hermite-simpson, \
-                 hermite-simpson-compressed, gauss-1 to gauss-10, radau-1 to radau-10, lgl-1 to lgl-64, \
+                 gauss-1 to gauss-10, radau-1 to radau-10, lgl-1 to lgl-64, \
                  bernstein-1 to bernstein-12, finite-difference-1 to finite-difference-8"
             )
         );
