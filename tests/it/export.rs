@@ -152,10 +152,8 @@ fn description_declares_dependencies_and_units() {
     ];
     assert_eq!(initial, expected);
     let unit = |name: &str| {
-        found
-            .unit_of(found.variable(name).unwrap().1)
-            .unwrap()
-            .to_owned()
+        let units = found.units_of_variables();
+        units(found.variable(name).unwrap().1).unwrap().to_owned()
     };
     let units = [
         "theta1", "theta3", "theta4", "theta6", "x1_start", "stick", "error",

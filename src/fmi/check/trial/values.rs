@@ -37,9 +37,9 @@ impl Teller<'_> {
             let is_same = found[0] == start || difference <= START_TOLERANCE * start.abs();
             if !is_same {
                 let name = &variable.name;
+                let [found, start] = [found[0], start].map(|value| Precision::Double.text(value));
                 let what = format!(
-                    "`{name}` starts with {} in the binary and with {start} in the description",
-                    found[0]
+                    "`{name}` starts with {found} in the binary and with {start} in the description"
                 );
                 self.find(what, Severity::Error, Some(name));
             }
