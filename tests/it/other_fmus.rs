@@ -208,3 +208,66 @@ fn the_stop_time_is_that_of_the_fmus_if_they_agree() {
     assert_eq!(ended.code, 0, "{ended:?}");
     assert_eq!(column(&folder, "time").last(), Some(&2.0));
 }
+
+/// What such an FMU needs to run, and how bad it is that it is not here.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_a_binary_misses_is_named() {
+    let run = |content: Vec<u8>, arguments: &[&str]| {
+        let folder = Folder::new();
+        folder.write("a.fmu", content);
+        folder.pilotage(arguments)
+    };
+    let cosim = ["cosim", "a.fmu", "--step", "0.5"];
+    let entry = foreign::binary_entry();
+    let python = || fmu_of(foreign::DESCRIPTION, foreign::binary_needing_python());
+    let symbol = "no library here has the symbol `_Py_NoneStruct` that it needs; it is of Python, in which such \
+                  FMUs usually run: start with LD_PRELOAD=libpython3.12.so, or of the version that the FMU was \
+                  made for";
+    let ended = run(python(), &cosim);
+    let error = format!("error: a.fmu: `{entry}` cannot be used: {symbol}\n");
+    assert_eq!((ended.code, ended.stderr), (2, error));
+    let judged = run(python(), &["validate", "a.fmu"]);
+    assert_eq!(judged.code, 1, "{judged:?}");
+    assert!(judged.stdout.contains(symbol), "{judged:?}");
+
+    // A library of the system under a name that nobody has.
+    let mut binary = foreign::binary().to_vec();
+    let name = b"libgcc_s.so.1";
+    let at = binary.windows(name.len()).position(|w| w == name).unwrap();
+    binary[at..at + name.len()].copy_from_slice(b"libnobod.so.9");
+    let ended = run(fmu_of(foreign::DESCRIPTION, &binary), &cosim);
+    let library = "the library `libnobod.so.9` that it needs is not here; install the package that has it, or add \
+                   its folder to LD_LIBRARY_PATH";
+    let error = format!("error: a.fmu: `{entry}` cannot be used: {library}\n");
+    assert_eq!((ended.code, ended.stderr), (2, error));
+    let judged = run(
+        fmu_of(foreign::DESCRIPTION, &binary),
+        &["validate", "a.fmu"],
+    );
+    assert_eq!(judged.code, 0, "another machine may have it: {judged:?}");
+    assert!(
+        judged.stdout.starts_with("a.fmu: valid; not run"),
+        "{judged:?}"
+    );
+    let note =
+        format!("note: co-simulation: while loading: a.fmu: `{entry}` cannot be used: {library}");
+    assert!(judged.stdout.contains(&note), "{judged:?}");
+}
+
+/// Co-simulation of FMI 3.0 with clocks: an importer without event mode is refused, ours is not.
+#[test]
+fn clocks_get_their_event_mode() {
+    let findings = |behaviour| {
+        let folder = Folder::new();
+        folder.write("a.fmu", foreign::fmu3(behaviour));
+        let judged = folder.pilotage(&["validate", "a.fmu"]);
+        (judged.code, judged.stdout)
+    };
+    assert_eq!(findings("clocked"), findings("good"));
+    assert!(
+        !findings("clocked")
+            .1
+            .contains("clocks tick in event mode alone")
+    );
+}

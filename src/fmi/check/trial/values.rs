@@ -12,6 +12,9 @@ use crate::fmi::{CallError, Instance};
 /// Relative difference up to which a start value is the description's: some tools print few digits.
 const START_TOLERANCE: f64 = 1e-6;
 
+/// The stage in which such a variable is read.
+pub(super) const BEYOND: &str = "reading a variable that does not exist";
+
 /// A value reference that an FMU is unlikely to have.
 const UNKNOWN: u32 = 0xffff_fff0;
 
@@ -92,7 +95,7 @@ impl Teller<'_> {
         if variables.iter().any(|v| v.value_reference == UNKNOWN) {
             return;
         }
-        self.stage("reading a variable that does not exist");
+        self.stage(BEYOND);
         if subject.instance.get_real(&[UNKNOWN], &mut [0.0]).is_ok() {
             self.warn(format!(
                 "it gives a value for the value reference {UNKNOWN}, which no variable has"
