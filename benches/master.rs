@@ -21,8 +21,8 @@ const REPETITIONS: usize = 9;
 const TARGET: f64 = 10.0;
 /// Value references of the pilot (target, position; stick, error) and of the quadcopter (stick; z and
 /// five more).
-const PILOT_OUTPUTS: [u32; 2] = [2, 3];
-const VEHICLE_OUTPUTS: [u32; 6] = [1, 2, 3, 4, 5, 6];
+const PILOT_OUTPUTS: [u32; 2] = [3, 4];
+const VEHICLE_OUTPUTS: [u32; 6] = [2, 3, 4, 5, 6, 7];
 
 fn main() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -239,14 +239,14 @@ impl Drop for Bare {
 fn bare(libraries: &[fmu::Library; 2]) -> f64 {
     let [pilot, vehicle] = [Bare::new(&libraries[0]), Bare::new(&libraries[1])];
     let (mut pilot_row, mut vehicle_row) = ([0.0; 2], [0.0; 6]);
-    pilot.set(&[0], &[TARGET]);
+    pilot.set(&[1], &[TARGET]);
     pilot.get(&PILOT_OUTPUTS, &mut pilot_row);
     vehicle.get(&VEHICLE_OUTPUTS, &mut vehicle_row);
     let started = Instant::now();
     for k in 0..STEPS {
         let t = k as f64 * H;
-        pilot.set(&[1], &[vehicle_row[0]]);
-        vehicle.set(&[0], &[pilot_row[0]]);
+        pilot.set(&[2], &[vehicle_row[0]]);
+        vehicle.set(&[1], &[pilot_row[0]]);
         pilot.step(t);
         vehicle.step(t);
         pilot.get(&PILOT_OUTPUTS, &mut pilot_row);

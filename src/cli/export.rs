@@ -4,7 +4,7 @@ use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, terminal};
 use crate::document;
 use crate::export::{self, Options, Platform, Provenance};
-use crate::fmi::description::FmiVersion;
+use crate::fmi::description::{FmiVersion, is_date_and_time};
 use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
@@ -67,8 +67,23 @@ pub struct FmuArgs {
     /// repeated.
     #[arg(long, value_name = "PLATFORM=FILE")]
     binary: Vec<String>,
+    /// Who made the model.
+    #[arg(long, value_name = "NAME")]
+    author: Option<String>,
+    /// When the FMU is made, such as 2026-01-31T12:00:00Z [default: SOURCE_DATE_EPOCH from the environment,
+    /// else none, so that the same model gives the same file].
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    date: Option<String>,
     #[command(flatten)]
     overwrite: Overwrite,
+}
+
+/// A date as FMI writes it.
+fn date(text: &str) -> Result<String, String> {
+    match is_date_and_time(text) {
+        true => Ok(text.to_owned()),
+        false => Err("expected YYYY-MM-DDThh:mm:ssZ".to_owned()),
+    }
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -89,6 +104,26 @@ impl FmuArgs {
         let inputs = libraries.map(PathBuf::from);
         let inputs: Vec<PathBuf> = inputs.chain(model.map(Path::to_owned)).collect();
         self.overwrite.check(&inputs, &[(output, Kind::Fmu)])
+    }
+
+    /// Adds author and date.
+    pub fn sign(&self, provenance: &mut Provenance) -> Result<(), Failure> {
+        const VARIABLE: &str = "SOURCE_DATE_EPOCH";
+        provenance.author.clone_from(&self.author);
+        provenance.date = match (&self.date, std::env::var(VARIABLE)) {
+            (Some(date), _) => Some(date.clone()),
+            (None, Err(_)) => None,
+            (None, Ok(text)) => {
+                let date = text.parse().ok().and_then(export::date::of_epoch);
+                let wrong = || {
+                    Failure::new(format!(
+                        "{VARIABLE} is `{text}`; expected seconds since 1970"
+                    ))
+                };
+                Some(date.ok_or_else(wrong)?)
+            }
+        };
+        Ok(())
     }
 
     /// What was asked for, libraries read.
@@ -133,10 +168,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             fmu,
         } => {
             fmu.check_output(pilot.as_deref(), &output)?;
-            let (model, provenance) = match (pilot, preset) {
+            let (model, mut provenance) = match (pilot, preset) {
                 (Some(file), _) => fitted(&file, allow_unconverged)?,
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
             };
+            fmu.sign(&mut provenance)?;
             write(&model, &provenance, &fmu.options()?, &output)
         }
         Command::Quadcopter {
@@ -153,6 +189,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             if !PitchLoop::of(&vehicle).is_stable() {
                 provenance.caveat = Some(UNSTABLE.into());
             }
+            fmu.sign(&mut provenance)?;
             let model = Model::quadcopter(&vehicle);
             write(&model, &provenance, &fmu.options()?, &output)
         }

@@ -32,10 +32,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         true => pack::build(&args.model, std::io::stderr().is_terminal())?,
         false => (args.model.clone(), None),
     };
-    let provenance = Provenance {
+    let mut provenance = Provenance {
         license,
         ..Provenance::default()
     };
+    args.fmu.sign(&mut provenance)?;
     let path = pack::pack(&library, &provenance, &options, |interface| {
         let named = || PathBuf::from(format!("{}.fmu", interface.name));
         let path = args.output.clone().unwrap_or_else(named);

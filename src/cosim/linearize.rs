@@ -4,7 +4,7 @@ use super::algorithms::Coupling;
 use super::clock::Clock;
 use super::master::{Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
-use super::slave::{Kind, Linear, Slave};
+use super::slave::{Linear, Slave};
 use super::system::System;
 use crate::linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wire};
 use crate::nearest::{did_you_mean, nearest};
@@ -75,8 +75,7 @@ pub fn linearize(
     // Connections by the names of their ends; a real one with its factor.
     let connections: Vec<(String, String, Option<f64>)> = (system.connections.iter())
         .map(|c| {
-            let is_real = system.variable(c.from).kind == Kind::Real;
-            let factor = is_real.then_some(c.conversion.factor);
+            let factor = system.is_real(c).then_some(c.conversion.factor);
             (system.port_name(c.from), system.port_name(c.to), factor)
         })
         .collect();

@@ -43,7 +43,7 @@ struct Chosen {
 }
 
 impl Selection {
-    /// The variables whose `instance.variable` fits one of the patterns, in which `*` stands for any
+    /// The variables whose `instance.variable`, or whose alias, fits one of the patterns, in which `*` stands for any
     /// characters and `?` for one; parameters, which do not change, only if nothing else fits it. Tells
     /// the system to read those that are not read anyway: locals, parameters and inputs that nothing
     /// feeds. An input that is fed has at each time the value of the output that feeds it, in the input's
@@ -52,13 +52,17 @@ impl Selection {
     /// # Errors
     /// If a pattern fits nothing that can be recorded.
     pub fn new(system: &mut System, patterns: &[String]) -> Result<Self, SelectionError> {
-        let names: Vec<(Port, String)> = (system.ports())
-            .map(|port| (port, system.port_name(port)))
-            .collect();
-        let (mut ports, mut known) = (Vec::new(), HashSet::new());
+        let names: Vec<(Port, String)> = system.names().collect();
+        let (mut chosen, mut known) = (Vec::new(), HashSet::new());
         for pattern in patterns {
-            let fitting = names.iter().filter(|(_, name)| fits(pattern, name));
-            let fitting: Vec<Port> = fitting.map(|(port, _)| *port).collect();
+            let mut fitting: Vec<&(Port, String)> = (names.iter())
+                .filter(|(_, name)| fits(pattern, name))
+                .collect();
+            // Where a variable's own name fits, its aliases do not count.
+            fitting.retain(|(port, name)| {
+                let own = system.port_name(*port);
+                *name == own || !fits(pattern, &own)
+            });
             if fitting.is_empty() {
                 let all = names.iter().map(|(_, name)| name.as_str());
                 return Err(SelectionError::Nothing {
@@ -66,18 +70,20 @@ impl Selection {
                     nearest: nearest(pattern, all).map(str::to_owned),
                 });
             }
-            let is_number = |port: &Port| system.variable(*port).kind != Kind::String;
-            if !fitting.iter().any(is_number) {
+            let is_number = |port: Port| system.variable(port).kind != Kind::String;
+            if !fitting.iter().any(|(port, _)| is_number(*port)) {
                 let pattern = pattern.clone();
                 return Err(SelectionError::Text { pattern });
             }
-            let is_variable = |port: &Port| system.variable(*port).role != Role::Parameter;
-            let has_variables = fitting.iter().any(|p| is_number(p) && is_variable(p));
-            let numbers = (fitting.into_iter().filter(is_number))
-                .filter(|port| is_variable(port) || !has_variables);
-            ports.extend(numbers.filter(|port| known.insert(*port)));
+            fitting.retain(|(port, _)| is_number(*port));
+            let is_variable = |port: Port| system.variable(port).role != Role::Parameter;
+            let has_variables = fitting.iter().any(|(port, _)| is_variable(*port));
+            let wanted = (fitting.into_iter())
+                .filter(|(port, _)| is_variable(*port) || !has_variables)
+                .filter(|(_, name)| known.insert(name.clone()));
+            chosen.extend(wanted.cloned());
         }
-        Ok(Self::of(system, &ports))
+        Ok(Self::of(system, chosen))
     }
 
     /// All outputs but those of some slaves, in whose stead the inputs that they feed are recorded:
@@ -93,16 +99,17 @@ impl Selection {
                     None => variable.role == Role::Output && !is_source(*port),
                 }
         };
-        let ports: Vec<Port> = system.ports().filter(is_wanted).collect();
-        Self::of(system, &ports)
+        let ports = system.ports().filter(is_wanted);
+        let ports: Vec<_> = ports.map(|port| (port, system.port_name(port))).collect();
+        Self::of(system, ports)
     }
 
-    fn of(system: &mut System, ports: &[Port]) -> Self {
+    fn of(system: &mut System, ports: Vec<(Port, String)>) -> Self {
         let mut chosen = Vec::new();
-        for &port in ports {
+        for (port, name) in ports {
             let unit = system.variable(port).unit.as_ref();
             let signal = Signal {
-                name: system.port_name(port),
+                name,
                 unit: unit.map_or(String::new(), |unit| unit.name.clone()),
             };
             let (from, conversion) = match system.feeding(port) {

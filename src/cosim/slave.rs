@@ -44,6 +44,11 @@ pub trait Slave: Send {
     /// Advances from time `t` by `h` [s], inputs as they were set last.
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError>;
 
+    /// When the slave suggests to end the simulation [s].
+    fn suggested_stop(&self) -> Option<f64> {
+        None
+    }
+
     /// Ends the simulation.
     fn terminate(&mut self) -> Result<(), SlaveError> {
         Ok(())
@@ -181,6 +186,8 @@ pub struct Experiment {
 pub struct Variable {
     /// Name, unique within the slave.
     pub name: String,
+    /// Other names of it.
+    pub aliases: Vec<String>,
     /// What calls refer to it by.
     pub handle: u32,
     /// Type of its values.
@@ -204,11 +211,18 @@ pub struct Variable {
 }
 
 impl Variable {
+    /// Its name and its aliases.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let aliases = self.aliases.iter().map(String::as_str);
+        std::iter::once(self.name.as_str()).chain(aliases)
+    }
+
     /// A variable without unit and feedthrough; parameters and inputs are settable, all but reals are
     /// discrete.
     pub fn new(name: impl Into<String>, handle: u32, kind: Kind, role: Role) -> Self {
         Self {
             name: name.into(),
+            aliases: Vec::new(),
             handle,
             kind,
             role,
@@ -235,6 +249,22 @@ pub enum Kind {
     String,
     /// Integer with names.
     Enumeration,
+}
+
+impl Kind {
+    /// Whether outputs of this type may feed inputs of another one. A real may feed an integer, which is an
+    /// error at the time where its value is not whole.
+    pub fn feeds(self, input: Self) -> bool {
+        use Kind::*;
+        self == input
+            || matches!(
+                (self, input),
+                (Integer, Real | Enumeration)
+                    | (Enumeration, Integer)
+                    | (Boolean, Integer | Real)
+                    | (Real, Integer)
+            )
+    }
 }
 
 impl std::fmt::Display for Kind {
@@ -371,6 +401,28 @@ impl Value {
             Self::Integer(_) => Kind::Integer,
             Self::Boolean(_) => Kind::Boolean,
             Self::String(_) => Kind::String,
+        }
+    }
+
+    /// As a value for an input of type `kind`, which its own type [may feed](Kind::feeds).
+    ///
+    /// # Errors
+    /// If it is a real that is not whole, or too large, and an integer is wanted.
+    pub fn converted(self, kind: Kind) -> Result<Self, SlaveError> {
+        // All whole reals in between are of type i64.
+        const LIMIT: f64 = (1_u64 << 63) as f64;
+        match (self, kind) {
+            (Self::Integer(value), Kind::Real) => Ok(Self::Real(value as f64)),
+            (Self::Boolean(value), Kind::Real) => Ok(Self::Real(value.into())),
+            (Self::Boolean(value), Kind::Integer) => Ok(Self::Integer(value.into())),
+            (Self::Real(value), Kind::Integer) => match value.fract() == 0.0 && value.abs() < LIMIT
+            {
+                true => Ok(Self::Integer(value as i64)),
+                false => {
+                    Err(format!("{value:?} is no whole number that an Integer can hold").into())
+                }
+            },
+            (same, _) => Ok(same),
         }
     }
 

@@ -6,6 +6,7 @@ use crate::fmi::description as fmi;
 use pilotage_kit::log::LOG_CATEGORIES;
 use pilotage_kit::simulation::DEFAULT_TOLERANCE;
 use pilotage_kit::structure::Unknown;
+use pilotage_kit::variable::reference;
 use pilotage_kit::{Interface, Role, Unit, Variable};
 
 /// Stop time that a simulation takes if the user says nothing: that of the paper's runs [s].
@@ -36,7 +37,9 @@ pub fn description(
         guid: interface.guid.clone(),
         description: Some(about.join(" ")),
         version: Some(env!("CARGO_PKG_VERSION").into()),
+        author: provenance.author.clone(),
         license: provenance.license.clone(),
+        generation_date_and_time: provenance.date.clone(),
         generation_tool: Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")).into()),
         naming_convention: fmi::NamingConvention::Structured,
         number_of_event_indicators: (!newer).then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
@@ -182,7 +185,7 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
         reinit: jumps,
         ..fmi::RealVariable::default()
     });
-    let reference = u32::try_from(index).unwrap_or(u32::MAX);
+    let reference = reference(index);
     fmi::ScalarVariable {
         description: Some(variable.description.clone()),
         initial,

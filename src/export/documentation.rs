@@ -1,8 +1,8 @@
 //! documentation/index.html: what a user of the FMU must know, in one page.
 
-use super::package::Contents;
+use super::package::{Contents, picture_path};
 use super::{EXTRA, Provenance};
-use crate::fmi::description::FmiVersion;
+use pilotage_kit::variable::reference;
 use pilotage_kit::{Interface, Variable};
 
 const APACHE: &str = include_str!("licenses/Apache-2.0.txt");
@@ -38,22 +38,16 @@ pub(super) fn provenance(interface: &Interface, provenance: &Provenance) -> Stri
 
 fn page(contents: &Contents<'_>) -> String {
     let Contents {
+        name,
         interface,
         provenance,
         version,
         about,
-        picture,
         ..
     } = contents;
-    let name = &interface.name;
-    let place = match version {
-        FmiVersion::V2 => "../model.png",
-        FmiVersion::V3 => "model.png",
-    };
-    let picture = match picture {
-        Some(_) => format!("<img src=\"{place}\" alt=\"\" width=\"480\"/>\n"),
-        None => String::new(),
-    };
+    let name = escaped(name);
+    let place = picture_path(*version);
+    let picture = format!("<img src=\"../{place}\" alt=\"\" width=\"480\"/>\n");
     let caveat = match &provenance.caveat {
         Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", escaped(caveat)),
         None => String::new(),
@@ -86,9 +80,9 @@ fn table(variables: &[Variable]) -> String {
         "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>Kind</th><th>Start</th>\
          <th>Range</th><th>Meaning</th></tr>\n",
     );
-    for (reference, v) in variables.iter().enumerate() {
+    for (index, v) in variables.iter().enumerate() {
         let cells = [
-            reference.to_string(),
+            reference(index).to_string(),
             format!("<code>{}</code>", v.name),
             v.unit.symbol(),
             v.role.name().to_owned(),

@@ -19,7 +19,8 @@ pub fn read(text: &str) -> Result<Interface, String> {
 
 fn interface(json: &Value) -> Option<Interface> {
     let list = |name: &str| json[name].as_array();
-    if json["format"] != 1 {
+    // In format 1 value references began with 0.
+    if json["format"] != 2 {
         return None;
     }
     let unknowns = |name| list(name)?.iter().map(unknown).collect::<Option<Vec<_>>>();
@@ -116,7 +117,7 @@ mod tests {
         assert_eq!(error, "the model panics: unit furlong");
         let text = Interface::of(&Model::pilot(&PAPER_THETA, 1.0)).to_json();
         for (from, to) in [
-            ("\"format\": 1", "\"format\": 2"),
+            ("\"format\": 2", "\"format\": 1"),
             ("\"index\": 2", "\"index\": 99"),
             ("\"unit\": \"m\"", "\"unit\": \"furlong\""),
             ("{", ""),

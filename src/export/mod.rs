@@ -11,10 +11,12 @@
 //! | [`pack`] | FMUs of a user's models |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
-//! | `picture` | model.png |
+//! | `picture`, `terminals` | model.png; what FMI 3.0 has for it |
+//! | [`date`] | when an FMU is made |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
+pub mod date;
 pub mod description;
 mod documentation;
 mod error;
@@ -24,6 +26,7 @@ pub mod pack;
 pub mod package;
 mod picture;
 pub mod platform;
+mod terminals;
 
 pub use description::description;
 pub use error::ExportError;
@@ -57,6 +60,11 @@ pub struct Provenance {
     pub source: Option<(&'static str, String)>,
     /// Licence of the model, in SPDX's words.
     pub license: Option<String>,
+    /// Who made the model.
+    pub author: Option<String>,
+    /// When the FMU is made, `YYYY-MM-DDThh:mm:ssZ`; without it, the same model gives the same bytes at any
+    /// time.
+    pub date: Option<String>,
 }
 
 /// Licence of our own models.
@@ -77,6 +85,7 @@ impl Provenance {
             caveat,
             source: Some(("pilot.toml", file)),
             license: Some(LICENSE.into()),
+            ..Self::default()
         }
     }
 
@@ -92,8 +101,8 @@ impl Provenance {
                  the paper's figure."
                     .into(),
             ),
-            source: None,
             license: Some(LICENSE.into()),
+            ..Self::default()
         }
     }
 
@@ -108,9 +117,9 @@ impl Provenance {
         };
         Self {
             origin: origin.into(),
-            caveat: None,
             source: file.map(|text| ("vehicle.toml", text)),
             license: Some(LICENSE.into()),
+            ..Self::default()
         }
     }
 }
@@ -205,6 +214,7 @@ pub fn package_as(
     let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
     let given = options.binaries.iter().cloned();
     package::archive(&Contents {
+        name: model.kind().name(),
         interface: &Interface::of(model),
         provenance,
         version: options.version,
@@ -213,7 +223,7 @@ pub fn package_as(
             Kind::Pilot(_) => PILOT,
             Kind::Quadcopter => QUADCOPTER,
         },
-        picture: Some(picture::png(model)),
+        picture: picture::png(model),
         resources: BTreeMap::from([(MODEL_FILE.to_owned(), model.to_file().into_bytes())]),
     })
 }

@@ -1,7 +1,7 @@
 //! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
 
 use super::package::{Contents, archive};
-use super::{ExportError, Platform, Provenance, interface, old_glibc, write};
+use super::{ExportError, Platform, Provenance, interface, old_glibc, picture, write};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
 use pilotage_kit::Interface;
@@ -179,13 +179,15 @@ pub fn pack<E: From<ExportError>>(
     let interface = ask(library, &bytes, options.version)?;
     let path = path(&interface)?;
     let own = Platform::host().map(|platform| (platform, bytes));
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy());
     let archive = archive(&Contents {
+        name: stem.as_deref().unwrap_or(&interface.name),
         interface: &interface,
         provenance,
         version: options.version,
         binaries: options.binaries.iter().cloned().chain(own).collect(),
         about: "",
-        picture: None,
+        picture: picture::block(&interface),
         resources: BTreeMap::new(),
     })?;
     write(&path, &archive)?;

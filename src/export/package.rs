@@ -1,7 +1,7 @@
 //! The archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
 
-use super::{EXTRA, ExportError, Platform, Provenance, description, documentation};
-use crate::fmi::description::FmiVersion;
+use super::{EXTRA, ExportError, Platform, Provenance, description, documentation, terminals};
+use crate::fmi::description::{FmiVersion, ModelDescription};
 use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
@@ -11,6 +11,8 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 /// Everything of an FMU but the text that is made from it.
 #[derive(Debug, Clone)]
 pub struct Contents<'c> {
+    /// Name of the FMU: its `modelName`.
+    pub name: &'c str,
     /// What the model is.
     pub interface: &'c Interface,
     /// Where it comes from.
@@ -22,7 +24,7 @@ pub struct Contents<'c> {
     /// Equations and advice for the documentation, as HTML.
     pub about: &'c str,
     /// The picture for the model's block, as PNG.
-    pub picture: Option<Vec<u8>>,
+    pub picture: Vec<u8>,
     /// Files for `resources`.
     pub resources: BTreeMap<String, Vec<u8>>,
 }
@@ -59,6 +61,14 @@ pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
     Ok(archive.into_inner())
 }
 
+/// Where the picture goes.
+pub(super) fn picture_path(version: FmiVersion) -> String {
+    match version {
+        FmiVersion::V2 => "model.png".to_owned(),
+        FmiVersion::V3 => format!("{}/icon.png", terminals::FOLDER),
+    }
+}
+
 /// All files by name.
 fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
     let Contents {
@@ -67,7 +77,10 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
         version,
         ..
     } = *contents;
-    let description = description(interface, provenance, version);
+    let description = ModelDescription {
+        model_name: contents.name.to_owned(),
+        ..description(interface, provenance, version)
+    };
     let mut entries = BTreeMap::from([
         (
             "modelDescription.xml".to_owned(),
@@ -99,13 +112,10 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     for (name, content) in &contents.resources {
         entries.insert(format!("resources/{name}"), content.clone());
     }
-    if let Some(picture) = &contents.picture {
-        // FMI 3.0 has no place for it without a file that describes terminals (section 2.5.2).
-        let path = match version {
-            FmiVersion::V2 => "model.png",
-            FmiVersion::V3 => "documentation/model.png",
-        };
-        entries.insert(path.to_owned(), picture.clone());
+    entries.insert(picture_path(version), contents.picture.clone());
+    if version == FmiVersion::V3 {
+        let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
+        entries.insert(path, terminals::file(interface).into_bytes());
     }
     if let Some((name, text)) = &provenance.source {
         entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());

@@ -1,10 +1,17 @@
 //! model.png: a picture that tools show on the model's block.
 
 use crate::models::{Kind, Model, Simulation};
+use pilotage_kit::{Interface, Role};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
 
 const WIDTH: f32 = 480.0;
 const HEIGHT: f32 = 320.0;
+
+/// Sides of a block.
+const LEFT: f32 = 110.0;
+const RIGHT: f32 = 370.0;
+const TOP: f32 = 60.0;
+const BOTTOM: f32 = 260.0;
 
 const PAPER: [u8; 3] = [0xff, 0xff, 0xff];
 const PANEL: [u8; 3] = [0xf3, 0xf6, 0xf9];
@@ -14,16 +21,43 @@ const ACCENT: [u8; 3] = [0x1f, 0x77, 0xb4];
 
 /// The picture of a model, as PNG.
 pub(super) fn png(model: &Model) -> Vec<u8> {
+    drawn(|canvas| match model.kind() {
+        Kind::Pilot(_) => pilot(canvas, model),
+        Kind::Quadcopter => quadcopter(canvas),
+    })
+}
+
+/// A block with an arrow for each input and output, as PNG: the picture of a model of which nothing else is
+/// known.
+pub(super) fn block(interface: &Interface) -> Vec<u8> {
+    let count = |role| {
+        interface
+            .variables
+            .iter()
+            .filter(|v| v.role == role)
+            .count()
+    };
+    drawn(|canvas| {
+        frame(canvas);
+        let heights =
+            |n: usize| (1..=n).map(move |i| TOP + (BOTTOM - TOP) * i as f32 / (n + 1) as f32);
+        for y in heights(count(Role::Input)) {
+            canvas.arrow((30.0, y), (LEFT, y), INK);
+        }
+        for y in heights(count(Role::Output)) {
+            canvas.arrow((RIGHT, y), (450.0, y), INK);
+        }
+    })
+}
+
+fn drawn(draw: impl FnOnce(&mut Canvas)) -> Vec<u8> {
     let Some(mut pixmap) = Pixmap::new(WIDTH as u32, HEIGHT as u32) else {
         unreachable!("the size is not zero");
     };
     let [r, g, b] = PAPER;
     pixmap.fill(Color::from_rgba8(r, g, b, 255));
     let mut canvas = Canvas { pixmap };
-    match model.kind() {
-        Kind::Pilot(_) => pilot(&mut canvas, model),
-        Kind::Quadcopter => quadcopter(&mut canvas),
-    }
+    draw(&mut canvas);
     // Encoding into memory fails only for sizes that do not fit.
     canvas.pixmap.encode_png().unwrap_or_default()
 }
@@ -95,23 +129,23 @@ impl Canvas {
     }
 }
 
+fn frame(canvas: &mut Canvas) {
+    let corners = [(LEFT, TOP), (RIGHT, TOP), (RIGHT, BOTTOM), (LEFT, BOTTOM)];
+    canvas.polygon(&corners, PANEL);
+    let [a, b, c, d] = corners;
+    canvas.line(&[a, b, c, d, a], 3.0, INK);
+}
+
 /// A block with two inputs and an output, and in it the stick's answer to a sudden error.
 fn pilot(canvas: &mut Canvas, model: &Model) {
-    let (left, right, top, bottom) = (110.0, 370.0, 60.0, 260.0);
-    let frame = [(left, top), (right, top), (right, bottom), (left, bottom)];
-    canvas.polygon(&frame, PANEL);
-    canvas.line(
-        &[frame[0], frame[1], frame[2], frame[3], frame[0]],
-        3.0,
-        INK,
-    );
-    canvas.arrow((30.0, 120.0), (left, 120.0), INK);
-    canvas.arrow((30.0, 200.0), (left, 200.0), INK);
-    canvas.arrow((right, 160.0), (450.0, 160.0), INK);
+    frame(canvas);
+    canvas.arrow((30.0, 120.0), (LEFT, 120.0), INK);
+    canvas.arrow((30.0, 200.0), (LEFT, 200.0), INK);
+    canvas.arrow((RIGHT, 160.0), (450.0, 160.0), INK);
     let answer = answer(model);
     let most = answer.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     let scale = if most > 0.0 { 80.0 / most } else { 0.0 };
-    let x = |i: usize| left + 20.0 + (right - left - 40.0) * i as f32 / (answer.len() - 1) as f32;
+    let x = |i: usize| LEFT + 20.0 + (RIGHT - LEFT - 40.0) * i as f32 / (answer.len() - 1) as f32;
     canvas.line(&[(x(0), 160.0), (x(answer.len() - 1), 160.0)], 1.5, FAINT);
     let curve: Vec<_> = answer
         .iter()

@@ -152,10 +152,8 @@ fn description_declares_dependencies_and_units() {
     ];
     assert_eq!(initial, expected);
     let unit = |name: &str| {
-        found
-            .unit_of(found.variable(name).unwrap().1)
-            .unwrap()
-            .to_owned()
+        let units = found.units_of_variables();
+        units(found.variable(name).unwrap().1).unwrap().to_owned()
     };
     let units = [
         "theta1", "theta3", "theta4", "theta6", "x1_start", "stick", "error",
@@ -405,4 +403,70 @@ fn the_executable_exports_by_itself() {
         &Provenance::vehicle(None),
     );
     assert!(std::fs::read(folder.path("q.fmu")).unwrap() == expected.unwrap());
+}
+
+/// Who made an FMU and when stands in it if wanted; the same wishes give the same bytes.
+#[test]
+fn author_and_date_are_those_that_are_given() {
+    let folder = crate::command::Folder::new();
+    let export = |name: &str, arguments: &[&str], variables: &[(&str, &str)]| {
+        let begin = ["export", "quadcopter", "-o", name];
+        folder.pilotage_with(&[&begin, arguments].concat(), variables)
+    };
+    let made = |name: &str| {
+        let info = folder.pilotage(&["info", name, "--json"]).json();
+        (
+            info["author"].clone(),
+            info["generationDateAndTime"].clone(),
+        )
+    };
+    let (author, date) = ("A. N. Other & Co.", "2026-01-31T12:00:00Z");
+    let epoch = [("SOURCE_DATE_EPOCH", "1769860800")];
+    for (name, arguments, variables) in [
+        (
+            "flag.fmu",
+            &["--author", author, "--date", date][..],
+            &[][..],
+        ),
+        ("epoch.fmu", &["--author", author], &epoch),
+    ] {
+        let ended = export(name, arguments, variables);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        assert_eq!(made(name), (author.into(), date.into()));
+    }
+    let bytes = ["flag.fmu", "epoch.fmu"].map(|name| std::fs::read(folder.path(name)).unwrap());
+    assert_eq!(bytes[0], bytes[1]);
+    assert_eq!(export("none.fmu", &[], &[]).code, 0);
+    assert_eq!(
+        made("none.fmu"),
+        (serde_json::Value::Null, serde_json::Value::Null)
+    );
+
+    let ended = export("a.fmu", &["--date", "31.1.2026"], &[]);
+    assert_eq!(ended.code, 2);
+    assert!(
+        ended.stderr.contains("expected YYYY-MM-DDThh:mm:ssZ"),
+        "{ended:?}"
+    );
+    let ended = export("a.fmu", &[], &[("SOURCE_DATE_EPOCH", "today")]);
+    let error = "error: SOURCE_DATE_EPOCH is `today`; expected seconds since 1970\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, error));
+}
+
+/// Importers take 0 for none, or references of FMI 3.0 for positions from 1.
+#[test]
+fn value_references_are_the_positions_from_1() {
+    for (model, provenance) in models() {
+        for version in [FmiVersion::V2, FmiVersion::V3] {
+            let interface = Interface::of(&model);
+            let described = pilotage::export::description(&interface, &provenance, version);
+            let references: Vec<u32> = described
+                .variables
+                .iter()
+                .map(|v| v.value_reference)
+                .collect();
+            let positions: Vec<u32> = (1..).take(references.len()).collect();
+            assert_eq!(references, positions);
+        }
+    }
 }

@@ -28,6 +28,7 @@ mod joint_ode;
 mod libcosim;
 mod linearize;
 mod mutation;
+mod other_fmus;
 mod other_tools;
 mod pack;
 mod python;

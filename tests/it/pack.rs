@@ -53,6 +53,21 @@ fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
         );
         let once = std::fs::read(folder.path(&name)).unwrap();
         assert!(names(&once).contains(&format!("binaries/{library}/drone.so")));
+        // It has the name of its file, and a picture.
+        let info = folder.pilotage(&["info", &name, "--json"]).json();
+        assert_eq!(info["modelName"], format!("drone{version}"));
+        let pictures: &[&str] = match version {
+            "2" => &["model.png"],
+            _ => &[
+                "terminalsAndIcons/icon.png",
+                "terminalsAndIcons/terminalsAndIcons.xml",
+            ],
+        };
+        assert!(
+            pictures
+                .iter()
+                .all(|file| names(&once).contains(&(*file).to_owned()))
+        );
         let validated = folder.pilotage(&["validate", "--strict", &name]);
         assert_eq!(validated.code, 0, "{}", validated.stdout);
         // The library alone, as cargo made it, gives the same.

@@ -4,9 +4,9 @@
 use crate::checkpoint::Checkpoint;
 use crate::clock::Clock;
 use crate::problem::Problem;
-use crate::simulation::Reached;
+use crate::simulation::{Reached, SetError};
 use crate::structure::{Structure, Unknown};
-use crate::variable::Role;
+use crate::variable::{Role, index_of};
 use crate::{Equations, Simulation, Variable};
 use std::cell::OnceCell;
 
@@ -140,11 +140,11 @@ impl<E: Equations> Instance<E> {
 
     /// Values of variables.
     pub fn get(&self, references: References<'_>, values: &mut [f64]) -> Result<(), Problem> {
-        let last = self.simulation.table().variables().len() - 1;
-        if let Some(&reference) = references.iter().find(|r| **r as usize > last) {
+        let last = self.simulation.table().variables().len();
+        if let Some(&reference) = references.iter().find(|r| index_of(**r) >= last) {
             return Err(Problem::NoVariable { reference, last });
         }
-        let indices = references.iter().map(|reference| *reference as usize);
+        let indices = references.iter().map(|reference| index_of(*reference));
         self.simulation.get_all(indices, values);
         Ok(())
     }
@@ -172,7 +172,14 @@ impl<E: Equations> Instance<E> {
                     return refuse("fixed", "before initialization mode ends");
                 }
                 (Role::Tunable, Phase::Continuous) => return refuse("tunable", "in event mode"),
-                _ => self.simulation.set(index, *value)?,
+                _ => self.simulation.set(index, *value).map_err(|error| {
+                    // A solver may try again with another step.
+                    let may_retry = self.kind == Kind::ModelExchange && phase != Phase::Start;
+                    match (may_retry, error) {
+                        (true, SetError::Value(error)) => Problem::Refused(error),
+                        (_, error) => Problem::Set(error),
+                    }
+                })?,
             }
         }
         Ok(())
@@ -413,12 +420,12 @@ impl<E: Equations> Instance<E> {
 
     fn variable(&self, reference: u32) -> Result<(usize, &Variable), Problem> {
         let variables = self.simulation.table().variables();
-        let index = reference as usize;
+        let index = index_of(reference);
         match variables.get(index) {
             Some(variable) => Ok((index, variable)),
             None => Err(Problem::NoVariable {
                 reference,
-                last: variables.len() - 1,
+                last: variables.len(),
             }),
         }
     }

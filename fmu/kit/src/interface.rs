@@ -13,7 +13,7 @@ pub struct Interface {
     pub description: String,
     /// FMI's `guid` and `instantiationToken`.
     pub guid: String,
-    /// The variables; a variable's index is its value reference.
+    /// The variables, in the order of their value references.
     pub variables: Vec<Variable>,
     /// Index of each state's variable, in the order of the states.
     pub states: Vec<usize>,
@@ -46,7 +46,7 @@ impl Interface {
     pub fn to_json(&self) -> String {
         let unknowns = |list: &[Unknown]| json::array(list.iter().map(unknown));
         json::object([
-            ("format", "1".to_owned()),
+            ("format", "2".to_owned()),
             ("name", json::string(&self.name)),
             ("description", json::string(&self.description)),
             ("guid", json::string(&self.guid)),

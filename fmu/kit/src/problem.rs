@@ -1,5 +1,6 @@
 //! Everything that can be wrong with a call, with the status that it returns.
 
+use crate::ValueError;
 use crate::resources::LoadError;
 use crate::simulation::{SetError, StepError, StepFault};
 
@@ -80,7 +81,7 @@ pub enum Problem {
     /// A value reference that no variable has.
     #[error(
         "value reference {reference} belongs to no variable of this FMU; use those of \
-         modelDescription.xml, 0 to {last}"
+         modelDescription.xml, 1 to {last}"
     )]
     NoVariable {
         /// The value reference.
@@ -103,6 +104,9 @@ pub enum Problem {
     /// A value that cannot be set.
     #[error(transparent)]
     Set(#[from] SetError),
+    /// A value that a variable cannot have, where a solver may try another one.
+    #[error(transparent)]
+    Refused(ValueError),
     /// A number of values that does not fit.
     #[error("{argument} = {found}, but there are {expected}")]
     WrongNumber {
@@ -298,7 +302,10 @@ impl Problem {
     pub fn severity(&self) -> Severity {
         match self {
             Self::LogCategory { .. } => Severity::Warning,
-            Self::Step { .. } | Self::NoStatus { .. } | Self::NotFinite { .. } => Severity::Discard,
+            Self::Step { .. }
+            | Self::NoStatus { .. }
+            | Self::NotFinite { .. }
+            | Self::Refused(_) => Severity::Discard,
             Self::Panic { .. } => Severity::Fatal,
             _ => Severity::Error,
         }

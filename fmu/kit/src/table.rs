@@ -193,7 +193,7 @@ impl Table {
         &self.description
     }
 
-    /// The variables; a variable's index is its value reference.
+    /// The variables, in the order of their value references.
     pub fn variables(&self) -> &[Variable] {
         &self.variables
     }

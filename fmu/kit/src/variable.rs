@@ -43,7 +43,18 @@ impl Role {
     }
 }
 
-/// One real variable of a model. Its value reference is its index in the model's table.
+/// Value reference of the variable at that index of the table. They begin with 1: some importers take 0 for
+/// none, others those of FMI 3.0 for positions in the list, which begin there.
+pub fn reference(index: usize) -> u32 {
+    u32::try_from(index + 1).unwrap_or(u32::MAX)
+}
+
+/// Index of the variable of that value reference; one that no table has where there is none.
+pub fn index_of(reference: u32) -> usize {
+    (reference as usize).wrapping_sub(1)
+}
+
+/// One real variable of a model. Its value reference is [that of its index](reference) in the model's table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Name, unique in the model.
@@ -138,6 +149,8 @@ impl Variable {
 
     /// Refuses a value that this variable cannot have.
     ///
+    /// Inputs may be out of it: masters and solvers look beyond it between points.
+    ///
     /// # Errors
     /// When the value is not a finite number or out of the variable's range.
     pub fn check(&self, value: f64) -> Result<(), ValueError> {
@@ -151,7 +164,7 @@ impl Variable {
             self.min.unwrap_or(f64::NEG_INFINITY),
             self.max.unwrap_or(f64::INFINITY),
         );
-        match (min..=max).contains(&value) {
+        match self.role == Role::Input || (min..=max).contains(&value) {
             true => Ok(()),
             false => Err(ValueError::OutOfRange {
                 name: self.label(),

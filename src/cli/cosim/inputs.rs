@@ -16,11 +16,13 @@ pub struct Table {
     end: f64,
 }
 
-/// Adds a table as an instance and wires its columns that are named like inputs.
+/// Adds a table as an instance and wires its columns that are named like inputs: `instance.input`, or just
+/// `input` where there is only one instance.
 pub fn add(
     system: &mut System,
     argument: &str,
     connections: &[(String, String)],
+    only: Option<&str>,
 ) -> Result<Table, Failure> {
     let (name, file) = instance(argument);
     let mut series = Series::read_table(&file)?;
@@ -28,13 +30,14 @@ pub fn add(
     let (mut named, mut unused, mut holds) = (Vec::new(), Vec::new(), Vec::new());
     let mut is_used = false;
     for column in std::mem::take(&mut series.columns) {
-        let own = own_input(system, &column.name)
+        let input = full_name(system, &column.name, only);
+        let own = own_input(system, &input)
             .map_err(|error| at(&error).hint("rename the column, or leave it out"))?;
         let port = format!("{name}.{}", column.name);
         let wired = connections.iter().find(|(from, _)| *from == port);
         let held = match (own, wired) {
             (Some(held), _) => {
-                named.push((port, column.name.clone()));
+                named.push((port, input));
                 held
             }
             (None, Some((_, to))) => held(system.find(to)?),
@@ -73,6 +76,13 @@ pub fn add(
         begin: ends[0],
         end: ends[1],
     })
+}
+
+/// The name of a column with that of the only instance before it, where that is one of its variables.
+fn full_name(system: &System, column: &str, only: Option<&str>) -> String {
+    let full = only.map(|instance| format!("{instance}.{column}"));
+    full.filter(|name| system.find(name).is_ok())
+        .unwrap_or_else(|| column.to_owned())
 }
 
 /// Whether a column can feed anything at all.

@@ -59,9 +59,9 @@ pub struct Args {
         allow_negative_numbers = true
     )]
     start_time: f64,
-    /// Stop time [s].
+    /// Stop time [s] [default: what the FMUs suggest, if they agree].
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
-    stop_time: f64,
+    stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration.
     #[arg(long, value_name = "SECONDS")]
     step: f64,
@@ -90,12 +90,17 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
-    let coupling = args.coupling.coupling(&clock)?;
+    // What is wrong without a look at the files is told before they are opened.
+    let given = args.stop_time.map(|stop| args.clock(stop)).transpose()?;
     let every = args.rows_between()?;
     let output = (args.output.as_path(), Kind::Result);
     args.overwrite.check(&args.wiring.files(), &[output])?;
     let Wired { mut system, tables } = args.wiring.build()?;
+    let clock = match given {
+        Some(clock) => clock,
+        None => args.clock(system.suggested_stop().ok_or_else(no_stop)?)?,
+    };
+    let coupling = args.coupling.coupling(&clock)?;
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
@@ -155,7 +160,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     })
 }
 
+fn no_stop() -> Failure {
+    Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
+        .hint("say when the simulation ends, such as --stop-time 10")
+}
+
 impl Args {
+    fn clock(&self, stop: f64) -> Result<Clock, Failure> {
+        Ok(Clock::new(self.start_time, stop, self.step)?)
+    }
+
     /// Communication steps from one recorded row to the next.
     fn rows_between(&self) -> Result<u64, Failure> {
         let Some(interval) = self.record_every else {

@@ -26,7 +26,7 @@ pub struct Wiring {
     #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     connect: Vec<(String, String)>,
     /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like
-    /// an input feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
+    /// an input (of a single FMU: without the instance, too) feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
     /// samples are interpolated (held, where the input is no real); a repeated time is a jump.
     #[arg(long, value_name = "[NAME=]CSV")]
     input: Vec<String>,
@@ -96,8 +96,9 @@ impl Wiring {
             let (name, file) = instance(argument);
             system.add(&name, self.open(&file, &name)?)?;
         }
+        let only = (self.models.len() == 1).then(|| instance(&self.models[0]).0);
         let tables = (self.input.iter())
-            .map(|argument| inputs::add(&mut system, argument, &self.connect))
+            .map(|argument| inputs::add(&mut system, argument, &self.connect, only.as_deref()))
             .collect::<Result<Vec<_>, Failure>>()?;
         for (from, to) in &self.connect {
             system.connect(from, to)?;

@@ -38,7 +38,7 @@ pub(super) fn of(fmu: &Fmu) -> Value {
         },
         "logCategories": d.log_categories.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "numberOfEventIndicators": d.number_of_event_indicators,
-        "variables": d.variables.iter().map(|v| variable(d, v)).collect::<Vec<_>>(),
+        "variables": variables(d),
         "structure": structure(d)
             .into_iter()
             .map(|(name, list)| (name.to_owned(), unknowns(d, list)))
@@ -47,20 +47,27 @@ pub(super) fn of(fmu: &Fmu) -> Value {
     })
 }
 
-fn variable(d: &ModelDescription, v: &ScalarVariable) -> Value {
+fn variables(d: &ModelDescription) -> Vec<Value> {
+    let units = d.units_of_variables();
+    let all = d.variables.iter();
+    all.map(|v| variable(d, v, units(v))).collect()
+}
+
+fn variable(d: &ModelDescription, v: &ScalarVariable, unit: Option<&str>) -> Value {
     let derivative_of = match &v.kind {
         VariableKind::Real(real) => real.derivative.map(|index| name_at(d, index)),
         _ => None,
     };
     json!({
         "name": v.name,
+        "aliases": v.aliases.iter().map(|alias| &alias.name).collect::<Vec<_>>(),
         "valueReference": v.value_reference,
         "type": v.kind.base_type().name(d.fmi_version),
         "causality": v.causality.as_str(),
         "variability": v.variability.as_str(),
         "initial": v.effective_initial().map(|initial| initial.to_string()),
         "size": d.size(v),
-        "unit": d.unit_of(v),
+        "unit": unit,
         "start": start(v),
         "derivativeOf": derivative_of,
         "description": v.description,

@@ -2,7 +2,9 @@
 
 use super::{capabilities, name_at, start, structure};
 use crate::fmi::Fmu;
-use crate::fmi::description::{DefaultExperiment, ModelDescription, ScalarVariable, Unknown};
+use crate::fmi::description::{
+    Alias, DefaultExperiment, ModelDescription, ScalarVariable, Unknown,
+};
 use serde_json::Value;
 
 pub(super) fn of(fmu: &Fmu) -> String {
@@ -84,24 +86,8 @@ fn experiment(experiment: DefaultExperiment) -> String {
     parts.join(", ")
 }
 
-/// The variables, one a line, columns aligned.
+/// The variables and their other names, one a line, columns aligned.
 fn variables(d: &ModelDescription) -> String {
-    let row = |v: &ScalarVariable| {
-        let start = match start(v) {
-            Value::Null => String::new(),
-            Value::String(text) => text,
-            other => other.to_string(),
-        };
-        [
-            v.name.clone(),
-            v.causality.to_string(),
-            v.variability.to_string(),
-            v.kind.base_type().name(d.fmi_version).to_owned(),
-            d.unit_of(v).unwrap_or("").to_owned(),
-            start,
-            v.description.clone().unwrap_or_default(),
-        ]
-    };
     let header = [
         "variable",
         "causality",
@@ -111,8 +97,41 @@ fn variables(d: &ModelDescription) -> String {
         "start",
         "description",
     ];
-    let rows = std::iter::once(header.map(str::to_owned)).chain(d.variables.iter().map(row));
-    aligned(&rows.collect::<Vec<_>>())
+    let mut rows = vec![header.map(str::to_owned)];
+    let units = d.units_of_variables();
+    for v in &d.variables {
+        rows.push(row(d, v, units(v).unwrap_or("")));
+        rows.extend(v.aliases.iter().map(|alias| alias_row(v, alias)));
+    }
+    aligned(&rows)
+}
+
+fn row(d: &ModelDescription, v: &ScalarVariable, unit: &str) -> [String; 7] {
+    let start = match start(v) {
+        Value::Null => String::new(),
+        Value::String(text) => text,
+        other => other.to_string(),
+    };
+    [
+        v.name.clone(),
+        v.causality.to_string(),
+        v.variability.to_string(),
+        v.kind.base_type().name(d.fmi_version).to_owned(),
+        unit.to_owned(),
+        start,
+        v.description.clone().unwrap_or_default(),
+    ]
+}
+
+fn alias_row(v: &ScalarVariable, alias: &Alias) -> [String; 7] {
+    let mut row: [String; 7] = Default::default();
+    row[0].clone_from(&alias.name);
+    row[1] = "alias".to_owned();
+    row[6] = match &alias.description {
+        Some(description) => format!("another name of {}; {description}", v.name),
+        None => format!("another name of {}", v.name),
+    };
+    row
 }
 
 /// What outputs and derivatives depend on, where it is declared.
@@ -139,20 +158,23 @@ fn dependencies(d: &ModelDescription) -> String {
     format!("\n{}", aligned(&rows))
 }
 
-/// Columns of equal width.
+/// Longest cell that the others of its column are filled up to: one long text must not blow up all lines.
+const WIDEST: usize = 120;
+
+/// Columns of equal width, as far as that is reasonable.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> String {
     let width = |column: usize| {
         let widths = rows.iter().map(|row| row[column].chars().count());
-        widths.max().unwrap_or(0)
+        widths.max().unwrap_or(0).min(WIDEST)
     };
     let widths: [usize; N] = std::array::from_fn(width);
     let mut text = String::new();
     for row in rows {
-        let cells = row.iter().zip(&widths);
-        let line: String = cells
-            .map(|(cell, &width)| format!("{cell:<width$}  "))
-            .collect();
-        text += line.trim_end();
+        let begin = text.len();
+        for (cell, &width) in row.iter().zip(&widths) {
+            text += &format!("{cell:<width$}  ");
+        }
+        text.truncate(begin + text[begin..].trim_end().len());
         text += "\n";
     }
     text

@@ -107,10 +107,9 @@ pub(super) const TIME_LIMIT: Duration = Duration::from_secs(20);
 /// Checks one FMU; tries its binary if a time limit for that is given.
 pub(super) fn check(path: &Path, limit: Option<Duration>) -> Result<Report, Failure> {
     let checked = check::check(path)?;
-    let description = checked.description.as_ref().filter(|_| checked.can_run());
-    let mut findings = checked.findings.clone();
+    let mut findings = checked.findings;
     let mut is_tried = false;
-    if let Some((limit, description)) = limit.zip(description) {
+    if let Some((limit, description)) = limit.zip(checked.description.as_ref()) {
         let tried = probe::try_all(path, description, limit)?;
         findings.extend(tried.findings);
         is_tried = tried.is_loaded;

@@ -138,7 +138,7 @@ fn try_one(
         findings.push(Finding::behaviour(
             description,
             trial.kind,
-            Severity::Error,
+            trial::severity_of_crash(&stage),
             format!("{why} while {stage}"),
         ));
     }

@@ -18,7 +18,7 @@ use self::variables::variables;
 use super::slave::{
     Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
 };
-use crate::fmi::description::{FmiVersion, ModelDescription};
+use crate::fmi::description::{DefaultExperiment, FmiVersion, ModelDescription};
 use crate::fmi::instance::Saved;
 use crate::fmi::{self, Fmu, FmuError, Instance, Step, fmu};
 use std::path::Path;
@@ -55,8 +55,8 @@ pub struct FmuSlave {
     access: Access,
     knowns: Knowns,
     variables: Vec<Variable>,
-    /// Tolerance of the description's `DefaultExperiment`.
-    tolerance: Option<f64>,
+    /// The description's `DefaultExperiment`.
+    experiment: DefaultExperiment,
     abilities: Abilities,
     /// Where it stands [s].
     time: f64,
@@ -104,7 +104,7 @@ impl FmuSlave {
             access,
             knowns: Knowns::of(description),
             variables,
-            tolerance: description.default_experiment.and_then(|e| e.tolerance),
+            experiment: description.default_experiment.unwrap_or_default(),
         })
     }
 }
@@ -115,7 +115,7 @@ impl Slave for FmuSlave {
     }
 
     fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
-        let tolerance = experiment.tolerance.or(self.tolerance);
+        let tolerance = experiment.tolerance.or(self.experiment.tolerance);
         let (start, stop) = (experiment.start, experiment.stop);
         let stop = stop.is_finite().then_some(stop);
         self.time = start;
@@ -169,6 +169,10 @@ impl Slave for FmuSlave {
                 other => Ok(progress(other?, t)),
             },
         }
+    }
+
+    fn suggested_stop(&self) -> Option<f64> {
+        self.experiment.stop_time
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {

@@ -7,6 +7,7 @@ use super::variables::variables;
 use crate::cosim::slave::{
     Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
 };
+use crate::fmi::description::DefaultExperiment;
 use crate::fmi::simulate::{RunWork, SavedRun};
 use crate::fmi::{self, FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
@@ -21,8 +22,8 @@ pub struct ModelExchangeSlave {
     access: Access,
     knowns: Knowns,
     variables: Vec<Variable>,
-    /// Tolerance of the description's `DefaultExperiment`.
-    tolerance: Option<f64>,
+    /// The description's `DefaultExperiment`.
+    experiment: DefaultExperiment,
     start: f64,
     /// Over how long a time outputs are looked at to see their slopes [s].
     glance: f64,
@@ -46,7 +47,7 @@ impl ModelExchangeSlave {
             access: Access::of(description),
             knowns: Knowns::of(description),
             variables: variables(description, &Arrays::default()),
-            tolerance: description.default_experiment.and_then(|e| e.tolerance),
+            experiment: description.default_experiment.unwrap_or_default(),
             start: 0.0,
             // As for steps of 10 ms, as long as none is known.
             glance: 1e-2 * GLANCE,
@@ -70,7 +71,7 @@ impl Slave for ModelExchangeSlave {
     }
 
     fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
-        let tolerance = experiment.tolerance.or(self.tolerance);
+        let tolerance = experiment.tolerance.or(self.experiment.tolerance);
         if let Some(tolerance) = tolerance {
             self.run.set_tolerance(tolerance);
         }
@@ -130,6 +131,10 @@ impl Slave for ModelExchangeSlave {
             Reached::Target => Progress::Done,
             Reached::EndRequested(reached) => Progress::EndRequested { reached },
         })
+    }
+
+    fn suggested_stop(&self) -> Option<f64> {
+        self.experiment.stop_time
     }
 
     fn terminate(&mut self) -> Result<(), SlaveError> {

@@ -6,6 +6,7 @@ use crate::fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
     VariableKind,
 };
+use std::collections::HashMap;
 
 /// A variable or an element of one: position in the description, type, what is behind its name, and handle.
 type Seen = (usize, Kind, String, u32);
@@ -32,28 +33,36 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
         .filter(|(_, (index, ..))| description.variables[*index].causality == Causality::Input)
         .map(|(position, (index, ..))| (*index, position))
         .collect();
+    let structure = &description.structure;
+    let (running, initial) = (
+        by_index(&structure.outputs),
+        by_index(&structure.initial_unknowns),
+    );
+    let units = description.units_of_variables();
     let see = |(index, kind, end, handle): &Seen| {
         let (index, kind, handle) = (*index, *kind, *handle);
         let variable = &description.variables[index];
         let is_output = variable.causality == Causality::Output;
-        let structure = &description.structure;
-        let find = |list: &[Unknown]| list.iter().find(|u| u.index as usize == index + 1).cloned();
+        let one_based = index as u32 + 1;
         let (mut feedthrough, mut initial_feedthrough) = (Vec::new(), Vec::new());
         if is_output {
-            feedthrough = fed_by(find(&structure.outputs), &inputs);
+            feedthrough = fed_by(running.get(&one_based), &inputs);
             // An output with initial exact has its start value; it depends on nothing.
             if variable.effective_initial() != Some(Initial::Exact) {
-                initial_feedthrough = fed_by(find(&structure.initial_unknowns), &inputs);
+                initial_feedthrough = fed_by(initial.get(&one_based), &inputs);
             }
         }
         Variable {
             name: format!("{}{end}", variable.name),
+            aliases: (variable.aliases.iter())
+                .map(|alias| format!("{}{end}", alias.name))
+                .collect(),
             handle,
             kind,
             role: role(variable),
             settable: is_settable(variable),
             is_discrete: variable.variability != Variability::Continuous,
-            unit: unit(description, variable),
+            unit: units(variable).map(|name| unit(description, name)),
             nominal: nominal(variable),
             feedthrough,
             initial_feedthrough,
@@ -62,12 +71,17 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
     seen.iter().map(see).collect()
 }
 
+/// The unknowns by their indices; of several of one index the first.
+fn by_index(unknowns: &[Unknown]) -> HashMap<u32, &Unknown> {
+    unknowns.iter().rev().map(|u| (u.index, u)).collect()
+}
+
 /// The inputs among an unknown's dependencies: all of them if it is not listed or says nothing.
-fn fed_by(unknown: Option<Unknown>, inputs: &[(usize, usize)]) -> Vec<usize> {
-    let listed = unknown.and_then(|u| u.dependencies);
+fn fed_by(unknown: Option<&&Unknown>, inputs: &[(usize, usize)]) -> Vec<usize> {
+    let listed = unknown.and_then(|u| u.dependencies.as_ref());
     let is_listed = |index: usize| {
         let one_based = index as u32 + 1;
-        (listed.as_ref()).is_none_or(|listed| listed.contains(&one_based))
+        listed.is_none_or(|listed| listed.contains(&one_based))
     };
     let feeding = inputs.iter().filter(|(index, _)| is_listed(*index));
     feeding.map(|&(_, position)| position).collect()
@@ -111,16 +125,15 @@ fn is_settable(variable: &ScalarVariable) -> bool {
         || (has_start && variable.variability != Variability::Constant)
 }
 
-fn unit(description: &ModelDescription, variable: &ScalarVariable) -> Option<Unit> {
-    let name = description.unit_of(variable)?;
+fn unit(description: &ModelDescription, name: &str) -> Unit {
     let defined = description.units.iter().find(|u| u.name == name);
     let base = defined.and_then(|u| u.base).map(|base| Base {
         exponents: base.exponents().map(|(_, exponent)| exponent),
         factor: base.factor,
         offset: base.offset,
     });
-    Some(Unit {
+    Unit {
         name: name.to_owned(),
         base,
-    })
+    }
 }

@@ -3,7 +3,7 @@
 use super::crew::Crew;
 use super::history::{Course, History, Outcome, Traits};
 use super::stopwatch::Stopwatch;
-use super::wired::{BEGIN, Failure, Values, Wired};
+use super::wired::{BEGIN, Failure, Reading, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::recorder::Signal;
@@ -51,13 +51,21 @@ impl Exchange {
             let Some(&slot) = slots.get(&(connection.from.slave, connection.from.variable)) else {
                 continue;
             };
-            let source = &mut exchange.wired[connection.from.slave];
+            let source = &exchange.wired[connection.from.slave];
             let output = &source.slave.variables()[connection.from.variable];
             let (nominal, is_discrete) = (output.nominal, output.is_discrete);
+            let (from_handle, from) = (output.handle, output.kind);
             let target = &mut exchange.wired[connection.to.slave];
             let variable = &target.slave.variables()[connection.to.variable];
-            if variable.kind != Kind::Real {
-                target.other_inputs.push((variable.handle, slot));
+            let (handle, to) = (variable.handle, variable.kind);
+            if from != Kind::Real || to != Kind::Real {
+                let slot = match from == to {
+                    true => slot,
+                    false => exchange.convert(connection.from.slave, from_handle, from, to),
+                };
+                exchange.wired[connection.to.slave]
+                    .other_inputs
+                    .push((handle, slot));
                 continue;
             }
             if connection.conversion != Conversion::NONE {
@@ -74,7 +82,7 @@ impl Exchange {
                 });
                 exchange.fed.len() - 1
             });
-            target.inputs.push(variable.handle);
+            target.inputs.push(handle);
             target.input_slots.push(slot);
             target.input_positions.push(position);
         }
@@ -127,7 +135,12 @@ impl Exchange {
         for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
             let slot = self.values.others.len();
             slots.insert((position, index), slot);
-            other_outputs.push((variable.handle, variable.kind, slot));
+            other_outputs.push(Reading {
+                handle: variable.handle,
+                kind: variable.kind,
+                wanted: variable.kind,
+                slot,
+            });
             self.values.others.push(Value::Integer(0));
             if variable.kind == Kind::String {
                 self.unrecorded.push(format!("{name}.{}", variable.name));
@@ -170,6 +183,20 @@ impl Exchange {
             watch: Stopwatch::default(),
             ended: None,
         });
+    }
+
+    /// Has an output read as a value of another type; its slot.
+    fn convert(&mut self, slave: usize, handle: u32, kind: Kind, wanted: Kind) -> usize {
+        let slot = self.values.others.len();
+        self.values.others.push(Value::Integer(0));
+        self.values.other_slots.push(None);
+        self.wired[slave].other_outputs.push(Reading {
+            handle,
+            kind,
+            wanted,
+            slot,
+        });
+        slot
     }
 
     fn add_signal(&mut self, instance: &str, variable: &str, unit: &str) {

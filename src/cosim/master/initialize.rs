@@ -2,7 +2,7 @@
 
 use super::{MasterError, Stage, algebraic_loop};
 use crate::cosim::algorithms::Propagation;
-use crate::cosim::slave::{Experiment, Kind, Role, Slave, SlaveError, Value};
+use crate::cosim::slave::{Experiment, Role, Slave, SlaveError, Value};
 use crate::cosim::system::{Connection, System};
 
 /// Brings all slaves to the start time with consistent values.
@@ -60,7 +60,7 @@ fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), Maste
         pass(system, system.connections[c])?;
     }
     let repeated = &propagation.repeated;
-    let is_real = |c: &usize| system.variable(system.connections[*c].from).kind == Kind::Real;
+    let is_real = |c: &usize| system.is_real(&system.connections[*c]);
     match repeated.iter().all(is_real) {
         true => algebraic_loop::solve(system, repeated),
         false => sweep(system, repeated),
@@ -107,7 +107,7 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
         system.variable(connection.from),
         system.variable(connection.to),
     );
-    let (from_handle, kind, to_handle) = (from.handle, from.kind, to.handle);
+    let (from_handle, kind, to_handle, to_kind) = (from.handle, from.kind, to.handle, to.kind);
     let name = from.name.clone();
     let failed = |instance: &str| {
         let instance = instance.to_owned();
@@ -119,6 +119,7 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
     };
     let source = &mut system.instances[connection.from.slave];
     let got = source.slave.get(from_handle, kind);
+    let got = got.and_then(|value| value.converted(to_kind));
     let value = match got.map_err(failed.clone()(&source.name))? {
         Value::Real(value) => Value::Real(connection.conversion.apply(value)),
         other => other,

@@ -4,7 +4,6 @@ use super::change::Change;
 use super::stepper::Stepper;
 use crate::cosim::algorithms::{Algorithm, Coupling};
 use crate::cosim::report::{ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
-use crate::cosim::slave::Kind;
 use crate::cosim::system::System;
 
 /// The connections of reals, by name and by position.
@@ -26,10 +25,10 @@ impl Wires {
         let mut inputs = vec![0; system.instances.len()];
         let mut wires = Vec::new();
         for connection in &system.connections {
-            let variable = system.variable(connection.from);
-            if variable.kind != Kind::Real {
+            if !system.is_real(connection) {
                 continue;
             }
+            let variable = system.variable(connection.from);
             let target = connection.to.slave;
             let unit = variable.unit.as_ref();
             wires.push(Wire {

@@ -29,6 +29,16 @@ pub(super) struct Values {
     pub(super) slopes: Vec<f64>,
 }
 
+/// An output that is read by itself.
+pub(super) struct Reading {
+    pub(super) handle: u32,
+    pub(super) kind: Kind,
+    /// Type that it is wanted in.
+    pub(super) wanted: Kind,
+    /// Slot in [`Values::others`].
+    pub(super) slot: usize,
+}
+
 /// A slave with what it exchanges, so that each step needs one call for all its reals.
 pub(super) struct Wired {
     pub(super) name: String,
@@ -56,8 +66,8 @@ pub(super) struct Wired {
     /// Whether an output, or a fed one, has direct feedthrough from a fed input.
     pub(super) has_feedthrough: bool,
     pub(super) feeds_through: bool,
-    /// Handles of all other outputs, with slots in `others`.
-    pub(super) other_outputs: Vec<(u32, Kind, usize)>,
+    /// All other outputs, and those that feed inputs of another type.
+    pub(super) other_outputs: Vec<Reading>,
     /// Handles of the real inputs that are fed, the row's slots and the positions among all fed
     /// outputs that feed them, and room for values and slopes.
     pub(super) inputs: Vec<u32>,
@@ -132,8 +142,8 @@ impl Wired {
                 .find(|v| v.handle == handle && v.role == Role::Output && v.kind == kind)
                 .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)))
         };
-        for (k, &(handle, kind, _)) in self.other_outputs.iter().enumerate() {
-            match is_direct(handle, kind) {
+        for (k, reading) in self.other_outputs.iter().enumerate() {
+            match is_direct(reading.handle, reading.kind) {
                 true => self.has_feedthrough = true,
                 false => self.settled_others.push(k),
             }
@@ -199,8 +209,9 @@ impl Wired {
         for (value, &slot) in self.input_values.iter_mut().zip(&self.input_slots) {
             *value = values.row[slot];
         }
-        self.set_reals()?;
-        self.set_others(&values.others)
+        // In this order: what is set along lines refers to the call that comes last.
+        self.set_others(&values.others)?;
+        self.set_reals()
     }
 
     /// Gives the inputs that are no reals their values.
@@ -326,10 +337,17 @@ impl Wired {
     }
 
     fn get_other(&mut self, k: usize, values: &mut Values) -> Result<(), Failure> {
-        let (handle, kind, slot) = self.other_outputs[k];
+        let Reading {
+            handle,
+            kind,
+            wanted,
+            slot,
+        } = self.other_outputs[k];
         self.calls.gets += 1;
         let got = self.watch.time(|| self.slave.get(handle, kind));
-        values.others[slot] = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        let value = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        let converted = value.converted(wanted);
+        values.others[slot] = converted.map_err(|why| self.not_whole(handle, &why))?;
         if let Some(column) = values.other_slots[slot] {
             values.row[column] = values.others[slot].as_number();
         }
@@ -364,13 +382,24 @@ impl Wired {
     }
 
     #[cold]
+    fn not_whole(&self, handle: u32, why: &SlaveError) -> Failure {
+        let source = format!("`{}` feeds an Integer, but {why}", self.real_output(handle));
+        self.failure(Stage::GetOutputs, source.into())
+    }
+
+    #[cold]
     fn not_finite(&self, slot: usize, value: f64) -> Failure {
         let handle = self.outputs[slot - self.output_slots.start];
-        let mut variables = self.slave.variables().iter();
-        let variable = variables.find(|v| v.handle == handle && v.kind == Kind::Real);
-        let name = variable.map_or("an output", |v| v.name.as_str());
+        let name = self.real_output(handle);
         let source = format!("`{name}` is {value} and feeds others");
         self.failure(Stage::GetOutputs, source.into())
+    }
+
+    /// Name of the real output of that handle.
+    fn real_output(&self, handle: u32) -> &str {
+        let mut variables = self.slave.variables().iter();
+        let variable = variables.find(|v| v.handle == handle && v.kind == Kind::Real);
+        variable.map_or("an output", |v| v.name.as_str())
     }
 
     /// Takes a step with the inputs that are set.

@@ -4,7 +4,7 @@ mod error;
 
 pub use error::SystemError;
 
-use super::slave::{Conversion, Role, Slave, Value, Variable};
+use super::slave::{Conversion, Kind, Role, Slave, Value, Variable};
 use crate::nearest::nearest;
 
 /// A variable of one of the slaves, by positions.
@@ -125,12 +125,11 @@ impl System {
 
     /// What stands behind the name in those of an array's elements: `[1]`, `[2]`...
     fn elements(&self, array: &str) -> Vec<String> {
-        let end = |port| {
-            let name: String = self.port_name(port);
+        let end = |(_, name): (Port, String)| {
             let end = name.strip_prefix(array)?;
             (end.starts_with('[') && end.ends_with(']')).then(|| end.to_owned())
         };
-        self.ports().filter_map(end).collect()
+        self.names().filter_map(end).collect()
     }
 
     fn connect_one(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
@@ -225,6 +224,13 @@ impl System {
         }
     }
 
+    /// When the slaves suggest to end [s]; `None` if none does, or they do not agree.
+    pub fn suggested_stop(&self) -> Option<f64> {
+        let mut stops = (self.instances.iter()).filter_map(|i| i.slave.suggested_stop());
+        let first = stops.next()?;
+        stops.all(|stop| stop == first).then_some(first)
+    }
+
     /// Names of the slaves, in the order in which they were added.
     pub fn instance_names(&self) -> impl Iterator<Item = &str> {
         self.instances.iter().map(|i| i.name.as_str())
@@ -247,8 +253,24 @@ impl System {
         format!("{instance}.{}", self.variable(port).name)
     }
 
+    /// Whether a connection is one of reals.
+    pub(super) fn is_real(&self, connection: &Connection) -> bool {
+        let ends = [connection.from, connection.to];
+        ends.iter()
+            .all(|&port| self.variable(port).kind == Kind::Real)
+    }
+
     pub(super) fn variable(&self, port: Port) -> &Variable {
         &self.instances[port.slave].slave.variables()[port.variable]
+    }
+
+    /// `instance.variable` of all ports, their aliases among them.
+    pub(super) fn names(&self) -> impl Iterator<Item = (Port, String)> {
+        self.ports().flat_map(|port| {
+            let instance = &self.instances[port.slave].name;
+            let names = self.variable(port).names();
+            names.map(move |name| (port, format!("{instance}.{name}")))
+        })
     }
 
     pub(super) fn ports(&self) -> impl Iterator<Item = Port> {
@@ -276,11 +298,14 @@ impl System {
         };
         let name = &text[text.len() - length..];
         let variables = self.instances[slave].slave.variables();
-        match variables.iter().position(|v| v.name == name) {
+        match variables
+            .iter()
+            .position(|v| v.names().any(|own| own == name))
+        {
             Some(variable) => Ok(Port { slave, variable }),
             None => {
                 let instance = self.instances[slave].name.clone();
-                let names = variables.iter().map(|v| v.name.as_str());
+                let names = variables.iter().flat_map(Variable::names);
                 Err(SystemError::UnknownVariable {
                     text: text.to_owned(),
                     nearest: nearest(name, names).map(|n| format!("{instance}.{n}")),
@@ -324,7 +349,7 @@ impl System {
     fn check_types(&self, output: Port, input: Port) -> Result<Conversion, SystemError> {
         let (from, to) = (self.variable(output), self.variable(input));
         let names = || (self.port_name(output), self.port_name(input));
-        if from.kind != to.kind {
+        if !from.kind.feeds(to.kind) {
             let (from_name, to_name) = names();
             return Err(SystemError::KindMismatch {
                 from: from_name,

@@ -11,6 +11,7 @@ use zip::{CompressionMethod, ZipArchive};
 /// One entry of the archive.
 #[derive(Debug)]
 pub(super) struct Entry {
+    /// With `/` between its parts, none of which is `.`.
     pub(super) name: String,
     /// The name's bytes in the directory, and where the entry stands.
     pub(super) raw: Vec<u8>,
@@ -34,11 +35,13 @@ pub(super) fn list_entries(
             source: plain(source),
         };
         let raw = zip.by_index_raw(index).map_err(unreadable)?;
-        let name = raw.name().map_err(unreadable)?.into_owned();
-        check_name(path, &name, limits)?;
-        check_storage(path, &name, &raw)?;
+        let written = raw.name().map_err(unreadable)?;
+        check_length(path, &written, limits)?;
+        let name = plain_name(&written);
+        check_name(path, &name, &written)?;
+        check_storage(path, &written, &raw)?;
         entries.push(Entry {
-            is_folder: raw.is_dir(),
+            is_folder: raw.is_dir() || name.is_empty() || name.ends_with('/'),
             declared: raw.size(),
             mode: raw.unix_mode(),
             raw: raw.name_raw().to_vec(),
@@ -155,26 +158,33 @@ pub(super) fn plain(error: ZipError) -> io::Error {
     }
 }
 
-/// Whether a name is a plain relative path with `/` between its parts.
-fn check_name(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveError> {
-    let path = path.to_owned();
+/// A name as it is meant: some tools write `\` for `/`, or begin with `./`.
+pub(in crate::fmi) fn plain_name(written: &str) -> String {
+    let name = written.replace('\\', "/");
+    let parts: Vec<&str> = name.split('/').filter(|part| *part != ".").collect();
+    parts.join("/")
+}
+
+fn check_length(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveError> {
     let longest = name.split('/').map(str::len).max().unwrap_or(0);
     for (found, limit) in [(name.len(), limits.name), (longest, limits.part)] {
         if found > limit {
             let begin = name.chars().take(60).collect();
             return Err(ArchiveError::NameTooLong {
-                path,
+                path: path.to_owned(),
                 begin,
                 found,
                 limit,
             });
         }
     }
-    let entry = name.to_owned();
+    Ok(())
+}
+
+/// Whether a name is a plain relative path; an empty one is the archive's own folder.
+fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError> {
+    let (path, entry) = (path.to_owned(), written.to_owned());
     let has_drive = name.as_bytes().get(1) == Some(&b':');
-    if name.contains('\\') {
-        return Err(ArchiveError::Backslash { path, entry });
-    }
     if name.starts_with('/') || has_drive {
         return Err(ArchiveError::AbsolutePath { path, entry });
     }
@@ -182,7 +192,8 @@ fn check_name(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveErro
     if parts.clone().any(|part| part == "..") {
         return Err(ArchiveError::Traversal { path, entry });
     }
-    if parts.any(|part| part.is_empty() || part == "." || part.chars().any(char::is_control)) {
+    let is_odd = |part: &str| part.is_empty() || part.chars().any(char::is_control);
+    if !name.is_empty() && parts.any(is_odd) {
         return Err(ArchiveError::BadName { path, entry });
     }
     Ok(())

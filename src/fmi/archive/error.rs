@@ -60,15 +60,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// An entry's path is written with backslashes.
-    #[error("{}: entry `{entry}` has a backslash in its path, the standard wants `/`", path.display())]
-    Backslash {
-        /// The file.
-        path: PathBuf,
-        /// Name of the entry.
-        entry: String,
-    },
-    /// An entry's name has empty parts, `.` or control characters.
+    /// An entry's name has empty parts or control characters.
     #[error("{}: entry `{}` is not a file name", path.display(), entry.escape_debug())]
     BadName {
         /// The file.

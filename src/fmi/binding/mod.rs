@@ -2,10 +2,14 @@
 
 pub(super) mod fmi2;
 pub(super) mod fmi3;
+mod missing;
 mod open;
+
+pub use missing::Missing;
 
 use super::description::FmiVersion;
 use super::version::Kind;
+use crate::causes::with_causes;
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
 use std::ffi::{CStr, c_char};
@@ -18,8 +22,14 @@ pub enum BindingError {
     /// The system cannot load it.
     #[error("the system cannot load it")]
     Load {
-        /// Why: most often a library or a symbol that it needs and that is not there.
+        /// Why.
         source: libloading::Error,
+    },
+    /// The system cannot load it, for want of something.
+    #[error("{missing}")]
+    Missing {
+        /// What is missing.
+        missing: Missing,
     },
     /// A function of the standard that this kind of FMU always needs is not in it.
     #[error("it has no function `{symbol}`")]
@@ -43,6 +53,15 @@ pub enum BindingError {
         /// What it should return.
         expected: &'static str,
     },
+}
+
+impl BindingError {
+    fn of_loader(source: libloading::Error) -> Self {
+        match Missing::in_message(&with_causes(&source)) {
+            Some(missing) => Self::Missing { missing },
+            None => Self::Load { source },
+        }
+    }
 }
 
 /// Declares the table of a version's function pointers. Any may be absent: real FMUs lack some.
@@ -113,8 +132,7 @@ impl Binding {
         kinds: &[Kind],
     ) -> Result<Self, BindingError> {
         // SAFETY: handed on to the caller.
-        let (library, unresolved) =
-            unsafe { open::open(path) }.map_err(|source| BindingError::Load { source })?;
+        let (library, unresolved) = unsafe { open::open(path) }.map_err(BindingError::of_loader)?;
         let functions = match version {
             FmiVersion::V2 => Functions::Fmi2(fmi2::Functions::of(&library)),
             FmiVersion::V3 => Functions::Fmi3(fmi3::Functions::of(&library)),

@@ -2,7 +2,7 @@
 //! all that is wrong with it. What is then opened, is opened by [`Archive`](crate::fmi::archive).
 
 use super::{Finding, Rule};
-use crate::fmi::archive::DESCRIPTION;
+use crate::fmi::archive::{DESCRIPTION, plain_name};
 use crate::fmi::description::FmiVersion;
 use std::collections::HashMap;
 
@@ -50,16 +50,19 @@ pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
 /// The entry's name is a plain relative path.
 fn names(entry: &Entry) -> Option<Rule> {
     let name = entry.name.clone();
-    let mut parts = name.strip_suffix('/').unwrap_or(&name).split('/');
-    let is_odd = |part: &str| part.is_empty() || part == "." || part.contains(char::is_control);
+    let plain = plain_name(&name);
+    let mut parts = plain.strip_suffix('/').unwrap_or(&plain).split('/');
+    let is_odd = |part: &str| part.is_empty() || part.contains(char::is_control);
     if parts.clone().any(|part| part == "..") {
         Some(Rule::Traversal { entry: name })
+    } else if plain.starts_with('/') || plain.as_bytes().get(1) == Some(&b':') {
+        Some(Rule::Absolute { entry: name })
+    } else if !plain.is_empty() && parts.any(is_odd) {
+        Some(Rule::BadName { entry: name })
     } else if name.contains('\\') {
         Some(Rule::Backslash { entry: name })
-    } else if name.starts_with('/') || name.as_bytes().get(1) == Some(&b':') {
-        Some(Rule::Absolute { entry: name })
-    } else if parts.any(is_odd) {
-        Some(Rule::BadName { entry: name })
+    } else if plain != name {
+        Some(Rule::Dot { entry: name })
     } else if !entry.is_text {
         Some(Rule::NotUtf8 { entry: name })
     } else {
@@ -102,17 +105,16 @@ fn storage(entry: &Entry, allowed: u16) -> Vec<Rule> {
 }
 
 fn duplicates(entries: &[Entry]) -> Vec<Rule> {
-    let mut seen: HashMap<String, &str> = HashMap::new();
+    let mut seen: HashMap<String, String> = HashMap::new();
     let mut rules = Vec::new();
     for entry in entries {
-        let name = entry.name.trim_end_matches('/');
-        match seen.insert(name.to_lowercase(), name) {
-            Some(first) if first == name => rules.push(Rule::Duplicate {
-                entry: name.to_owned(),
-            }),
+        let name = plain_name(&entry.name);
+        let name = name.trim_end_matches('/').to_owned();
+        match seen.insert(name.to_lowercase(), name.clone()) {
+            Some(first) if first == name => rules.push(Rule::Duplicate { entry: name }),
             Some(first) => rules.push(Rule::CaseDuplicate {
-                first: first.to_owned(),
-                second: name.to_owned(),
+                first,
+                second: name,
             }),
             None => {}
         }
@@ -122,7 +124,8 @@ fn duplicates(entries: &[Entry]) -> Vec<Rule> {
 
 /// Whether the description is where it must be; if not, where it is.
 fn description(entries: &[Entry]) -> Option<Rule> {
-    let mut names = entries.iter().map(|e| e.name.as_str());
+    let plain: Vec<String> = entries.iter().map(|e| plain_name(&e.name)).collect();
+    let mut names = plain.iter().map(String::as_str);
     if names.clone().any(|name| name == DESCRIPTION) {
         return None;
     }

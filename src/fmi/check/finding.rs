@@ -109,6 +109,8 @@ pub enum Rule {
     Backslash { entry: String },
     #[error("entry `{}` is not a file name", entry.escape_debug())]
     BadName { entry: String },
+    #[error("entry `{entry}` has a `.` in its path, which some tools refuse")]
+    Dot { entry: String },
     #[error("entry `{entry}` is there twice")]
     Duplicate { entry: String },
     #[error(
@@ -203,6 +205,7 @@ impl Rule {
         use Rule::*;
         match self {
             CaseDuplicate { .. }
+            | Dot { .. }
             | NotUtf8 { .. }
             | UnknownTop { .. }
             | UnknownPlatform { .. }

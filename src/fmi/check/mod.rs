@@ -33,14 +33,6 @@ pub struct Checked {
     pub description: Option<ModelDescription>,
 }
 
-impl Checked {
-    /// True when the FMU can be loaded: no error in the archive, and a description that can be used.
-    pub fn can_run(&self) -> bool {
-        let is_broken = |f: &Finding| f.file.is_empty() && f.severity == Severity::Error;
-        self.description.is_some() && !self.findings.iter().any(is_broken)
-    }
-}
-
 /// Checks an FMU without running anything of it.
 ///
 /// # Errors

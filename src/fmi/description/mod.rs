@@ -36,7 +36,7 @@ pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
-pub use validate::validate;
+pub use validate::{is_date_and_time, validate};
 
 /// Whether XML can be parsed in a time in proportion to its size.
 pub(in crate::fmi) fn is_within_limits(text: &str) -> bool {

@@ -4,6 +4,7 @@ use super::{
     CoSimulation, Dimension, FmiVersion, ModelExchange, ModelStructure, NamingConvention,
     ScalarVariable, ScheduledExecution, SimpleType, TypeKind, Unit, VariableKind,
 };
+use std::collections::HashMap;
 
 /// A modelDescription.xml (FMI 2.0, section 2.2.1; FMI 3.0, section 2.4.1).
 ///
@@ -71,18 +72,23 @@ impl ModelDescription {
             .find(|(_, v)| v.name == name)
     }
 
-    /// Name of a real variable's unit: its own, else that of its declared type.
-    pub fn unit_of<'a>(&'a self, variable: &'a ScalarVariable) -> Option<&'a str> {
-        let VariableKind::Real(real) = &variable.kind else {
-            return None;
-        };
-        real.attributes.unit.as_deref().or_else(|| {
-            let name = real.declared_type.as_deref()?;
-            match &self.types.iter().find(|t| t.name == name)?.kind {
-                TypeKind::Real { attributes, .. } => attributes.unit.as_deref(),
-                _ => None,
+    /// Tells the name of a real variable's unit: its own, else that of its declared type.
+    pub fn units_of_variables<'a>(&'a self) -> impl Fn(&'a ScalarVariable) -> Option<&'a str> {
+        let mut types: HashMap<&str, &str> = HashMap::new();
+        for declared in self.types.iter().rev() {
+            if let TypeKind::Real { attributes, .. } = &declared.kind
+                && let Some(unit) = &attributes.unit
+            {
+                types.insert(&declared.name, unit);
             }
-        })
+        }
+        move |variable| match &variable.kind {
+            VariableKind::Real(real) => {
+                let declared = || types.get(real.declared_type.as_deref()?).copied();
+                real.attributes.unit.as_deref().or_else(declared)
+            }
+            _ => None,
+        }
     }
 
     /// Number of values that a variable has at the start: 1 for a scalar, for an array the product of

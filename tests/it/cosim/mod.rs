@@ -11,6 +11,7 @@ mod events;
 mod failures;
 mod initialization;
 mod joint;
+mod kinds;
 mod slaves;
 mod sources;
 mod stiff;

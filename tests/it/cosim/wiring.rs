@@ -132,18 +132,18 @@ fn wires_that_do_not_fit() {
         ),
         (
             "table.1.n",
-            "plain.u",
-            "`table.1.n` -> `plain.u`: Integer cannot feed Real",
-        ),
-        (
-            "table.1.n",
             "table.1.flag",
             "`table.1.n` -> `table.1.flag`: Integer cannot feed Boolean",
         ),
         (
-            "table.1.n",
+            "pilot.stick",
+            "table.1.flag",
+            "`pilot.stick` -> `table.1.flag`: Real cannot feed Boolean",
+        ),
+        (
+            "pilot.stick",
             "table.1.mode",
-            "`table.1.n` -> `table.1.mode`: Integer cannot feed Enumeration",
+            "`pilot.stick` -> `table.1.mode`: Real cannot feed Enumeration",
         ),
     ] {
         assert_eq!(system().connect(from, to).unwrap_err().to_string(), message);

@@ -1,9 +1,13 @@
 //! Archives that would harm whoever unpacks them, or mean different things to different tools.
 
+use crate::command::Folder;
 use crate::foreign;
 use pilotage::fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use pilotage::fmi::{Fmu, FmuError};
+use std::io::{Cursor, Write};
 use tempfile::tempdir;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 fn opened(content: &[u8], limits: Limits) -> Result<Archive, ArchiveError> {
     let folder = tempdir().unwrap();
@@ -87,7 +91,91 @@ fn names_that_no_file_system_holds_are_refused() {
         refused(&["resources/a\0b"]),
         "entry `resources/a\\0b` is not a file name"
     );
-    assert_eq!(refused(&["./a"]), "entry `./a` is not a file name");
+    assert_eq!(
+        refused(&["resources/a", "./resources\\a"]),
+        "entry `resources/a` is there twice"
+    );
+}
+
+/// The foreign FMU in an archive whose entries are named by `rename`, the folder `first` before them.
+fn renamed(first: &str, rename: fn(&str) -> String) -> Folder {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default();
+    zip.add_directory(first, options).unwrap();
+    let files = [
+        (
+            DESCRIPTION.to_owned(),
+            foreign::DESCRIPTION.as_bytes().to_vec(),
+        ),
+        (foreign::binary_entry(), foreign::binary().to_vec()),
+    ];
+    for (name, content) in files {
+        zip.start_file(rename(&name), options).unwrap();
+        zip.write_all(&content).unwrap();
+    }
+    let folder = Folder::new();
+    folder.write("a.fmu", zip.finish().unwrap().into_inner());
+    folder
+}
+
+/// As some tools and scripts write them; what they mean is beyond doubt.
+#[test]
+fn paths_of_other_tools_are_read() {
+    let dot = renamed("./", |name| format!("./{name}"));
+    let backslash = renamed("binaries/", |name| name.replace('/', "\\"));
+    let cosim = ["cosim", "a.fmu", "--stop-time", "1", "--step", "0.5"];
+    for folder in [&dot, &backslash] {
+        let info = folder.pilotage(&["info", "a.fmu", "--json"]);
+        assert_eq!(info.code, 0, "{info:?}");
+        let files = &info.json()["files"];
+        assert_eq!(
+            files,
+            &serde_json::json!([DESCRIPTION, foreign::binary_entry()])
+        );
+        let run = folder.pilotage(&cosim);
+        assert_eq!(run.code, 0, "{run:?}");
+    }
+    let judged = dot.pilotage(&["validate", "a.fmu"]);
+    assert_eq!(judged.code, 0, "{judged:?}");
+    let found =
+        "warning: entry `./modelDescription.xml` has a `.` in its path, which some tools refuse";
+    assert!(judged.stdout.contains(found), "{judged:?}");
+    assert!(
+        judged.stdout.starts_with("a.fmu: valid, and runs"),
+        "{judged:?}"
+    );
+    let judged = backslash.pilotage(&["validate", "a.fmu", "--json"]);
+    let verdict = judged.json()["fmus"][0].clone();
+    assert_eq!(verdict["valid"], false);
+    assert_eq!(verdict["run"], true, "what can be run is tried: {verdict}");
+    let errors: Vec<&serde_json::Value> = (verdict["findings"].as_array().unwrap().iter())
+        .filter(|finding| finding["severity"] == "error")
+        .collect();
+    assert_eq!(errors.len(), 1, "{errors:?}");
+    let message = errors[0]["message"].as_str().unwrap();
+    assert!(
+        message.contains("has a backslash in its path"),
+        "{errors:?}"
+    );
+}
+
+#[test]
+fn paths_of_other_tools_lead_nowhere_else() {
+    for (name, why) in [
+        (
+            "..\\up",
+            "leaves the archive's folder by `..`; nothing was unpacked",
+        ),
+        (
+            "./../up",
+            "leaves the archive's folder by `..`; nothing was unpacked",
+        ),
+        ("\\up", "has an absolute path; nothing was unpacked"),
+        (".//up", "has an absolute path; nothing was unpacked"),
+        ("./c:\\up", "has an absolute path; nothing was unpacked"),
+    ] {
+        assert_eq!(refused(&[name]), format!("entry `{name}` {why}"));
+    }
 }
 
 // FMI rule 17: how an archive is stored.

@@ -477,6 +477,10 @@ fn behaviour() -> Vec<Case> {
             "crash-in-free",
             "error: co-simulation: it ended the process",
         ),
+        (
+            "crash-in-unknown-reference",
+            "warning: co-simulation: it ended the process",
+        ),
         ("refuses", "error: co-simulation: while instantiating: "),
         (
             "error-in-setup",
@@ -536,7 +540,11 @@ fn behaviour() -> Vec<Case> {
         ),
         (
             "state-forgets",
-            "error: co-simulation: from a restored state, the same steps give other outputs",
+            "error: co-simulation: from a restored state, the same steps give other outputs: `y` by up to ",
+        ),
+        (
+            "state-nearly",
+            "warning: co-simulation: from a restored state, the same steps give other outputs: `y` by up to 8.2e-5, where it is up to 8.2e-1",
         ),
         (
             "serialize-forgets",

@@ -265,7 +265,7 @@ fn rounding_errors_in_steady_flight_cost_no_steps() {
     let mut instance = library.instantiate("steady", Kind::ModelExchange).unwrap();
     instance.setup_experiment(None, 0.0, None).unwrap();
     instance.enter_initialization_mode().unwrap();
-    instance.set_real(&[0], &[0.1]).unwrap();
+    instance.set_real(&[1], &[0.1]).unwrap();
     instance.exit_initialization_mode().unwrap();
     let mut run = ModelExchangeRun::new(instance, library.description(), RunOptions::default());
     run.set_tolerance(1e-10);

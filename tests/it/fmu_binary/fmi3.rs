@@ -6,6 +6,7 @@ use pilotage::models::Model;
 use pilotage_abi::Part;
 use pilotage_abi::fmi3::functions::pointers;
 use pilotage_abi::fmi3::{self, DependencyKind, FmuState, Function, State, Status};
+use pilotage_kit::variable::reference as reference_of;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_void};
 use std::ptr::{null, null_mut};
@@ -146,7 +147,7 @@ const CO_SIMULATION: Kind = Kind::CoSimulation { event_mode: false };
 
 impl Instance<'_> {
     fn set(&self, name: &str, value: f64) -> Status {
-        let reference = self.raw.model.index(name).unwrap() as u32;
+        let reference = reference_of(self.raw.model.index(name).unwrap());
         call!(
             self,
             SetFloat64,
@@ -177,7 +178,7 @@ impl Instance<'_> {
 
     fn values(&self) -> Vec<f64> {
         let n = self.raw.model.variables().len();
-        let references: Vec<u32> = (0..n as u32).collect();
+        let references: Vec<u32> = (1..=n as u32).collect();
         let mut values = vec![f64::NAN; n];
         let (r, v) = (references.as_ptr(), values.as_mut_ptr());
         assert_eq!(call!(self, GetFloat64, r, n, v, n), Status::OK);
@@ -269,7 +270,7 @@ fn what_is_not_there_is_refused() {
         assert_eq!(wrong(&instance), Status::ERROR);
         instance.take().concat()
     };
-    let references = [0_u32, 1];
+    let references = [1_u32, 2];
     let (r, mut values) = (references.as_ptr(), [0.0; 2]);
     let v = values.as_mut_ptr();
     for (logged, expected) in [
@@ -318,7 +319,7 @@ fn dependencies_are_those_of_the_description() {
         let instance = instantiate(&raw, Kind::ModelExchange);
         let structure = pilotage_kit::Interface::of(&raw.model).structure;
         for unknown in structure.outputs.iter().chain(&structure.derivatives) {
-            let (reference, mut n) = (unknown.index as u32, 99);
+            let (reference, mut n) = (reference_of(unknown.index), 99);
             assert_eq!(
                 call!(
                     instance,
@@ -338,7 +339,7 @@ fn dependencies_are_those_of_the_description() {
                 Status::OK
             );
             let expected: Vec<_> = (unknown.dependencies.iter())
-                .map(|d| (d.index as u32, d.constant))
+                .map(|d| (reference_of(d.index), d.constant))
                 .collect();
             let found: Vec<_> = on
                 .into_iter()
@@ -357,9 +358,9 @@ fn adjoint_derivatives_are_the_transpose_of_directional_ones() {
     let instance = instantiate(&raw, Kind::ModelExchange);
     instance.initialize();
     let table = raw.model.variable_table();
-    let unknowns: Vec<u32> = table.derivatives().map(|i| i as u32).collect();
+    let unknowns: Vec<u32> = table.derivatives().map(reference_of).collect();
     let knowns: Vec<u32> = (table.inputs().chain(table.states()))
-        .map(|i| i as u32)
+        .map(reference_of)
         .collect();
     let (u, nu) = (unknowns.as_ptr(), unknowns.len());
     let (k, nk) = (knowns.as_ptr(), knowns.len());
@@ -502,12 +503,12 @@ fn poke(
             F::GetBinary => call!(instance, GetBinary, nothing, 0, null_mut(), null_mut(), 0),
             F::SetBinary => call!(instance, SetBinary, nothing, 0, null(), null(), 0),
             F::GetNumberOfVariableDependencies => {
-                call!(instance, GetNumberOfVariableDependencies, 2, n)
+                call!(instance, GetNumberOfVariableDependencies, 3, n)
             }
             F::GetVariableDependencies => {
                 let (mut on, mut kind) = (0, DependencyKind::CONSTANT);
                 let (o, k) = (&raw mut on, &raw mut kind);
-                call!(instance, GetVariableDependencies, 2, n, o, n, k, 1)
+                call!(instance, GetVariableDependencies, 3, n, o, n, k, 1)
             }
             F::GetFmuState => call!(instance, GetFmuState, &raw mut copy),
             F::SetFmuState => call!(instance, SetFmuState, state),

@@ -34,7 +34,7 @@ fn wrong_calls_are_told_what_to_do() {
     let raw = Raw::new(pilot());
     let early = |wrong: &dyn Fn(&Instance) -> Status| misuse(&raw, false, wrong);
     let late = |wrong: &dyn Fn(&Instance) -> Status| misuse(&raw, true, wrong);
-    let (vr, beyond, output, input) = ([0_u32], [99_u32], [2_u32], [0_u32]);
+    let (vr, beyond, output, input) = ([1_u32], [99_u32], [3_u32], [1_u32]);
     let (value, mut place, order, second) = ([1.0], [0.0], [1], [2]);
     let place = place.as_mut_ptr();
     let messages = [

@@ -4,6 +4,7 @@ use super::raw::{Instance, Messages, Raw, call};
 use super::{pilot, quadcopter};
 use pilotage::models::Model;
 use pilotage_abi::fmi2::{EventInfo, Status, Type};
+use pilotage_kit::variable::reference;
 use std::ptr::null_mut;
 
 /// An instance in continuous-time mode, with its first input set.
@@ -120,7 +121,6 @@ fn directional_derivatives_agree_with_differences() {
         let messages = Messages::default();
         let instance = running(&raw, &messages, 0.1);
         let table = raw.model.variable_table();
-        let reference = |i: usize| i as u32;
         let unknowns: Vec<u32> = (table.outputs().chain(table.derivatives()))
             .map(reference)
             .collect();
@@ -149,7 +149,7 @@ fn directional_derivatives_agree_with_differences() {
             };
             let (plus, minus) = (moved(h), moved(-h));
             for (unknown, exact) in unknowns.iter().zip(result) {
-                let i = *unknown as usize;
+                let i = *unknown as usize - 1;
                 let difference = 2.0 * (plus[i] - minus[i]) / (2.0 * h);
                 let tolerance = 1e-7 * exact.abs().max(1.0);
                 assert!(
@@ -192,6 +192,43 @@ fn states_of_model_exchange_repeat_to_the_last_bit() {
     assert!(m3.take()[0].contains("it is for model exchange, but this instance was made for co-s"));
     instance.free_state(state);
     other.free_state(copy);
+}
+
+/// A solver that comes upon such a value may try a shorter step, and a reset leads back in any case.
+#[test]
+fn values_that_are_no_numbers_do_no_harm() {
+    let raw = Raw::new(pilot());
+    let messages = Messages::default();
+    let instance = running(&raw, &messages, 0.0);
+    for value in [f64::NAN, f64::INFINITY] {
+        assert_eq!(instance.set("target", value), Status::DISCARD);
+        assert!(messages.take()[0].contains("target [m] = "));
+    }
+    assert_eq!(instance.set("target", 2.0), Status::OK);
+    assert_eq!(call!(instance, EnterEventMode), Status::OK);
+    assert_eq!(instance.set("theta1", f64::NAN), Status::DISCARD);
+    assert_eq!(instance.set("theta1", 2.0), Status::OK);
+    assert_eq!(messages.take().len(), 1);
+    // Before the simulation nobody tries again: an error, from which a reset leads back.
+    assert_eq!(call!(instance, Reset), Status::OK);
+    assert_eq!(instance.set("theta1", f64::NAN), Status::ERROR);
+    assert_eq!(call!(instance, Reset), Status::OK);
+    assert_eq!(instance.set("theta1", 2.0), Status::OK);
+}
+
+/// The range of an input says where the model holds; who looks beyond it is not refused.
+#[test]
+fn inputs_have_a_range_and_may_leave_it() {
+    let raw = Raw::new(quadcopter());
+    let stick = &raw.model.variables()[0];
+    assert_eq!(
+        (stick.name.as_str(), stick.min, stick.max),
+        ("stick", Some(-1.0), Some(1.0))
+    );
+    let messages = Messages::default();
+    let instance = running(&raw, &messages, 0.0);
+    assert_eq!(instance.set("stick", 1.0 + 1e-9), Status::OK);
+    assert_eq!(messages.take(), [""; 0]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use pilotage::fmi::description::FmiVersion;
 use pilotage::models::Model;
 use pilotage_abi::fmi2::functions::{Function, pointers};
 use pilotage_abi::fmi2::types::*;
+use pilotage_kit::variable::reference;
 use std::ffi::{CStr, CString, c_void};
 use std::io::Cursor;
 use std::path::Path;
@@ -217,7 +218,7 @@ impl Instance<'_> {
     /// All variables, by value reference.
     pub fn values(&self) -> Vec<f64> {
         let n = self.raw.model.variables().len();
-        let references: Vec<ValueReference> = (0..n as u32).collect();
+        let references: Vec<ValueReference> = (1..=n as u32).collect();
         let mut values = vec![f64::NAN; n];
         let status = call!(self, GetReal, references.as_ptr(), n, values.as_mut_ptr());
         assert_eq!(status, Status::OK);
@@ -229,7 +230,7 @@ impl Instance<'_> {
     }
 
     pub fn reference(&self, name: &str) -> ValueReference {
-        self.raw.model.index(name).unwrap() as ValueReference
+        reference(self.raw.model.index(name).unwrap())
     }
 
     pub fn get_state(&self, mut state: FmuState) -> FmuState {

@@ -4,6 +4,7 @@ use super::raw::{Messages, Raw, call};
 use super::{fly, pilot, quadcopter};
 use pilotage::models::Model;
 use pilotage_abi::fmi2::Status;
+use pilotage_kit::variable::reference;
 use std::ptr::null_mut;
 
 /// FMI rule 27: states of an instance, in memory and as bytes.
@@ -100,7 +101,7 @@ fn derivatives_of_outputs_agree_with_differences() {
         let instance = raw.instantiate(&messages);
         instance.initialize();
         fly(&instance, 1);
-        let references: Vec<u32> = raw.model.outputs().map(|i| i as u32).collect();
+        let references: Vec<u32> = raw.model.outputs().map(reference).collect();
         let n = references.len();
         let (orders, mut slopes) = (vec![1; n], vec![f64::NAN; n]);
         let (r, o, s) = (references.as_ptr(), orders.as_ptr(), slopes.as_mut_ptr());
@@ -160,12 +161,12 @@ fn directional_derivatives_agree_with_differences() {
         assert_eq!(status, Status::OK);
         let here = instance.values();
         let h = 1e-6;
-        let index = instance.reference(known) as usize;
+        let index = instance.reference(known) as usize - 1;
         assert_eq!(instance.set(known, here[index] + h), Status::OK);
         let there = instance.values();
         assert_eq!(instance.set(known, here[index]), Status::OK);
         for (unknown, exact) in unknowns.iter().zip(exact) {
-            let i = *unknown as usize;
+            let i = *unknown as usize - 1;
             let difference = (there[i] - here[i]) / h;
             assert!(
                 (difference - exact).abs() < 1e-8,

@@ -115,6 +115,10 @@ extern "C" fn fmi3InstantiateCoSimulation(
     let mut fmu = make(name, token, resources, environment, log);
     fmu.update = update;
     fmu.uses_events = events;
+    if fmu.behaviour == "clocked" && !events {
+        fmu.say(ERROR, c"logStatusError", "clocks tick in event mode alone");
+        return std::ptr::null_mut();
+    }
     fmu.may_return = early;
     fmu.watched = (0..n).map(|i| unsafe { *variables.add(i) }).collect();
     hand_out(fmu)

@@ -1,5 +1,5 @@
 //! A library that uses libm without saying that it needs it, as FMUs of some tools do; or, with
-//! `unresolved`, a function that nobody has.
+//! `unresolved`, a function that nobody has, or with `python` one of the interpreter of Python.
 
 #![no_std]
 #![allow(non_snake_case)]
@@ -12,6 +12,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 }
 
 unsafe extern "C" {
+    #[cfg_attr(python, link_name = "_Py_NoneStruct")]
     #[cfg_attr(unresolved, link_name = "a_function_that_nobody_has")]
     fn tanh(x: f64) -> f64;
 }

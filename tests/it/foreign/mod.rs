@@ -124,7 +124,9 @@ binaries! {
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
     binary_needing_nobody: "libm.rs", ["-Clink-arg=-nostdlib", "--cfg", "unresolved"];
-    /// The same, but it asks for the function when it calls it.
+    /// It uses what PythonFMU does.
+    binary_needing_python: "libm.rs", ["-Clink-arg=-nostdlib", "--cfg", "python"];
+    /// As that one of nobody, but it asks for the function when it calls it.
     binary_needing_nobody_yet: "libm.rs",
         ["-Clink-arg=-nostdlib", "--cfg", "unresolved", "-Crelro-level=off"];
 }

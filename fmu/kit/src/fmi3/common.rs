@@ -78,8 +78,7 @@ pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
         dependent_elements.fill(0);
         independent_elements.fill(0);
         for (i, dependency) in unknown.dependencies.iter().enumerate() {
-            // Variables are counted by u32: they came through a value reference.
-            independents[i] = dependency.index as ValueReference;
+            independents[i] = crate::variable::reference(dependency.index);
             kinds[i] = match dependency.constant {
                 true => DependencyKind::CONSTANT,
                 false => DependencyKind::DEPENDENT,

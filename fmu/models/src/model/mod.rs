@@ -112,7 +112,7 @@ impl Model {
         &self.table
     }
 
-    /// The variables; a variable's index is its value reference.
+    /// The variables, in the order of their value references.
     pub fn variables(&self) -> &[Variable] {
         self.table.variables()
     }

@@ -32,10 +32,13 @@ pub(super) fn table() -> Table {
         "quadcopter",
         "Pitch axis of a quadcopter with its attitude controller, from the stick to the position.",
     )
-    .input(
-        "stick",
-        "1",
-        "Stick of the pilot, -1 to 1; forward is negative",
+    .with(
+        Variable::input(
+            "stick",
+            Unit::one(),
+            "Stick of the pilot; forward is negative",
+        )
+        .range(Some(-1.0), Some(1.0)),
     );
     for c in &COEFFICIENTS {
         let start = (c.get)(&Quadcopter::default());

@@ -5,7 +5,7 @@
 
 use super::subject::Subject;
 use super::{Stop, Teller};
-use crate::fmi::instance::MAX_EVENT_ROUNDS;
+use crate::fmi::instance::{EventUpdate, MAX_EVENT_ROUNDS};
 
 /// Steps of Euler in a step of the plan.
 const SUBSTEPS: u32 = 10;
@@ -37,17 +37,31 @@ impl Subject {
         Ok(())
     }
 
-    /// In event mode: iterates, and goes on to continuous-time mode. False when the end is asked for.
-    fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        teller.stage("iterating at an event");
-        let Some(update) = self.instance.iterate_event()? else {
-            let rounds = MAX_EVENT_ROUNDS;
-            teller.error(format!("an event iteration did not end in {rounds} rounds"));
-            return Ok(false);
-        };
-        if update.is_end_requested {
+    /// Co-simulation in event mode: iterates, and goes on to step mode. False when the end is asked for.
+    pub(super) fn enter_steps(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        if self.update(teller)?.is_none() {
             return Ok(false);
         }
+        self.instance.enter_step_mode()?;
+        Ok(true)
+    }
+
+    /// Iterates at an event; `None` when that does not end, or the end is asked for.
+    fn update(&mut self, teller: &mut Teller) -> Result<Option<EventUpdate>, Stop> {
+        teller.stage("iterating at an event");
+        let update = self.instance.iterate_event()?;
+        if update.is_none() {
+            let rounds = MAX_EVENT_ROUNDS;
+            teller.error(format!("an event iteration did not end in {rounds} rounds"));
+        }
+        Ok(update.filter(|update| !update.is_end_requested))
+    }
+
+    /// In event mode: iterates, and goes on to continuous-time mode. False when the end is asked for.
+    fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        let Some(update) = self.update(teller)? else {
+            return Ok(false);
+        };
         self.solver.next_event = update.next_time;
         if let Some(next) = update.next_time.filter(|next| *next < self.time()) {
             teller.error(format!(

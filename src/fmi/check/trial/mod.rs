@@ -11,6 +11,7 @@ mod values;
 
 use super::Finding;
 use crate::causes::with_causes;
+use crate::fmi::binding::{BindingError, Missing};
 use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi::fmu::Library;
 use crate::fmi::memory::{self, Watch};
@@ -183,6 +184,15 @@ pub enum Told {
     Finding(Finding),
 }
 
+/// How bad it is that the process ends in a stage: FMI 2.0 says nothing of value references that no variable
+/// has, and many FMUs do not look whether they have them.
+pub fn severity_of_crash(stage: &str) -> Severity {
+    match stage == values::BEYOND {
+        true => Severity::Warning,
+        false => Severity::Error,
+    }
+}
+
 /// Why a trial ended early.
 #[derive(Debug)]
 enum Stop {
@@ -263,8 +273,8 @@ impl Teller<'_> {
         }
     }
 
-    /// Whether the FMU cannot be tried here, but elsewhere: it is for other machines, or for a tool that it
-    /// says it needs and that is not here.
+    /// Whether the FMU cannot be tried here, but elsewhere: it is for other machines, or for a tool or a
+    /// library that it says it needs and that is not here.
     fn is_no_fault(&self, error: &FmuError) -> bool {
         let cs = self.description.co_simulation.iter();
         let me = self.description.model_exchange.iter();
@@ -274,6 +284,13 @@ impl Teller<'_> {
             .any(|needs| needs);
         match error {
             FmuError::NoPlatform { .. } => true,
+            FmuError::Binding {
+                source:
+                    BindingError::Missing {
+                        missing: Missing::Library(_),
+                    },
+                ..
+            } => true,
             FmuError::Binding { .. } => needs_tool,
             _ => false,
         }

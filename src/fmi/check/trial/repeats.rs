@@ -1,11 +1,19 @@
 //! What must happen again in the same way: after a reset, from a saved state, beside other instances.
 
-use super::subject::Subject;
+use super::subject::{Subject, Trace};
 use super::{Stop, Teller};
+use crate::fmi::description::Severity;
 use crate::fmi::fmu::Library;
 
 /// Steps that are compared.
 const STEPS: u32 = 4;
+
+/// Relative tolerance of an FMU that says none.
+const TOLERANCE: f64 = 1e-4;
+
+/// How many times the tolerance two runs may differ by: a solver that starts anew takes other steps, each with
+/// an error of its own.
+const TOLERANCES: f64 = 10.0;
 
 impl Teller<'_> {
     /// A reset leads back to the state after instantiation (FMI 2.0.5, section 2.1.6).
@@ -19,6 +27,7 @@ impl Teller<'_> {
         self.stage("stepping after a reset");
         let second = subject.trace(STEPS, self)?;
         self.compare(
+            &subject,
             &first,
             &second,
             "after fmi2Reset, the same simulation gives other outputs",
@@ -40,6 +49,7 @@ impl Teller<'_> {
         self.stage("stepping from a restored state");
         let second = subject.trace(STEPS, self)?;
         self.compare(
+            &subject,
             &first,
             &second,
             "from a restored state, the same steps give other outputs",
@@ -53,7 +63,7 @@ impl Teller<'_> {
             self.stage("stepping from a deserialized state");
             let third = subject.trace(STEPS, self)?;
             let what = "from a state that went through bytes, the same steps give other outputs";
-            self.compare(&first, &third, what);
+            self.compare(&subject, &first, &third, what);
         }
         self.stage("freeing the state");
         subject.instance.free(point.saved)?;
@@ -72,20 +82,77 @@ impl Teller<'_> {
         self.stage("stepping two instances in turn");
         // The other one goes ahead by a step, so that a value that both share shows.
         other.trace(1, self)?;
-        let mut second = Vec::new();
+        let mut second = Trace::new();
         for _ in 0..STEPS {
             second.extend(one.trace(1, self)?);
             other.trace(1, self)?;
         }
         let what = "beside another instance, the same simulation gives other outputs, though the \
                     FMU may be instantiated more than once in a process";
-        self.compare(&first, &second, what);
+        self.compare(&one, &first, &second, what);
         Ok(())
     }
 
-    fn compare(&mut self, first: &[u64], second: &[u64], what: &str) {
-        if first != second {
-            self.error(what.to_owned());
+    /// Compares the outputs of two runs. The standard does not promise the same bits: what differs by no more
+    /// than a solver may err is a warning.
+    fn compare(&mut self, subject: &Subject, first: &Trace, second: &Trace, what: &str) {
+        if first.len() != second.len() {
+            let (found, expected) = (second.len(), first.len());
+            self.error(format!(
+                "{what}: they end after {found} steps, not {expected}"
+            ));
+            return;
+        }
+        let allowed = TOLERANCES * subject.plan.tolerance.unwrap_or(TOLERANCE);
+        let worst = (subject.names.iter().enumerate())
+            .filter_map(|(k, name)| Some((name, Difference::of(k, first, second)?)))
+            .max_by(|(_, a), (_, b)| a.relative().total_cmp(&b.relative()));
+        let Some((name, difference)) = worst else {
+            return;
+        };
+        let severity = match difference.relative() <= allowed {
+            true => Severity::Warning,
+            false => Severity::Error,
+        };
+        let Difference { size, scale } = difference;
+        let what = format!("{what}: `{name}` by up to {size:.1e}, where it is up to {scale:.1e}");
+        self.find(what, severity, Some(name));
+    }
+}
+
+/// How far an output of two runs is apart.
+#[derive(Debug, Clone, Copy)]
+struct Difference {
+    /// Largest difference.
+    size: f64,
+    /// Largest magnitude.
+    scale: f64,
+}
+
+impl Difference {
+    /// Of the `k`th output; `None` if all bits are the same.
+    fn of(k: usize, first: &Trace, second: &Trace) -> Option<Self> {
+        let mut pairs = first.iter().zip(second).map(|(a, b)| (a[k], b[k]));
+        if pairs.clone().all(|(a, b)| a.to_bits() == b.to_bits()) {
+            return None;
+        }
+        let size = |(a, b): (f64, f64)| match (a - b).abs() {
+            // One of both is no number, or infinite.
+            size if size.is_nan() => f64::INFINITY,
+            size => size,
+        };
+        Some(Self {
+            size: pairs.clone().map(size).fold(0.0, f64::max),
+            scale: pairs
+                .by_ref()
+                .fold(0.0, |max, (a, b)| a.abs().max(b.abs()).max(max)),
+        })
+    }
+
+    fn relative(self) -> f64 {
+        match self.size == 0.0 {
+            true => 0.0,
+            false => self.size / self.scale,
         }
     }
 }

@@ -7,13 +7,13 @@ use crate::fmi::description::{
 };
 use crate::fmi::fmu::Library;
 use crate::fmi::instance::{Saved, Serialized};
-use crate::fmi::{CallError, Instance, Kind, Message, Step};
+use crate::fmi::{CallError, Instance, Kind, Message, Options, Step};
 use std::sync::Arc;
 
 /// When to start and how to go on.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
-    tolerance: Option<f64>,
+    pub(super) tolerance: Option<f64>,
     start: f64,
     stop: f64,
     /// Communication step [s].
@@ -51,13 +51,18 @@ pub(super) struct Subject {
     pub(super) name: String,
     pub(super) instance: Instance,
     pub(super) facts: Facts,
+    /// Co-simulation: whether events are handled between steps.
+    event_mode_used: bool,
     pub(super) plan: Plan,
     pub(super) solver: Solver,
     time: f64,
     /// Value references and names of the real outputs.
     outputs: Vec<u32>,
-    names: Vec<String>,
+    pub(super) names: Vec<String>,
 }
+
+/// The outputs after each of some steps.
+pub(super) type Trace = Vec<Vec<f64>>;
 
 /// A state to go back to.
 #[derive(Debug, Clone)]
@@ -83,7 +88,12 @@ impl Subject {
     ) -> Result<Self, Stop> {
         teller.stage("instantiating");
         let description = library.description().clone();
-        let instance = library.instantiate(name, teller.kind)?;
+        let event_mode_used = needs_event_mode(&description, teller.kind);
+        let options = Options {
+            event_mode_used,
+            ..Options::default()
+        };
+        let instance = library.instantiate_with(name, teller.kind, options)?;
         let facts = Facts::of(&description, teller.kind)
             .ok_or(CallError::OtherKind { kind: teller.kind })?;
         let is_real = |v: &&ScalarVariable| v.causality == Causality::Output && is_double(v);
@@ -94,6 +104,7 @@ impl Subject {
             names: outputs().map(|v| v.name.clone()).collect(),
             name: name.to_owned(),
             facts,
+            event_mode_used,
             solver: Solver::default(),
             time: plan.start,
             plan,
@@ -109,10 +120,11 @@ impl Subject {
         teller.stage("reading all variables");
         self.instance.exit_initialization_mode()?;
         teller.read_all(self)?;
-        if teller.kind == Kind::ModelExchange {
-            self.enter_continuous_time(teller)?;
+        match teller.kind {
+            Kind::ModelExchange => self.enter_continuous_time(teller),
+            _ if self.event_mode_used => self.enter_steps(teller).map(|_| ()),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// From instantiated to initialization mode.
@@ -176,11 +188,11 @@ impl Subject {
                 }
                 Ok(false)
             }
-            // Events are the FMU's own business here, and early returns were not allowed.
+            // Early returns were not allowed.
             Step::Stopped {
                 reached,
                 is_end_requested,
-                ..
+                is_event,
             } => {
                 if (reached - self.time - h).abs() > 1e-9 * (h + self.time.abs()) {
                     teller.error(format!(
@@ -191,6 +203,11 @@ impl Subject {
                     return Ok(false);
                 }
                 self.time = reached;
+                if is_event && self.event_mode_used && !is_end_requested {
+                    teller.stage("entering event mode");
+                    self.instance.enter_event_mode()?;
+                    return self.enter_steps(teller);
+                }
                 Ok(!is_end_requested)
             }
         }
@@ -215,17 +232,17 @@ impl Subject {
         Ok(values)
     }
 
-    /// Takes some steps; the outputs after each, as bits.
-    pub(super) fn trace(&mut self, steps: u32, teller: &mut Teller) -> Result<Vec<u64>, Stop> {
-        let mut bits = Vec::new();
+    /// Takes some steps; the outputs after each.
+    pub(super) fn trace(&mut self, steps: u32, teller: &mut Teller) -> Result<Trace, Stop> {
+        let mut trace = Trace::new();
         for _ in 0..steps {
             let goes_on = self.step(teller)?;
-            bits.extend(self.outputs()?.into_iter().map(f64::to_bits));
+            trace.push(self.outputs()?);
             if !goes_on {
                 break;
             }
         }
-        Ok(bits)
+        Ok(trace)
     }
 
     /// Where the instance stands [s].
@@ -269,6 +286,15 @@ impl Subject {
     pub(super) fn messages(&mut self) -> Vec<Message> {
         self.instance.take_messages()
     }
+}
+
+/// Whether co-simulation must use event mode: clocks tick in no other (FMI 3.0, section 4.2).
+fn needs_event_mode(description: &ModelDescription, kind: Kind) -> bool {
+    let cs = description.co_simulation.as_ref();
+    let mut variables = description.variables.iter();
+    kind == Kind::CoSimulation
+        && cs.is_some_and(|cs| cs.has_event_mode)
+        && variables.any(|v| v.kind.base_type() == BaseType::Clock)
 }
 
 /// A scalar of type `Real` or `Float64`.

@@ -12,6 +12,9 @@ use crate::fmi::{CallError, Instance};
 /// Relative difference up to which a start value is the description's: some tools print few digits.
 const START_TOLERANCE: f64 = 1e-6;
 
+/// The stage in which such a variable is read.
+pub(super) const BEYOND: &str = "reading a variable that does not exist";
+
 /// A value reference that an FMU is unlikely to have.
 const UNKNOWN: u32 = 0xffff_fff0;
 
@@ -37,9 +40,9 @@ impl Teller<'_> {
             let is_same = found[0] == start || difference <= START_TOLERANCE * start.abs();
             if !is_same {
                 let name = &variable.name;
+                let [found, start] = [found[0], start].map(|value| Precision::Double.text(value));
                 let what = format!(
-                    "`{name}` starts with {} in the binary and with {start} in the description",
-                    found[0]
+                    "`{name}` starts with {found} in the binary and with {start} in the description"
                 );
                 self.find(what, Severity::Error, Some(name));
             }
@@ -92,7 +95,7 @@ impl Teller<'_> {
         if variables.iter().any(|v| v.value_reference == UNKNOWN) {
             return;
         }
-        self.stage("reading a variable that does not exist");
+        self.stage(BEYOND);
         if subject.instance.get_real(&[UNKNOWN], &mut [0.0]).is_ok() {
             self.warn(format!(
                 "it gives a value for the value reference {UNKNOWN}, which no variable has"

@@ -11,6 +11,11 @@ pub(super) enum Form {
     Wrong,
 }
 
+/// Whether a text is `YYYY-MM-DDThh:mm:ssZ`, as `generationDateAndTime` should be.
+pub fn is_date_and_time(text: &str) -> bool {
+    form(text) == Form::Standard
+}
+
 /// The form of a text.
 pub(super) fn form(text: &str) -> Form {
     const SHAPE: &[u8] = b"0000-00-00T00:00:00";

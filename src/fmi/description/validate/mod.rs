@@ -17,6 +17,8 @@ mod units;
 mod unknowns;
 mod variables;
 
+pub use dates::is_date_and_time;
+
 use super::*;
 use std::collections::{BTreeSet, HashMap, HashSet};
 

@@ -148,10 +148,13 @@ fn not_an_item(name: &str, starts: &[i128], declared: Option<&TypeKind>) -> Opti
 
 impl Precision {
     /// A number as messages show it.
-    fn text(self, value: f64) -> String {
+    pub(in crate::fmi) fn text(self, value: f64) -> String {
         match self {
-            Self::Double => value.to_string(),
-            Self::Single => (value as f32).to_string(),
+            // With an exponent instead of many zeros.
+            Self::Double => format!("{value:?}"),
+            Self::Single => format!("{:?}", value as f32),
         }
+        .trim_end_matches(".0")
+        .to_owned()
     }
 }

@@ -1,0 +1,35 @@
+//! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal of all inputs and outputs.
+
+use pilotage_kit::{Interface, Role};
+
+/// The folder of the file, and of the icon.
+pub(super) const FOLDER: &str = "terminalsAndIcons";
+
+/// The text of the file. The terminal is a bus: what has the same name on another one belongs together.
+pub(super) fn file(interface: &Interface) -> String {
+    let member = |name: &str| {
+        format!(
+            "      <TerminalMemberVariable variableName=\"{name}\" memberName=\"{name}\" variableKind=\"signal\"/>\n"
+        )
+    };
+    let is_outside = |role| matches!(role, Role::Input | Role::Output);
+    let members: String = (interface.variables.iter())
+        .filter(|v| is_outside(v.role))
+        .map(|v| member(&v.name))
+        .collect();
+    let icon = "x1=\"-120\" y1=\"-80\" x2=\"120\" y2=\"80\"";
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <fmiTerminalsAndIcons fmiVersion=\"3.0\">\n\
+         \x20 <GraphicalRepresentation>\n\
+         \x20   <CoordinateSystem {icon} suggestedScalingFactorTo_mm=\"0.1\"/>\n\
+         \x20   <Icon {icon}/>\n\
+         \x20 </GraphicalRepresentation>\n\
+         \x20 <Terminals>\n\
+         \x20   <Terminal name=\"signals\" matchingRule=\"bus\" description=\"All inputs and outputs\">\n\
+         {members}\
+         \x20   </Terminal>\n\
+         \x20 </Terminals>\n\
+         </fmiTerminalsAndIcons>\n"
+    )
+}
