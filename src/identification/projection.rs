@@ -504,8 +504,9 @@ mod tests {
         };
         let trials = [trial("a", 1.0), trial("b", -2.0)];
         let posed = problem::pose_stick(&trials, &options);
-        let starts =
-            Search::of(&posed).starts(vec![vec![1.0, 2.0, -0.1, -0.1], vec![5.0, 4.0, -1.0, 0.5]]);
+        let search = Search::of(&posed);
+        let elsewhere = vec![vec![1.0, 2.0, -0.1, -0.1], vec![5.0, 4.0, -1.0, 0.5]];
+        let starts = search.starts(search.descents(elsewhere));
         let best = &starts.all[0];
         for (found, expected) in best.theta.iter().zip(truth) {
             assert!((found - expected).abs() < 1e-5, "{:?}", best.theta);
