@@ -37,6 +37,9 @@ outer = ModelVariable(
     name="target", valueReference=0, type="Real", causality="parameter", variability="fixed", start=repr(target)
 )
 mappings[outer] = [(pilot, variable(pilot, "target"))]
+time = ModelVariable(
+    name="time", valueReference=0, type="Real", causality="independent", variability="continuous"
+)
 
 
 def connection(start, output, end, into):
@@ -51,7 +54,8 @@ description = ModelDescription(
     instantiationToken="closed_loop",
     coSimulation=CoSimulation(modelIdentifier="container_fmu", fixedInternalStepSize=step),
     defaultExperiment=DefaultExperiment(startTime="0.0", stopTime="15.0", stepSize=repr(step)),
-    modelVariables=list(mappings),
+    # fmpy's container has the time under the first reference.
+    modelVariables=[time, *mappings],
 )
 description.outputs = [Unknown(variable=v) for v in list(mappings)[: len(names)]]
 configuration = Configuration(
