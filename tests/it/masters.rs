@@ -1,0 +1,98 @@
+//! The exported FMUs in masters that are not ours: each ends where ours does.
+
+use crate::command::Folder;
+use crate::python;
+
+/// A folder with the FMUs of pilot and quadcopter.
+fn exported() -> Folder {
+    let folder = Folder::new();
+    let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
+    assert_eq!(folder.pilotage(&export).code, 0);
+    assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
+    folder
+}
+
+fn numbers(line: &str, separator: char) -> Vec<f64> {
+    (line.split(separator))
+        .filter_map(|v| v.parse().ok())
+        .collect()
+}
+
+/// The last row of a run of 15 s in steps of 0.05 s, without the time.
+fn flown(folder: &Folder, arguments: &[&str]) -> Vec<f64> {
+    let time = ["--stop-time", "15", "--step", "0.05"];
+    let ended = folder.pilotage(&[&["cosim"], arguments, &time].concat());
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    numbers(folder.read("result.csv").lines().last().unwrap(), ',').split_off(1)
+}
+
+/// The quadcopter's outputs in our master, to 10 m.
+fn ours(folder: &Folder) -> Vec<f64> {
+    let wires = [
+        "pilot.fmu",
+        "quadcopter.fmu",
+        "--connect",
+        "pilot.stick=quadcopter.stick",
+        "--connect",
+        "quadcopter.z=pilot.position",
+        "--set",
+        "pilot.target=10",
+    ];
+    // The pilot's two outputs come first.
+    let ours = flown(folder, &wires).split_off(2);
+    assert!(
+        ours[0].abs() > 1.0,
+        "the vehicle moved by {} m only",
+        ours[0]
+    );
+    ours
+}
+
+fn assert_same(theirs: &[f64], ours: &[f64]) {
+    assert_eq!(theirs.len(), ours.len());
+    for (theirs, ours) in theirs.iter().zip(ours) {
+        let difference = (theirs - ours).abs();
+        assert!(difference <= 1e-12 * ours.abs().max(1.0), "{theirs} {ours}");
+    }
+}
+
+/// What a script of `tests/python` that closes the loop prints as outputs; and what was said on the way.
+fn theirs(folder: &Folder, script: &str) -> (Vec<f64>, String) {
+    let [pilot, quadcopter] =
+        ["pilot.fmu", "quadcopter.fmu"].map(|name| folder.path(name).display().to_string());
+    let arguments = [&pilot, &quadcopter, "10", "15", "0.05"];
+    let (printed, said) = python::run_and_listen(script, arguments);
+    let line = printed.lines().find(|line| line.starts_with("outputs"));
+    let outputs = numbers(line.unwrap_or_else(|| panic!("{printed}")), ' ');
+    (outputs, said)
+}
+
+/// FMI rule 30: a master with FMI Library takes the FMUs without a complaint.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn libcosim_flies_as_our_master_does() {
+    let folder = exported();
+    let (theirs, said) = theirs(&folder, "libcosim.py");
+    assert!(!said.contains("[error]"), "{said}");
+    assert_same(&theirs, &ours(&folder));
+}
+
+#[test]
+fn fmuloader_flies_as_our_master_does() {
+    let folder = exported();
+    assert_same(&theirs(&folder, "loader.py").0, &ours(&folder));
+}
+
+/// Both FMUs in one of fmpy's, which our master runs; it has the outputs of the quadcopter.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_container_of_fmpy_flies_as_our_master_does() {
+    let folder = exported();
+    let names = ["pilot.fmu", "quadcopter.fmu", "container.fmu"];
+    let [pilot, quadcopter, container] = names.map(|name| folder.path(name).display().to_string());
+    python::run(
+        "container.py",
+        [&pilot, &quadcopter, "10", "0.05", &container],
+    );
+    assert_same(&flown(&folder, &["container.fmu"]), &ours(&folder));
+}
