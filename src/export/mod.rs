@@ -75,8 +75,8 @@ impl Provenance {
     /// it says of the closed loop with the vehicle of the fit and of the fit itself.
     pub fn fit(file: String, stable_loop: Option<bool>, caveat: Option<String>) -> Self {
         let closed_loop = match stable_loop {
-            Some(true) => " Its closed loop with the vehicle of the fit is stable.",
-            Some(false) => " Its closed loop with the vehicle of the fit is UNSTABLE.",
+            Some(true) => " It says that the closed loop with the vehicle of the fit is stable.",
+            Some(false) => " It says that the closed loop with the vehicle of the fit is UNSTABLE.",
             None => "",
         };
         let origin = "θ was identified from recorded flights; the result file is in extra/.";

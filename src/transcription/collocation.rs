@@ -12,6 +12,10 @@ use crate::sqp::Problem;
 use num_dual::HyperDual64;
 use pilotage_models::Dynamics;
 
+/// Least scaled value of a constraint on θ: above the tolerance of a solve, so that a converged one is never on the
+/// wrong side. Conditions such as Routh's hold strictly, and the next one divides by the last.
+pub const CLEARANCE: f64 = 1e-7;
+
 /// Collocation of runs of one model with shared parameters θ.
 ///
 /// Variables and defects are scaled by [`Scales`]; the objective is `Σ_j w_j Σ_k (y_k - h(x(t_k)))²` in
@@ -59,7 +63,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         let path = layout.parameter_constraints;
         let mut lower = vec![-limit; path];
         let mut upper = vec![limit; path];
-        lower.extend(vec![0.0; constraints.count()]);
+        lower.extend(vec![CLEARANCE; constraints.count()]);
         upper.extend(vec![f64::INFINITY; constraints.count()]);
         let mut damping_weights = vec![0.0; layout.theta];
         for (run, at) in runs.iter().zip(&layout.runs) {

@@ -21,6 +21,7 @@ INITIAL_STATES = {"free": [], "vehicle-at-rest": list(range(1, 6)), "at-rest": l
 MARGIN = 1e-6  # of the pilot's stability conditions
 LOOP_MARGIN = 1e-3  # every pole of the closed loop is further left [1/s]
 STICK_LIMIT = 1.0
+CLEARANCE = 1e-7  # least scaled value of the stability conditions
 MULTIPLIER_SCALE = 100.0  # s_max of Wächter & Biegler
 
 
@@ -117,7 +118,7 @@ class Problem:
         self.limits = {
             "lbx": np.concatenate([*lower, -free]),
             "ubx": np.concatenate([*upper, free]),
-            "lbg": np.concatenate([zero, -limit, np.zeros(conditions)]),
+            "lbg": np.concatenate([zero, -limit, np.full(conditions, CLEARANCE)]),
             "ubg": np.concatenate([zero, limit, np.full(conditions, np.inf)]),
         }
         self.gauss_newton = np.concatenate([*curvature, np.zeros(PARAMETERS)])

@@ -240,7 +240,9 @@ impl Args {
 
 /// The report page of a fit alone.
 fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
-    let flown: Vec<RunFit> = flown.iter().filter_map(|flown| flown.run.clone()).collect();
+    // All or none: the page tells them by their places.
+    let flown: Option<Vec<RunFit>> = flown.iter().map(|flown| flown.run.clone()).collect();
+    let flown = flown.unwrap_or_default();
     let words = std::env::args_os().skip(1);
     let command: Vec<String> = words
         .map(|word| word.to_string_lossy().into_owned())

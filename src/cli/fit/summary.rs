@@ -14,10 +14,17 @@ use serde_json::{Value, json};
 /// A run as the identified pilot flies it alone, from rest.
 pub struct Flown<'a> {
     trial: &'a Trial,
-    /// That run; none where nobody said which vehicle was flown.
+    /// That run; none where nobody said which vehicle was flown, or it is longer than [`LONGEST`].
     pub run: Option<RunFit>,
     /// The run in the optimiser's solution; none for a validation run.
     solution: Option<&'a RunFit>,
+}
+
+/// Longest run that is flown alone [s]: some seconds of work.
+const LONGEST: f64 = 1e4;
+
+fn is_short(trial: &Trial) -> bool {
+    trial.time[trial.time.len() - 1] - trial.time[0] <= LONGEST
 }
 
 impl<'a> Flown<'a> {
@@ -33,6 +40,7 @@ impl<'a> Flown<'a> {
                 Ok(Self {
                     trial,
                     run: (joint.as_ref())
+                        .filter(|_| is_short(trial))
                         .map(|joint| simulate(joint, &fit.theta, trial))
                         .transpose()?,
                     solution,
