@@ -5,7 +5,7 @@
 //!
 //! | module | what it makes |
 //! | --- | --- |
-//! | [`binary`], [`platform`] | the library of our models; platforms and the folders that libraries go into |
+//! | [`binary`], [`platform`] | the library of our models; the folders that libraries go into |
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | what a library says of its model |
 //! | [`pack`] | FMUs of a user's models |

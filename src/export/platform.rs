@@ -1,88 +1,37 @@
-//! Platforms: what they are called in the two versions, and whether a library is made for one.
+//! Platforms: where their libraries go in an archive, and whether a library is made for one.
 
 use super::ExportError;
 use crate::fmi::binary;
 use crate::fmi::description::FmiVersion;
-use object::{Architecture, BinaryFormat, Object, ObjectKind};
+pub use crate::fmi::platform::Platform;
+use object::{Object, ObjectKind};
 use pilotage_abi::{fmi2, fmi3};
 
-/// A system and a processor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Platform {
-    /// FMI 3.0's name (section 2.5.1.4.1), used in FMI 2.0 too where it has none (2.0.4, section 2.3).
-    pub tuple: &'static str,
-    /// FMI 2.0's name.
-    fmi2: Option<&'static str>,
-    format: BinaryFormat,
-    architecture: Architecture,
-    extension: &'static str,
-}
-
-macro_rules! platform {
-    ($tuple:literal, $fmi2:expr, $format:ident, $architecture:ident, $extension:literal) => {
-        Platform {
-            tuple: $tuple,
-            fmi2: $fmi2,
-            format: BinaryFormat::$format,
-            architecture: Architecture::$architecture,
-            extension: $extension,
-        }
-    };
-}
-
 impl Platform {
-    /// All that are known.
-    pub const ALL: [Self; 8] = [
-        platform!("x86_64-linux", Some("linux64"), Elf, X86_64, "so"),
-        platform!("x86-linux", Some("linux32"), Elf, I386, "so"),
-        platform!("aarch64-linux", None, Elf, Aarch64, "so"),
-        platform!("x86_64-windows", Some("win64"), Pe, X86_64, "dll"),
-        platform!("x86-windows", Some("win32"), Pe, I386, "dll"),
-        platform!("aarch64-windows", None, Pe, Aarch64, "dll"),
-        platform!("x86_64-darwin", Some("darwin64"), MachO, X86_64, "dylib"),
-        platform!("aarch64-darwin", None, MachO, Aarch64, "dylib"),
-    ];
-
     /// The platform of that name, in either version's spelling.
     ///
     /// # Errors
     /// When there is none; the message lists the names.
     pub fn named(name: &str) -> Result<Self, ExportError> {
-        let is = |p: &Self| p.tuple == name || p.fmi2 == Some(name);
-        Self::ALL.into_iter().find(is).ok_or_else(|| {
-            let tuples = Self::ALL.iter().map(|p| p.tuple);
-            let names = Self::ALL.iter().filter_map(|p| p.fmi2);
+        Self::of_folder(name).next().ok_or_else(|| {
+            let names = Self::ALL.iter().flat_map(|p| [p.tuple, p.fmi2[0]]);
+            let mut known: Vec<&str> = names.collect();
+            known.dedup();
             ExportError::UnknownPlatform {
                 name: name.to_owned(),
-                known: tuples.chain(names).collect::<Vec<_>>().join(", "),
+                known: known.join(", "),
             }
         })
     }
 
-    /// The platform that this program was built for, if it is known.
-    pub fn host() -> Option<Self> {
-        let system = match std::env::consts::OS {
-            "macos" => "darwin",
-            other => other,
-        };
-        let tuple = format!("{}-{system}", std::env::consts::ARCH);
-        Self::ALL.into_iter().find(|p| p.tuple == tuple)
-    }
-
     /// Paths in the archive under which its library goes.
-    ///
-    /// FMI 2.0 has no folder for Macs with ARM; importers look in `darwin64` too.
     pub fn paths(&self, version: FmiVersion, model_identifier: &str) -> Vec<String> {
-        let folders = match (version, self.fmi2) {
-            (FmiVersion::V3, _) => vec![self.tuple],
-            (FmiVersion::V2, Some(name)) => vec![name],
-            (FmiVersion::V2, None) if self.tuple == "aarch64-darwin" => {
-                vec![self.tuple, "darwin64"]
-            }
-            (FmiVersion::V2, None) => vec![self.tuple],
+        let folders = match version {
+            FmiVersion::V2 => self.fmi2,
+            FmiVersion::V3 => std::slice::from_ref(&self.tuple),
         };
         let path = |folder| format!("binaries/{folder}/{model_identifier}.{}", self.extension);
-        folders.into_iter().map(path).collect()
+        folders.iter().map(path).collect()
     }
 
     /// Refuses what is no library for this platform with all functions of the version.

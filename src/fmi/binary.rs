@@ -1,6 +1,7 @@
 //! A look into a shared library before it is loaded: a broken one must give an error and not take
 //! the process with it.
 
+use super::platform::host_processor;
 use object::read::macho::{FatArch, MachOFatFile32};
 use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind, ObjectSegment};
 use std::collections::BTreeSet;
@@ -52,12 +53,12 @@ pub fn check(bytes: &[u8]) -> Result<(), BinaryError> {
         let ours = fat
             .arches()
             .iter()
-            .find(|a| a.architecture() == host_architecture());
+            .find(|a| Some(a.architecture()) == host_processor());
         return match (ours, fat.arches().first()) {
             (Some(arch), _) => check_thin(arch.data(bytes)?),
             (None, other) => Err(BinaryError::WrongArchitecture {
                 found: other.map_or(Architecture::Unknown, FatArch::architecture),
-                expected: host_architecture(),
+                expected: host_processor().unwrap_or(Architecture::Unknown),
             }),
         };
     }
@@ -107,10 +108,13 @@ fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
             expected,
         });
     }
-    if file.architecture() != host_architecture() {
+    // Where FMI has no name for this processor, the system's loader is asked.
+    if let Some(expected) = host_processor()
+        && file.architecture() != expected
+    {
         return Err(BinaryError::WrongArchitecture {
             found: file.architecture(),
-            expected: host_architecture(),
+            expected,
         });
     }
     if file.kind() != ObjectKind::Dynamic {
@@ -124,18 +128,5 @@ fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
     match bytes.len() as u64 {
         found if found < expected => Err(BinaryError::Truncated { found, expected }),
         _ => Ok(()),
-    }
-}
-
-fn host_architecture() -> Architecture {
-    match std::env::consts::ARCH {
-        "x86_64" => Architecture::X86_64,
-        "x86" => Architecture::I386,
-        "aarch64" => Architecture::Aarch64,
-        "arm" => Architecture::Arm,
-        "riscv64" => Architecture::Riscv64,
-        "powerpc64" => Architecture::PowerPc64,
-        "s390x" => Architecture::S390x,
-        _ => Architecture::Unknown,
     }
 }

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`description`] | modelDescription.xml: typed model, reader, writer, validator |
 //! | [`archive`] | the zip file: checked, then unpacked |
-//! | [`platform`] | which folder holds this machine's binary |
+//! | [`platform`] | names of platforms; which folder holds this machine's binary |
 //! | [`binary`] | a look into the binary before it is loaded |
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |

@@ -6,6 +6,7 @@ use super::{Finding, Rule};
 use crate::fmi::archive::Archive;
 use crate::fmi::binary;
 use crate::fmi::description::{FmiVersion, ModelDescription};
+use crate::fmi::platform::{Platform, processor};
 use object::{Architecture, BinaryFormat, Object, ObjectKind};
 use pilotage_abi::{Part, fmi2, fmi3};
 use std::collections::BTreeSet;
@@ -87,20 +88,12 @@ fn fits(folder: &str, format: BinaryFormat, architecture: Architecture) -> bool 
         Some("dylib") => format == BinaryFormat::MachO,
         _ => true,
     };
-    let expected = match folder.split('-').next().unwrap_or_default() {
-        "win32" | "linux32" | "darwin32" | "x86" => vec![Architecture::I386],
-        "win64" | "linux64" | "x86_64" => vec![Architecture::X86_64],
-        // Libraries for ARM and universal ones are put here too.
-        "darwin64" => vec![Architecture::X86_64, Architecture::Aarch64],
-        "aarch64" => vec![Architecture::Aarch64],
-        "aarch32" => vec![Architecture::Arm],
-        "riscv64" => vec![Architecture::Riscv64],
-        "riscv32" => vec![Architecture::Riscv32],
-        "ppc64" => vec![Architecture::PowerPc64],
-        "ppc32" => vec![Architecture::PowerPc],
-        _ => vec![architecture],
-    };
-    expected_format && expected.contains(&architecture)
+    let name = folder.split('-').next().unwrap_or_default();
+    let mut known = Platform::of_folder(name)
+        .map(|platform| platform.architecture)
+        .chain(processor(name))
+        .peekable();
+    expected_format && (known.peek().is_none() || known.any(|own| own == architecture))
 }
 
 /// The functions that the standard wants and the library lacks.

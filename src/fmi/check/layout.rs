@@ -3,16 +3,10 @@
 use super::{Finding, Rule};
 use crate::fmi::archive::Archive;
 use crate::fmi::description::{self, FmiVersion, ModelDescription, is_within_limits};
+use crate::fmi::platform::{self, Platform, processor};
 use std::collections::BTreeSet;
 
-/// Folders of FMI 2.0; release 2.0.4 allows the tuples of FMI 3.0 too.
-const PLATFORMS_2: [&str; 6] = [
-    "win32", "win64", "linux32", "linux64", "darwin32", "darwin64",
-];
-/// First and second part of a platform tuple (FMI 3.0, section 2.5.1.1).
-const ARCHITECTURES: [&str; 8] = [
-    "aarch32", "aarch64", "riscv32", "riscv64", "x86", "x86_64", "ppc32", "ppc64",
-];
+/// Second part of a platform tuple (FMI 3.0, section 2.5.1.1).
 const SYSTEMS: [&str; 3] = ["darwin", "linux", "windows"];
 
 /// All that is wrong with the files beside the description.
@@ -112,12 +106,14 @@ fn tops(files: &[String], version: FmiVersion) -> Vec<Finding> {
 
 /// The names of the folders under `binaries/`.
 fn folders(files: &[String]) -> BTreeSet<&str> {
-    crate::fmi::platform::present(files.iter().map(String::as_str))
+    platform::present(files.iter().map(String::as_str))
 }
 
 fn platforms(files: &[String], version: FmiVersion) -> Vec<Finding> {
-    let is_known =
-        |name: &str| (version == FmiVersion::V2 && PLATFORMS_2.contains(&name)) || is_tuple(name);
+    // Release 2.0.4 allows the tuples of FMI 3.0 too.
+    let is_of_2 =
+        |name: &str| version == FmiVersion::V2 && Platform::of_folder(name).next().is_some();
+    let is_known = |name: &str| is_of_2(name) || is_tuple(name);
     let (number, expected) = match version {
         FmiVersion::V2 => (
             "2.0",
@@ -141,7 +137,7 @@ fn platforms(files: &[String], version: FmiVersion) -> Vec<Finding> {
 /// Whether a name is `<architecture>-<system>` with, perhaps, `-<abi>`.
 fn is_tuple(name: &str) -> bool {
     let mut parts = name.split('-');
-    parts.next().is_some_and(|a| ARCHITECTURES.contains(&a))
+    parts.next().is_some_and(|a| processor(a).is_some())
         && parts.next().is_some_and(|s| SYSTEMS.contains(&s))
         && parts.next().is_none_or(|abi| !abi.is_empty())
         && parts.next().is_none()
