@@ -1,6 +1,7 @@
 //! `pilotage demo`: the whole chain on the six example trials, into one new folder.
 
 use super::fit::summary;
+use super::made::made;
 use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
@@ -235,7 +236,7 @@ impl Demo {
             trials,
             flown: &flown,
             loops: &loops,
-            command: "pilotage demo",
+            made: &made(),
         });
         self.save("report.html", page.as_bytes())?;
         say("report", "report.html")

@@ -12,6 +12,7 @@ mod format;
 mod info;
 mod interrupt;
 mod linearize;
+mod made;
 mod overwrite;
 mod pack;
 mod progress;

@@ -237,7 +237,7 @@ fn model_exchange_is_coupled_as_tightly() {
     assert!(difference < 1e-8, "{exchange} {co_simulation}");
 }
 
-/// What `--report` says in words; times and errors are numbers that the tests of the master check.
+/// What `--details` says in words; times and errors are numbers that the tests of the master check.
 #[test]
 fn the_report_tells_lag_error_calls_and_times() {
     let folder = folder_with_fmus();
@@ -257,7 +257,7 @@ fn the_report_tells_lag_error_calls_and_times() {
             "0.05",
             "-o",
             "result.csv",
-            "--report",
+            "--details",
         ]);
         all.extend(arguments);
         let ended = folder.pilotage(&all);

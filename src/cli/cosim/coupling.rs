@@ -34,11 +34,11 @@ pub struct CouplingArgs {
     parts: Vec<(String, String)>,
     /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where their steps
     /// take more than about 1 µs and processors are free. Instances of one FMU then run on several threads.
-    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
+    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "details", "report"])]
     parallel: bool,
     /// Time every call, and report each connection, its lag and error, and all calls.
     #[arg(long)]
-    pub report: bool,
+    pub details: bool,
 }
 
 /// [`Algorithm`] by name.
@@ -80,7 +80,7 @@ impl CouplingArgs {
                     ..control
                 }
             }),
-            measure: self.report,
+            measure: self.details,
             ..algorithm.into()
         })
     }

@@ -16,7 +16,7 @@ use self::wiring::{Wired, Wiring, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
-use crate::output::GrowingFile;
+use crate::output::{self, GrowingFile};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -78,6 +78,10 @@ pub struct Args {
     /// Where the result goes (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// Write a page: the recorded signals over time, each connection, its lag and error, and all calls, which
+    /// are timed for it.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// How progress is told on stderr.
     #[arg(long, value_enum, default_value_t)]
     progress: Told,
@@ -91,10 +95,10 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = Clock::new(args.start_time, args.stop_time, args.step)?;
-    let coupling = args.coupling.coupling(&clock)?;
+    let mut coupling = args.coupling.coupling(&clock)?;
+    coupling.measure |= args.report.is_some();
     let every = args.rows_between()?;
-    let output = (args.output.as_path(), Kind::Result);
-    args.overwrite.check(&args.wiring.files(), &[output])?;
+    args.check_outputs()?;
     let Wired { mut system, tables } = args.wiring.build()?;
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
@@ -142,6 +146,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         converted,
         notes,
     };
+    if let Some(path) = &args.report {
+        write_page(path, &summary.page()?)?;
+    }
     terminal::print(&match args.json {
         true => format!("{:#}\n", summary.to_json()),
         false => summary.to_text(),
@@ -155,7 +162,27 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     })
 }
 
+fn write_page(path: &Path, page: &str) -> Result<(), Failure> {
+    output::write(path, page.as_bytes())
+        .map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+}
+
 impl Args {
+    fn check_outputs(&self) -> Result<(), Failure> {
+        let result = self.output.as_path();
+        if self.report.is_some() && result.exists() && !result.is_file() {
+            let message = format!(
+                "--report draws what the result holds, and nothing can be read back from {}",
+                result.display()
+            );
+            return Err(Failure::new(message).hint("give the result a file with -o"));
+        }
+        let page = self.report.as_deref().map(|path| (path, Kind::Page));
+        let outputs = [(result, Kind::Result)].into_iter().chain(page);
+        let outputs: Vec<(&Path, Kind)> = outputs.collect();
+        self.overwrite.check(&self.wiring.files(), &outputs)
+    }
+
     /// Communication steps from one recorded row to the next.
     fn rows_between(&self) -> Result<u64, Failure> {
         let Some(interval) = self.record_every else {

@@ -6,6 +6,7 @@ pub mod summary;
 mod table;
 mod watch;
 
+use super::made::made;
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
@@ -241,17 +242,13 @@ impl Args {
 /// The report page of a fit alone.
 fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
     let flown: Vec<RunFit> = flown.iter().filter_map(|flown| flown.run.clone()).collect();
-    let words = std::env::args_os().skip(1);
-    let command: Vec<String> = words
-        .map(|word| word.to_string_lossy().into_owned())
-        .collect();
     report::page(&Report {
         fit,
         options,
         trials,
         flown: &flown,
         loops: &[],
-        command: &format!("pilotage {}", command.join(" ")),
+        made: &made(),
     })
 }
 

@@ -17,6 +17,7 @@ mod summary;
 
 pub use error::TrialError;
 pub use manifest::TrialSet;
+pub use read::sha256;
 pub use summary::Summary;
 
 /// One recorded flight to a target.

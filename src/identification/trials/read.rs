@@ -78,7 +78,7 @@ impl Trial {
         let trial = Self {
             name: stem.map_or_else(|| origin.into(), |stem| stem.to_string_lossy().into_owned()),
             origin: origin.into(),
-            sha256: hex(&Sha256::digest(bytes)),
+            sha256: sha256(bytes),
             time: series.time,
             target,
             position,
@@ -199,7 +199,8 @@ fn values(
     }
 }
 
-/// Bytes in lower-case hexadecimal.
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// SHA-256 of a file's bytes in lower-case hexadecimal: by which a result names what it came from.
+pub fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
