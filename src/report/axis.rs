@@ -136,7 +136,7 @@ mod tests {
         let scale = Scale::covering([-2.3, 1.7], 0.0).in_decades();
         let labels: Vec<String> = scale.ticks.iter().map(|&tick| scale.label(tick)).collect();
         assert_eq!(labels, ["0.01", "0.1", "1", "10"]);
-        let scale = Scale::covering([-5.3, -3.7], 0.0).in_decades();
+        let scale = Scale::covering([-5.3, -3.6], 0.0).in_decades();
         let labels: Vec<String> = scale.ticks.iter().map(|&tick| scale.label(tick)).collect();
         assert_eq!(
             labels,

@@ -27,6 +27,7 @@ mod foreign;
 mod joint_ode;
 mod libcosim;
 mod linearize;
+mod mistakes;
 mod mutation;
 mod other_tools;
 mod pack;

@@ -12,7 +12,8 @@ pub mod wiring;
 use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
-use self::wiring::{Wired, Wiring, positive};
+use self::wiring::{Wired, Wiring};
+use super::number::{finite, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
@@ -56,14 +57,15 @@ pub struct Args {
         long,
         value_name = "SECONDS",
         default_value_t = 0.0,
+        value_parser = finite,
         allow_negative_numbers = true
     )]
     start_time: f64,
     /// Stop time [s].
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = finite, allow_negative_numbers = true)]
     stop_time: f64,
     /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     step: f64,
     #[command(flatten)]
     coupling: CouplingArgs,
@@ -73,7 +75,7 @@ pub struct Args {
     record: Vec<String>,
     /// Time between recorded rows [s]; a multiple of the step [default: the step]. The last row of the run
     /// comes in any case.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     record_every: Option<f64>,
     /// Where the result goes (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]

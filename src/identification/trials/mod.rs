@@ -10,11 +10,13 @@
 //! use = "fit"               # or "validation": kept out of the fit; "fit" where it is missing
 //! ```
 
+mod columns;
 mod error;
 mod manifest;
 mod read;
 mod summary;
 
+pub use columns::ColumnNames;
 pub use error::TrialError;
 pub use manifest::TrialSet;
 pub use read::sha256;
