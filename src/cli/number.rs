@@ -2,12 +2,9 @@
 
 use crate::document::with_point;
 
-/// A finite number.
-pub fn finite(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(expected("a number", text)),
-    }
+/// Any number; who takes it knows its range.
+pub fn number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| expected("a number", text))
 }
 
 /// A finite number above zero.

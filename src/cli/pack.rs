@@ -24,14 +24,14 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let check = |output: &Path| args.fmu.check_output(Some(&args.model), output);
+    args.output.as_deref().map_or(Ok(()), check)?;
     let what = "the folder of a crate, or a shared library";
     recognise::expect(
         [&args.model],
         &[recognise::Kind::Library, recognise::Kind::Folder],
         what,
     )?;
-    let check = |output: &Path| args.fmu.check_output(Some(&args.model), output);
-    args.output.as_deref().map_or(Ok(()), check)?;
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
         // A first build takes a minute: whoever watches sees cargo's progress.

@@ -1,7 +1,7 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
 use super::cosim::wiring::pair;
-use super::number::{finite, whole};
+use super::number::{number, whole};
 use super::recognise::{self, Kind};
 use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
 use crate::identification::trials::{ColumnNames, Summary, TrialError, TrialSet};
@@ -78,44 +78,47 @@ struct Synth {
     #[arg(long)]
     force: bool,
     /// Targets [m], with commas or spaces between them.
-    #[arg(long, value_name = "METRES", num_args = 1.., value_delimiter = ',', value_parser = finite,
-          default_values_t = Flights::default().targets, allow_negative_numbers = true)]
+    #[arg(long, value_name = "METRES", value_delimiter = ',', value_parser = number,
+          default_values_t = Flights::default().targets, allow_hyphen_values = true)]
     targets: Vec<f64>,
+    /// More targets [m], where spaces part them.
+    #[arg(hide = true, requires = "targets", value_parser = number, allow_negative_numbers = true)]
+    more_targets: Vec<f64>,
     /// Runs to each target.
     #[arg(long, default_value_t = Flights::default().runs, value_parser = whole, allow_negative_numbers = true)]
     runs: usize,
     /// Duration of a run [s].
-    #[arg(long, default_value_t = Flights::default().duration, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().duration, value_parser = number, allow_negative_numbers = true)]
     duration: f64,
     /// Samples per second [1/s].
-    #[arg(long, default_value_t = Flights::default().rate, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().rate, value_parser = number, allow_negative_numbers = true)]
     rate: f64,
     /// Seed of the random numbers.
     #[arg(long, default_value_t = Flights::default().seed)]
     seed: u64,
     /// Standard deviation of gain, lead, delay and omega-n from run to run, relative.
-    #[arg(long, default_value_t = Flights::default().variation, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().variation, value_parser = number, allow_negative_numbers = true)]
     variation: f64,
     /// The human's gain k [1/m].
-    #[arg(long, default_value_t = Human::default().gain, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().gain, value_parser = number, allow_negative_numbers = true)]
     gain: f64,
     /// The human's lead time T_L [s].
-    #[arg(long, default_value_t = Human::default().lead, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().lead, value_parser = number, allow_negative_numbers = true)]
     lead: f64,
     /// The human's reaction delay τ [s].
-    #[arg(long, default_value_t = Human::default().delay, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().delay, value_parser = number, allow_negative_numbers = true)]
     delay: f64,
     /// Natural frequency of the arm ω_n [rad/s].
-    #[arg(long, default_value_t = Human::default().frequency, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().frequency, value_parser = number, allow_negative_numbers = true)]
     omega_n: f64,
     /// Damping ratio of the arm ζ.
-    #[arg(long, default_value_t = Human::default().damping, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().damping, value_parser = number, allow_negative_numbers = true)]
     zeta: f64,
     /// Standard deviation of the remnant noise, relative to the stick that the target calls for.
-    #[arg(long, default_value_t = Human::default().remnant, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().remnant, value_parser = number, allow_negative_numbers = true)]
     remnant: f64,
     /// Correlation time of the remnant [s].
-    #[arg(long, default_value_t = Human::default().remnant_time, value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().remnant_time, value_parser = number, allow_negative_numbers = true)]
     remnant_time: f64,
     /// The vehicle that is flown (TOML); the default vehicle where it is missing.
     #[arg(long)]
@@ -157,9 +160,13 @@ impl Synth {
         Ok(Outcome::Done)
     }
 
+    fn targets(&self) -> Vec<f64> {
+        [&*self.targets, &*self.more_targets].concat()
+    }
+
     fn flights(&self) -> Flights {
         Flights {
-            targets: self.targets.clone(),
+            targets: self.targets(),
             runs: self.runs,
             duration: self.duration,
             rate: self.rate,
@@ -182,7 +189,7 @@ impl Synth {
 
     /// The command that makes these flights again, whatever the defaults will be.
     fn command(&self) -> String {
-        let targets: Vec<String> = self.targets.iter().map(f64::to_string).collect();
+        let targets: Vec<String> = self.targets().iter().map(f64::to_string).collect();
         let vehicle = self.vehicle.as_ref();
         let vehicle =
             vehicle.map_or_else(String::new, |file| format!(" --vehicle {}", file.display()));

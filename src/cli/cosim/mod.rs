@@ -13,7 +13,7 @@ use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
 use self::wiring::{Wired, Wiring};
-use super::number::{finite, positive};
+use super::number::{number, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
@@ -57,12 +57,12 @@ pub struct Args {
         long,
         value_name = "SECONDS",
         default_value_t = 0.0,
-        value_parser = finite,
+        value_parser = number,
         allow_negative_numbers = true
     )]
     start_time: f64,
     /// Stop time [s].
-    #[arg(long, value_name = "SECONDS", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
     stop_time: f64,
     /// Communication step [s]; must divide the duration.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]

@@ -7,7 +7,7 @@ mod table;
 mod watch;
 
 use super::made::made;
-use super::number::{finite, positive, whole};
+use super::number::{number, positive, whole};
 use super::overwrite::{Kind, Overwrite};
 use super::trials::Columns;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
@@ -87,7 +87,7 @@ pub struct Args {
         long,
         value_name = "t1,t2,...",
         value_delimiter = ',',
-        value_parser = finite,
+        value_parser = number,
         allow_hyphen_values = true
     )]
     start: Option<Vec<f64>>,

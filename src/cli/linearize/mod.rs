@@ -7,7 +7,7 @@ mod verdict;
 use super::cosim::ending;
 use super::cosim::wiring::{Wired, Wiring, pair};
 use super::made::{made, with_sums};
-use super::number::{finite, positive};
+use super::number::{number, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, terminal};
 use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
@@ -50,12 +50,12 @@ pub struct Args {
         long,
         value_name = "SECONDS",
         default_value_t = 0.0,
-        value_parser = finite,
+        value_parser = number,
         allow_negative_numbers = true
     )]
     start_time: f64,
     /// When to linearise [s] [default: at the start].
-    #[arg(long, value_name = "SECONDS", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
     at: Option<f64>,
     /// Communication step on the way there [s]; must divide the time. Also that in which the responses of
     /// FMUs without derivatives are taken [default there: 1].
