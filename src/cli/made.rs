@@ -27,10 +27,11 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// The files with their SHA-256; a folder has none.
+/// The files with their SHA-256; a folder has none, nor has a pipe, which is read once.
 pub fn with_sums(files: &[PathBuf]) -> Vec<(String, String)> {
     let sum = |path: &Path| {
-        std::fs::read(path).map_or_else(|_| "\u{2013}".to_owned(), |bytes| sha256(&bytes))
+        let bytes = path.is_file().then(|| std::fs::read(path).ok()).flatten();
+        bytes.map_or_else(|| "\u{2013}".to_owned(), |bytes| sha256(&bytes))
     };
     (files.iter())
         .map(|path| (path.display().to_string(), sum(path)))

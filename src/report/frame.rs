@@ -122,12 +122,12 @@ impl Frame {
         path
     }
 
-    /// Words beside a point, on the side with more room; nothing where there is no number.
+    /// Words beside a point, on its right unless that is near the end; nothing where there is no number.
     pub fn words(&self, x: f64, y: f64, text: &str) -> String {
         if !(x.is_finite() && y.is_finite()) {
             return String::new();
         }
-        let (dx, anchor) = match self.x.position(x) < 0.5 {
+        let (dx, anchor) = match self.x.position(x) < 0.7 {
             true => (9.0, "start"),
             false => (-9.0, "end"),
         };

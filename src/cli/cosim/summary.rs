@@ -7,7 +7,7 @@ use crate::cli::made::{made, with_sums};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, Run};
 use crate::report::{Simulation, significant, simulation_page};
-use crate::series::Series;
+use crate::series::{Series, SeriesError};
 use serde_json::json;
 
 /// A run and what belongs to it.
@@ -93,7 +93,11 @@ impl Summary<'_> {
     /// The page, drawn from the result as it was written.
     pub fn page(&self) -> Result<String, Failure> {
         let run = self.run;
-        let series = Series::read_table(&self.args.output)?;
+        let series = match Series::read_table(&self.args.output) {
+            // A run that failed before its first row.
+            Err(SeriesError::NoSamples { .. }) => Series::default(),
+            read => read?,
+        };
         let ending = match (self.ending.status, self.ending.severity) {
             ("completed", _) => ("good", "completed"),
             (status, "error") => ("bad", status),
