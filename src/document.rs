@@ -86,6 +86,26 @@ pub fn number(value: f64) -> String {
     }
 }
 
+/// A number that was written with a decimal comma, with a point: `0.05` of `0,05`.
+pub fn with_point(text: &str) -> Option<String> {
+    let (whole, part) = text.trim().split_once(',')?;
+    let is_digits = |digits: &str| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    let good = is_digits(whole.strip_prefix(['-', '+']).unwrap_or(whole))
+        && is_digits(part.split(['e', 'E']).next().unwrap_or_default());
+    let number = format!("{whole}.{part}");
+    (good && number.parse::<f64>().is_ok()).then_some(number)
+}
+
+/// What to say of a line of TOML that gives a number with a decimal comma.
+fn comma(text: &str, at: usize) -> Option<String> {
+    let before = text.get(..at)?;
+    let line = &text[before.rfind('\n').map_or(0, |end| end + 1)..];
+    let (field, value) = line.lines().next()?.split_once('=')?;
+    let number = with_point(value.split('#').next()?)?;
+    let field = field.trim();
+    Some(format!("a decimal comma; write `{field} = {number}`"))
+}
+
 /// File and text, to turn a span into a line.
 #[derive(Debug, Clone, Copy)]
 struct Source<'t> {
@@ -121,7 +141,8 @@ impl<'t> Document<'t> {
             Err(error) => Err(DocumentError::Syntax {
                 file: file.into(),
                 line: source.line(error.span().map_or(0, |span| span.start)),
-                reason: error.message().replace('\n', ", "),
+                reason: comma(text, error.span().map_or(0, |span| span.start))
+                    .unwrap_or_else(|| error.message().replace('\n', ", ")),
             }),
         }
     }

@@ -7,6 +7,7 @@
 
 pub mod causes;
 pub mod cosim;
+pub mod date;
 pub mod document;
 pub mod export;
 pub mod fmi;

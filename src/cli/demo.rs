@@ -1,6 +1,7 @@
 //! `pilotage demo`: the whole chain on the six example trials, into one new folder.
 
 use super::fit::summary;
+use super::made::{made, quoted};
 use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
@@ -13,7 +14,7 @@ use crate::report::{self, ClosedLoop, Report, rms, significant};
 use crate::series::Series;
 use crate::{output, vehicle};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `pilotage demo`.
 #[derive(Debug, clap::Args)]
@@ -235,7 +236,7 @@ impl Demo {
             trials,
             flown: &flown,
             loops: &loops,
-            command: "pilotage demo",
+            made: &made(),
         });
         self.save("report.html", page.as_bytes())?;
         say("report", "report.html")
@@ -268,7 +269,7 @@ impl Demo {
         let rows: String = (rows.iter())
             .map(|(file, what)| format!("  {file:<width$}  {what}\n"))
             .collect();
-        let (folder, program) = (self.folder.display(), program());
+        let (folder, program) = (quoted(&self.folder.to_string_lossy()), program());
         format!(
             "\n{folder}/\n{rows}\nnext: {program} cosim {folder}/pilot.fmu {folder}/quadcopter.fmu \\\n          \
              --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\\n          \
@@ -283,11 +284,18 @@ fn say(step: &str, what: &str) -> Result<(), Failure> {
     terminal::print(&format!("{step:<9} {what}\n"))
 }
 
-/// The command as it was typed, so that what is printed can be typed too.
+/// The command as the user can type it from here: by its name where that leads to this program, else as it was
+/// typed (`target/release/pilotage`).
 fn program() -> String {
+    let name = "pilotage";
     let typed = std::env::args_os().next().map(PathBuf::from);
-    typed
-        .as_deref()
-        .map(Path::display)
-        .map_or("pilotage".into(), |path| path.to_string())
+    let own = std::env::current_exe().and_then(std::fs::canonicalize).ok();
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let mut found = std::env::split_paths(&folders).map(|folder| folder.join(name));
+    let first = found.find(|path| path.is_file());
+    let is_found = own.is_some() && first.and_then(|path| path.canonicalize().ok()) == own;
+    match typed.filter(|_| !is_found) {
+        Some(typed) => quoted(&typed.to_string_lossy()),
+        None => name.to_owned(),
+    }
 }

@@ -1,7 +1,7 @@
 //! `pilotage export`: models as FMUs.
 
 use super::overwrite::{Kind, Overwrite};
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, recognise, terminal};
 use crate::document;
 use crate::export::{self, Options, Platform, Provenance};
 use crate::fmi::description::{FmiVersion, is_date_and_time};
@@ -9,7 +9,7 @@ use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
 use crate::models::pilot::PAPER_THETA;
-use crate::vehicle::{self, PitchLoop};
+use crate::vehicle::PitchLoop;
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -182,7 +182,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         } => {
             fmu.check_output(vehicle.as_deref(), &output)?;
             let (vehicle, source) = match &vehicle {
-                Some(file) => (vehicle::read(file)?, Some(document::read(file)?)),
+                Some(file) => (super::vehicle::read(file)?, Some(document::read(file)?)),
                 None => (Quadcopter::default(), None),
             };
             let mut provenance = Provenance::vehicle(source);
@@ -198,6 +198,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 
 /// The pilot of a result file.
 fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), Failure> {
+    recognise::expect(
+        [&file.to_owned()],
+        &[recognise::Kind::Pilot],
+        "a pilot file (TOML)",
+    )?;
     let pilot = PilotFile::read(file)?;
     if !pilot.is_answer() && !allow_unconverged {
         let fatal = pilot.doubts.iter().find(|doubt| doubt.fatal);

@@ -91,7 +91,7 @@ impl Kind {
 const HEAD: u64 = 1 << 16;
 
 /// The beginning of a file; nothing where it cannot be read.
-fn head(path: &Path) -> String {
+pub fn head(path: &Path) -> String {
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut bytes));
     read.map_or_else(

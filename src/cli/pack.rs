@@ -1,7 +1,7 @@
 //! `pilotage pack`: a user's own model as an FMU.
 
 use super::export::FmuArgs;
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, recognise, terminal};
 use crate::export::{Provenance, pack};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -26,6 +26,12 @@ pub struct Args {
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let check = |output: &Path| args.fmu.check_output(Some(&args.model), output);
     args.output.as_deref().map_or(Ok(()), check)?;
+    let what = "the folder of a crate, or a shared library";
+    recognise::expect(
+        [&args.model],
+        &[recognise::Kind::Library, recognise::Kind::Folder],
+        what,
+    )?;
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
         // A first build takes a minute: whoever watches sees cargo's progress.

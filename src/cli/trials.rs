@@ -1,9 +1,13 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
+use super::cosim::wiring::pair;
+use super::number::{number, whole};
+use super::recognise::{self, Kind};
 use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
-use crate::identification::trials::{Summary, TrialSet};
+use crate::identification::trials::{ColumnNames, Summary, TrialError, TrialSet};
 use crate::output;
 use crate::report::{short, significant, target_of};
+use crate::series::SeriesError;
 use crate::synthetic::{Flight, Flights, Human};
 use clap::Subcommand;
 use serde_json::{Value, json};
@@ -23,12 +27,45 @@ enum Command {
         /// Trials (CSV) or manifests (TOML).
         #[arg(required = true)]
         trials: Vec<PathBuf>,
+        #[command(flatten)]
+        columns: Columns,
         /// Print one JSON object.
         #[arg(long)]
         json: bool,
     },
     /// Let a synthetic human fly: one CSV file a run, and a manifest.
     Synth(Box<Synth>),
+}
+
+/// Which columns of the files are what.
+#[derive(Debug, clap::Args)]
+pub struct Columns {
+    /// Take `time`, `target`, `position` or `stick` from a column of another name; may be given many times.
+    #[arg(long = "column", value_name = "WHAT=NAME", value_parser = pair)]
+    named: Vec<(String, String)>,
+}
+
+impl Columns {
+    /// Reads trials and manifests.
+    pub fn read(&self, paths: &[PathBuf]) -> Result<TrialSet, Failure> {
+        let what = "recorded flights (CSV) or lists of them (TOML)";
+        recognise::expect(paths, &[Kind::Trial, Kind::Table, Kind::Manifest], what)?;
+        let read = TrialSet::read_with(paths, &ColumnNames::new(&self.named)?);
+        read.map_err(|error| {
+            let quantity = match &error {
+                TrialError::NoColumn { column, .. } => column.clone(),
+                TrialError::Series(SeriesError::NoTime { expected, .. }) => expected.clone(),
+                _ => return Failure::from(error),
+            };
+            // A name that was given and is not there needs no advice to give one.
+            let is_given = self.named.iter().any(|(_, name)| *name == quantity);
+            let failure = Failure::from(error);
+            match is_given {
+                true => failure,
+                false => failure.hint(format!("--column {quantity}=NAME says which column it is")),
+            }
+        })
+    }
 }
 
 /// Options of `pilotage trials synth`; the defaults are those of [`Human`] and [`Flights`].
@@ -40,44 +77,48 @@ struct Synth {
     /// Write into a folder that is not empty.
     #[arg(long)]
     force: bool,
-    /// Targets [m].
-    #[arg(long, value_delimiter = ',', default_values_t = Flights::default().targets, allow_hyphen_values = true)]
+    /// Targets [m], with commas or spaces between them.
+    #[arg(long, value_name = "METRES", value_delimiter = ',', value_parser = number,
+          default_values_t = Flights::default().targets, allow_hyphen_values = true)]
     targets: Vec<f64>,
+    /// More targets [m], where spaces part them.
+    #[arg(hide = true, requires = "targets", value_parser = number, allow_negative_numbers = true)]
+    more_targets: Vec<f64>,
     /// Runs to each target.
-    #[arg(long, default_value_t = Flights::default().runs)]
+    #[arg(long, default_value_t = Flights::default().runs, value_parser = whole, allow_negative_numbers = true)]
     runs: usize,
     /// Duration of a run [s].
-    #[arg(long, default_value_t = Flights::default().duration)]
+    #[arg(long, default_value_t = Flights::default().duration, value_parser = number, allow_negative_numbers = true)]
     duration: f64,
     /// Samples per second [1/s].
-    #[arg(long, default_value_t = Flights::default().rate)]
+    #[arg(long, default_value_t = Flights::default().rate, value_parser = number, allow_negative_numbers = true)]
     rate: f64,
     /// Seed of the random numbers.
     #[arg(long, default_value_t = Flights::default().seed)]
     seed: u64,
     /// Standard deviation of gain, lead, delay and omega-n from run to run, relative.
-    #[arg(long, default_value_t = Flights::default().variation)]
+    #[arg(long, default_value_t = Flights::default().variation, value_parser = number, allow_negative_numbers = true)]
     variation: f64,
     /// The human's gain k [1/m].
-    #[arg(long, default_value_t = Human::default().gain)]
+    #[arg(long, default_value_t = Human::default().gain, value_parser = number, allow_negative_numbers = true)]
     gain: f64,
     /// The human's lead time T_L [s].
-    #[arg(long, default_value_t = Human::default().lead)]
+    #[arg(long, default_value_t = Human::default().lead, value_parser = number, allow_negative_numbers = true)]
     lead: f64,
     /// The human's reaction delay τ [s].
-    #[arg(long, default_value_t = Human::default().delay)]
+    #[arg(long, default_value_t = Human::default().delay, value_parser = number, allow_negative_numbers = true)]
     delay: f64,
     /// Natural frequency of the arm ω_n [rad/s].
-    #[arg(long, default_value_t = Human::default().frequency)]
+    #[arg(long, default_value_t = Human::default().frequency, value_parser = number, allow_negative_numbers = true)]
     omega_n: f64,
     /// Damping ratio of the arm ζ.
-    #[arg(long, default_value_t = Human::default().damping)]
+    #[arg(long, default_value_t = Human::default().damping, value_parser = number, allow_negative_numbers = true)]
     zeta: f64,
     /// Standard deviation of the remnant noise, relative to the stick that the target calls for.
-    #[arg(long, default_value_t = Human::default().remnant)]
+    #[arg(long, default_value_t = Human::default().remnant, value_parser = number, allow_negative_numbers = true)]
     remnant: f64,
     /// Correlation time of the remnant [s].
-    #[arg(long, default_value_t = Human::default().remnant_time)]
+    #[arg(long, default_value_t = Human::default().remnant_time, value_parser = number, allow_negative_numbers = true)]
     remnant_time: f64,
     /// The vehicle that is flown (TOML); the default vehicle where it is missing.
     #[arg(long)]
@@ -87,7 +128,11 @@ struct Synth {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     match args.command {
-        Command::Check { trials, json } => check(&trials, json),
+        Command::Check {
+            trials,
+            columns,
+            json,
+        } => check(&columns.read(&trials)?, json),
         Command::Synth(synth) => synth.run(),
     }
 }
@@ -115,9 +160,13 @@ impl Synth {
         Ok(Outcome::Done)
     }
 
+    fn targets(&self) -> Vec<f64> {
+        [&*self.targets, &*self.more_targets].concat()
+    }
+
     fn flights(&self) -> Flights {
         Flights {
-            targets: self.targets.clone(),
+            targets: self.targets(),
             runs: self.runs,
             duration: self.duration,
             rate: self.rate,
@@ -140,7 +189,7 @@ impl Synth {
 
     /// The command that makes these flights again, whatever the defaults will be.
     fn command(&self) -> String {
-        let targets: Vec<String> = self.targets.iter().map(f64::to_string).collect();
+        let targets: Vec<String> = self.targets().iter().map(f64::to_string).collect();
         let vehicle = self.vehicle.as_ref();
         let vehicle =
             vehicle.map_or_else(String::new, |file| format!(" --vehicle {}", file.display()));
@@ -196,11 +245,10 @@ impl Synth {
     }
 }
 
-fn check(trials: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
-    let set = TrialSet::read(trials)?;
+fn check(set: &TrialSet, json: bool) -> Result<Outcome, Failure> {
     match json {
-        true => terminal::print(&format!("{:#}\n", to_json(&set)))?,
-        false => terminal::print(&to_table(&set))?,
+        true => terminal::print(&format!("{:#}\n", to_json(set)))?,
+        false => terminal::print(&to_table(set))?,
     }
     Ok(Outcome::Done)
 }

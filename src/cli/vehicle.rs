@@ -1,5 +1,6 @@
 //! `pilotage vehicle`: the coefficients of the vehicle.
 
+use super::recognise::{self, Kind};
 use super::{Failure, Outcome, terminal};
 use crate::models::{COEFFICIENTS, Quadcopter};
 use crate::vehicle::{self, PitchLoop};
@@ -46,9 +47,19 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 /// The vehicle of a `--vehicle FILE` option, or the default one.
 pub fn resolve(file: Option<&Path>) -> Result<Quadcopter, Failure> {
     match file {
-        Some(file) => Ok(vehicle::read(file)?),
+        Some(file) => read(file),
         None => Ok(Quadcopter::default()),
     }
+}
+
+/// A vehicle file.
+pub fn read(file: &Path) -> Result<Quadcopter, Failure> {
+    recognise::expect(
+        [&file.to_owned()],
+        &[Kind::Vehicle],
+        "a vehicle file (TOML)",
+    )?;
+    Ok(vehicle::read(file)?)
 }
 
 fn show(file: Option<&Path>, json: bool) -> Result<Outcome, Failure> {
@@ -61,7 +72,7 @@ fn show(file: Option<&Path>, json: bool) -> Result<Outcome, Failure> {
 }
 
 fn check(file: &Path, json: bool) -> Result<Outcome, Failure> {
-    let vehicle = vehicle::read(file)?;
+    let vehicle = read(file)?;
     let pitch = PitchLoop::of(&vehicle);
     match json {
         true => terminal::print(&format!("{:#}\n", to_json(&vehicle, &pitch)))?,

@@ -9,6 +9,7 @@
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | what a library says of its model |
 //! | [`pack`] | FMUs of a user's models |
+//! | `kit` | where those crates find the kit |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `picture`, `terminals` | model.png; what FMI 3.0 has for it |
@@ -21,6 +22,7 @@ pub mod description;
 mod documentation;
 mod error;
 pub mod interface;
+mod kit;
 mod old_glibc;
 pub mod pack;
 pub mod package;

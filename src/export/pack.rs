@@ -1,7 +1,7 @@
 //! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
 
 use super::package::{Contents, archive};
-use super::{ExportError, Platform, Provenance, interface, old_glibc, picture, write};
+use super::{ExportError, Platform, Provenance, interface, kit, old_glibc, picture, write};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
 use pilotage_kit::Interface;
@@ -28,6 +28,8 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
         source,
     };
     let manifest = std::fs::canonicalize(folder.join("Cargo.toml")).map_err(read)?;
+    let [workspace, target] = folders(&manifest);
+    let kit = kit::setting(&manifest, workspace.as_deref())?;
     let mut build = cargo();
     build
         .args(["build", "--release"])
@@ -36,7 +38,8 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
         .args(["--config", "profile.release.strip=\"symbols\""])
         .args(["--config", "profile.release.lto=\"fat\""])
         .args(["--config", "profile.release.codegen-units=1"])
-        .args(["--config", &flags(&manifest)]);
+        .args(["--config", &flags(workspace, target)])
+        .args(kit.iter().flat_map(|setting| ["--config", setting]));
     if old_glibc::IS_HERE {
         // With a target, the flags are not those of build scripts.
         build.args(["--target", old_glibc::TARGET]);
@@ -75,10 +78,9 @@ fn cargo() -> Command {
 /// Flags of rustc, as a setting of cargo: panic messages name neither the workspace's folder nor cargo's, and
 /// the library runs on old systems where that can be had. Flags in the environment variable RUSTFLAGS take
 /// their place.
-fn flags(manifest: &Path) -> String {
+fn flags(workspace: Option<PathBuf>, target: Option<PathBuf>) -> String {
     let home = std::env::home_dir().map(|home| home.join(".cargo"));
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
-    let [workspace, target] = folders(manifest);
     let renamed = [(cargo, "cargo"), (workspace, "model")]
         .into_iter()
         .filter_map(|(folder, name)| {

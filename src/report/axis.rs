@@ -1,5 +1,7 @@
 //! Scales with round ticks.
 
+use super::number::short;
+
 /// About how many ticks a scale has.
 const TICKS: f64 = 8.0;
 
@@ -33,7 +35,11 @@ impl Scale {
             (low, high) = (low - half, high + half);
         }
         let margin = margin * (high - low);
-        (low, high) = (low - margin, high + margin);
+        Self::between(low - margin, high + margin)
+    }
+
+    /// From `low` to `high`, which is greater.
+    fn between(low: f64, high: f64) -> Self {
         let step = round_step((high - low) / TICKS);
         // The slack keeps an end that is a tick up to rounding.
         let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
@@ -48,12 +54,35 @@ impl Scale {
         }
     }
 
-    /// For values that are decimal logarithms: ticks at whole ones, labelled with the numbers.
+    /// For values that are decimal logarithms: ticks at whole ones, and at 2 and 5 times them where that
+    /// leaves few, labelled with the numbers.
     pub fn in_decades(mut self) -> Self {
-        let (first, last) = (self.low.ceil() as i32, self.high.floor() as i32);
-        self.ticks = (first..=last).map(f64::from).collect();
+        let (first, last) = (self.low.floor() as i32, self.high.ceil() as i32);
+        let parts: &[f64] = match self.range() < 3.0 {
+            true => &[1.0, 2.0, 5.0],
+            false => &[1.0],
+        };
+        let ticks = (first..=last).flat_map(|decade| {
+            let of_decade = parts
+                .iter()
+                .map(move |part| f64::from(decade) + part.log10());
+            of_decade.collect::<Vec<_>>()
+        });
+        let is_within = |tick: &f64| (self.low..=self.high).contains(tick);
+        self.ticks = ticks.filter(is_within).collect();
         self.in_decades = true;
         self
+    }
+
+    /// From the least value to the greatest.
+    pub fn range(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// The same middle, but that range.
+    pub fn reaching(&self, range: f64) -> Self {
+        let middle = 0.5 * (self.low + self.high);
+        Self::between(middle - 0.5 * range, middle + 0.5 * range)
     }
 
     /// Where a value lies between the ends: 0 to 1.
@@ -64,7 +93,8 @@ impl Scale {
     /// A tick's label, with a true minus sign.
     pub fn label(&self, tick: f64) -> String {
         if self.in_decades {
-            return format!("{:e}", 10f64.powi(tick as i32)).replace('-', "\u{2212}");
+            // Its first digit is 1, 2 or 5: one digit is exact.
+            return short(10f64.powf(tick), 1).replace('-', "\u{2212}");
         }
         // `+ 0.0` turns the tick -0 into 0.
         format!("{:.*}", self.decimals, tick + 0.0).replace('-', "\u{2212}")
@@ -105,7 +135,26 @@ mod tests {
     fn decades_are_labelled_with_the_numbers() {
         let scale = Scale::covering([-2.3, 1.7], 0.0).in_decades();
         let labels: Vec<String> = scale.ticks.iter().map(|&tick| scale.label(tick)).collect();
-        assert_eq!(labels, ["1e\u{2212}2", "1e\u{2212}1", "1e0", "1e1"]);
+        assert_eq!(labels, ["0.01", "0.1", "1", "10"]);
+        let scale = Scale::covering([-5.3, -3.6], 0.0).in_decades();
+        let labels: Vec<String> = scale.ticks.iter().map(|&tick| scale.label(tick)).collect();
+        assert_eq!(
+            labels,
+            [
+                "1e\u{2212}5",
+                "2e\u{2212}5",
+                "5e\u{2212}5",
+                "0.0001",
+                "0.0002"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_wider_range_keeps_its_middle() {
+        let scale = Scale::covering([1.0, 3.0], 0.0).reaching(8.0);
+        assert_eq!(scale.range(), 8.0);
+        assert_eq!(scale.position(2.0), 0.5);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The figures of a report.
 
-use super::plot::{Line, Plot};
+use super::plot::{Axes, Line, Plot, colour};
 use crate::identification::{Fit, Objective, RunFit, Trial};
 use crate::series::Series;
 
@@ -17,10 +17,7 @@ pub struct ClosedLoop<'a> {
     pub stick: &'a str,
 }
 
-/// Number of different line styles for targets (`model-1`, ...).
-const N_STYLES: usize = 4;
-
-/// The targets of a report, each with its line style.
+/// The targets of a report, each with its colour.
 pub struct Targets(Vec<f64>);
 
 impl Targets {
@@ -42,7 +39,7 @@ impl Targets {
             .iter()
             .position(|&other| other == target)
             .unwrap_or(self.0.len());
-        format!("model-{}", index % N_STYLES + 1)
+        colour(index)
     }
 }
 
@@ -51,9 +48,11 @@ fn last(values: &[f64]) -> f64 {
     values.last().copied().unwrap_or(f64::NAN)
 }
 
-fn line(label: impl Into<String>, class: impl Into<String>, x: &[f64], y: &[f64]) -> Line {
+/// A line; `run` names it under the pointer, with its label.
+fn line(run: &str, label: &str, class: impl Into<String>, x: &[f64], y: &[f64]) -> Line {
     Line {
         label: label.into(),
+        name: format!("{run}, {label}"),
         class: class.into(),
         x: x.to_vec(),
         y: y.to_vec(),
@@ -62,18 +61,18 @@ fn line(label: impl Into<String>, class: impl Into<String>, x: &[f64], y: &[f64]
 
 /// The recorded positions and the goals.
 fn recorded(trials: &[Trial]) -> Vec<Line> {
-    let data = trials
-        .iter()
-        .map(|trial| line("recorded", "data", &trial.time, &trial.position));
-    let goal = trials
-        .iter()
-        .map(|trial| line("goal", "goal", &trial.time, &trial.target));
+    let data =
+        (trials.iter()).map(|run| line(&run.name, "recorded", "data", &run.time, &run.position));
+    let goal = (trials.iter()).map(|run| line(&run.name, "goal", "goal", &run.time, &run.target));
     data.chain(goal).collect()
 }
 
 fn recorded_stick(trials: &[Trial]) -> Vec<Line> {
     (trials.iter())
-        .filter_map(|trial| Some(line("recorded", "data", &trial.time, trial.stick.as_ref()?)))
+        .filter_map(|run| {
+            let stick = run.stick.as_ref()?;
+            Some(line(&run.name, "recorded", "data", &run.time, stick))
+        })
         .collect()
 }
 
@@ -82,12 +81,8 @@ fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -
     (runs.iter())
         .map(|run| {
             let target = last(&run.target);
-            line(
-                format!("model, {target} m"),
-                targets.class(target),
-                &run.time,
-                y(run),
-            )
+            let label = format!("model, {target} m");
+            line(&run.name, &label, targets.class(target), &run.time, y(run))
         })
         .collect()
 }
@@ -97,9 +92,10 @@ fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> Stri
         description: description.into(),
         x_label: "time [s]".into(),
         y_label: y_label.into(),
-        x_in_decades: false,
+        axes: Axes::Linear,
         height,
         lines,
+        marks: Vec::new(),
     };
     plot.to_svg()
 }
@@ -111,7 +107,7 @@ pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets) -> String 
     plot(
         "recorded positions, goals and the model's response over time",
         "position [m]",
-        440.0,
+        360.0,
         lines,
     )
 }
@@ -123,7 +119,7 @@ pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
     plot(
         "recorded and modelled stick over time",
         "stick [1]",
-        340.0,
+        300.0,
         lines,
     )
 }
@@ -132,8 +128,11 @@ pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
 pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
     let label = format!("residual [{}]", objective.unit());
     let mut lines = modelled(&fit.runs, targets, |run| &run.residual);
-    (lines.iter_mut()).for_each(|line| line.label = line.label.replace("model, ", "goal "));
-    plot("recorded minus modelled over time", &label, 300.0, lines)
+    for line in &mut lines {
+        line.label = line.label.replace("model, ", "goal ");
+        line.name = line.name.replace("model, ", "goal ");
+    }
+    plot("recorded minus modelled over time", &label, 280.0, lines)
 }
 
 /// One line for each co-simulation, from the column that `column` names.
@@ -146,9 +145,11 @@ fn co_simulated(
         .filter_map(|closed| {
             let values = &closed.series.column(&column(closed))?.values;
             let label = format!("FMUs, {} m", closed.target);
+            let class = targets.class(closed.target);
             Some(line(
-                label,
-                targets.class(closed.target),
+                "closed loop",
+                &label,
+                class,
                 &closed.series.time,
                 values,
             ))
@@ -165,7 +166,7 @@ pub fn loop_response(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) 
     plot(
         "recorded positions, goals and the co-simulated response over time",
         "position [m]",
-        440.0,
+        360.0,
         lines,
     )
 }
@@ -177,7 +178,7 @@ pub fn loop_stick(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> 
     plot(
         "recorded and co-simulated stick over time",
         "stick [1]",
-        340.0,
+        300.0,
         lines,
     )
 }

@@ -32,14 +32,61 @@ pub fn table(header: &[&str], numeric: &[usize], rows: &[Vec<String>]) -> String
     html + "</tbody></table></div>\n"
 }
 
+/// What made a page, and when.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Made {
+    /// The command, as it can be typed again.
+    pub command: String,
+    /// Date and time.
+    pub date: String,
+}
+
+impl Made {
+    fn footer(&self) -> String {
+        let (version, date) = (env!("CARGO_PKG_VERSION"), escape(&self.date));
+        let command = escape(&self.command);
+        format!(
+            "<footer class=\"made\">pilotage {version}, {date}<br><code>{command}</code></footer>\n"
+        )
+    }
+}
+
+/// A part of a page with a heading; the content is HTML already.
+pub fn section(title: &str, content: &str) -> String {
+    format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
+}
+
+/// A page's title, and beside it the verdict in the class `good`, `doubtful` or `bad`.
+pub fn header(title: &str, class: &str, verdict: &str) -> String {
+    let verdict = escape(verdict);
+    format!("<header>\n<h1>{title}</h1>\n<p class=\"verdict {class}\">{verdict}</p>\n</header>\n")
+}
+
+/// A row of large numbers.
+pub fn facts(facts: &[(&str, String)]) -> String {
+    let items: String = (facts.iter())
+        .map(|(what, value)| format!("<div><dt>{what}</dt><dd>{}</dd></div>", escape(value)))
+        .collect();
+    format!("<dl class=\"facts\">{items}</dl>\n")
+}
+
+/// A drawing with a heading and a sentence above it.
+pub fn figure(title: &str, caption: &str, svg: &str) -> String {
+    section(
+        &escape(title),
+        &format!("<p>{caption}</p>\n<figure>\n{svg}</figure>\n"),
+    )
+}
+
 /// A page that needs nothing beside it.
-pub fn whole(title: &str, body: &str) -> String {
+pub fn whole(title: &str, body: &str, made: &Made) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>pilotage: {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}\
+         <title>pilotage: {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}{}\
          </main>\n</body>\n</html>\n",
         escape(title),
-        include_str!("style.css")
+        include_str!("style.css"),
+        made.footer()
     )
 }

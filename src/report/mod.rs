@@ -2,16 +2,21 @@
 
 mod axis;
 mod figures;
+mod frame;
 mod html;
 mod loops;
 mod number;
 mod page;
 mod plot;
+mod simulation;
 mod tables;
+mod thin;
 
 pub use figures::ClosedLoop;
-pub use loops::{LoopFigure, loop_page};
+pub use html::Made;
+pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use number::{short, significant};
 pub use page::{Report, page};
-pub use plot::{Line, Plot};
+pub use plot::{Axes, Line, Mark, Plot};
+pub use simulation::{Simulation, simulation_page};
 pub use tables::{rms, target_of};

@@ -25,9 +25,18 @@ pub fn short(value: f64, digits: usize) -> String {
     }
 }
 
+/// [`short`] for a page: a true minus sign, and the power of ten as such.
+pub fn chosen(value: f64, digits: usize) -> String {
+    marked_up(&short(value, digits))
+}
+
 /// [`significant`] for a page: a true minus sign, and the power of ten as such.
 pub fn html(value: f64, digits: usize) -> String {
-    let text = significant(value, digits).replace('-', "\u{2212}");
+    marked_up(&significant(value, digits))
+}
+
+fn marked_up(text: &str) -> String {
+    let text = text.replace('-', "\u{2212}");
     match text.split_once('e') {
         Some((mantissa, exponent)) => format!("{mantissa}\u{b7}10<sup>{exponent}</sup>"),
         None => text,

@@ -1,7 +1,7 @@
 //! The report page.
 
 use super::figures::{self, ClosedLoop, Targets};
-use super::html::{escape, whole};
+use super::html::{Made, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::tables;
 use crate::identification::{Doubt, Fit, Objective, Options, RunFit, Trial};
@@ -21,8 +21,8 @@ pub struct Report<'a> {
     pub flown: &'a [RunFit],
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
-    /// The command that made it.
-    pub command: &'a str,
+    /// What made it.
+    pub made: &'a Made,
 }
 
 /// The report as one HTML file that needs nothing beside it.
@@ -34,7 +34,7 @@ pub fn page(report: &Report) -> String {
         ..
     } = report;
     let targets = Targets::of(trials);
-    let mut body = header(report);
+    let mut body = head(report);
     body += &response(report, &targets);
     body += &figure(
         "Stick",
@@ -55,7 +55,7 @@ pub fn page(report: &Report) -> String {
     );
     body += &closed_loops(report, &targets);
     body += &numbers(report);
-    whole("identified pilot", &body)
+    whole("identified pilot", &body, report.made)
 }
 
 /// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
@@ -84,7 +84,7 @@ fn response(report: &Report, targets: &Targets) -> String {
 }
 
 /// Title, verdict, and the result in one formula and three numbers.
-fn header(report: &Report) -> String {
+fn head(report: &Report) -> String {
     let Report {
         fit,
         options,
@@ -103,10 +103,7 @@ fn header(report: &Report) -> String {
     };
     let residuals = || fit.runs.iter().flat_map(|run| &run.residual);
     let samples = residuals().filter(|residual| residual.is_finite()).count();
-    let mut html = format!(
-        "<header>\n<h1>Identified pilot</h1>\n<p class=\"verdict {class}\">{}</p>\n</header>\n",
-        escape(&verdict)
-    );
+    let mut html = header("Identified pilot", class, &verdict);
     if !fit.converged {
         html += "<p class=\"warning\">The numbers below are the best iterate of a solve that did not \
                  converge. Do not use them as a result: try another <code>--start</code>, \
@@ -143,14 +140,6 @@ fn doubts(fit: &Fit) -> String {
         )
     };
     fit.doubts.iter().map(item).collect()
-}
-
-/// A row of large numbers.
-fn facts(facts: &[(&str, String)]) -> String {
-    let items: String = (facts.iter())
-        .map(|(what, value)| format!("<div><dt>{what}</dt><dd>{}</dd></div>", escape(value)))
-        .collect();
-    format!("<dl class=\"facts\">{items}</dl>\n")
 }
 
 /// The pilot's transfer function from the error [m] to the stick, as a fraction.
@@ -190,10 +179,6 @@ fn polynomial(c: &[f64]) -> String {
     html
 }
 
-pub(super) fn figure(title: &str, caption: &str, svg: &str) -> String {
-    format!("<section>\n<h2>{title}</h2>\n<p>{caption}</p>\n<figure>\n{svg}</figure>\n</section>\n")
-}
-
 fn closed_loops(report: &Report, targets: &Targets) -> String {
     match report.loops.is_empty() {
         true => String::new(),
@@ -217,19 +202,16 @@ fn numbers(report: &Report) -> String {
         fit,
         options,
         trials,
-        command,
         ..
     } = report;
-    let section = |title: &str, content: String| {
-        format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
-    };
-    section("Parameters", tables::theta(fit, options.pilot))
-        + &section("Poles of the pilot", tables::poles(fit, options.pilot))
-        + &section("Poles of the closed loop", tables::closed_loop(fit))
-        + &section("Runs", tables::runs(report))
-        + &section("Solve", tables::solve(fit, options, command))
-        + &section("Vehicle", tables::vehicle(options))
-        + &section("Data", tables::files(trials))
+    let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
+    section("Parameters", &tables::theta(fit, options.pilot))
+        + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
+        + &section("Poles of the closed loop", &tables::closed_loop(fit))
+        + &section("Runs", &tables::runs(report))
+        + &section("Solve", &tables::solve(fit, options))
+        + &section("Vehicle", &tables::vehicle(options))
+        + &section("Data", &tables::files(files))
 }
 
 #[cfg(test)]
@@ -297,7 +279,10 @@ mod tests {
             trials: &trials,
             flown: &fit.runs,
             loops: &loops,
-            command: "pilotage fit <x>",
+            made: &Made {
+                command: "pilotage fit <x>".into(),
+                date: "2026-03-01 09:30 UTC".into(),
+            },
         };
         let html = page(&report);
         assert_eq!(html.matches("<figure>").count(), 5);
@@ -308,9 +293,13 @@ mod tests {
             "model, 20 m",
             "FMUs, 10 m",
             "&lt;10m-run1&gt;.csv",
+            "2026-03-01 09:30 UTC",
+            "pilotage fit &lt;x&gt;",
         ] {
             assert!(html.contains(part), "{part}");
         }
+        // The name of SVG's namespace is no address that a page would open.
+        let html = html.replace("http://www.w3.org/2000/svg", "");
         for outside in ["http", "<script", "<10m", "NaN", "url("] {
             assert!(!html.contains(outside), "{outside}");
         }

@@ -6,10 +6,9 @@ use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::trials::Summary;
-use crate::identification::{Fit, InitialState, Mesh, Objective, Options, Trial};
+use crate::identification::{Fit, InitialState, Mesh, Objective, Options};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
-use nalgebra::Complex;
 
 /// Which coefficient of the pilot's transfer function each component of θ is.
 fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
@@ -42,7 +41,7 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
         .map(|(i, (value, (unit, meaning)))| {
             vec![
                 format!("θ{}", i + 1),
-                number::html(*value, 6),
+                number::html(*value, 5),
                 unit,
                 meaning,
             ]
@@ -56,19 +55,19 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
 }
 
 pub fn poles(fit: &Fit, pilot: Pilot) -> String {
-    modes(&pilot.poles(&fit.theta))
+    modes(&Mode::of_poles(&pilot.poles(&fit.theta)))
 }
 
 pub fn closed_loop(fit: &Fit) -> String {
     match &fit.closed_loop {
-        Some(closed_loop) => modes(&closed_loop.poles),
+        Some(closed_loop) => modes(&Mode::of_poles(&closed_loop.poles)),
         None => "<p>Not known: the fit was told of no vehicle.</p>".into(),
     }
 }
 
-fn modes(poles: &[Complex<f64>]) -> String {
-    let rows: Vec<_> = Mode::of_poles(poles)
-        .iter()
+/// Poles, or pairs of them.
+pub fn modes(modes: &[Mode]) -> String {
+    let rows: Vec<_> = (modes.iter())
         .map(|mode| {
             let (re, im) = (number::html(mode.pole.re, 4), number::html(mode.pole.im, 4));
             let pole = match mode.pole.im == 0.0 {
@@ -77,6 +76,7 @@ fn modes(poles: &[Complex<f64>]) -> String {
             };
             let time = match mode.pole.re < 0.0 {
                 true => number::html(-1.0 / mode.pole.re, 4),
+                false if mode.pole.re == 0.0 => "–".into(),
                 false => "unstable".into(),
             };
             let frequency = number::html(mode.frequency, 4);
@@ -143,7 +143,7 @@ pub fn runs(report: &Report) -> String {
     table(&header, &[1, 2, 3, 4, 5, 6, 7, 8, 9], &rows)
 }
 
-pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
+pub fn solve(fit: &Fit, options: &Options) -> String {
     let unit = match options.objective {
         Objective::Response => " m²",
         Objective::Stick => "",
@@ -160,7 +160,7 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("status", escape(&fit.status)),
         (
             "sum of squared residuals",
-            number::html(fit.objective, 8) + unit,
+            number::html(fit.objective, 6) + unit,
         ),
         (
             "scaled KKT residual",
@@ -194,8 +194,6 @@ pub fn solve(fit: &Fit, options: &Options, command: &str) -> String {
         ("start of θ", start),
         ("pilot", format!("linear, order {}", options.pilot.order)),
         ("stick limit", format!("{}", options.stick_limit)),
-        ("tool", format!("pilotage {}", env!("CARGO_PKG_VERSION"))),
-        ("command", format!("<code>{}</code>", escape(command))),
     ];
     let rows: Vec<_> = rows
         .into_iter()
@@ -211,7 +209,7 @@ fn starts(fit: &Fit) -> String {
             "{} after {} iterations: {}",
             escape(&start.status),
             start.iterations,
-            number::html(start.objective, 8)
+            number::html(start.objective, 6)
         )
     };
     fit.starts.iter().map(line).collect::<Vec<_>>().join("<br>")
@@ -222,7 +220,7 @@ pub fn vehicle(options: &Options) -> String {
         .map(|field| {
             vec![
                 format!("<code>{}</code>", field.name),
-                cell((field.get)(&options.vehicle).to_string()),
+                number::chosen((field.get)(&options.vehicle), 6),
                 escape(&(field.unit)().symbol()),
                 escape(field.meaning),
             ]
@@ -231,16 +229,12 @@ pub fn vehicle(options: &Options) -> String {
     table(&["vehicle", "value", "unit", "meaning"], &[1], &rows)
 }
 
-pub fn files(trials: &[Trial]) -> String {
-    let rows: Vec<_> = (trials.iter())
-        .map(|trial| {
-            vec![
-                escape(&trial.origin),
-                format!("<code>{}</code>", trial.sha256),
-            ]
-        })
+/// Names of files with their SHA-256.
+pub fn files<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    let rows: Vec<_> = files
+        .map(|(name, sha256)| vec![escape(name), format!("<code>{sha256}</code>")])
         .collect();
-    table(&["data file", "SHA-256"], &[], &rows)
+    table(&["file", "SHA-256"], &[], &rows)
 }
 
 fn mesh(mesh: Mesh) -> String {

@@ -75,7 +75,7 @@ pub enum SeriesError {
         name: String,
     },
     /// The first column is not the time.
-    #[error("{file}:{line}: the first column is `{found}`; expected `time [s]`")]
+    #[error("{file}:{line}: the first column is `{found}`; expected `{expected} [s]`")]
     NoTime {
         /// The file.
         file: String,
@@ -83,6 +83,8 @@ pub enum SeriesError {
         line: usize,
         /// Name of the first column.
         found: String,
+        /// Name of the time.
+        expected: String,
     },
     /// The time's unit is not one that we convert.
     #[error("{file}:{line}: `time` is in `{found}`; expected s, ms or min")]

@@ -6,6 +6,9 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
+/// Name of the first column, in small letters or capitals.
+const TIME: &str = "time";
+
 /// What a file may hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
@@ -39,7 +42,15 @@ impl Series {
     /// # Errors
     /// As [`Series::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self, SeriesError> {
-        Self::parse_as(bytes, file, Form::Recording)
+        Self::parse_as(bytes, file, Form::Recording, TIME)
+    }
+
+    /// The same of a file whose first column, the time, has that name.
+    ///
+    /// # Errors
+    /// As [`Series::read`].
+    pub fn parse_with_time(bytes: &[u8], file: &str, time: &str) -> Result<Self, SeriesError> {
+        Self::parse_as(bytes, file, Form::Recording, time)
     }
 
     fn read_as(path: &Path, form: Form) -> Result<Self, SeriesError> {
@@ -48,13 +59,18 @@ impl Series {
             source,
         })?;
         let from = BufReader::with_capacity(1 << 16, opened);
-        Self::parse_as(from, &path.display().to_string(), form)
+        Self::parse_as(from, &path.display().to_string(), form, TIME)
     }
 
     /// Parses what can be read once, from the first byte to the last: a file of any length, or a pipe.
-    fn parse_as(from: impl BufRead, file: &str, form: Form) -> Result<Self, SeriesError> {
+    fn parse_as(
+        from: impl BufRead,
+        file: &str,
+        form: Form,
+        time: &str,
+    ) -> Result<Self, SeriesError> {
         let mut rows = Rows::new(from, file);
-        let header = rows.header()?;
+        let header = rows.header(time)?;
         let columns = (header.cells.iter().skip(1))
             .map(|(name, unit)| Column {
                 name: name.clone(),
@@ -178,7 +194,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
         self.reader.get_ref().number - within
     }
 
-    fn header(&mut self) -> Result<Header, SeriesError> {
+    fn header(&mut self, time: &str) -> Result<Header, SeriesError> {
         let file = || self.file.to_owned();
         if !self.next()? {
             return Err(SeriesError::Empty {
@@ -215,7 +231,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
             }
             cells.push((name, unit));
         }
-        let seconds = self.time_factor(line, &cells[0])?;
+        let seconds = self.time_factor(line, &cells[0], time)?;
         Ok(Header { cells, seconds })
     }
 
@@ -224,34 +240,37 @@ impl<'a, R: BufRead> Rows<'a, R> {
         &self,
         line: usize,
         (name, unit): &(String, String),
+        time: &str,
     ) -> Result<f64, SeriesError> {
         let file = self.file.to_owned();
-        match (name.as_str(), unit.as_str()) {
-            ("time", "s" | "") => Ok(1.0),
-            ("time", "ms") => Ok(1e-3),
-            ("time", "min") => Ok(60.0),
-            ("time", unit) => Err(SeriesError::TimeUnit {
+        if !name.eq_ignore_ascii_case(time) {
+            return Err(SeriesError::NoTime {
+                file,
+                line,
+                found: name.clone(),
+                expected: time.to_owned(),
+            });
+        }
+        match unit.as_str() {
+            "s" | "" => Ok(1.0),
+            "ms" => Ok(1e-3),
+            "min" => Ok(60.0),
+            unit => Err(SeriesError::TimeUnit {
                 file,
                 line,
                 found: unit.into(),
-            }),
-            (found, _) => Err(SeriesError::NoTime {
-                file,
-                line,
-                found: found.into(),
             }),
         }
     }
 }
 
-/// Splits `name [unit]`; the unit is empty where none is written. None: not a name.
+/// Splits `name [unit]`, or `name (unit)`; the unit is empty where none is written. None: not a name.
 pub(super) fn name_and_unit(cell: &str) -> Option<(String, String)> {
     let cell = cell.trim();
     let is_balanced = || cell.matches('[').count() == cell.matches(']').count();
-    let (name, unit) = match cell
-        .strip_suffix(']')
-        .and_then(|rest| rest.rsplit_once('['))
-    {
+    let within = |end: char, begin: &str| cell.strip_suffix(end)?.rsplit_once(begin);
+    // `der(x)` is a name.
+    let (name, unit) = match within(']', "[").or_else(|| within(')', " (")) {
         // `q[1]` is an element of an array (FMI 2.0, section 2.2.9), not a `q` in units of 1.
         Some((name, index)) if is_index(index) && !name.ends_with(' ') => (cell, ""),
         Some((name, unit)) => (name.trim(), unit.trim()),
@@ -285,6 +304,10 @@ mod tests {
             split("der(body.q[1,2])").as_deref(),
             Some("der(body.q[1,2])|")
         );
+        assert_eq!(split("position (m)").as_deref(), Some("position|m"));
+        assert_eq!(split("der(z) (m/s)").as_deref(), Some("der(z)|m/s"));
+        assert_eq!(split("der(z)").as_deref(), Some("der(z)|"));
+        assert_eq!(split("q (1) []").as_deref(), Some("q (1)|"));
         assert_eq!(split("q [1] []").as_deref(), Some("q [1]|"));
         assert_eq!(split("q[ [m]").as_deref(), Some("q[|m"));
         for wrong in ["", " ", "[m]", "position [m", "position m]"] {
@@ -332,7 +355,7 @@ mod tests {
             most: &mut most,
         };
         let from = BufReader::with_capacity(512, once);
-        let error = Series::parse_as(from, "f.csv", Form::Recording).unwrap_err();
+        let error = Series::parse_as(from, "f.csv", Form::Recording, TIME).unwrap_err();
         assert_eq!(
             error.to_string(),
             "f.csv:20005: column `a`: `x` is not a finite number; leave the cell empty where the sample is missing"
@@ -356,7 +379,7 @@ mod tests {
     #[test]
     fn tables_may_repeat_times_and_hold_what_is_not_finite() {
         let text = "time,a\n0,1\n0,inf\n1,-inf\n1,NaN\n";
-        let read = |form| Series::parse_as(text.as_bytes(), "f.csv", form);
+        let read = |form| Series::parse_as(text.as_bytes(), "f.csv", form, TIME);
         let table = read(Form::Table).unwrap();
         assert_eq!(table.time, [0.0, 0.0, 1.0, 1.0]);
         let a = &table.columns[0].values;
@@ -364,7 +387,7 @@ mod tests {
         assert!(a[3].is_nan());
         let error = read(Form::Recording).unwrap_err().to_string();
         assert!(error.starts_with("f.csv:3: time 0 s does not"), "{error}");
-        let error = Series::parse_as(&b"time,a\n0,1\ninf,1\n"[..], "f.csv", Form::Table);
+        let error = Series::parse_as(&b"time,a\n0,1\ninf,1\n"[..], "f.csv", Form::Table, TIME);
         let error = error.unwrap_err().to_string();
         assert!(
             error.starts_with("f.csv:3: column `time`: `inf`"),

@@ -49,6 +49,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("document", &["nearest"]),
+    ("date", &[]),
     ("nearest", &[]),
     ("causes", &[]),
     ("output", &[]),

@@ -75,7 +75,7 @@ fn trials() {
         (
             "numbers for a header",
             b"0,10,1\n0.5,10,2\n".into(),
-            "a.csv:1: the first column is `0`; expected `time [s]`",
+            "a.csv:1: the first column is `0`; expected `time [s]`\nhint: --column time=NAME says which column it is",
         ),
         (
             "nameless column",
@@ -140,12 +140,14 @@ fn trials() {
         (
             "misspelt column",
             good.replace("position", "postion").into(),
-            "a.csv: no column `position`; did you mean `postion`?; the columns are target, postion",
+            "a.csv: no column `position`; did you mean `postion`?; the columns are target, postion\n\
+             hint: --column position=NAME says which column it is",
         ),
         (
             "missing column",
             good.replace("target", "height").into(),
-            "a.csv: no column `target`; the columns are height, position",
+            "a.csv: no column `target`; the columns are height, position\n\
+             hint: --column target=NAME says which column it is",
         ),
         (
             "wrong unit",
@@ -330,7 +332,8 @@ fn uses() {
         ),
         (
             &["trials", "check", "."],
-            "error: cannot read .: Is a directory (os error 21)\n",
+            "error: . is a folder; expected recorded flights (CSV) or lists of them (TOML)\n\
+             hint: name the files in it: ./*\n",
         ),
         (
             &["vehicle", "check", "gone.toml"],

@@ -11,6 +11,7 @@ use pilotage::export::{Options, Provenance, export, export_as};
 use pilotage::fmi::Kind;
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::{Model, Quadcopter};
+use pilotage::series::Series;
 
 /// A pilot who brings the vehicle to its target.
 const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
@@ -237,7 +238,7 @@ fn model_exchange_is_coupled_as_tightly() {
     assert!(difference < 1e-8, "{exchange} {co_simulation}");
 }
 
-/// What `--report` says in words; times and errors are numbers that the tests of the master check.
+/// What `--details` says in words; times and errors are numbers that the tests of the master check.
 #[test]
 fn the_report_tells_lag_error_calls_and_times() {
     let folder = folder_with_fmus();
@@ -257,7 +258,7 @@ fn the_report_tells_lag_error_calls_and_times() {
             "0.05",
             "-o",
             "result.csv",
-            "--report",
+            "--details",
         ]);
         all.extend(arguments);
         let ended = folder.pilotage(&all);
@@ -290,6 +291,52 @@ fn the_report_tells_lag_error_calls_and_times() {
     }
     let restores = &report["slaves"][0]["calls"]["restore"];
     assert!(restores.as_u64().unwrap() > 20, "{report}");
+}
+
+/// The page of a co-simulation: its signals, grouped by unit, and what the master tells.
+#[test]
+fn the_page_of_a_co_simulation_shows_signals_connections_and_origin() {
+    let folder = folder_with_fmus();
+    let run = |output: &str| {
+        let wires = "--connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position";
+        let rest = "--set pilot.target=10 --stop-time 1 --step 0.05 --report run.html -o";
+        let command = format!("cosim pilot.fmu quadcopter.fmu {wires} {rest} {output}");
+        let arguments: Vec<&str> = command.split(' ').collect();
+        folder.pilotage_with(&arguments, &[("SOURCE_DATE_EPOCH", "951782400")])
+    };
+    let ended = run("result.csv");
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    let page = folder.read("run.html");
+    let [stick, z] = ["pilot.stick", "quadcopter.z"].map(|name| {
+        let series = Series::read_table(&folder.path("result.csv")).unwrap();
+        *series.column(name).unwrap().values.last().unwrap()
+    });
+    assert!(stick != 0.0 && z != 0.0);
+    for part in [
+        "<p class=\"verdict good\">completed</p>",
+        "<dt>communication steps</dt><dd>20</dd>",
+        "<h2>pilot.stick</h2>",
+        "<h2>Signals in m</h2>",
+        "<td>pilot.stick</td><td>quadcopter.stick</td><td>held</td><td class=\"n\">0.0250</td>",
+        "<td>master and result</td>",
+        "<td>pilot.fmu</td><td><code>",
+        "2000-02-29 00:00 UTC",
+        "--set pilot.target=10 --stop-time 1 --step 0.05 --report run.html -o result.csv</code>",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // Eight outputs with six units.
+    assert_eq!(page.matches("<figure>").count(), 6);
+    assert_eq!(page.matches("<g class=\"run\">").count(), 8);
+    let ended = run("/dev/null");
+    assert_eq!(
+        (ended.code, ended.stderr.as_str()),
+        (
+            2,
+            "error: --report draws what the result holds, and nothing can be read back from /dev/null\n\
+             hint: give the result a file with -o\n"
+        )
+    );
 }
 
 #[test]

@@ -363,8 +363,8 @@ fn what_cannot_be_exported_leaves_nothing_behind() {
         ),
         (
             &["quadcopter", "good.toml"],
-            "error: good.toml:1: unknown field `converged`; known are mass, arm_length, inertia, \
-             gravity, hover_speed, propeller_lag, propeller_gain, attitude_gain, rate_gain, max_pitch\n",
+            "error: good.toml is a pilot file; expected a vehicle file (TOML)\nhint: a pilot belongs to \
+             `pilotage export pilot good.toml` or `pilotage cosim good.toml`\n",
         ),
         (
             &["quadcopter", "light.toml"],

@@ -27,6 +27,7 @@ mod foreign;
 mod joint_ode;
 mod linearize;
 mod masters;
+mod mistakes;
 mod mutation;
 mod other_fmus;
 mod other_tools;

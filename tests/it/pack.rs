@@ -293,3 +293,32 @@ fn a_packed_library_holds_no_path_of_the_machine_that_built_it() {
         assert!(!is_found, "{name}");
     }
 }
+
+/// Wherever the example's folder is copied, it is packed: the kit is found. The same model as from its own place.
+#[test]
+fn an_example_copied_elsewhere_is_packed() {
+    let folder = Folder::new();
+    for file in ["Cargo.toml", "src/lib.rs"] {
+        let text = std::fs::read(example("vehicle-fmu").join(file)).unwrap();
+        folder.write(&format!("mine/{file}"), text);
+    }
+    let target = folder.path("target");
+    let variables = [("CARGO_TARGET_DIR", target.to_str().unwrap())];
+    let ended = folder.pilotage_with(&["pack", "mine", "-o", "mine.fmu"], &variables);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let own = example("vehicle-fmu");
+    let ended = folder.pilotage(&["pack", own.to_str().unwrap(), "-o", "own.fmu"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let description =
+        |file: &str| folder.pilotage(&["info", file, "--json"]).json()["variables"].clone();
+    assert!(description("mine.fmu").as_array().unwrap().len() > 5);
+    assert_eq!(description("mine.fmu"), description("own.fmu"));
+    // One that says itself where the kit is, and is wrong, is not set right.
+    let text = folder
+        .read("mine/Cargo.toml")
+        .replace("\"0.1\"", "{ path = \"nowhere\" }");
+    folder.write("mine/Cargo.toml", text);
+    let ended = folder.pilotage_with(&["pack", "mine"], &variables);
+    assert_eq!(ended.code, 2);
+    assert!(ended.stderr.contains("nowhere"), "{ended:?}");
+}

@@ -281,3 +281,44 @@ fn a_folder_that_is_not_empty_is_written_into_only_by_force() {
     assert_eq!(folder.pilotage(&["trials", "synth", "--force"]).code, 0);
     assert_ne!(folder.read("trials/10m-run1.csv"), "mine");
 }
+
+/// Columns of other names, in other letters, with units in parentheses: the same flights.
+#[test]
+fn columns_of_other_names_are_the_same_flights() {
+    let folder = Folder::new();
+    let rows: String = (0..12)
+        .map(|k| format!("{},10,{k},0.5,7\n", 50 * k))
+        .collect();
+    let plain = "time [ms],target [m],position [cm],stick,other";
+    for (file, header) in [
+        ("plain.csv", plain),
+        (
+            "capitals.csv",
+            "Time [ms],TARGET [m],Position [cm],Stick,other",
+        ),
+        (
+            "parentheses.csv",
+            "time (ms),target (m),position (cm),stick,other",
+        ),
+        ("named.csv", "t [ms],goal [m],z [cm],lever,position"),
+    ] {
+        folder.write(file, format!("{header}\n{rows}"));
+    }
+    let check = |file: &str, more: &[&str]| {
+        let ended = folder.pilotage(&[&["trials", "check", "--json", file], more].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let mut trial = ended.json()["trials"][0].clone();
+        for own in ["name", "file", "sha256"] {
+            trial.as_object_mut().unwrap().remove(own);
+        }
+        trial
+    };
+    let expected = check("plain.csv", &[]);
+    assert_eq!(expected["final_error_m"], 0.11 - 10.0);
+    assert_eq!(expected["peak_stick"], 0.5);
+    assert_eq!(check("capitals.csv", &[]), expected);
+    assert_eq!(check("parentheses.csv", &[]), expected);
+    let names = ["time=t", "target=goal", "position=z", "stick=lever"];
+    let names: Vec<&str> = names.iter().flat_map(|name| ["--column", name]).collect();
+    assert_eq!(check("named.csv", &names), expected);
+}

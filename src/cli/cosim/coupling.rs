@@ -1,7 +1,8 @@
 //! Arguments that say how slaves are coupled.
 
 use super::super::Failure;
-use super::wiring::{pair, positive};
+use super::super::number::positive;
+use super::wiring::pair;
 use crate::cosim::{Algorithm, Clock, Control, Coupling, System};
 use clap::ValueEnum;
 
@@ -17,28 +18,28 @@ pub struct CouplingArgs {
     /// Choose the communication steps so that no input is wrong by more than this, relative to its
     /// magnitude; every multiple of --step is hit. FMUs must be able to go back (canGetAndSetFMUstate)
     /// for a step to be repeated.
-    #[arg(long, value_name = "NUMBER", value_parser = positive)]
+    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Shortest communication step with --tolerance [s] [default: a billionth of --step].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "tolerance")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true, requires = "tolerance")]
     min_step: Option<f64>,
     /// Longest communication step with --tolerance [s] [default: --step].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "tolerance")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true, requires = "tolerance")]
     max_step: Option<f64>,
     /// Relative tolerance for FMUs with error control of their own [default: a tenth of --tolerance,
     /// else each FMU's own].
-    #[arg(long, value_name = "NUMBER", value_parser = positive)]
+    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_negative_numbers = true)]
     fmu_tolerance: Option<f64>,
     /// Have an FMU take every communication step in that many equal parts; may be given many times.
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
     parts: Vec<(String, String)>,
     /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where their steps
     /// take more than about 1 µs and processors are free. Instances of one FMU then run on several threads.
-    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "report"])]
+    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "details", "report"])]
     parallel: bool,
     /// Time every call, and report each connection, its lag and error, and all calls.
     #[arg(long)]
-    pub report: bool,
+    pub details: bool,
 }
 
 /// [`Algorithm`] by name.
@@ -80,7 +81,7 @@ impl CouplingArgs {
                     ..control
                 }
             }),
-            measure: self.report,
+            measure: self.details,
             ..algorithm.into()
         })
     }

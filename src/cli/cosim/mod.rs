@@ -12,11 +12,12 @@ pub mod wiring;
 use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
-use self::wiring::{Wired, Wiring, positive};
+use self::wiring::{Wired, Wiring};
+use super::number::{number, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
-use crate::output::GrowingFile;
+use crate::output::{self, GrowingFile};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -56,14 +57,15 @@ pub struct Args {
         long,
         value_name = "SECONDS",
         default_value_t = 0.0,
+        value_parser = number,
         allow_negative_numbers = true
     )]
     start_time: f64,
     /// Stop time [s] [default: what the FMUs suggest, if they agree].
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
     stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     step: f64,
     #[command(flatten)]
     coupling: CouplingArgs,
@@ -73,11 +75,15 @@ pub struct Args {
     record: Vec<String>,
     /// Time between recorded rows [s]; a multiple of the step [default: the step]. The last row of the run
     /// comes in any case.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     record_every: Option<f64>,
     /// Where the result goes (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// Write a page: the recorded signals over time, each connection, its lag and error, and all calls, which
+    /// are timed for it.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// How progress is told on stderr.
     #[arg(long, value_enum, default_value_t)]
     progress: Told,
@@ -93,14 +99,14 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     // What is wrong without a look at the files is told before they are opened.
     let given = args.stop_time.map(|stop| args.clock(stop)).transpose()?;
     let every = args.rows_between()?;
-    let output = (args.output.as_path(), Kind::Result);
-    args.overwrite.check(&args.wiring.files(), &[output])?;
+    args.check_outputs()?;
     let Wired { mut system, tables } = args.wiring.build()?;
     let clock = match given {
         Some(clock) => clock,
         None => args.clock(system.suggested_stop().ok_or_else(no_stop)?)?,
     };
-    let coupling = args.coupling.coupling(&clock)?;
+    let mut coupling = args.coupling.coupling(&clock)?;
+    coupling.measure |= args.report.is_some();
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
@@ -147,6 +153,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         converted,
         notes,
     };
+    if let Some(path) = &args.report {
+        write_page(path, &summary.page()?)?;
+    }
     terminal::print(&match args.json {
         true => format!("{:#}\n", summary.to_json()),
         false => summary.to_text(),
@@ -165,9 +174,29 @@ fn no_stop() -> Failure {
         .hint("say when the simulation ends, such as --stop-time 10")
 }
 
+fn write_page(path: &Path, page: &str) -> Result<(), Failure> {
+    output::write(path, page.as_bytes())
+        .map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+}
+
 impl Args {
     fn clock(&self, stop: f64) -> Result<Clock, Failure> {
         Ok(Clock::new(self.start_time, stop, self.step)?)
+    }
+
+    fn check_outputs(&self) -> Result<(), Failure> {
+        let result = self.output.as_path();
+        if self.report.is_some() && result.exists() && !result.is_file() {
+            let message = format!(
+                "--report draws what the result holds, and nothing can be read back from {}",
+                result.display()
+            );
+            return Err(Failure::new(message).hint("give the result a file with -o"));
+        }
+        let page = self.report.as_deref().map(|path| (path, Kind::Page));
+        let outputs = [(result, Kind::Result)].into_iter().chain(page);
+        let outputs: Vec<(&Path, Kind)> = outputs.collect();
+        self.overwrite.check(&self.wiring.files(), &outputs)
     }
 
     /// Communication steps from one recorded row to the next.

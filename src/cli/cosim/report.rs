@@ -62,57 +62,69 @@ pub fn to_json(report: &Report) -> Value {
 
 /// In words: what is to be warned of, then a few lines or, if `is_long`, all.
 pub fn to_text(report: &Report, is_long: bool) -> String {
+    let warnings = warnings(report).into_iter();
+    let warnings = warnings.map(|words| format!("warning: {words}\n"));
+    let notes = notes(report).into_iter();
+    let notes = notes.map(|words| format!("note: {words}\n"));
+    warnings.chain(notes).collect::<String>()
+        + &match is_long {
+            true => details(report),
+            false => brief(report),
+        }
+}
+
+/// What is to be warned of.
+pub fn warnings(report: &Report) -> Vec<String> {
     let steps = &report.steps;
-    let mut text = String::new();
-    for name in &report.irrevocable {
+    let irrevocable = (report.irrevocable.iter()).map(|name| {
         let errors = errors_of(report, name);
-        text += &format!(
-            "warning: `{name}` cannot go back to a saved state: its inputs are extrapolated, and no \
-             step is repeated{errors}\n"
-        );
-    }
-    if steps.unconverged > 0 {
-        let n = steps.unconverged;
-        text += &format!(
-            "warning: in {n} of {} steps the corrections did not converge; try a shorter --step\n",
-            steps.accepted
-        );
-    }
-    if steps.over_tolerance > 0 {
-        let n = steps.over_tolerance;
-        text += &format!("warning: the error of {n} steps is larger than the tolerance\n");
-    }
-    if steps.unsettled > 0 {
-        let n = steps.unsettled;
-        text += &format!(
-            "warning: in {n} of {} steps integers, booleans, enumerations or texts did not settle: they \
-             are passed on a step late\n",
-            steps.accepted
-        );
-    }
-    if steps.ramps > 0 {
-        let (n, fixed) = (steps.ramps, report.fixed.join("`, `"));
-        text += &format!(
-            "warning: {n} jumps of the inputs became ramps over a step: `{fixed}` cannot take steps of \
-             different lengths\n"
-        );
-    }
-    text += &divergences(report);
-    for name in &report.holding {
-        text += &format!(
-            "note: `{name}` cannot let its inputs change within a step (no input derivatives, no \
-             intermediate updates): it holds their means; --parts {name}=N makes that finer\n"
-        );
-    }
-    text += &match is_long {
-        true => details(report),
-        false => brief(report),
+        format!(
+            "`{name}` cannot go back to a saved state: its inputs are extrapolated, and no step is \
+             repeated{errors}"
+        )
+    });
+    let (accepted, fixed) = (steps.accepted, report.fixed.join("`, `"));
+    let counted: [(u64, &dyn Fn(u64) -> String); 4] = [
+        (steps.unconverged, &|n| {
+            format!(
+                "in {n} of {accepted} steps the corrections did not converge; try a shorter --step"
+            )
+        }),
+        (steps.over_tolerance, &|n| {
+            format!("the error of {n} steps is larger than the tolerance")
+        }),
+        (steps.unsettled, &|n| {
+            format!(
+                "in {n} of {accepted} steps integers, booleans, enumerations or texts did not settle: they \
+                 are passed on a step late"
+            )
+        }),
+        (steps.ramps, &|n| {
+            format!(
+                "{n} jumps of the inputs became ramps over a step: `{fixed}` cannot take steps of different \
+                 lengths"
+            )
+        }),
+    ];
+    let counted = counted.into_iter().filter(|(n, _)| *n > 0);
+    (irrevocable.chain(counted.map(|(n, words)| words(n))))
+        .chain(divergences(report))
+        .collect()
+}
+
+/// What is to be known.
+pub fn notes(report: &Report) -> Vec<String> {
+    let note = |name: &String| {
+        format!(
+            "`{name}` cannot let its inputs change within a step (no input derivatives, no intermediate \
+             updates): it holds their means; --parts {name}=N makes that finer"
+        )
     };
-    text
+    report.holding.iter().map(note).collect()
 }
 
 /// Connections whose signals ran away, those that alternate first.
-fn divergences(report: &Report) -> String {
+fn divergences(report: &Report) -> Option<String> {
     let mut lines: Vec<String> = (report.connections.iter())
         .filter_map(|c| {
             let why = match c.divergence? {
@@ -127,19 +139,14 @@ fn divergences(report: &Report) -> String {
         })
         .collect();
     lines.sort_by_key(|line| !line.contains("swings"));
-    match &lines[..] {
-        [] => String::new(),
-        [first, rest @ ..] => {
-            let more = match rest.len() {
-                0 => String::new(),
-                n => format!("; so do {n} more connections"),
-            };
-            format!(
-                "warning: {first}{more}; try --algorithm strong, a lower --extrapolation or a shorter \
-                 --step\n"
-            )
-        }
-    }
+    let (first, rest) = lines.split_first()?;
+    let more = match rest.len() {
+        0 => String::new(),
+        n => format!("; so do {n} more connections"),
+    };
+    Some(format!(
+        "{first}{more}; try --algorithm strong, a lower --extrapolation or a shorter --step"
+    ))
 }
 
 /// Connections and slaves that a short report names.
@@ -195,7 +202,7 @@ fn brief(report: &Report) -> String {
     let unnamed = |all: usize| all.saturating_sub(NAMED);
     let rest = unnamed(report.slaves.len()) + unnamed(report.connections.len());
     if rest > 0 {
-        text += "  the others by --report\n";
+        text += "  the others by --details\n";
     }
     text
 }

@@ -2,8 +2,12 @@
 
 use super::ending::Words;
 use super::{Args, report};
+use crate::cli::Failure;
+use crate::cli::made::{made, with_sums};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, Run};
+use crate::report::{Simulation, significant, simulation_page};
+use crate::series::{Series, SeriesError};
 use serde_json::json;
 
 /// A run and what belongs to it.
@@ -68,15 +72,60 @@ impl Summary<'_> {
             self.signals.len(),
             self.args.output.display()
         );
-        for [from, from_unit, to, to_unit] in &self.converted {
-            text += &format!("note: `{from}` [{from_unit}] is converted for `{to}` [{to_unit}]\n");
-        }
-        for note in &self.notes {
+        for note in self.notes() {
             text += &format!("note: {note}\n");
         }
-        for output in &self.run.unrecorded {
-            text += &format!("note: `{output}` is text and not in the table\n");
-        }
-        text + &report::to_text(&self.run.report, self.args.coupling.report)
+        text + &report::to_text(&self.run.report, self.args.coupling.details)
+    }
+
+    /// What is to be known, without what the master tells.
+    fn notes(&self) -> Vec<String> {
+        let converted = self.converted.iter().map(|[from, from_unit, to, to_unit]| {
+            format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
+        });
+        let unrecorded = self.run.unrecorded.iter();
+        let unrecorded = unrecorded.map(|name| format!("`{name}` is text and not in the table"));
+        (converted.chain(self.notes.iter().cloned()))
+            .chain(unrecorded)
+            .collect()
+    }
+
+    /// The page, drawn from the result as it was written.
+    pub fn page(&self) -> Result<String, Failure> {
+        let run = self.run;
+        let series = match Series::read_table(&self.args.output) {
+            // A run that failed before its first row.
+            Err(SeriesError::NoSamples { .. }) => Series::default(),
+            read => read?,
+        };
+        let ending = match (self.ending.status, self.ending.severity) {
+            ("completed", _) => ("good", "completed"),
+            (status, "error") => ("bad", status),
+            (status, _) => ("doubtful", status),
+        };
+        let told = self.ending.message.iter().cloned();
+        let notes = self.notes().into_iter();
+        let notes = notes.chain(report::notes(&run.report));
+        let duration = format!("{} to {} s", self.args.start_time, run.time);
+        let facts = [
+            ("simulated", duration),
+            ("step", format!("{} s", self.args.step)),
+            ("algorithm", self.algorithm.to_string()),
+            ("communication steps", run.report.steps.accepted.to_string()),
+            ("rejected", run.report.steps.rejected.to_string()),
+            ("took", format!("{} s", significant(self.seconds, 3))),
+        ];
+        Ok(simulation_page(&Simulation {
+            ending,
+            warnings: &told
+                .chain(report::warnings(&run.report))
+                .collect::<Vec<_>>(),
+            notes: &notes.collect::<Vec<_>>(),
+            facts: &facts,
+            series: &series,
+            report: &run.report,
+            files: &with_sums(&self.args.wiring.files()),
+            made: &made(),
+        }))
     }
 }

@@ -1,6 +1,7 @@
 //! Arguments that say what is simulated, and the system that they make.
 
 use super::super::Failure;
+use super::super::recognise::{self, Kind as Kinds};
 use super::{inputs, parameters};
 use crate::cosim::{NativeSlave, Slave, System, fmu_slave};
 use crate::document::{self, Document};
@@ -22,7 +23,7 @@ pub struct Wiring {
     #[arg(long, value_enum)]
     kind: Option<KindName>,
     /// Wire an output to an input; may be given many times. Arrays of the same dimensions are wired element
-    /// by element, `NAME[1]` is one of them.
+    /// by element, `NAME[1]` is one of them (in quotes, for the sake of shells such as zsh).
     #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     connect: Vec<(String, String)>,
     /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like
@@ -65,14 +66,6 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// A positive number.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a positive number".to_owned()),
-    }
-}
-
 /// A wired system, and what to tell about the tables that feed it.
 pub struct Wired {
     /// Ready to run.
@@ -91,6 +84,7 @@ impl Wiring {
 
     /// Opens everything and wires it.
     pub fn build(&self) -> Result<Wired, Failure> {
+        self.expect()?;
         let mut system = System::new();
         for argument in &self.models {
             let (name, file) = instance(argument);
@@ -104,12 +98,41 @@ impl Wiring {
             system.connect(from, to)?;
         }
         for (name, value) in &self.set {
-            system.set(name, value)?;
+            system.set(name, value).map_err(|error| {
+                let failure = Failure::from(error);
+                match document::with_point(value) {
+                    Some(number) => {
+                        failure.hint(format!("write a decimal point: --set {name}={number}"))
+                    }
+                    None => failure,
+                }
+            })?;
         }
         for file in &self.parameters {
             parameters::apply(&mut system, file, &self.set)?;
         }
         Ok(Wired { system, tables })
+    }
+
+    /// Refuses files in the wrong place.
+    fn expect(&self) -> Result<(), Failure> {
+        use Kinds::{Archive, Fmu, Pilot, Table, Trial, Vehicle};
+        let named = |arguments: &[String]| -> Vec<PathBuf> {
+            arguments
+                .iter()
+                .map(|argument| instance(argument).1)
+                .collect()
+        };
+        let models = "an FMU, a pilot file or a vehicle file";
+        recognise::expect(
+            &named(&self.models),
+            &[Fmu, Archive, Pilot, Vehicle],
+            models,
+        )?;
+        let table = "a table over time (CSV) for --input";
+        recognise::expect(&named(&self.input), &[Trial, Table], table)?;
+        let values = "start values for --parameters (TOML or CSV)";
+        recognise::expect(&self.parameters, &[], values)
     }
 
     fn open(&self, file: &Path, name: &str) -> Result<Box<dyn Slave>, Failure> {

@@ -6,7 +6,10 @@ pub mod summary;
 mod table;
 mod watch;
 
+use super::made::made;
+use super::number::{number, positive, whole};
 use super::overwrite::{Kind, Overwrite};
+use super::trials::Columns;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
@@ -51,6 +54,8 @@ pub struct Args {
     /// Trials (CSV) or manifests (TOML).
     #[arg(required = true)]
     trials: Vec<PathBuf>,
+    #[command(flatten)]
+    columns: Columns,
     /// The pilot file to write.
     #[arg(short, long, default_value = "pilot.toml")]
     output: PathBuf,
@@ -58,7 +63,7 @@ pub struct Args {
     #[arg(long, default_value_t = Options::default().scheme)]
     scheme: Scheme,
     /// Length of the mesh's intervals, about; the samples are the mesh where it is missing.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     mesh_step: Option<f64>,
     /// What is known of the states at the first sample; `free` is the paper's.
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
@@ -82,12 +87,13 @@ pub struct Args {
         long,
         value_name = "t1,t2,...",
         value_delimiter = ',',
+        value_parser = number,
         allow_hyphen_values = true
     )]
     start: Option<Vec<f64>>,
     /// Random starts beside the others; where it is missing and runs begin at rest, up to 8 as long as one start
     /// alone leads to the best sum of squares, and 8 where all initial states are free.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole, allow_negative_numbers = true)]
     random_starts: Option<usize>,
     /// The vehicle that was flown (TOML); the default vehicle where it is missing.
     #[arg(long, value_name = "FILE")]
@@ -97,16 +103,17 @@ pub struct Args {
           value_parser = clap::value_parser!(u8).range(1..=MAX_ORDER as i64))]
     order: u8,
     /// Limit on |y_p| at every sample.
-    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive)]
+    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive, allow_negative_numbers = true)]
     stick_limit: f64,
     /// Iteration limit of each start.
-    #[arg(long, default_value_t = Options::default().max_iterations)]
+    #[arg(long, default_value_t = Options::default().max_iterations, value_parser = whole,
+          allow_negative_numbers = true)]
     max_iterations: usize,
     /// Stop after this time [s] with the best so far.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     time_limit: Option<f64>,
     /// Scaled KKT residual at which the solve has converged.
-    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive)]
+    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive, allow_negative_numbers = true)]
     tolerance: f64,
     /// Write a report page (HTML) too.
     #[arg(long, value_name = "FILE")]
@@ -136,14 +143,6 @@ fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     })
 }
 
-/// A finite number above zero.
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("expected a number above 0".into()),
-    }
-}
-
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     if args.json && args.logs_to_stdout() {
@@ -151,7 +150,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             .hint("give --log a file; or leave --json out: the log's last line has the result"));
     }
     let options = args.options()?;
-    let set = TrialSet::read(&args.trials)?;
+    let set = args.columns.read(&args.trials)?;
     for note in &set.notes {
         terminal::note(note);
     }
@@ -243,17 +242,13 @@ fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> Stri
     // All or none: the page tells them by their places.
     let flown: Option<Vec<RunFit>> = flown.iter().map(|flown| flown.run.clone()).collect();
     let flown = flown.unwrap_or_default();
-    let words = std::env::args_os().skip(1);
-    let command: Vec<String> = words
-        .map(|word| word.to_string_lossy().into_owned())
-        .collect();
     report::page(&Report {
         fit,
         options,
         trials,
         flown: &flown,
         loops: &[],
-        command: &format!("pilotage {}", command.join(" ")),
+        made: &made(),
     })
 }
 

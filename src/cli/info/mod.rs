@@ -8,7 +8,7 @@
 mod json;
 mod text;
 
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, recognise, terminal};
 use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
 use crate::fmi::{Fmu, Kind};
 use serde_json::{Value, json};
@@ -29,6 +29,11 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    recognise::expect(
+        [&args.fmu],
+        &[recognise::Kind::Fmu, recognise::Kind::Archive],
+        "an FMU",
+    )?;
     let fmu = Fmu::open(&args.fmu)?;
     let text = match args.json {
         true => format!("{:#}\n", json::of(&fmu)),

@@ -27,11 +27,13 @@ pub fn json(
     });
     for view in views {
         let told = json!({
+            "stability": view.verdict().word(),
             "poles": view.modes.iter().map(mode).collect::<Vec<_>>(),
             "loops": view.loops.iter().map(looped).collect::<Vec<_>>(),
         });
         match view.step {
             None => {
+                object["stability"] = told["stability"].clone();
                 object["poles"] = told["poles"].clone();
                 object["loops"] = told["loops"].clone();
             }

@@ -2,16 +2,20 @@
 
 mod files;
 mod text;
+mod verdict;
 
 use super::cosim::ending;
-use super::cosim::wiring::{Wired, Wiring, pair, positive};
+use super::cosim::wiring::{Wired, Wiring, pair};
+use super::made::{made, with_sums};
+use super::number::{number, positive};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, terminal};
 use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
 use crate::linear::{Mode, StateSpace};
 use crate::output;
-use crate::report::{LoopFigure, loop_page};
+use crate::report::{LoopFigure, LoopPage, Stability, loop_page};
 use std::path::{Path, PathBuf};
+use verdict::Verdict;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -32,7 +36,8 @@ L = ω_c e^(-τ s)/s, with the same crossover and phase.
 FMUs are linearised by their directional derivatives; without them those for model exchange by
 differences, those for co-simulation by their responses to pulses in steps of --step, if they can go
 back to a saved state; pilot and vehicle files exactly.
-Exit codes: 0 done, 1 an FMU failed or cannot be linearised, 2 bad use or input.";
+Exit codes: 0 done, 1 the coupled system is unstable (in steps, where --in-steps asks for that), or an
+FMU failed or cannot be linearised, 2 bad use or input.";
 
 /// Arguments of `pilotage linearize`.
 #[derive(Debug, clap::Args)]
@@ -45,22 +50,23 @@ pub struct Args {
         long,
         value_name = "SECONDS",
         default_value_t = 0.0,
+        value_parser = number,
         allow_negative_numbers = true
     )]
     start_time: f64,
     /// When to linearise [s] [default: at the start].
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
     at: Option<f64>,
     /// Communication step on the way there [s]; must divide the time. Also that in which the responses of
     /// FMUs without derivatives are taken [default there: 1].
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     step: Option<f64>,
     /// A connection at which the system is cut open; may be given many times.
     #[arg(long = "loop", value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     loops: Vec<(String, String)>,
     /// Tell poles and loops also as a co-simulation with Jacobi's scheme in steps of this length has them
     /// [s].
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     in_steps: Option<f64>,
     /// Write the matrices as a script for Matlab and Octave.
     #[arg(long, value_name = "FILE")]
@@ -68,7 +74,10 @@ pub struct Args {
     /// Write the matrices [A B; C D] as a table with names.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Write a page with Bode and Nyquist plots of the loops.
+    /// Print the matrices A, B, C and D first.
+    #[arg(long)]
+    matrices: bool,
+    /// Write a page: verdict, poles, and Bode and Nyquist plots of the loops.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Print one JSON object, matrices and responses included, instead of text.
@@ -88,13 +97,33 @@ pub struct View {
     pub loops: Vec<(String, Loop)>,
 }
 
+impl View {
+    fn verdict(&self) -> Verdict {
+        Verdict::of(&self.modes)
+    }
+
+    fn in_steps(&self) -> String {
+        (self.step).map_or_else(String::new, |step| format!(", in steps of {step} s"))
+    }
+
+    /// The verdict in a sentence.
+    fn words(&self) -> String {
+        self.verdict().words(&self.modes, &self.in_steps())
+    }
+}
+
+/// What is to be known of a linearization.
+fn notes(linearization: &Linearization) -> Vec<String> {
+    let constant = linearization.constant.iter();
+    let constant = constant.map(|wire| format!("`{wire}` carries no real; it counts as constant"));
+    constant
+        .chain(linearization.notes.iter().cloned())
+        .collect()
+}
+
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = args.clock()?;
-    if args.report.is_some() && args.loops.is_empty() {
-        return Err(Failure::new("--report draws loops, and none is asked for")
-            .hint("add --loop INSTANCE.OUTPUT=INSTANCE.INPUT"));
-    }
     args.check_outputs()?;
     let Wired { system, tables } = args.wiring.build()?;
     for note in tables.iter().flat_map(|table| table.notes(&clock)) {
@@ -111,15 +140,23 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     };
     let coupled = linearization.coupled()?;
     let views = args.views(&linearization, &coupled)?;
-    args.write(&coupled, &views)?;
+    args.write(run.time, &coupled, &views, &linearization)?;
     terminal::print(&match args.json {
         true => format!(
             "{:#}\n",
             files::json(run.time, &coupled, &views, &linearization)
         ),
-        false => text::summary(run.time, &coupled, &views, &linearization),
+        false => {
+            let matrices = args.matrices.then_some(&coupled);
+            text::summary(run.time, &coupled, matrices, &views, &linearization)
+        }
     })?;
-    Ok(Outcome::Done)
+    Ok(
+        match views.iter().any(|view| view.verdict() == Verdict::Unstable) {
+            true => Outcome::No,
+            false => Outcome::Done,
+        },
+    )
 }
 
 impl Args {
@@ -181,7 +218,13 @@ impl Args {
         self.loops.iter().map(one).collect()
     }
 
-    fn write(&self, coupled: &StateSpace, views: &[View]) -> Result<(), Failure> {
+    fn write(
+        &self,
+        time: f64,
+        coupled: &StateSpace,
+        views: &[View],
+        linearization: &Linearization,
+    ) -> Result<(), Failure> {
         if let Some(path) = &self.matlab {
             save(path, &files::matlab(coupled))?;
         }
@@ -189,18 +232,38 @@ impl Args {
             save(path, &files::table(coupled))?;
         }
         if let Some(path) = &self.report {
-            let figures: Vec<LoopFigure> = (views.iter())
-                .flat_map(|view| view.loops.iter().map(move |looped| (view, looped)))
-                .map(|(view, (connection, looped))| LoopFigure {
-                    connection,
-                    step: view.step,
-                    response: &looped.response,
-                    margins: &looped.margins,
-                })
-                .collect();
-            save(path, &loop_page(&figures))?;
+            save(path, &self.page(time, views, &notes(linearization)))?;
         }
         Ok(())
+    }
+
+    fn page(&self, time: f64, views: &[View], notes: &[String]) -> String {
+        let stability: Vec<Stability> = (views.iter())
+            .map(|view| Stability {
+                step: view.step,
+                modes: &view.modes,
+                word: view.verdict().word(),
+                words: view.words(),
+                class: view.verdict().class(),
+            })
+            .collect();
+        let figures: Vec<LoopFigure> = (views.iter())
+            .flat_map(|view| view.loops.iter().map(move |looped| (view, looped)))
+            .map(|(view, (connection, looped))| LoopFigure {
+                connection,
+                step: view.step,
+                response: &looped.response,
+                margins: &looped.margins,
+            })
+            .collect();
+        loop_page(&LoopPage {
+            time,
+            stability: &stability,
+            loops: &figures,
+            notes,
+            files: &with_sums(&self.wiring.files()),
+            made: &made(),
+        })
     }
 }
 

@@ -7,13 +7,11 @@ use crate::linear::{Margins, Response, StateSpace};
 use crate::report::significant;
 use nalgebra::DMatrix;
 
-/// Systems with more states than this are not printed as matrices.
-const PRINTED: usize = 16;
-
-/// All that is told.
+/// All that is told: the matrices first where they are asked for, the verdict last.
 pub fn summary(
     time: f64,
     coupled: &StateSpace,
+    shown: Option<&StateSpace>,
     views: &[View],
     linearization: &Linearization,
 ) -> String {
@@ -23,24 +21,21 @@ pub fn summary(
         coupled.inputs.len(),
         coupled.outputs.len()
     );
+    text += &shown.map_or_else(String::new, matrices);
     for view in views {
         text += &poles(view);
         for (connection, looped) in &view.loops {
-            text += &format!("\nloop at {connection}{}\n", in_steps(view));
+            text += &format!("\nloop at {connection}{}\n", view.in_steps());
             text += &low(&looped.response);
             text += &margins(&looped.margins);
         }
     }
-    if coupled.states.len() <= PRINTED {
-        text += &matrices(coupled);
-    }
-    for connection in &linearization.constant {
-        text += &format!("note: `{connection}` carries no real; it counts as constant\n");
-    }
-    for note in &linearization.notes {
+    text.push('\n');
+    for note in super::notes(linearization) {
         text += &format!("note: {note}\n");
     }
-    text
+    let verdicts = views.iter().map(|view| view.words() + "\n");
+    text + &verdicts.collect::<String>()
 }
 
 /// The gain at low frequencies.
@@ -56,21 +51,10 @@ fn low(response: &Response) -> String {
     }
 }
 
-fn in_steps(view: &View) -> String {
-    (view.step).map_or_else(String::new, |step| format!(", in steps of {step} s"))
-}
-
 fn poles(view: &View) -> String {
-    let mut text = format!("\npoles of the closed loop{}\n", in_steps(view));
+    let mut text = format!("\npoles of the closed loop{}\n", view.in_steps());
     text += "  pole [1/s]            frequency [rad/s]  damping\n";
-    text += &view.modes.iter().map(format::mode).collect::<String>();
-    let unstable = view.modes.iter().filter(|mode| mode.pole.re > 0.0).count();
-    if unstable > 0 {
-        text += &format!(
-            "  unstable: {unstable} of them in the right half-plane; margins mean little then\n"
-        );
-    }
-    text
+    text + &view.modes.iter().map(format::mode).collect::<String>()
 }
 
 fn margins(margins: &Margins) -> String {

@@ -11,7 +11,7 @@ mod text;
 pub use probe::{ProbeArgs, probe};
 pub(super) use text::to_text;
 
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, recognise, terminal};
 use crate::fmi::check::{self, Finding};
 use crate::fmi::description::Severity;
 use serde_json::json;
@@ -79,6 +79,8 @@ impl Report {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let kinds = [recognise::Kind::Fmu, recognise::Kind::Archive];
+    recognise::expect(&args.fmus, &kinds, "an FMU")?;
     let limit = (!args.no_run).then_some(args.time_limit);
     let reports = (args.fmus.iter())
         .map(|path| check(path, limit))

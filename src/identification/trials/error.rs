@@ -28,11 +28,25 @@ pub enum TrialError {
         /// The file.
         file: String,
         /// The column.
-        column: &'static str,
+        column: String,
         /// The column that is probably meant to be it.
         nearest: Option<String>,
         /// The columns that are there.
         found: Vec<String>,
+    },
+    /// A name for a column of something that no trial has.
+    #[error("`{found}` is nothing that a trial has{}; known are time, target, position, stick", did_you_mean(nearest.as_deref()))]
+    Quantity {
+        /// What stands there.
+        found: String,
+        /// What is probably meant.
+        nearest: Option<String>,
+    },
+    /// Two names for the column of one quantity.
+    #[error("the column of `{quantity}` is named twice")]
+    TwoColumns {
+        /// The quantity.
+        quantity: &'static str,
     },
     /// A unit that is not convertible to the one in which the project computes.
     #[error("{file}: `{column}` is in `{found}`; expected one of {}", known.join(", "))]

@@ -1,6 +1,6 @@
 //! Sets of trials, from files and manifests.
 
-use super::{Trial, TrialError};
+use super::{ColumnNames, Trial, TrialError};
 use crate::document::{self, Document, Table};
 use std::path::{Path, PathBuf};
 
@@ -23,15 +23,23 @@ impl TrialSet {
     /// # Errors
     /// When one of them cannot be read, or two trials have one name.
     pub fn read(paths: &[PathBuf]) -> Result<Self, TrialError> {
+        Self::read_with(paths, &ColumnNames::default())
+    }
+
+    /// The same of files whose columns have names of their own.
+    ///
+    /// # Errors
+    /// As [`TrialSet::read`].
+    pub fn read_with(paths: &[PathBuf], columns: &ColumnNames) -> Result<Self, TrialError> {
         let mut set = Self::default();
         for path in paths {
             match path
                 .extension()
                 .is_some_and(|extension| extension == "toml")
             {
-                true => set.read_manifest(path)?,
+                true => set.read_manifest(path, columns)?,
                 false => {
-                    let trial = set.read_trial(path)?;
+                    let trial = set.read_trial(path, columns)?;
                     set.fit.push(trial);
                 }
             }
@@ -45,14 +53,14 @@ impl TrialSet {
         self.fit.iter().chain(&self.validation)
     }
 
-    fn read_trial(&mut self, path: &Path) -> Result<Trial, TrialError> {
-        let (trial, notes) = Trial::read_with_notes(path)?;
+    fn read_trial(&mut self, path: &Path, columns: &ColumnNames) -> Result<Trial, TrialError> {
+        let (trial, notes) = Trial::read_with_notes(path, columns)?;
         self.notes.extend(notes);
         self.files.push(path.to_owned());
         Ok(trial)
     }
 
-    fn read_manifest(&mut self, path: &Path) -> Result<(), TrialError> {
+    fn read_manifest(&mut self, path: &Path, columns: &ColumnNames) -> Result<(), TrialError> {
         let (text, file) = (document::read(path)?, path.display().to_string());
         let document = Document::parse(&text, &file)?;
         let root = document.root();
@@ -63,10 +71,16 @@ impl TrialSet {
         }
         self.files.push(path.to_owned());
         let folder = path.parent().unwrap_or(Path::new(""));
-        runs.iter().try_for_each(|run| self.read_run(run, folder))
+        runs.iter()
+            .try_for_each(|run| self.read_run(run, folder, columns))
     }
 
-    fn read_run(&mut self, run: &Table, folder: &Path) -> Result<(), TrialError> {
+    fn read_run(
+        &mut self,
+        run: &Table,
+        folder: &Path,
+        columns: &ColumnNames,
+    ) -> Result<(), TrialError> {
         run.only(&["file", "weight", "use"])?;
         let file = run.required("file", run.string("file")?)?;
         let weight = weight(run)?;
@@ -83,7 +97,7 @@ impl TrialSet {
         };
         let trial = Trial {
             weight,
-            ..self.read_trial(&folder.join(file))?
+            ..self.read_trial(&folder.join(file), columns)?
         };
         match is_fitted {
             true => self.fit.push(trial),

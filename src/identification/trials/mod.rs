@@ -10,13 +10,16 @@
 //! use = "fit"               # or "validation": kept out of the fit; "fit" where it is missing
 //! ```
 
+mod columns;
 mod error;
 mod manifest;
 mod read;
 mod summary;
 
+pub use columns::ColumnNames;
 pub use error::TrialError;
 pub use manifest::TrialSet;
+pub use read::sha256;
 pub use summary::Summary;
 
 /// One recorded flight to a target.

@@ -1,7 +1,7 @@
 //! A trial from its file.
 
 use super::summary::median_step;
-use super::{Trial, TrialError};
+use super::{ColumnNames, Trial, TrialError};
 use crate::nearest::nearest;
 use crate::series::{Column, Series};
 use sha2::{Digest, Sha256};
@@ -38,16 +38,19 @@ impl Trial {
     /// # Errors
     /// When the file cannot be read, is not a time series, or lacks what a trial must have.
     pub fn read(path: &Path) -> Result<Self, TrialError> {
-        Self::read_with_notes(path).map(|(trial, _)| trial)
+        Self::read_with_notes(path, &ColumnNames::default()).map(|(trial, _)| trial)
     }
 
     /// The same, with what the user may not have meant or not know.
-    pub(super) fn read_with_notes(path: &Path) -> Result<(Self, Vec<String>), TrialError> {
+    pub(super) fn read_with_notes(
+        path: &Path,
+        columns: &ColumnNames,
+    ) -> Result<(Self, Vec<String>), TrialError> {
         let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
             file: path.to_owned(),
             source,
         })?;
-        Self::parse_with_notes(&bytes, &path.display().to_string())
+        Self::parse_with_notes(&bytes, &path.display().to_string(), columns)
     }
 
     /// Parses the bytes of a CSV file; `origin` is its name, and the trial is named after its stem.
@@ -55,22 +58,30 @@ impl Trial {
     /// # Errors
     /// As [`Trial::read`].
     pub fn parse(bytes: &[u8], origin: &str) -> Result<Self, TrialError> {
-        Self::parse_with_notes(bytes, origin).map(|(trial, _)| trial)
+        Self::parse_with_notes(bytes, origin, &ColumnNames::default()).map(|(trial, _)| trial)
     }
 
-    fn parse_with_notes(bytes: &[u8], origin: &str) -> Result<(Self, Vec<String>), TrialError> {
-        let series = Series::parse(bytes, origin)?;
+    fn parse_with_notes(
+        bytes: &[u8],
+        origin: &str,
+        columns: &ColumnNames,
+    ) -> Result<(Self, Vec<String>), TrialError> {
+        let series = Series::parse_with_time(bytes, origin, columns.of("time"))?;
         let stem = Path::new(origin).file_stem();
         let target = values(
-            required(&series, "target", origin)?,
+            required(&series, columns.of("target"), origin)?,
             "target",
             LENGTHS,
             origin,
         )?;
-        let position = required(&series, "position", origin)?;
+        let position = required(&series, columns.of("position"), origin)?;
         let position = values(position, "position", LENGTHS, origin)?;
         let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
-        let mut stick = (series.column("stick").filter(recorded))
+        let stick = match columns.given("stick") {
+            Some(name) => Some(required(&series, name, origin)?),
+            None => named(&series, "stick"),
+        };
+        let mut stick = (stick.filter(recorded))
             .map(|column| values(column, "stick", STICKS, origin))
             .transpose()?;
         let clipped = stick.as_mut().and_then(|stick| clip(stick));
@@ -78,7 +89,7 @@ impl Trial {
         let trial = Self {
             name: stem.map_or_else(|| origin.into(), |stem| stem.to_string_lossy().into_owned()),
             origin: origin.into(),
-            sha256: hex(&Sha256::digest(bytes)),
+            sha256: sha256(bytes),
             time: series.time,
             target,
             position,
@@ -160,17 +171,21 @@ fn doubtful_times(series: &Series) -> Option<String> {
     })
 }
 
+/// The column of that name, or else of that name in other letters, small or capital.
+fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
+    let alike = |c: &&Column| c.name.eq_ignore_ascii_case(column);
+    series
+        .column(column)
+        .or_else(|| series.columns.iter().find(alike))
+}
+
 /// The column that must be there.
-fn required<'a>(
-    series: &'a Series,
-    column: &'static str,
-    file: &str,
-) -> Result<&'a Column, TrialError> {
-    series.column(column).ok_or_else(|| {
+fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Column, TrialError> {
+    named(series, column).ok_or_else(|| {
         let names = || series.columns.iter().map(|c| c.name.as_str());
         TrialError::NoColumn {
             file: file.into(),
-            column,
+            column: column.into(),
             nearest: nearest(column, names()).map(str::to_owned),
             found: names().map(str::to_owned).collect(),
         }
@@ -199,7 +214,8 @@ fn values(
     }
 }
 
-/// Bytes in lower-case hexadecimal.
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// SHA-256 of a file's bytes in lower-case hexadecimal: by which a result names what it came from.
+pub fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

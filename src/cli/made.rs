@@ -1,0 +1,55 @@
+//! What a page says of its origin.
+
+use crate::date;
+use crate::identification::trials::sha256;
+use crate::report::Made;
+use std::path::{Path, PathBuf};
+
+/// This run of the command, now.
+pub fn made() -> Made {
+    let words = std::env::args_os().skip(1);
+    let words = words.map(|word| quoted(&word.to_string_lossy()));
+    let command: Vec<String> = std::iter::once("pilotage".to_owned())
+        .chain(words)
+        .collect();
+    Made {
+        command: command.join(" "),
+        date: date::now(),
+    }
+}
+
+/// A word as a shell takes it for itself.
+pub fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-+.,:/=@%".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+/// The files with their SHA-256; a folder has none, nor has a pipe, which is read once.
+pub fn with_sums(files: &[PathBuf]) -> Vec<(String, String)> {
+    let sum = |path: &Path| {
+        let bytes = path.is_file().then(|| std::fs::read(path).ok()).flatten();
+        bytes.map_or_else(|| "\u{2013}".to_owned(), |bytes| sha256(&bytes))
+    };
+    (files.iter())
+        .map(|path| (path.display().to_string(), sum(path)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_needs_it() {
+        assert_eq!(
+            quoted("pilot.stick=quadcopter.stick"),
+            "pilot.stick=quadcopter.stick"
+        );
+        assert_eq!(quoted("pilot.*"), "'pilot.*'");
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+}

@@ -1,0 +1,172 @@
+//! Files in the wrong place: what they are, and where they belong.
+
+use super::Failure;
+use super::overwrite::head;
+use crate::document::Document;
+use crate::models::COEFFICIENTS;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use zip::ZipArchive;
+
+/// What a file is, by its content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A zip archive with a model description: an FMU.
+    Fmu,
+    /// Another zip archive.
+    Archive,
+    /// The folder of an unpacked FMU.
+    Unpacked,
+    /// Another folder.
+    Folder,
+    /// A result of `pilotage fit`.
+    Pilot,
+    /// The coefficients of a vehicle.
+    Vehicle,
+    /// A list of trials.
+    Manifest,
+    /// A table over time with what a trial must have.
+    Trial,
+    /// Another table over time: the result of a co-simulation.
+    Table,
+    /// A web page.
+    Page,
+    /// A shared library.
+    Library,
+}
+
+/// Refuses the files that are clearly something else than one of the expected kinds. What is not recognised
+/// passes: whoever reads it says what is wrong.
+pub fn expect<'a>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    expected: &[Kind],
+    what: &str,
+) -> Result<(), Failure> {
+    for path in paths {
+        if let Some(kind) = of(path).filter(|kind| !expected.contains(kind)) {
+            let shown = path.display();
+            let message = format!("{shown} is {}; expected {what}", kind.words());
+            return Err(Failure::new(message).hint(kind.belongs(&shown.to_string())));
+        }
+    }
+    Ok(())
+}
+
+/// What a file is; `None` where that is not known, or only reading it once would tell (a pipe).
+fn of(path: &Path) -> Option<Kind> {
+    if path.is_dir() {
+        let is_fmu = path.join("modelDescription.xml").is_file();
+        return Some(match is_fmu {
+            true => Kind::Unpacked,
+            false => Kind::Folder,
+        });
+    }
+    if !path.is_file() {
+        return None;
+    }
+    let text = head(path);
+    if text.starts_with("PK\u{3}\u{4}") {
+        return Some(archive(path));
+    }
+    if text.starts_with("\u{7f}ELF") || text.starts_with("MZ") {
+        return Some(Kind::Library);
+    }
+    let begin = text.trim_start().to_ascii_lowercase();
+    if begin.starts_with("<!doctype html") || begin.starts_with("<html") {
+        return Some(Kind::Page);
+    }
+    toml(&text).or_else(|| table(&text))
+}
+
+/// What a zip archive is, by its entries; one that cannot be read is left to those who look closer.
+fn archive(path: &Path) -> Kind {
+    let entries = File::open(path)
+        .ok()
+        .and_then(|file| ZipArchive::new(file).ok());
+    let is_fmu = |archive: ZipArchive<File>| {
+        let mut names = archive.file_names();
+        names.any(|name| name.is_ok_and(|name| name.ends_with("modelDescription.xml")))
+    };
+    match entries.is_none_or(is_fmu) {
+        true => Kind::Fmu,
+        false => Kind::Archive,
+    }
+}
+
+/// What a TOML file is, by its fields.
+fn toml(text: &str) -> Option<Kind> {
+    let document = Document::parse(text, "").ok()?;
+    let names = document.root().names();
+    let is_coefficient = |name: &&str| COEFFICIENTS.iter().any(|field| field.name == *name);
+    match names.as_slice() {
+        names if names.contains(&"theta") => Some(Kind::Pilot),
+        names if names.contains(&"run") => Some(Kind::Manifest),
+        names if names.iter().filter(|name| is_coefficient(name)).count() >= 3 => {
+            Some(Kind::Vehicle)
+        }
+        _ => None,
+    }
+}
+
+/// What a CSV file is, by its header.
+fn table(text: &str) -> Option<Kind> {
+    let is_header = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
+    let header = text.lines().find(is_header)?.to_ascii_lowercase();
+    let names: Vec<&str> = header.split(',').map(|cell| name(cell.trim())).collect();
+    let has = |wanted: &str| names.contains(&wanted);
+    match names.len() > 1 && names[0] == "time" {
+        true if has("target") && has("position") => Some(Kind::Trial),
+        true => Some(Kind::Table),
+        false => None,
+    }
+}
+
+/// A header's cell without its unit.
+fn name(cell: &str) -> &str {
+    cell.split([' ', '[', '(']).next().unwrap_or(cell)
+}
+
+impl Kind {
+    fn words(self) -> &'static str {
+        match self {
+            Self::Fmu => "an FMU",
+            Self::Archive => "a zip archive without a modelDescription.xml",
+            Self::Unpacked => "a folder with an unpacked FMU",
+            Self::Folder => "a folder",
+            Self::Pilot => "a pilot file",
+            Self::Vehicle => "a vehicle file",
+            Self::Manifest => "a list of trials",
+            Self::Trial => "a recorded flight",
+            Self::Table => "a table over time",
+            Self::Page => "a web page",
+            Self::Library => "a shared library",
+        }
+    }
+
+    /// What the file is good for.
+    fn belongs(self, file: &str) -> String {
+        match self {
+            Self::Fmu => format!("an FMU belongs to `pilotage cosim {file}`, `info` or `validate`"),
+            Self::Archive => {
+                "a spreadsheet is to be saved as CSV, an archive to be unpacked".into()
+            }
+            Self::Folder => format!("name the files in it: {file}/*"),
+            Self::Unpacked => format!(
+                "zip what is in it: (cd {file} && zip -r ../model.fmu .), or use the FMU it was unpacked from"
+            ),
+            Self::Pilot => format!(
+                "a pilot belongs to `pilotage export pilot {file}` or `pilotage cosim {file}`"
+            ),
+            Self::Vehicle => format!(
+                "a vehicle belongs to `--vehicle {file}`, `pilotage export quadcopter {file}` or `pilotage cosim {file}`"
+            ),
+            Self::Manifest => format!("trials belong to `pilotage fit {file}` or `trials check`"),
+            Self::Trial => format!(
+                "a flight belongs to `pilotage fit {file}`, or feeds an FMU by `cosim --input {file}`"
+            ),
+            Self::Table => format!("a table feeds FMUs by `pilotage cosim --input {file}`"),
+            Self::Page => format!("open {file} in a browser"),
+            Self::Library => format!("a library becomes an FMU by `pilotage pack {file}`"),
+        }
+    }
+}
