@@ -105,7 +105,7 @@ pub const SPARE_STARTS: usize = 8;
 /// Random starts where every initial state is free.
 pub const FREE_STARTS: usize = 8;
 
-/// Pilots drawn for the search where initial states are free ([`super::projection`]).
+/// Pilots drawn for the search where initial states are free .
 const DRAWS: usize = 2000;
 
 /// Seed of the random starts.
@@ -154,7 +154,7 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 /// may not, and it runs away to −∞.
 ///
 /// Where initial states are free, the starts are the optima of the linearised problem
-/// ([`super::projection`]).
+/// (variable projection).
 ///
 /// # Errors
 /// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a

@@ -54,7 +54,7 @@ pub fn index_of(reference: u32) -> usize {
     (reference as usize).wrapping_sub(1)
 }
 
-/// One real variable of a model. Its value reference is [that of its index](reference) in the model's table.
+/// One real variable of a model. Its value reference is [that of its index](reference()) in the model's table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Name, unique in the model.
