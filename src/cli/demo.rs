@@ -136,7 +136,7 @@ impl Demo {
     fn export(&self, fit: &Fit) -> Result<(), Failure> {
         let text = crate::document::read(&self.path("pilot.toml"))?;
         let pilot = PilotFile::parse(&text, "pilot.toml")?;
-        let provenance = Provenance::fit(text, pilot.stable_loop, pilot.caveat());
+        let provenance = Provenance::fit(text, pilot.is_stable_loop(), pilot.caveat());
         let (theta, limit) = (&fit.theta, self.options.stick_limit);
         export::export_pilot(theta, limit, &provenance, &self.path("pilot.fmu"))?;
         let provenance = Provenance::vehicle(None);

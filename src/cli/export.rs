@@ -204,13 +204,8 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
         "a pilot file (TOML)",
     )?;
     let pilot = PilotFile::read(file)?;
-    if !pilot.is_answer() && !allow_unconverged {
-        let fatal = pilot.doubts.iter().find(|doubt| doubt.fatal);
-        let why = match fatal.filter(|_| pilot.converged) {
-            Some(doubt) => format!("is no answer: {}", doubt.words),
-            None => "did not converge".into(),
-        };
-        let message = format!("{}: the fit {why}", file.display());
+    if let Some(objection) = pilot.objection().filter(|_| !allow_unconverged) {
+        let message = format!("{}: the fit {objection}", file.display());
         return Err(Failure::new(message).hint(
             "fit again (more iterations, another --start), or pass --allow-unconverged to export \
              its best iterate",
@@ -228,7 +223,11 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
     let model = Model::pilot(&pilot.theta, pilot.stick_limit);
     Ok((
         model,
-        Provenance::fit(document::read(file)?, pilot.stable_loop, pilot.caveat()),
+        Provenance::fit(
+            document::read(file)?,
+            pilot.is_stable_loop(),
+            pilot.caveat(),
+        ),
     ))
 }
 

@@ -22,22 +22,35 @@ impl Progress {
         }
     }
 
-    /// Shows an iteration.
+    /// Shows how far a fit is.
     pub fn show(&mut self, progress: &identification::Progress) {
-        if self.begin.elapsed() > PATIENCE {
-            if self.bar.is_hidden() {
-                self.bar = bar(progress.starts);
-            }
-            self.bar.set_length(progress.starts as u64);
-            self.bar.set_position(progress.start as u64 + 1);
-            self.bar.set_message(format!(
-                "order {}, iteration {}: objective {:.6e}, KKT residual {:.1e}",
-                progress.order,
-                progress.iteration.number,
-                progress.iteration.objective,
-                progress.iteration.kkt.residual()
-            ));
+        if self.begin.elapsed() <= PATIENCE {
+            return;
         }
+        let (position, length, message) = match progress {
+            identification::Progress::Search { order, done } => (
+                (100.0 * done) as u64,
+                100,
+                format!("percent: looking for starts of order {order}"),
+            ),
+            identification::Progress::Iterate(at) => (
+                at.start as u64 + 1,
+                at.starts as u64,
+                format!(
+                    "starts: order {}, iteration {}, objective {:.6e}, KKT residual {:.1e}",
+                    at.order,
+                    at.iteration.number,
+                    at.iteration.objective,
+                    at.iteration.kkt.residual()
+                ),
+            ),
+        };
+        if self.bar.is_hidden() {
+            self.bar = bar();
+        }
+        self.bar.set_length(length);
+        self.bar.set_position(position);
+        self.bar.set_message(message);
     }
 
     /// Wipes it.
@@ -46,10 +59,10 @@ impl Progress {
     }
 }
 
-fn bar(starts: usize) -> ProgressBar {
+fn bar() -> ProgressBar {
     let target = ProgressDrawTarget::stderr_with_hz(5);
-    let bar = ProgressBar::with_draw_target(Some(starts as u64), target);
-    let style = ProgressStyle::with_template("{bar:20} start {pos} of {len}, {msg}");
+    let bar = ProgressBar::with_draw_target(None, target);
+    let style = ProgressStyle::with_template("{bar:20} {pos} of {len} {msg}");
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 

@@ -73,12 +73,12 @@ pub struct Provenance {
 const LICENSE: &str = "MIT OR Apache-2.0";
 
 impl Provenance {
-    /// A pilot identified from flights; `file` is the text of the result file, `stable_loop` and `caveat` what
-    /// it says of the closed loop with the vehicle of the fit and of the fit itself.
+    /// A pilot identified from flights; `file` is the text of the result file, `stable_loop` whether
+    /// the closed loop with the vehicle of the fit is stable, `caveat` what the file says of the fit.
     pub fn fit(file: String, stable_loop: Option<bool>, caveat: Option<String>) -> Self {
         let closed_loop = match stable_loop {
-            Some(true) => " It says that the closed loop with the vehicle of the fit is stable.",
-            Some(false) => " It says that the closed loop with the vehicle of the fit is UNSTABLE.",
+            Some(true) => " The closed loop with the vehicle of the fit is stable.",
+            Some(false) => " The closed loop with the vehicle of the fit is UNSTABLE.",
             None => "",
         };
         let origin = "θ was identified from recorded flights; the result file is in extra/.";

@@ -9,6 +9,8 @@ use pilotage_models::{Joint, Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
 /// Slowest decay of a closed loop that a fit may have [1/s]: each pole's real part is at most minus this.
 /// What is left of a slow mode then fades within a thousand seconds; flights of seconds cannot tell more.
 pub const LOOP_MARGIN: f64 = 1e-3;
+/// A pole within this factor of it lies on it.
+const ON_BOUND: f64 = 1.01;
 
 /// The closed loop of a pilot and a vehicle at hover.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +32,12 @@ impl ClosedLoop {
     /// True when every pole lies in the left half-plane.
     pub fn is_stable(&self) -> bool {
         self.rightmost().is_some_and(|pole| pole.re < 0.0)
+    }
+
+    /// True when it is stable, and no more so than [`LOOP_MARGIN`] asks.
+    pub fn is_on_bound(&self) -> bool {
+        let on_bound = |pole: Complex<f64>| pole.re >= -ON_BOUND * LOOP_MARGIN;
+        self.is_stable() && self.rightmost().is_some_and(on_bound)
     }
 
     /// The pole with the greatest real part.

@@ -23,6 +23,6 @@ pub use doubts::{Doubt, doubts};
 pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
 pub use result::{Fit, PilotDoubt, PilotFile, RunFit};
-pub use simulate::simulate;
+pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
 pub use trials::{Trial, TrialError, TrialSet};

@@ -1,7 +1,7 @@
 //! The SQP from several starts: losers stop early, the most promising is finished.
 
 use super::result::{AGREE, FEASIBLE, StartReport, agree};
-use super::solve::{Observer, Progress, SHORT_STEP};
+use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
 use super::{Fit, Options, RunFit};
 use crate::sqp::{self, Iteration, Solution, Status};
 use crate::transcription::{Collocation, Condensed, ParameterConstraints};
@@ -161,7 +161,7 @@ struct Watched<'a, 'b> {
 impl Watched<'_, '_> {
     /// Shows an iteration of a solve that had `before` iterations earlier.
     fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
-        let flow = (self.observer)(&Progress {
+        let flow = (self.observer)(&Progress::Iterate(Iterate {
             order: self.order,
             start,
             starts: self.starts,
@@ -169,7 +169,7 @@ impl Watched<'_, '_> {
                 number: before + iteration.number,
                 ..*iteration
             },
-        });
+        }));
         self.stopped = flow.break_value();
         flow
     }
@@ -371,6 +371,7 @@ fn report<D: Dynamics, C: ParameterConstraints>(
         skipped,
         runs: runs(&best.problem, &iterate.z),
         closed_loop: None,
+        unbounded: None,
         doubts: Vec::new(),
     }
 }

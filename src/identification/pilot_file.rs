@@ -4,7 +4,7 @@ use super::result::PilotDoubt;
 use super::{ClosedLoop, Doubt, Fit, Mesh, Options, PilotFile, Trial};
 use crate::document::{self, Document, DocumentError, number};
 use crate::models::{COEFFICIENTS, Pilot, Unit};
-use crate::vehicle::Mode;
+use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
 use std::path::Path;
 
@@ -14,6 +14,9 @@ pub enum PilotFileError {
     /// Not a TOML file with the fields of a pilot.
     #[error(transparent)]
     Document(#[from] DocumentError),
+    /// A vehicle that is none.
+    #[error(transparent)]
+    Vehicle(#[from] VehicleError),
     /// A number of parameters that no pilot has.
     #[error(
         "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
@@ -49,6 +52,9 @@ pub enum PilotFileError {
         value: f64,
     },
 }
+
+/// The code of a loop that was allowed to be unstable.
+const UNSTABLE: &str = "unstable-loop";
 
 /// Fields of the file's top level. Those that only tell where θ comes from may be missing.
 const FIELDS: [&str; 11] = [
@@ -91,24 +97,51 @@ impl PilotFile {
                 value: stick_limit,
             });
         }
-        let stable_loop = match root.table("closed_loop")? {
-            Some(table) => table.boolean("stable")?,
-            None => None,
+        let vehicle = match (root.table("closed_loop")?, root.table("vehicle")?) {
+            (Some(_), Some(table)) => Some(vehicle::of_table(&table)?),
+            _ => None,
         };
         Ok(Self {
             theta: theta(&root.required("theta", root.table("theta")?)?)?,
             stick_limit,
             converged: root.boolean("converged")?.unwrap_or(true),
-            stable_loop,
+            vehicle,
             doubts: (root.tables("doubt")?.iter())
                 .map(PilotDoubt::read)
                 .collect::<Result<_, _>>()?,
         })
     }
 
-    /// True when the fit converged and no doubt makes it meaningless.
-    pub fn is_answer(&self) -> bool {
-        self.converged && !self.doubts.iter().any(|doubt| doubt.fatal)
+    /// What speaks against the pilot so that it is no answer, none where it is one.
+    pub fn objection(&self) -> Option<String> {
+        if !self.converged {
+            return Some("did not converge".into());
+        }
+        if let Some(doubt) = self.doubts.iter().find(|doubt| doubt.fatal) {
+            return Some(format!("is no answer: {}", doubt.words));
+        }
+        let told = self.doubts.iter().any(|doubt| doubt.code == UNSTABLE);
+        let unstable = self.is_stable_loop() == Some(false);
+        (unstable && !told).then(|| {
+            "is no answer: the closed loop of [theta] with [vehicle] is unstable, and the file does not say so; it \
+             may have been edited"
+                .into()
+        })
+    }
+
+    /// The closed loop with the vehicle of the fit, from θ as it stands in the file; none where the file does not say
+    /// what was flown.
+    pub fn closed_loop(&self) -> Option<ClosedLoop> {
+        let pilot = Pilot {
+            order: self.theta.len() / 2,
+        };
+        self.vehicle
+            .map(|vehicle| ClosedLoop::of(vehicle, pilot, &self.theta))
+    }
+
+    /// Whether [`Self::closed_loop`] is stable.
+    pub fn is_stable_loop(&self) -> Option<bool> {
+        self.closed_loop().map(|known| known.is_stable())
     }
 
     /// What a user must know before trusting the pilot.
@@ -315,7 +348,8 @@ mod tests {
                     Complex::new(1e-3, 0.0),
                 ],
             }),
-            doubts: vec![Doubt::NoForcing],
+            unbounded: None,
+            doubts: vec![Doubt::ConstantData],
         }
     }
 
@@ -343,10 +377,10 @@ mod tests {
                 theta: fit().theta,
                 stick_limit: 1.0,
                 converged: false,
-                stable_loop: Some(false),
+                vehicle: Some(Options::default().vehicle),
                 doubts: vec![PilotDoubt {
-                    code: "no-forcing".into(),
-                    words: Doubt::NoForcing.to_string(),
+                    code: "constant-data".into(),
+                    words: Doubt::ConstantData.to_string(),
                     fatal: true,
                 }],
             }
@@ -396,8 +430,8 @@ mod tests {
                 words: written.doubts[0].to_string(),
                 fatal: true,
             }];
-            let stable_loop = Some(false);
-            prop_assert_eq!(read, PilotFile { theta: written.theta, stick_limit, converged, stable_loop, doubts });
+            let vehicle = Some(options.vehicle);
+            prop_assert_eq!(read, PilotFile { theta: written.theta, stick_limit, converged, vehicle, doubts });
             let table: toml::Table = text.parse().unwrap();
             prop_assert_eq!(table["status"].as_str(), Some(written.status.as_str()));
             let found = table["fit"]["kkt"].as_float().unwrap();

@@ -25,6 +25,11 @@ const PROMISING: [usize; 2] = [96, 32];
 /// Levenberg–Marquardt steps of the promising ones, and of those that are left.
 const FIRST: usize = 6;
 const REST: usize = 40;
+/// Draws, and descents, between two looks at whether to go on.
+const LOOKS: usize = 200;
+const DESCENTS: usize = 16;
+/// The draws' part of the work, about.
+const LOOKING: f64 = 0.3;
 /// Relative gain of a step below which a descent has ended.
 const FLAT: f64 = 1e-5;
 /// Relative change of a parameter for a difference quotient.
@@ -114,14 +119,31 @@ impl<'a, D: Dynamics> Search<'a, D> {
         Linear::of(self.dynamics, theta).driven(&self.corrected)
     }
 
-    /// Where descents from the most promising of `draws` end, best first.
-    pub fn descents(&self, draws: Vec<Vec<f64>>) -> Vec<Descent> {
-        let look = |theta: Vec<f64>| Descent::at(self, theta);
-        let mut descents: Vec<Descent> = draws.into_par_iter().filter_map(look).collect();
-        for (keep, steps) in PROMISING.into_iter().zip([FIRST, REST]) {
+    /// Where descents from the most promising of `draws` end, best first; `watch` sees the part of the work that is
+    /// done and says whether to end.
+    pub fn descents(
+        &self,
+        draws: Vec<Vec<f64>>,
+        watch: &mut dyn FnMut(f64) -> bool,
+    ) -> Vec<Descent> {
+        let look = |theta: &Vec<f64>| Descent::at(self, theta.clone());
+        let mut descents: Vec<Descent> = Vec::new();
+        for (i, some) in draws.chunks(LOOKS).enumerate() {
+            if watch(LOOKING * (i * LOOKS) as f64 / draws.len() as f64) {
+                break;
+            }
+            descents.par_extend(some.par_iter().filter_map(look));
+        }
+        for (phase, (keep, steps)) in PROMISING.into_iter().zip([FIRST, REST]).enumerate() {
             sort(&mut descents);
             descents.truncate(keep);
-            (descents.par_iter_mut()).for_each(|descent| descent.go_down(self, steps));
+            for (i, some) in descents.chunks_mut(DESCENTS).enumerate() {
+                let part = (phase as f64 + (i * DESCENTS) as f64 / keep as f64) / 2.0;
+                if watch(LOOKING + (1.0 - LOOKING) * part) {
+                    break;
+                }
+                (some.par_iter_mut()).for_each(|descent| descent.go_down(self, steps));
+            }
         }
         sort(&mut descents);
         descents
@@ -506,7 +528,7 @@ mod tests {
         let posed = problem::pose_stick(&trials, &options);
         let search = Search::of(&posed);
         let elsewhere = vec![vec![1.0, 2.0, -0.1, -0.1], vec![5.0, 4.0, -1.0, 0.5]];
-        let starts = search.starts(search.descents(elsewhere));
+        let starts = search.starts(search.descents(elsewhere, &mut |_| false));
         let best = &starts.all[0];
         for (found, expected) in best.theta.iter().zip(truth) {
             assert!((found - expected).abs() < 1e-5, "{:?}", best.theta);

@@ -1,6 +1,7 @@
 //! What a fit gives, and the file that hands it on.
 
 use super::{ClosedLoop, Doubt};
+use pilotage_models::Quadcopter;
 
 /// One run as the identified pilot flies it in the optimiser's solution.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,6 +80,8 @@ pub struct Fit {
     pub runs: Vec<RunFit>,
     /// The linearised closed loop with the vehicle of the fit; none where nobody said which was flown.
     pub closed_loop: Option<ClosedLoop>,
+    /// The objective without the bound on the closed loop, where the solution lies on it: what it costs.
+    pub unbounded: Option<f64>,
     /// What speaks against taking it at its word, the gravest first.
     pub doubts: Vec<Doubt>,
 }
@@ -123,8 +126,8 @@ pub struct PilotFile {
     pub stick_limit: f64,
     /// False marks the best iterate of a fit that did not converge.
     pub converged: bool,
-    /// Whether its closed loop with the vehicle of the fit is stable; none where the file does not say.
-    pub stable_loop: Option<bool>,
+    /// The vehicle of its closed loop; none where nobody said what was flown.
+    pub vehicle: Option<Quadcopter>,
     /// What spoke against taking the fit at its word.
     pub doubts: Vec<PilotDoubt>,
 }

@@ -8,8 +8,23 @@ use crate::models::{Dynamics, Joint, Quadcopter, quadcopter::N_STATES};
 /// Integration step [s], at most: small against the vehicle's attitude loop.
 const MAX_STEP: f64 = 2e-3;
 
+/// Longest run that is flown for somebody to look at [s]: some seconds of work.
+pub const LONGEST: f64 = 1e4;
+
+/// Longest flight of [`departure`] [s]: what the stability bound leaves of the slowest mode is then a third.
+const LONG: f64 = 1000.0;
+/// Between looks at such a flight [s].
+const LOOK: f64 = 1.0;
+/// It has settled when the error stays below this part of the step ...
+const SETTLED: f64 = 0.05;
+/// ... for so many looks.
+const STEADY: usize = 60;
+/// It has left when the error is beyond so many steps.
+const GONE: f64 = 10.0;
+
 /// The closed loop over a trial's times, from hover at the first recorded position with the pilot at
-/// zero; the target is held from sample to sample. The stick is not clipped: the pilot is linear.
+/// zero; the target goes straight from sample to sample, as in the fit. The stick is not clipped: the pilot
+/// is linear.
 /// Residuals are positions [m].
 ///
 /// A fitted pilot may have poles far faster than anything here, so its steps are exact (matrix
@@ -19,8 +34,27 @@ const MAX_STEP: f64 = 2e-3;
 /// When the pilot is so fast that its exponential has no digits left.
 pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> Result<RunFit, TransitionError> {
     let start = trial.position.iter().copied().find(|z| z.is_finite());
-    let mut x = Quadcopter::hover(start.unwrap_or(0.0)).to_vec();
+    simulate_from(joint, theta, trial, &at_rest(joint, start.unwrap_or(0.0)))
+}
+
+/// The states of a vehicle that hovers at `position` [m], and of a pilot at zero.
+pub fn at_rest(joint: &Joint, position: f64) -> Vec<f64> {
+    let mut x = Quadcopter::hover(position).to_vec();
     x.resize(joint.n_states(), 0.0);
+    x
+}
+
+/// As [`simulate`], from these states of vehicle and pilot.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_from(
+    joint: &Joint,
+    theta: &[f64],
+    trial: &Trial,
+    states: &[f64],
+) -> Result<RunFit, TransitionError> {
+    let mut x = states.to_vec();
     let mut run = RunFit {
         name: trial.name.clone(),
         time: trial.time.clone(),
@@ -36,17 +70,94 @@ pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> Result<RunFit, T
         run.residual.push(trial.position[k] - run.position[k]);
         run.states.push(x.clone());
         if let Some(next) = trial.time.get(k + 1) {
-            advance(joint, theta, target, next - trial.time[k], &mut x)?;
+            let duration = next - trial.time[k];
+            let course = Course {
+                target,
+                rate: (trial.target[k + 1] - target) / duration,
+                limit: f64::INFINITY,
+            };
+            advance(joint, theta, course, duration, &mut x)?;
         }
     }
     Ok(run)
+}
+
+/// How far a vehicle comes from hover in `duration` seconds, the stick at `limit` [m].
+pub fn at_full_stick(vehicle: &Quadcopter, limit: f64, duration: f64) -> f64 {
+    let mut x = Quadcopter::hover(0.0);
+    let steps = (duration / MAX_STEP).ceil().max(1.0);
+    for _ in 0..steps as usize {
+        fly(vehicle, &mut x, limit, limit, duration / steps);
+    }
+    vehicle.output(&x).abs()
+}
+
+/// A loop that does not come to its target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Departure {
+    /// When the flight was ended [s].
+    pub time: f64,
+    /// Its largest distance from the target in the last third of that time [m].
+    pub error: f64,
+}
+
+/// Flies a step of `step` metres from rest, the stick at its stops of ±`limit` where the pilot asks for more,
+/// until the loop settles; what became of it where it does not within a thousand seconds, or leaves. A loop
+/// whose poles are stable may do so: what the stops take from the pilot, the poles do not know.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn departure(
+    joint: &Joint,
+    theta: &[f64],
+    limit: f64,
+    step: f64,
+) -> Result<Option<Departure>, TransitionError> {
+    let mut x = at_rest(joint, 0.0);
+    let mut errors: Vec<f64> = Vec::new();
+    let mut steady = 0;
+    let course = Course {
+        target: step,
+        rate: 0.0,
+        limit,
+    };
+    while steady < STEADY && (errors.len() as f64) * LOOK < LONG {
+        advance(joint, theta, course, LOOK, &mut x)?;
+        let error = (step - joint.vehicle.output(&x)).abs();
+        errors.push(error);
+        // Not a number is not near.
+        if !(error < GONE * step.abs()) {
+            break;
+        }
+        steady = match error < SETTLED * step.abs() {
+            true => steady + 1,
+            false => 0,
+        };
+    }
+    let last = &errors[2 * errors.len() / 3..];
+    let error = last.iter().fold(0.0, |most: f64, e| most.max(*e));
+    let time = errors.len() as f64 * LOOK;
+    let near = errors[errors.len() - 1] < GONE * step.abs();
+    let settles = near && (steady == STEADY || error < step.abs());
+    Ok((!settles).then_some(Departure { time, error }))
+}
+
+/// What is asked of a pilot for some time.
+#[derive(Clone, Copy)]
+struct Course {
+    /// The target at the beginning [m].
+    target: f64,
+    /// Its rate [m/s].
+    rate: f64,
+    /// The stick's stops.
+    limit: f64,
 }
 
 /// Advances the states by `duration` [s].
 fn advance(
     joint: &Joint,
     theta: &[f64],
-    target: f64,
+    course: Course,
     duration: f64,
     x: &mut [f64],
 ) -> Result<(), TransitionError> {
@@ -58,12 +169,14 @@ fn advance(
     })?;
     let mut next = vec![0.0; pilot.order];
     let (x_v, x_p) = x.split_at_mut(N_STATES);
-    for _ in 0..steps as usize {
-        let before = pilot.output(x_p, theta);
+    let stick = |x_p: &[f64]| pilot.output(x_p, theta).clamp(-course.limit, course.limit);
+    for i in 0..steps as usize {
+        let before = stick(x_p);
+        let target = course.target + course.rate * h * i as f64;
         let (error, slope) = error_ahead(&joint.vehicle, target, x_v, before, h);
-        transition.apply(x_p, &[error], &[slope], &mut next);
+        transition.apply(x_p, &[error], &[course.rate + slope], &mut next);
         x_p.copy_from_slice(&next);
-        fly(&joint.vehicle, x_v, before, pilot.output(x_p, theta), h);
+        fly(&joint.vehicle, x_v, before, stick(x_p), h);
     }
     Ok(())
 }
@@ -165,6 +278,18 @@ mod tests {
             run.position[300],
             x[0]
         );
+    }
+
+    /// A loop of high gain is stable for small errors; the stops take the lead away, and it swings ever wider.
+    #[test]
+    fn a_loop_may_leave_though_its_poles_are_stable() {
+        // 0.108 (s + 0.2)/(1 + s/8)³ from the error to the stick.
+        let gain = 512.0 * 0.108;
+        let theta = [512.0, 192.0, 24.0, -0.2 * gain, -gain, 0.0];
+        let joint = joint(3);
+        let of = |step| departure(&joint, &theta, 1.0, step).unwrap();
+        assert_eq!(of(1.0), None);
+        println!("{:?}", [0.1, 10.0, 100.0, 1000.0].map(of));
     }
 
     /// A pilot with one pole at -1e6 1/s flies as the pilot without it.

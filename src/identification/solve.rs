@@ -129,7 +129,21 @@ pub const FARTHEST: f64 = 1e9;
 
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
-pub struct Progress<'a> {
+pub enum Progress<'a> {
+    /// Pilots are looked at in the linearised problem, for starts.
+    Search {
+        /// Their order.
+        order: usize,
+        /// Part of the work that is done, 0 to 1.
+        done: f64,
+    },
+    /// An iterate of the solver.
+    Iterate(Iterate<'a>),
+}
+
+/// An iterate of the solver, and whose it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Iterate<'a> {
     /// Order of the pilot that is fitted: lower ones come first, for their optimum as a start.
     pub order: usize,
     /// Which start, from 0.
@@ -140,7 +154,7 @@ pub struct Progress<'a> {
     pub iteration: &'a Iteration,
 }
 
-/// Sees each iterate; `Break` ends the fit with the best iterate so far and that status, or with the
+/// Sees the search's progress and each iterate; `Break` ends the fit with the best iterate so far and that status, or with the
 /// start that had converged before.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 
@@ -167,8 +181,32 @@ pub fn fit(
     let mut fit = solve(trials, options, observer)?;
     let vehicle = options.loop_vehicle();
     fit.closed_loop = vehicle.map(|&v| ClosedLoop::of(v, options.pilot, &fit.theta));
+    fit.unbounded = unbounded(&fit, trials, options)?;
     fit.doubts = doubts(&fit, options, trials);
     Ok(fit)
+}
+
+/// The objective without the bound on the closed loop, where a solution lies on it: of the optimum to which that
+/// solution leads then. Of few trials alone, since it is another solve.
+fn unbounded(fit: &Fit, trials: &[Trial], options: &Options) -> Result<Option<f64>, FitError> {
+    let on_bound = fit
+        .closed_loop
+        .as_ref()
+        .is_some_and(ClosedLoop::is_on_bound);
+    if !(fit.converged && on_bound && options.kept_vehicle().is_some())
+        || trials.len() > MANY_TRIALS
+    {
+        return Ok(None);
+    }
+    let free = Options {
+        stable_loop: false,
+        start: Some(fit.theta.clone()),
+        random_starts: Some(0),
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    let free = solve(trials, &free, &mut |_| ControlFlow::Continue(()))?;
+    Ok(free.converged.then(|| free.objective.min(fit.objective)))
 }
 
 /// The fit, without what is said of it.
@@ -335,6 +373,8 @@ fn optima(
     }
     let mut draws = random_starts::draw(options, SEED, DRAWS);
     draws.extend(start::regressions(trials, sticks, options));
+    let order = options.pilot.order;
+    let mut watch = |done: f64| observer(&Progress::Search { order, done }).is_break();
     let free = match options.objective {
         Objective::Response => InitialState::VehicleAtRest,
         Objective::Stick => InitialState::Free,
@@ -348,12 +388,12 @@ fn optima(
         Objective::Stick => {
             let posed = problem::pose_stick(trials, options);
             let search = Search::of(&posed);
-            search.starts(search.descents(draws))
+            search.starts(search.descents(draws, &mut watch))
         }
         Objective::Response => {
             let posed = problem::pose_response(trials, options);
             let search = Search::of(&posed);
-            let descents = search.descents(draws);
+            let descents = search.descents(draws, &mut watch);
             let ends: Vec<_> = descents
                 .iter()
                 .map(|descent| descent.theta.clone())
@@ -366,7 +406,8 @@ fn optima(
             let fit = solve_response(&posed, trials, options, &first, observer);
             let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
             let search = Search::about(&posed, &fit.theta, &states);
-            let mut starts = search.starts(search.descents(ends));
+            let mut watch = |done: f64| observer(&Progress::Search { order, done }).is_break();
+            let mut starts = search.starts(search.descents(ends, &mut watch));
             starts.all.push(Start {
                 theta: fit.theta,
                 states: Some(states),

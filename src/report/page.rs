@@ -246,6 +246,7 @@ mod tests {
             violation: 0.0,
             runs: runs.collect(),
             closed_loop: None,
+            unbounded: None,
             doubts: Vec::new(),
         }
     }

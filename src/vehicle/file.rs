@@ -1,6 +1,6 @@
 //! The vehicle file.
 
-use crate::document::{self, Document, DocumentError};
+use crate::document::{self, Document, DocumentError, Table};
 use crate::models::{COEFFICIENTS, Quadcopter};
 use std::path::Path;
 
@@ -47,8 +47,14 @@ pub fn read(path: &Path) -> Result<Quadcopter, VehicleError> {
 /// # Errors
 /// As [`read`].
 pub fn parse(text: &str, file: &str) -> Result<Quadcopter, VehicleError> {
-    let document = Document::parse(text, file)?;
-    let table = document.root();
+    of_table(&Document::parse(text, file)?.root())
+}
+
+/// The vehicle of a table with its coefficients and nothing else.
+///
+/// # Errors
+/// As [`read`].
+pub fn of_table(table: &Table) -> Result<Quadcopter, VehicleError> {
     table.only(&COEFFICIENTS.map(|coefficient| coefficient.name))?;
     let mut vehicle = Quadcopter::default();
     for field in &COEFFICIENTS {
@@ -57,7 +63,7 @@ pub fn parse(text: &str, file: &str) -> Result<Quadcopter, VehicleError> {
         let (min, max) = field.range;
         if !(min..=max).contains(&value) {
             return Err(VehicleError::Range {
-                file: file.into(),
+                file: table.file().into(),
                 line: table.line(field.name),
                 field: field.name,
                 value,

@@ -5,5 +5,5 @@ mod file;
 mod pitch_loop;
 
 pub use crate::linear::Mode;
-pub use file::{VehicleError, parse, read, to_toml};
+pub use file::{VehicleError, of_table, parse, read, to_toml};
 pub use pitch_loop::PitchLoop;

@@ -4,7 +4,8 @@
 use crate::command::{Folder, example};
 use pilotage::identification::closed_loop::LOOP_MARGIN;
 use pilotage::identification::{
-    ClosedLoop, Doubt, Fit, InitialState, Mesh, Objective, Options, Trial, TrialSet, fit, simulate,
+    ClosedLoop, Doubt, Fit, InitialState, Mesh, Objective, Options, Scheme, Trial, TrialSet, fit,
+    simulate,
 };
 use pilotage::models::{Joint, Pilot, Quadcopter};
 use pilotage::synthetic::{Flights, Human};
@@ -200,6 +201,223 @@ fn one_sample_of_500_m_is_named() {
     };
     assert_eq!((run.as_str(), *time, *count), ("10m-run1", 6.15, 1));
     assert!(*share > 0.9 && !fit.is_answer());
+}
+
+/// Those of a fit that is not followed to its end.
+fn codes_of(trials: &[Trial]) -> Vec<&'static str> {
+    codes(&fitted(trials, &Options::default()))
+}
+
+fn outlier(trials: &[Trial]) -> (String, f64, usize, bool) {
+    let fit = fitted(trials, &Options::default());
+    let found = fit.doubts.iter().find_map(|doubt| match doubt {
+        Doubt::Outlier {
+            run, time, count, ..
+        } => Some((run.clone(), *time, *count, doubt.is_fatal())),
+        _ => None,
+    });
+    found.unwrap_or_else(|| panic!("{:?}", codes(&fit)))
+}
+
+#[test]
+fn outliers_side_by_side_are_counted_and_the_worst_is_named() {
+    let mut trials = changed(|_| ());
+    trials[1].position[120..123].copy_from_slice(&[300.0, 500.0, 320.0]);
+    let name = trials[1].name.clone();
+    assert_eq!(outlier(&trials), (name, 6.05, 3, true));
+}
+
+#[test]
+fn a_recording_that_drops_to_zero_for_a_while_is_told() {
+    let mut trials = changed(|_| ());
+    trials[1].position[150..165].fill(0.0);
+    let (run, time, count, _) = outlier(&trials);
+    assert_eq!((run, count), (trials[1].name.clone(), 15));
+    assert!((7.5..8.25).contains(&time), "{time}");
+}
+
+#[test]
+fn a_first_sample_that_is_off_is_told() {
+    let mut trials = changed(|_| ());
+    trials[0].position[0] = 4.0;
+    let (run, time, count, _) = outlier(&trials);
+    assert_eq!((run, time, count), (trials[0].name.clone(), 0.0, 1));
+}
+
+#[test]
+fn a_jump_in_one_run_is_told() {
+    let mut trials = changed(|_| ());
+    trials[1].position[140..].iter_mut().for_each(|z| *z += 3.0);
+    let fit = fitted(&trials, &Options::default());
+    let jump = fit.doubts.iter().find_map(|doubt| match doubt {
+        Doubt::Jump { time, size, .. } => Some((*time, *size)),
+        _ => None,
+    });
+    let (time, size) = jump.unwrap_or_else(|| panic!("{:?}", codes(&fit)));
+    assert!(time == 7.0 && (size - 3.0).abs() < 0.2, "{time} {size}");
+    assert!(!codes(&fit).contains(&"outlier"));
+}
+
+#[test]
+fn a_target_that_flickers_is_told_and_a_doublet_is_not() {
+    let with = |count: usize| {
+        let mut trials = changed(|_| ());
+        trials[0].target[100..100 + count].fill(500.0);
+        codes_of(&trials).contains(&"target-outlier")
+    };
+    assert!(with(1) && with(2) && !with(20));
+}
+
+/// The first two seconds of each recording are missing.
+#[test]
+fn a_run_that_begins_in_motion_is_told_where_it_is_fitted_from_rest() {
+    let trials = changed(|trial| {
+        for values in [&mut trial.time, &mut trial.target, &mut trial.position] {
+            values.drain(..40);
+        }
+        trial.stick = None;
+    });
+    let of = |initial_state| {
+        let options = Options {
+            initial_state,
+            max_iterations: 50,
+            ..Options::default()
+        };
+        codes(&fitted(&trials, &options)).contains(&"moving-start")
+    };
+    assert!(of(InitialState::AtRest) && of(InitialState::VehicleAtRest));
+    assert!(!of(InitialState::Free));
+}
+
+#[test]
+fn positions_of_the_wrong_sign_or_unit_are_told() {
+    let of = |factor: f64| {
+        let trials = changed(|trial| {
+            trial.position.iter_mut().for_each(|z| *z *= factor);
+            trial.stick = None;
+        });
+        let options = Options {
+            max_iterations: 20,
+            ..Options::default()
+        };
+        let fit = fitted(&trials, &options);
+        (codes(&fit).contains(&"wrong-scale"), fit.is_answer())
+    };
+    assert_eq!([of(-1.0), of(100.0)], [(true, false); 2]);
+    assert!(!of(1.3).0);
+}
+
+#[test]
+fn times_of_another_unit_are_told() {
+    let of = |factor: f64| {
+        let trials = changed(|trial| {
+            trial.time.iter_mut().for_each(|t| *t *= factor);
+            trial.stick = None;
+        });
+        let options = Options {
+            max_iterations: 5,
+            ..Options::default()
+        };
+        codes(&fitted(&trials, &options)).contains(&"time-scale")
+    };
+    assert!(of(1000.0) && of(1.0 / 60.0) && !of(2.0) && !of(0.5));
+}
+
+/// Forward Euler is off by much at 20 Hz; the same with short steps is not.
+#[test]
+fn a_mesh_on_which_the_scheme_is_not_the_equations_is_told() {
+    let of = |scheme, mesh| {
+        let options = Options {
+            scheme,
+            mesh,
+            ..Options::default()
+        };
+        codes(&fitted(&changed(|_| ()), &options)).contains(&"mesh-error")
+    };
+    assert!(of(Scheme::Euler, Mesh::Samples));
+    assert!(!of(Scheme::Euler, Mesh::Step(0.005)));
+    assert!(!of(Scheme::HermiteSimpson, Mesh::Samples));
+}
+
+/// A human who overshoots more each time: no stable loop does so.
+#[test]
+fn a_human_whose_own_loop_grows_gets_no_answer() {
+    let human = Human {
+        gain: 0.05,
+        lead: 0.8,
+        delay: 0.3,
+        ..Human::default()
+    };
+    let flights = Flights {
+        targets: vec![10.0, 20.0],
+        runs: 1,
+        ..Flights::default()
+    };
+    let flown = flights.fly(&human, &Quadcopter::default()).unwrap();
+    let trials: Vec<Trial> = (flown.iter())
+        .map(|flight| Trial::parse(flight.series.to_csv().as_bytes(), &flight.name).unwrap())
+        .collect();
+    let fit = fitted(&trials, &Options::default());
+    let says_so = |doubt: &Doubt| match doubt {
+        Doubt::Leaves { .. } => true,
+        Doubt::LoopOnBound { cost, pole } => cost.is_some_and(|cost| cost > 1.0) && pole.im > 0.0,
+        _ => false,
+    };
+    assert!(fit.converged && fit.closed_loop.as_ref().unwrap().is_stable());
+    assert!(fit.doubts.iter().any(says_so), "{:?}", fit.doubts);
+    assert!(!fit.is_answer());
+    let free = Options {
+        stable_loop: false,
+        ..Options::default()
+    };
+    let free = fitted(&trials, &free);
+    assert!(free.is_answer() && codes(&free)[0] == "unstable-loop");
+}
+
+/// What the bound costs is the ratio to a fit without it.
+#[test]
+fn the_cost_of_the_stability_bound_is_told() {
+    let free = Options {
+        stable_loop: false,
+        ..Options::default()
+    };
+    let expected = shipped_fit().objective / fitted(&shipped(), &free).objective - 1.0;
+    let told = shipped_fit().doubts.iter().find_map(|doubt| match doubt {
+        Doubt::LoopOnBound { cost, .. } => *cost,
+        _ => None,
+    });
+    assert!(
+        (told.unwrap() / expected - 1.0).abs() < 0.01,
+        "{told:?} {expected}"
+    );
+}
+
+/// Two runs to one target that swing against each other about what a pilot does.
+#[test]
+fn a_model_that_explains_little_is_told() {
+    let mut trials = vec![shipped().swap_remove(0), shipped().swap_remove(0)];
+    trials[1].name = "again".into();
+    for (trial, sign) in trials.iter_mut().zip([1.0, -1.0]) {
+        trial.stick = None;
+        let swing = trial.time.iter().map(|t| sign * 6.0 * (2.0 * t).sin());
+        trial
+            .position
+            .iter_mut()
+            .zip(swing)
+            .for_each(|(z, w)| *z += w);
+    }
+    let fit = fitted(&trials, &Options::default());
+    assert!(fit.converged, "{}", fit.status);
+    let explained = fit.doubts.iter().find_map(|doubt| match doubt {
+        Doubt::PoorFit { explained } => Some(*explained),
+        _ => None,
+    });
+    assert!(
+        (0.0..0.5).contains(&explained.unwrap()),
+        "{:?}",
+        codes(&fit)
+    );
+    assert!(!codes(shipped_fit()).contains(&"poor-fit"));
 }
 
 #[test]

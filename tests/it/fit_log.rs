@@ -1,7 +1,7 @@
 //! How a fit is watched, limited and stopped.
 
 use crate::command::{Ended, Folder, example};
-use pilotage::identification::{Options, Trial, TrialSet, fit};
+use pilotage::identification::{Options, Progress, Trial, TrialSet, fit};
 use pilotage::sqp::Status;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
@@ -249,14 +249,18 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         first.number < starts,
         "the test is about a start after one that converged"
     );
-    let stopped = fit(&trials(), &Options::default(), &mut |progress| match (
-        progress.order,
-        progress.start,
-        progress.iteration.number,
-    ) {
-        (3, start, 2) if start == first.number => ControlFlow::Break(Status::Interrupted),
-        _ => ControlFlow::Continue(()),
-    })
+    let stopped = fit(
+        &trials(),
+        &Options::default(),
+        &mut |progress| match progress {
+            Progress::Iterate(at)
+                if (at.order, at.start, at.iteration.number) == (3, first.number, 2) =>
+            {
+                ControlFlow::Break(Status::Interrupted)
+            }
+            _ => ControlFlow::Continue(()),
+        },
+    )
     .unwrap();
     assert!(stopped.converged);
     assert_eq!(
@@ -275,8 +279,9 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
 fn a_stop_before_anything_has_converged_gives_the_best_iterate() {
     let mut seen = Vec::new();
     let stopped = fit(&trials(), &Options::default(), &mut |progress| {
-        if progress.order == 3 {
-            seen.push(progress.iteration.objective);
+        match progress {
+            Progress::Iterate(at) if at.order == 3 => seen.push(at.iteration.objective),
+            _ => (),
         }
         match seen.len() {
             6 => ControlFlow::Break(Status::TimeLimit),

@@ -3,7 +3,7 @@
 
 use crate::cli::Failure;
 use crate::identification::result::StartReport;
-use crate::identification::{Fit, Progress};
+use crate::identification::{Fit, solve::Iterate};
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
@@ -39,12 +39,12 @@ impl Log {
     }
 
     /// One iteration.
-    pub fn iteration(&mut self, progress: &Progress) {
-        let iteration = progress.iteration;
+    pub fn iteration(&mut self, iterate: &Iterate) {
+        let iteration = iterate.iteration;
         self.line(&json!({
             "event": "iteration",
-            "order": progress.order,
-            "start": progress.start + 1,
+            "order": iterate.order,
+            "start": iterate.start + 1,
             "iteration": iteration.number,
             "objective": iteration.objective,
             "primal": iteration.kkt.primal,

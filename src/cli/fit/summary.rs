@@ -1,10 +1,10 @@
 //! What a fit gave, for people and for scripts.
 
 use crate::cli::{Failure, format};
-use crate::identification::Doubt;
+use crate::identification::simulate::{LONGEST, at_rest};
 use crate::identification::{
-    ClosedLoop, Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file,
-    simulate,
+    ClosedLoop, Doubt, Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file,
+    simulate, simulate_from,
 };
 use crate::models::Joint;
 use crate::report::{rms, significant};
@@ -14,17 +14,11 @@ use serde_json::{Value, json};
 /// A run as the identified pilot flies it alone, from rest.
 pub struct Flown<'a> {
     trial: &'a Trial,
-    /// That run; none where nobody said which vehicle was flown, or it is longer than [`LONGEST`].
+    /// That run, from where the solution begins; none where nobody said which vehicle was flown, or it is longer
+    /// than [`LONGEST`].
     pub run: Option<RunFit>,
     /// The run in the optimiser's solution; none for a validation run.
     solution: Option<&'a RunFit>,
-}
-
-/// Longest run that is flown alone [s]: some seconds of work.
-const LONGEST: f64 = 1e4;
-
-fn is_short(trial: &Trial) -> bool {
-    trial.time[trial.time.len() - 1] - trial.time[0] <= LONGEST
 }
 
 impl<'a> Flown<'a> {
@@ -34,14 +28,22 @@ impl<'a> Flown<'a> {
             vehicle,
             pilot: options.pilot,
         });
+        let begin = |joint: &Joint, trial: &Trial, solution: Option<&RunFit>| match solution {
+            // The first sample is a measurement like the others.
+            Some(run) if options.objective == Objective::Response => {
+                let states = at_rest(joint, run.position[0]);
+                simulate_from(joint, &fit.theta, trial, &states)
+            }
+            _ => simulate(joint, &fit.theta, trial),
+        };
         let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
         (set.all().zip(solutions))
             .map(|(trial, solution)| {
                 Ok(Self {
                     trial,
                     run: (joint.as_ref())
-                        .filter(|_| is_short(trial))
-                        .map(|joint| simulate(joint, &fit.theta, trial))
+                        .filter(|_| trial.duration() <= LONGEST)
+                        .map(|joint| begin(joint, trial, solution))
                         .transpose()?,
                     solution,
                 })

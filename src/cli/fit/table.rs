@@ -1,7 +1,7 @@
 //! The iterations of a fit as a table on stderr, in the columns that users of SQP and interior-point
 //! solvers know.
 
-use crate::identification::Progress;
+use crate::identification::solve::Iterate;
 use std::io::Write;
 
 /// Lines between two headers.
@@ -18,29 +18,29 @@ pub struct Table {
 
 impl Table {
     /// Prints an iteration.
-    pub fn show(&mut self, progress: &Progress) {
+    pub fn show(&mut self, iterate: &Iterate) {
         let mut text = String::new();
         if self.lines.is_multiple_of(PAGE) {
             text += HEADER;
             text += "\n";
         }
         self.lines += 1;
-        text += &line(progress);
+        text += &line(iterate);
         // Whoever closed stderr does not want to know.
         let _ = std::io::stderr().lock().write_all(text.as_bytes());
     }
 }
 
-fn line(progress: &Progress) -> String {
-    let i = progress.iteration;
+fn line(iterate: &Iterate) -> String {
+    let i = iterate.iteration;
     let damping = match i.damping > 0.0 {
         true => format!("{:.1}", i.damping.log10()),
         false => "-".into(),
     };
     format!(
         "{:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
-        progress.order,
-        progress.start + 1,
+        iterate.order,
+        iterate.start + 1,
         i.number,
         i.objective,
         i.kkt.primal,
@@ -76,7 +76,7 @@ mod tests {
             active: 41,
             model: StepModel::GaussNewton,
         };
-        let text = line(&Progress {
+        let text = line(&Iterate {
             order: 3,
             start: 1,
             starts: 4,

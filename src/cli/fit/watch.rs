@@ -38,14 +38,18 @@ impl Watch {
         }
     }
 
-    /// Sees an iteration and says whether to go on.
+    /// Sees how far the fit is and says whether to go on.
     pub fn see(&mut self, progress: &identification::Progress) -> ControlFlow<Status> {
-        if let Some(log) = &mut self.log {
-            log.iteration(progress);
+        if let identification::Progress::Iterate(iterate) = progress {
+            if let Some(log) = &mut self.log {
+                log.iteration(iterate);
+            }
+            if let Shown::Table(table) = &mut self.shown {
+                table.show(iterate);
+            }
         }
-        match &mut self.shown {
-            Shown::Table(table) => table.show(progress),
-            Shown::Bar(bar) => bar.show(progress),
+        if let Shown::Bar(bar) = &mut self.shown {
+            bar.show(progress);
         }
         let seconds = self.begin.elapsed().as_secs_f64();
         if interrupt::is_asked() {

@@ -3,12 +3,20 @@
 use super::{Doubt, Fit, Options, Trial};
 use crate::identification::Mesh;
 use crate::identification::start::implied_stick;
+use crate::identification::trials::median_step;
 use crate::vehicle::PitchLoop;
 
 /// A run whose positions differ by less does not move [m].
 const STILL: f64 = 1e-6;
 /// A run is driven when its target is at least this part of its largest error away from its start.
 const DRIVEN: f64 = 0.5;
+/// Correlation of positions with targets from which the slope between them means something.
+const FOLLOWS: f64 = 0.7;
+/// Slopes of positions over targets that humans fly; little at first.
+const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=5.0;
+/// Longest run that is too short for a task [s], and longest time between samples [s].
+const SHORT: f64 = 1.0;
+const SPARSE: f64 = 2.0;
 /// Correlation below which the stick's sign is in doubt.
 const AGAINST: f64 = -0.5;
 /// Radius of gyration over arm length: that of any body with motors on arms.
@@ -22,13 +30,10 @@ const AT_STOP: f64 = 0.999;
 
 /// The doubts.
 pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
-    let movement = match trials.iter().all(is_still) {
-        true => Some(Doubt::ConstantData),
-        false => (!trials.iter().any(is_driven)).then_some(Doubt::NoForcing),
-    };
     let vehicle = options.loop_vehicle().is_some();
     [
-        movement,
+        movement(trials),
+        time_scale(trials),
         stick_sign(options, trials).filter(|_| vehicle),
         vehicle_size(options).filter(|_| vehicle),
         (vehicle && !PitchLoop::of(&options.vehicle).is_stable()).then_some(Doubt::VehicleUnstable),
@@ -52,19 +57,63 @@ fn is_still(trial: &Trial) -> bool {
     most - least <= STILL
 }
 
-/// True when the target is, at some time, away from where the run began.
-fn is_driven(trial: &Trial) -> bool {
-    let first = finite(&trial.position).next().unwrap_or(0.0);
+/// Where a run begins [m].
+fn origin(trial: &Trial) -> f64 {
+    finite(&trial.position).next().unwrap_or(0.0)
+}
+
+/// What is wrong with how the vehicle moves, of one run or of all.
+fn movement(trials: &[Trial]) -> Option<Doubt> {
+    if trials.iter().all(is_still) {
+        return Some(Doubt::ConstantData);
+    }
     let largest =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |m: f64, v| m.max(v.abs()));
-    let forcing = largest(&mut trial.target.iter().map(|target| target - first));
-    let pairs = trial.target.iter().zip(&trial.position);
-    let error = largest(
-        &mut pairs
-            .map(|(target, z)| target - z)
-            .filter(|e| e.is_finite()),
-    );
-    forcing >= DRIVEN * error && forcing > STILL
+    let of_run = |trial: &Trial| {
+        let errors = trial.target.iter().zip(&trial.position).map(|(w, z)| w - z);
+        let origin = origin(trial);
+        (
+            largest(&mut trial.target.iter().map(|target| target - origin)),
+            largest(&mut errors.filter(|e| e.is_finite())),
+        )
+    };
+    let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
+    let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;
+    if let Some(factor) = wrong_scale(trials) {
+        return Some(Doubt::WrongScale { factor });
+    }
+    let none = Doubt::NoForcing {
+        forcing: largest(&mut all.iter().map(|run| run.0)),
+        error: largest(&mut all.iter().map(|run| run.1)),
+    };
+    (!all.iter().any(is_driven)).then_some(none)
+}
+
+/// Slope of positions over targets, both from where the runs begin, where it is no human's.
+fn wrong_scale(trials: &[Trial]) -> Option<f64> {
+    let (mut product, mut targets, mut positions) = (0.0, 0.0, 0.0);
+    for trial in trials {
+        let origin = origin(trial);
+        for (target, z) in trial.target.iter().zip(&trial.position) {
+            let (target, z) = (target - origin, z - origin);
+            if z.is_finite() {
+                product += target * z;
+                targets += target * target;
+                positions += z * z;
+            }
+        }
+    }
+    let correlation = product / (targets * positions).sqrt();
+    let factor = product / targets;
+    (correlation.abs() > FOLLOWS && !SLOPES.contains(&factor)).then_some(factor)
+}
+
+fn time_scale(trials: &[Trial]) -> Option<Doubt> {
+    let longest = trials
+        .iter()
+        .max_by(|a, b| a.duration().total_cmp(&b.duration()))?;
+    let (duration, step) = (longest.duration(), median_step(&longest.time)?);
+    (duration < SHORT || step > SPARSE).then_some(Doubt::TimeScale { duration, step })
 }
 
 /// Compares the recorded stick with that of the inverted vehicle, over all runs that have one.
@@ -100,8 +149,10 @@ fn coarse_mesh(options: &Options, trials: &[Trial]) -> Option<Doubt> {
     let Mesh::Step(step) = options.mesh else {
         return None;
     };
-    let durations = trials.iter().map(|t| t.time[t.time.len() - 1] - t.time[0]);
-    let duration = durations.fold(f64::INFINITY, f64::min);
+    let duration = trials
+        .iter()
+        .map(Trial::duration)
+        .fold(f64::INFINITY, f64::min);
     (step > COARSE * duration).then_some(Doubt::CoarseMesh { step, duration })
 }
 

@@ -2,9 +2,13 @@
 //! ended elsewhere, or the data cannot tell some of the pilot's parameters.
 
 mod flights;
+mod flown;
+mod samples;
 mod solution;
+mod words;
 
 use super::{Fit, Options, Trial};
+use nalgebra::Complex;
 
 /// One reason to look twice at a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +23,64 @@ pub enum Doubt {
     /// The vehicle does not move in any run.
     ConstantData,
     /// No run has a target away from where it begins, so that all that moves is the pilot's own noise.
-    NoForcing,
+    NoForcing {
+        /// The farthest that a target is from where its run begins [m].
+        forcing: f64,
+        /// The largest error of a run [m].
+        error: f64,
+    },
+    /// The positions follow the targets with a factor that no human flies.
+    WrongScale {
+        /// Slope of the positions over the targets, both from where the run begins.
+        factor: f64,
+    },
+    /// The runs are so short, or their samples so far apart, that another unit of time is likely.
+    TimeScale {
+        /// The longest run [s].
+        duration: f64,
+        /// Median time between its samples [s].
+        step: f64,
+    },
+    /// A long time without a row, in a fit that came to nothing.
+    Gap {
+        /// Name of the run.
+        run: String,
+        /// The last row before it [s].
+        from: f64,
+        /// The first after it [s].
+        to: f64,
+    },
+    /// A run that is fitted from rest is already in motion.
+    Moving {
+        /// Name of the run.
+        run: String,
+        /// Its speed over the first samples [m/s].
+        speed: f64,
+        /// What full stick from hover gives over the same time [m/s].
+        most: f64,
+    },
+    /// A target that is elsewhere for one or two samples.
+    TargetOutlier {
+        /// Name of the run.
+        run: String,
+        /// Time of the sample [s].
+        time: f64,
+        /// The target there [m].
+        target: f64,
+        /// The target before and after [m].
+        around: f64,
+    },
+    /// The recording jumps and does not come back.
+    Jump {
+        /// Name of the run.
+        run: String,
+        /// Time of the first sample after it [s].
+        time: f64,
+        /// How far, with its unit.
+        size: f64,
+        /// Unit of the size.
+        unit: &'static str,
+    },
     /// The stick of the fitted pilot stays at zero.
     IdlePilot,
     /// A sample far from its neighbours.
@@ -63,6 +124,28 @@ pub enum Doubt {
         /// The shortest run [s].
         duration: f64,
     },
+    /// Between the nodes of the mesh the solution is not one of the equations.
+    MeshError {
+        /// Name of the worst run.
+        run: String,
+        /// Rms distance of all solutions from the equations solved with short steps [m].
+        error: f64,
+        /// Rms residual of the fit [m].
+        residual: f64,
+        /// Longest interval of the worst run's mesh [s].
+        interval: f64,
+    },
+    /// The closed loop is stable about hover and leaves the target all the same: the stick comes to its stops.
+    Leaves {
+        /// The target, from where the flight begins [m].
+        step: f64,
+        /// When it was given up [s].
+        time: f64,
+        /// How far off it was then [m].
+        error: f64,
+        /// True where the options do not ask for a stable loop.
+        allowed: bool,
+    },
     /// The stick lies at its stops in many samples.
     SaturatedStick {
         /// Part of the recorded samples, 0 to 1; none without a recorded stick.
@@ -95,8 +178,18 @@ pub enum Doubt {
     },
     /// The closed loop lies on its stability bound ([`super::closed_loop::LOOP_MARGIN`]).
     LoopOnBound {
-        /// Real part of its slowest pole [1/s].
+        /// Its slowest pole, of a pair the upper one [1/s].
+        pole: Complex<f64>,
+        /// What the bound costs: how much greater the objective is than without it, relatively; none where it was
+        /// not looked at.
+        cost: Option<f64>,
+    },
+    /// The closed loop has a pole so slow that the runs hardly show it.
+    SlowLoop {
+        /// Its real part [1/s].
         pole: f64,
+        /// The longest run [s].
+        duration: f64,
     },
     /// θ1 lies on its bound: the pilot integrates the error for ever.
     Integrates,
@@ -121,6 +214,8 @@ pub enum Doubt {
 
 /// Part of the objective above which outliers govern the result.
 const GOVERNS: f64 = 0.5;
+/// Relative cost of the bound on the closed loop above which no pilot within it does what the human did.
+const DEAR: f64 = 1.0;
 
 impl Doubt {
     /// One word for scripts.
@@ -128,7 +223,15 @@ impl Doubt {
         match self {
             Self::UnstableLoop { .. } => "unstable-loop",
             Self::ConstantData => "constant-data",
-            Self::NoForcing => "no-forcing",
+            Self::NoForcing { .. } => "no-forcing",
+            Self::WrongScale { .. } => "wrong-scale",
+            Self::TimeScale { .. } => "time-scale",
+            Self::Gap { .. } => "gap",
+            Self::Moving { .. } => "moving-start",
+            Self::TargetOutlier { .. } => "target-outlier",
+            Self::Jump { .. } => "jump",
+            Self::MeshError { .. } => "mesh-error",
+            Self::Leaves { .. } => "leaves-target",
             Self::IdlePilot => "idle-pilot",
             Self::Outlier { .. } => "outlier",
             Self::PoorFit { .. } => "poor-fit",
@@ -141,6 +244,7 @@ impl Doubt {
             Self::Lower { .. } => "lower-start",
             Self::WildStart { .. } => "wild-start",
             Self::LoopOnBound { .. } => "loop-on-bound",
+            Self::SlowLoop { .. } => "slow-loop",
             Self::Integrates => "integrating-pilot",
             Self::PilotOnBound { .. } => "pilot-on-bound",
             Self::FastPole { .. } => "fast-pole",
@@ -151,146 +255,12 @@ impl Doubt {
     /// True when it makes the result meaningless: the fit is then no answer, converged or not.
     pub fn is_fatal(&self) -> bool {
         match self {
-            Self::ConstantData | Self::NoForcing | Self::IdlePilot => true,
-            Self::UnstableLoop { allowed, .. } => !allowed,
+            Self::ConstantData | Self::IdlePilot => true,
+            Self::NoForcing { .. } | Self::WrongScale { .. } => true,
+            Self::UnstableLoop { allowed, .. } | Self::Leaves { allowed, .. } => !allowed,
             Self::Outlier { share, .. } => *share > GOVERNS,
+            Self::LoopOnBound { cost, .. } => cost.is_some_and(|cost| cost > DEAR),
             _ => false,
-        }
-    }
-}
-
-impl std::fmt::Display for Doubt {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::UnstableLoop { pole, allowed } => write!(
-                f,
-                "the closed loop is UNSTABLE: with its vehicle this pilot has a pole at {pole:+.2e} 1/s, so it \
-                 leaves the target when it is flown on{}",
-                match allowed {
-                    true => "",
-                    false => "; a fit of the response that converges keeps it stable",
-                }
-            ),
-            Self::ConstantData => write!(
-                f,
-                "the vehicle does not move in any run: nothing can be said of the pilot"
-            ),
-            Self::NoForcing => write!(
-                f,
-                "every run begins at its target, which stays there: what moves is the human's own noise, and \
-                 no pilot can be told from that; record runs to targets away from the start, or to moving ones"
-            ),
-            Self::IdlePilot => write!(f, "the fitted pilot does nothing: its stick stays at zero"),
-            Self::Outlier {
-                run,
-                time,
-                residual,
-                unit,
-                count,
-                share,
-            } => {
-                let others = match count {
-                    1 => String::new(),
-                    _ => format!(", the worst of {count} such samples"),
-                };
-                let unit = if *unit == "1" {
-                    String::new()
-                } else {
-                    format!(" {unit}")
-                };
-                write!(
-                    f,
-                    "the sample of {run} at {time} s is {residual:.3e}{unit} off and far from its neighbours{others}; \
-                     {:.0} % of the sum of squares come from there: empty the cell if it is an error",
-                    100.0 * share
-                )
-            }
-            Self::PoorFit { explained } => write!(
-                f,
-                "the model explains {:.0} % of the variance of what was recorded: another --order, --vehicle \
-                 or --initial-state may do better",
-                100.0 * explained.max(0.0)
-            ),
-            Self::StickSign { correlation } => write!(
-                f,
-                "the recorded stick goes against the vehicle's motion (correlation {correlation:.2} with the \
-                 stick that the motion implies): forward is negative here, so its sign may be wrong"
-            ),
-            Self::VehicleSize { gyration, arm } => write!(
-                f,
-                "the vehicle's radius of gyration √(inertia/mass) is {gyration:.3} m with an arm of {arm} m: \
-                 one of mass, inertia and arm_length may be in another unit"
-            ),
-            Self::VehicleUnstable => write!(
-                f,
-                "the vehicle's own pitch loop is unstable, so nobody can have flown it; see `pilotage vehicle \
-                 check`"
-            ),
-            Self::CoarseMesh { step, duration } => write!(
-                f,
-                "a mesh step of {step} s is more than a tenth of a run of {duration} s: the states between are \
-                 those of the scheme, not of the equations; take a shorter --mesh-step"
-            ),
-            Self::SaturatedStick { recorded, fitted } => {
-                let percent = |part: f64| format!("{:.0} %", 100.0 * part);
-                let recorded =
-                    recorded.map(|part| format!("{} of the recorded samples and ", percent(part)));
-                write!(
-                    f,
-                    "the stick lies at its stop in {}{} of the fitted ones: a linear pilot that is held \
-                     there is not what the human did",
-                    recorded.unwrap_or_default(),
-                    percent(*fitted)
-                )
-            }
-            Self::OneStart { starts: 0 | 1 } => write!(
-                f,
-                "one start alone ran, so nothing tells whether there is a better optimum; leave --start out, or \
-                 try --random-starts 8"
-            ),
-            Self::OneStart { starts } => write!(
-                f,
-                "only one of {starts} starts ended here; there may be a better optimum, \
-                 try --random-starts 20"
-            ),
-            Self::Lower { start, objective } => write!(
-                f,
-                "start {start} came to a sum of squares of {objective:.6} and did not converge: there is a \
-                 better optimum, try --max-iterations or --random-starts 20"
-            ),
-            Self::WildStart {
-                run,
-                state,
-                value,
-                later,
-            } => write!(
-                f,
-                "{run} begins with {state} = {value:.2}, which stays within {later:.2} after a second: its free \
-                 initial states explain what the pilot should, and many optima do so; fit with --initial-state \
-                 vehicle-at-rest"
-            ),
-            Self::LoopOnBound { pole } => write!(
-                f,
-                "the closed loop lies on its stability bound (a pole at {pole:.1e} 1/s): flights this short do \
-                 not tell how it settles in the long run"
-            ),
-            Self::Integrates => write!(
-                f,
-                "θ1 lies on its bound: this pilot integrates, which runs this short cannot tell"
-            ),
-            Self::PilotOnBound { frequency } => write!(
-                f,
-                "the pilot lies on its stability bound: it swings undamped at {frequency:.3} rad/s"
-            ),
-            Self::FastPole { pole, limit } => write!(
-                f,
-                "the pole at {pole:.3e} 1/s is faster than the samples can tell ({limit:.0} 1/s): \
-                 its size means nothing"
-            ),
-            Self::Cancelled { pole } => write!(
-                f,
-                "a pole of {pole:.3} 1/s lies on a zero: a lower --order says the same"
-            ),
         }
     }
 }
@@ -298,7 +268,13 @@ impl std::fmt::Display for Doubt {
 /// What speaks against taking `fit` at its word, the gravest first.
 pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
     let mut doubts = flights::doubts(fit, options, trials);
+    doubts.extend(samples::doubts(fit, options, trials));
+    doubts.extend(flown::doubts(fit, options, trials));
     doubts.extend(solution::doubts(fit, options));
+    if doubts.contains(&Doubt::ConstantData) {
+        // What a pilot of nothing is like, nobody needs to know.
+        doubts.retain(Doubt::is_fatal);
+    }
     let rank = |doubt: &Doubt| {
         (
             !matches!(doubt, Doubt::UnstableLoop { .. }),

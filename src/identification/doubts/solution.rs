@@ -1,10 +1,9 @@
 //! What θ, its poles, its residuals and the other starts say.
 
 use super::{Doubt, Fit, Options};
-use crate::identification::closed_loop::LOOP_MARGIN;
 use crate::identification::constraints::{RouthHurwitz, STABILITY_MARGIN};
 use crate::identification::result::{AGREE, RunFit, StartReport};
-use crate::identification::{ClosedLoop, InitialState, Objective};
+use crate::identification::{InitialState, Objective};
 use crate::transcription::ParameterConstraints;
 use nalgebra::Complex;
 use pilotage_models::Pilot;
@@ -13,8 +12,6 @@ use std::f64::consts::PI;
 
 /// A condition for stability within this many margins is on its bound.
 const ON_BOUND: f64 = 10.0;
-/// The same for the closed loop's margin, which is a rate.
-const LOOP_ON_BOUND: f64 = 1.01;
 /// Relative distance of a pole from a zero that it cancels.
 const CANCELLED: f64 = 0.01;
 /// A stick that never leaves zero by more does nothing.
@@ -24,19 +21,16 @@ const POOR: f64 = 0.5;
 /// A state that begins beyond so many times what it is after [`SETTLED`] seconds is no vehicle's.
 const WILD: f64 = 3.0;
 const SETTLED: f64 = 1.0;
-/// An outlier is this many robust standard deviations of the residuals from the mean of its neighbours.
-const OUTLYING: f64 = 10.0;
-/// Standard deviation of a normal distribution over its median magnitude.
-const ROBUST: f64 = 1.4826;
+/// A pole that fades less during the longest run may as well be unstable.
+const HARDLY: f64 = 0.1;
 
 /// The doubts; where the solve did not converge, those of its last iterate alone that say what went wrong.
 pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
     let pilot = options.pilot;
     let poles = pilot.poles(&fit.theta);
     let wrong = [
-        closed_loop(fit.closed_loop.as_ref(), options),
+        closed_loop(fit, options),
         is_idle(fit).then_some(Doubt::IdlePilot),
-        outlier(fit, options),
         lower(fit),
     ];
     let untold = [
@@ -51,67 +45,34 @@ pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
     wrong.into_iter().chain(untold).flatten().collect()
 }
 
-fn closed_loop(closed_loop: Option<&ClosedLoop>, options: &Options) -> Option<Doubt> {
-    let closed_loop = closed_loop?;
-    let pole = closed_loop.rightmost().map_or(f64::NAN, |pole| pole.re);
+fn closed_loop(fit: &Fit, options: &Options) -> Option<Doubt> {
+    let closed_loop = fit.closed_loop.as_ref().filter(|_| fit.is_feasible())?;
+    let rightmost = closed_loop.rightmost();
+    let pole = rightmost.unwrap_or(Complex::new(f64::NAN, 0.0));
     if !closed_loop.is_stable() {
-        let allowed = !options.stable_loop;
-        return Some(Doubt::UnstableLoop { pole, allowed });
+        return Some(Doubt::UnstableLoop {
+            pole: pole.re,
+            allowed: !options.stable_loop,
+        });
     }
-    (pole >= -LOOP_ON_BOUND * LOOP_MARGIN).then_some(Doubt::LoopOnBound { pole })
+    if closed_loop.is_on_bound() {
+        let cost = fit
+            .unbounded
+            .map(|unbounded| fit.objective / unbounded - 1.0);
+        return Some(Doubt::LoopOnBound { pole, cost });
+    }
+    let durations = fit
+        .runs
+        .iter()
+        .map(|run| run.time[run.time.len() - 1] - run.time[0]);
+    let duration = durations.fold(0.0, f64::max);
+    let pole = pole.re;
+    (-pole * duration < HARDLY).then_some(Doubt::SlowLoop { pole, duration })
 }
 
 fn is_idle(fit: &Fit) -> bool {
     let sticks = fit.runs.iter().flat_map(|run| &run.stick);
     sticks.fold(0.0, |most: f64, u| most.max(u.abs())) <= IDLE
-}
-
-/// Residuals whose distance from the mean of their neighbours is far beyond the residuals' own spread.
-fn outlier(fit: &Fit, options: &Options) -> Option<Doubt> {
-    let all = fit.runs.iter().flat_map(|run| &run.residual);
-    let mut sizes: Vec<f64> = all.map(|r| r.abs()).filter(|r| r.is_finite()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let spread = ROBUST * sizes.get(sizes.len() / 2)?;
-    let found: Vec<(&RunFit, usize, f64)> = fit
-        .runs
-        .iter()
-        .flat_map(|run| spikes(&run.residual).map(move |(k, jump)| (run, k, jump)))
-        .filter(|(_, _, jump)| *jump > OUTLYING * spread && spread > 0.0)
-        .collect();
-    let &(run, k, _) = found.iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
-    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|r| r * r).sum::<f64>();
-    let theirs = squares(&mut found.iter().map(|(run, k, _)| run.residual[*k]));
-    let total = squares(&mut sizes.iter().copied());
-    Some(Doubt::Outlier {
-        run: run.name.clone(),
-        time: run.time[k],
-        residual: run.residual[k],
-        unit: options.objective.unit(),
-        count: found.len(),
-        share: theirs / total,
-    })
-}
-
-/// How far each residual lies from the mean of its neighbours; a neighbour of an outlier lies half as far, so
-/// only local maxima count.
-fn spikes(residual: &[f64]) -> impl Iterator<Item = (usize, f64)> {
-    let known: Vec<usize> = (0..residual.len())
-        .filter(|&k| residual[k].is_finite())
-        .collect();
-    let jumps: Vec<f64> = (0..known.len())
-        .map(|i| {
-            let around = [i.checked_sub(1), Some(i + 1).filter(|&j| j < known.len())];
-            let around = || around.into_iter().flatten().map(|j| residual[known[j]]);
-            let mean = around().sum::<f64>() / around().count() as f64;
-            (residual[known[i]] - mean).abs()
-        })
-        .collect();
-    let at = move |i: usize| jumps.get(i).copied().unwrap_or(0.0);
-    let peaks = (0..known.len()).filter_map(move |i| {
-        let peak = at(i) >= at(i + 1) && (i == 0 || at(i) > at(i - 1));
-        peak.then(|| (known[i], at(i)))
-    });
-    peaks.collect::<Vec<_>>().into_iter()
 }
 
 fn poor(fit: &Fit, options: &Options) -> Option<Doubt> {
@@ -231,6 +192,7 @@ fn zeros(numerator: &[f64]) -> Vec<Complex<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identification::ClosedLoop;
     use crate::identification::RunFit;
 
     /// A fit of `theta` to samples 0.05 s apart, with these objectives of its starts.
@@ -271,6 +233,7 @@ mod tests {
             violation: 0.0,
             runs: vec![run],
             closed_loop: None,
+            unbounded: None,
             doubts: Vec::new(),
         }
     }
@@ -373,30 +336,13 @@ mod tests {
         assert_eq!(with(1e-4, true), unstable(false));
         assert_eq!(with(1e-4, false), unstable(true));
         assert!(unstable(false)[0].is_fatal() && !unstable(true)[0].is_fatal());
-        assert_eq!(with(-1e-3, true), [Doubt::LoopOnBound { pole: -1e-3 }]);
-        assert_eq!(with(-0.01, true), []);
-    }
-
-    /// Coloured residuals of 0.3 m with one sample at 500 m; and without it.
-    #[test]
-    fn one_sample_far_from_its_neighbours_is_told() {
-        let mut fit = fit(SOUND, &[7.0, 7.0]);
-        let run = &mut fit.runs[0];
-        run.time = (0..300).map(|k| 0.05 * f64::from(k)).collect();
-        run.position = run.time.iter().map(|t| 10.0 - 10.0 * (-t).exp()).collect();
-        run.stick = vec![0.1; 300];
-        run.residual = run.time.iter().map(|t| 0.3 * (2.0 * t).sin()).collect();
-        assert_eq!(doubts(&fit, &Options::default()), []);
-        fit.runs[0].residual[100] += 500.0;
-        fit.runs[0].residual[101] = f64::NAN;
-        let found = doubts(&fit, &Options::default());
-        let outlier = |doubt: &Doubt| match doubt {
-            Doubt::Outlier {
-                time, count, share, ..
-            } => (*time, *count, *share > 0.99),
-            _ => panic!("{doubt:?}"),
+        let pole = Complex::new(-1e-3, 0.0);
+        assert_eq!(with(-1e-3, true), [Doubt::LoopOnBound { pole, cost: None }]);
+        let slow = Doubt::SlowLoop {
+            pole: -0.01,
+            duration: 0.1,
         };
-        assert_eq!(outlier(&found[0]), (5.0, 1, true), "{found:?}");
-        assert!(found[0].is_fatal(), "it governs the objective");
+        assert_eq!(with(-0.01, true), [slow]);
+        assert_eq!(with(-1.5, true), []);
     }
 }

@@ -20,7 +20,7 @@ pub use columns::ColumnNames;
 pub use error::TrialError;
 pub use manifest::TrialSet;
 pub use read::sha256;
-pub use summary::Summary;
+pub use summary::{Summary, median_step};
 
 /// One recorded flight to a target.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,4 +41,11 @@ pub struct Trial {
     pub stick: Option<Vec<f64>>,
     /// Weight of this run's squared residuals in the objective.
     pub weight: f64,
+}
+
+impl Trial {
+    /// From the first sample to the last [s].
+    pub fn duration(&self) -> f64 {
+        self.time[self.time.len() - 1] - self.time[0]
+    }
 }

@@ -82,7 +82,7 @@ fn steps(time: &[f64]) -> Vec<f64> {
 }
 
 /// The usual time from a sample to the next [s]; none where there are no two.
-pub(super) fn median_step(time: &[f64]) -> Option<f64> {
+pub fn median_step(time: &[f64]) -> Option<f64> {
     let steps = steps(time);
     steps.get(steps.len() / 2).copied()
 }
