@@ -412,10 +412,10 @@ mod tests {
             let doubts = vec![Doubt::Outlier {
                 run: origins.first().cloned().unwrap_or_default(),
                 time: kkt,
-                residual: objective,
+                value: objective,
                 unit: "m",
                 count: 1,
-                share: 1.0,
+                share: Some(1.0),
             }];
             let written = Fit { theta, objective, converged, status, kkt, seconds, doubts, ..fit() };
             let mesh = step.map_or(Mesh::Samples, Mesh::Step);

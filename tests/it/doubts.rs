@@ -200,7 +200,7 @@ fn one_sample_of_500_m_is_named() {
         panic!("{:?}", fit.doubts)
     };
     assert_eq!((run.as_str(), *time, *count), ("10m-run1", 6.15, 1));
-    assert!(*share > 0.9 && !fit.is_answer());
+    assert!(share.unwrap() > 0.9 && !fit.is_answer());
 }
 
 /// Those of a fit that is not followed to its end.

@@ -322,6 +322,41 @@ fn a_fit_that_did_not_converge_is_exported_only_on_demand_and_marked() {
     );
 }
 
+/// The sign of the lead is turned in a file that says of its loop that it is stable.
+#[test]
+fn the_closed_loop_is_that_of_the_numbers_whatever_the_file_says() {
+    let folder = Folder::new();
+    let flights = example("trials/trials.toml");
+    let ended = folder.pilotage(&["fit", flights.to_str().unwrap(), "--order=2"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let description = |file: &str| {
+        let ended = folder.pilotage(&[
+            "export",
+            "pilot",
+            file,
+            "-o",
+            "p.fmu",
+            "--allow-unconverged",
+        ]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let files = files(&std::fs::read(folder.path("p.fmu")).unwrap());
+        read(&files).description.unwrap()
+    };
+    assert!(description("pilot.toml").contains("the vehicle of the fit is stable."));
+
+    let turned = folder
+        .read("pilot.toml")
+        .replace("\ntheta4 = -", "\ntheta4 = ");
+    assert!(turned.contains("\nstable = true\n") && turned != folder.read("pilot.toml"));
+    folder.write("turned.toml", turned);
+    let ended = folder.pilotage(&["export", "pilot", "turned.toml", "-o", "turned.fmu"]);
+    assert_eq!((ended.code, folder.path("turned.fmu").exists()), (2, false));
+    let expected =
+        "turned.toml: the fit is no answer: the closed loop of [theta] with [vehicle] is unstable";
+    assert!(ended.stderr.contains(expected), "{ended:?}");
+    assert!(description("turned.toml").contains("the vehicle of the fit is UNSTABLE."));
+}
+
 #[test]
 fn a_vehicle_that_nobody_can_fly_is_marked() {
     let folder = Folder::new();

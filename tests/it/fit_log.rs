@@ -1,7 +1,7 @@
 //! How a fit is watched, limited and stopped.
 
 use crate::command::{Ended, Folder, example};
-use pilotage::identification::{Options, Progress, Trial, TrialSet, fit};
+use pilotage::identification::{InitialState, Options, Progress, Trial, TrialSet, fit};
 use pilotage::sqp::Status;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
@@ -296,4 +296,32 @@ fn a_stop_before_anything_has_converged_gives_the_best_iterate() {
     assert_eq!(stopped.starts[0].iterations, 5);
     assert_eq!(stopped.curvature, None);
     assert_eq!(stopped.objective, seen[5]);
+}
+
+/// Where initial states are free, the starts are looked for first; whoever stops then waits for no solve.
+#[test]
+fn the_search_for_starts_is_watched_and_stopped() {
+    let options = Options {
+        initial_state: InitialState::VehicleAtRest,
+        ..Options::default()
+    };
+    let mut seen = Vec::new();
+    let mut iterations = 0;
+    let stopped = fit(&trials(), &options, &mut |progress| {
+        match progress {
+            Progress::Search { done, .. } => seen.push(*done),
+            Progress::Iterate(_) => iterations += 1,
+        }
+        match seen.len() {
+            3 => ControlFlow::Break(Status::Interrupted),
+            _ => ControlFlow::Continue(()),
+        }
+    })
+    .unwrap();
+    assert!(seen.is_sorted() && seen[2] < 0.1, "{seen:?}");
+    assert_eq!((seen.len(), iterations), (3, 0), "nobody is asked again");
+    assert_eq!(
+        (stopped.converged, stopped.status.as_str()),
+        (false, "interrupted")
+    );
 }

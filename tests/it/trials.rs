@@ -284,6 +284,37 @@ fn a_folder_that_is_not_empty_is_written_into_only_by_force() {
 
 /// Columns of other names, in other letters, with units in parentheses: the same flights.
 #[test]
+fn files_of_one_name_are_told_apart_by_their_folders_and_copies_are_told() {
+    let folder = Folder::new();
+    let flight = |shift: i32| -> String {
+        let rows: String = (0..12)
+            .map(|k| format!("{},10,{}\n", 0.05 * f64::from(k), k + shift))
+            .collect();
+        format!("time [s],target [m],position [m]\n{rows}")
+    };
+    for (file, shift) in [("run.csv", 0), ("monday/run.csv", 1), ("friday/run.csv", 0)] {
+        folder.write(file, flight(shift));
+    }
+    let files = ["run.csv", "monday/run.csv", "friday/run.csv"];
+    let ended = folder.pilotage(&[&["trials", "check", "--json"], &files[..]].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let json = ended.json();
+    let names = json["trials"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|trial| trial["name"].as_str().unwrap());
+    assert_eq!(
+        names.collect::<Vec<_>>(),
+        ["run", "monday/run", "friday/run"]
+    );
+    assert_eq!(
+        ended.stderr,
+        "note: friday/run.csv is the same recording as run.csv\n"
+    );
+}
+
+#[test]
 fn columns_of_other_names_are_the_same_flights() {
     let folder = Folder::new();
     let rows: String = (0..12)

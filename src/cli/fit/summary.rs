@@ -206,14 +206,15 @@ fn loop_poles(fit: &Fit) -> String {
     let Some(closed_loop) = &fit.closed_loop else {
         return "\n  closed loop: not known, since no --vehicle was given\n".into();
     };
-    let stable = if closed_loop.is_stable() {
-        "stable"
-    } else {
-        "UNSTABLE"
+    let stable = match (fit.is_feasible(), closed_loop.is_stable()) {
+        (false, _) => "of this iterate",
+        (true, true) => "stable",
+        (true, false) => "UNSTABLE",
     };
     let modes = Mode::of_poles(&closed_loop.poles);
     let modes: String = modes.iter().map(format::mode).collect();
-    format!("\n  closed loop, {stable}     frequency [rad/s]  damping\n{modes}")
+    let title = format!("closed loop, {stable}");
+    format!("\n  {title:<20}  frequency [rad/s]  damping\n{modes}")
 }
 
 /// How many starts agree.

@@ -89,14 +89,14 @@ pub enum Doubt {
         run: String,
         /// Time of the sample [s].
         time: f64,
-        /// Recorded minus modelled, with its unit.
-        residual: f64,
-        /// Unit of the residual.
+        /// Recorded minus modelled; what was recorded, where the fit has no residual.
+        value: f64,
+        /// Its unit.
         unit: &'static str,
         /// How many such samples there are.
         count: usize,
-        /// Their part of the objective, 0 to 1.
-        share: f64,
+        /// Their part of the objective, 0 to 1; none where the fit has no residual.
+        share: Option<f64>,
     },
     /// The model explains little of what was recorded.
     PoorFit {
@@ -258,7 +258,7 @@ impl Doubt {
             Self::ConstantData | Self::IdlePilot => true,
             Self::NoForcing { .. } | Self::WrongScale { .. } => true,
             Self::UnstableLoop { allowed, .. } | Self::Leaves { allowed, .. } => !allowed,
-            Self::Outlier { share, .. } => *share > GOVERNS,
+            Self::Outlier { share, .. } => share.is_some_and(|share| share > GOVERNS),
             Self::LoopOnBound { cost, .. } => cost.is_some_and(|cost| cost > DEAR),
             _ => false,
         }

@@ -30,9 +30,9 @@ const ROBUST: f64 = 1.4826;
 pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
     let unit = options.objective.unit();
     let courses = courses(fit, trials);
-    let breaks = Breaks::of(&courses);
+    let breaks = Breaks::of(&courses, fit.is_feasible());
     let all = [
-        breaks.outlier(&courses, unit),
+        breaks.outlier(fit, unit),
         breaks.jump(unit),
         trials.iter().find_map(target_outlier),
         moving(&courses, options, trials),
@@ -81,13 +81,14 @@ struct Breaks<'a> {
 
 impl<'a> Breaks<'a> {
     /// Of every run. A break is a change from one sample to the next that is far beyond the changes nearby, and
-    /// beyond the spread of all values.
-    fn of(courses: &'a [Course<'a>]) -> Self {
+    /// beyond the spread of all residuals; of what was recorded, far beyond.
+    fn of(courses: &'a [Course<'a>], are_residuals: bool) -> Self {
         let mut found = Self {
             outliers: Vec::new(),
             jumps: Vec::new(),
         };
-        let spread = spread(courses);
+        let beyond = if are_residuals { 1.0 } else { BREAK };
+        let spread = beyond * spread(courses);
         for course in courses {
             found.of_run(course, spread);
         }
@@ -126,22 +127,23 @@ impl<'a> Breaks<'a> {
         }
     }
 
-    fn outlier(&self, courses: &[Course], unit: &'static str) -> Option<Doubt> {
+    fn outlier(&self, fit: &Fit, unit: &'static str) -> Option<Doubt> {
         let samples = || {
             (self.outliers.iter())
                 .flat_map(|(run, samples)| samples.iter().map(move |&k| (*run, k)))
         };
         let size = |(run, k): &(&Course, usize)| run.values[*k].abs();
         let (run, k) = samples().max_by(|a, b| size(a).total_cmp(&size(b)))?;
-        let all = courses.iter().flat_map(|course| course.values);
+        let squares = samples().map(|sample| size(&sample).powi(2)).sum::<f64>();
+        let all = fit.runs.iter().flat_map(|run| &run.residual);
         let total: f64 = all.filter(|r| r.is_finite()).map(|r| r * r).sum();
         Some(Doubt::Outlier {
             run: run.trial.name.clone(),
             time: run.trial.time[k],
-            residual: run.values[k],
+            value: run.values[k],
             unit,
             count: samples().count(),
-            share: samples().map(|sample| size(&sample).powi(2)).sum::<f64>() / total,
+            share: fit.is_feasible().then_some(squares / total),
         })
     }
 

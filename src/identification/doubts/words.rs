@@ -77,7 +77,7 @@ impl std::fmt::Display for Doubt {
             Self::Outlier {
                 run,
                 time,
-                residual,
+                value,
                 unit,
                 count,
                 share,
@@ -87,11 +87,20 @@ impl std::fmt::Display for Doubt {
                     _ => format!(", the worst of {count} such samples"),
                 };
                 let unit = symbol(unit);
+                let (off, part) = match share {
+                    Some(share) => (
+                        "off and far",
+                        format!(
+                            "{:.0} % of the sum of squares come from there: ",
+                            100.0 * share
+                        ),
+                    ),
+                    None => ("and far", String::new()),
+                };
                 write!(
                     f,
-                    "the sample of {run} at {time} s is {residual:.3e}{unit} off and far from its neighbours{others}; \
-                     {:.0} % of the sum of squares come from there: empty the cell if it is an error",
-                    100.0 * share
+                    "the sample of {run} at {time} s is {value:.3e}{unit} {off} from its neighbours{others}; {part}empty \
+                     the cell if it is an error"
                 )
             }
             Self::PoorFit { explained } => write!(

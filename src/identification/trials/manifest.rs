@@ -2,6 +2,7 @@
 
 use super::{ColumnNames, Trial, TrialError};
 use crate::document::{self, Document, Table};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// The trials of a fit, and those kept out of it to judge the result.
@@ -44,7 +45,9 @@ impl TrialSet {
                 }
             }
         }
+        set.distinguish();
         set.check_names()?;
+        set.note_copies();
         Ok(set)
     }
 
@@ -104,6 +107,33 @@ impl TrialSet {
             false => self.validation.push(trial),
         }
         Ok(())
+    }
+
+    /// Puts the folder's name before that of files that are named alike.
+    fn distinguish(&mut self) {
+        let mut count = HashMap::new();
+        (self.all()).for_each(|trial| *count.entry(trial.name.clone()).or_insert(0) += 1);
+        for trial in self.fit.iter_mut().chain(&mut self.validation) {
+            let folder = Path::new(&trial.origin).parent().and_then(Path::file_name);
+            if let Some(folder) = folder.filter(|_| count[&trial.name] > 1) {
+                trial.name = format!("{}/{}", folder.to_string_lossy(), trial.name);
+            }
+        }
+    }
+
+    /// Says so where two files hold the same recording.
+    fn note_copies(&mut self) {
+        let mut first: HashMap<String, String> = HashMap::new();
+        let mut notes = Vec::new();
+        for trial in self.all().filter(|trial| !trial.sha256.is_empty()) {
+            match first.get(&trial.sha256) {
+                Some(first) => {
+                    notes.push(format!("{} is the same recording as {first}", trial.origin))
+                }
+                None => _ = first.insert(trial.sha256.clone(), trial.origin.clone()),
+            }
+        }
+        self.notes.extend(notes);
     }
 
     fn check_names(&self) -> Result<(), TrialError> {
