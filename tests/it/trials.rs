@@ -309,8 +309,8 @@ fn files_of_one_name_are_told_apart_by_their_folders_and_copies_are_told() {
         ["run", "monday/run", "friday/run"]
     );
     assert_eq!(
-        ended.stderr,
-        "note: friday/run.csv is the same recording as run.csv\n"
+        json["notes"][0],
+        "friday/run.csv is the same recording as run.csv"
     );
 }
 
