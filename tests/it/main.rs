@@ -28,6 +28,7 @@ mod joint_ode;
 mod linearize;
 mod masters;
 mod mistakes;
+mod modes;
 mod mutation;
 mod other_fmus;
 mod other_tools;
