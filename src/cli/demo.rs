@@ -1,7 +1,7 @@
 //! `pilotage demo`: the whole chain on the six example trials, into one new folder.
 
 use super::fit::summary;
-use super::made::{made, quoted};
+use super::made::{made, program, quoted};
 use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
@@ -282,20 +282,4 @@ impl Demo {
 /// One line of progress.
 fn say(step: &str, what: &str) -> Result<(), Failure> {
     terminal::print(&format!("{step:<9} {what}\n"))
-}
-
-/// The command as the user can type it from here: by its name where that leads to this program, else as it was
-/// typed (`target/release/pilotage`).
-fn program() -> String {
-    let name = "pilotage";
-    let typed = std::env::args_os().next().map(PathBuf::from);
-    let own = std::env::current_exe().and_then(std::fs::canonicalize).ok();
-    let folders = std::env::var_os("PATH").unwrap_or_default();
-    let mut found = std::env::split_paths(&folders).map(|folder| folder.join(name));
-    let first = found.find(|path| path.is_file());
-    let is_found = own.is_some() && first.and_then(|path| path.canonicalize().ok()) == own;
-    match typed.filter(|_| !is_found) {
-        Some(typed) => quoted(&typed.to_string_lossy()),
-        None => name.to_owned(),
-    }
 }

@@ -1,5 +1,6 @@
 //! `pilotage export`: models as FMUs.
 
+use super::made::{program, quoted};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::document;
@@ -242,7 +243,8 @@ fn write(
     if let Some(caveat) = &provenance.caveat {
         text += &format!("note: {caveat}\n");
     }
-    text += &format!("next: pilotage validate {}\n", output.display());
+    let (program, fmu) = (program(), quoted(&output.to_string_lossy()));
+    text += &format!("next: {program} validate {fmu}\n");
     terminal::print(&text)?;
     Ok(Outcome::Done)
 }

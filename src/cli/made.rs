@@ -1,4 +1,4 @@
-//! What a page says of its origin.
+//! What a page says of its origin, and commands as they can be typed.
 
 use crate::date;
 use crate::identification::trials::sha256;
@@ -15,6 +15,22 @@ pub fn made() -> Made {
     Made {
         command: command.join(" "),
         date: date::now(),
+    }
+}
+
+/// The command as the user can type it from here: by its name where that leads to this program, else as it was
+/// typed (`target/release/pilotage`).
+pub fn program() -> String {
+    let name = "pilotage";
+    let typed = std::env::args_os().next().map(PathBuf::from);
+    let own = std::env::current_exe().and_then(std::fs::canonicalize).ok();
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let mut found = std::env::split_paths(&folders).map(|folder| folder.join(name));
+    let first = found.find(|path| path.is_file());
+    let is_found = own.is_some() && first.and_then(|path| path.canonicalize().ok()) == own;
+    match typed.filter(|_| !is_found) {
+        Some(typed) => quoted(&typed.to_string_lossy()),
+        None => name.to_owned(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! `pilotage pack`: a user's own model as an FMU.
 
 use super::export::FmuArgs;
+use super::made::{program, quoted};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::export::{Provenance, pack};
 use std::io::IsTerminal;
@@ -49,8 +50,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         check(&path).map(|()| path)
     })?;
     terminal::print(&format!(
-        "wrote {0}\nnext: pilotage validate {0}\n",
-        path.display()
+        "wrote {}\nnext: {} validate {}\n",
+        path.display(),
+        program(),
+        quoted(&path.to_string_lossy())
     ))?;
     Ok(Outcome::Done)
 }

@@ -11,12 +11,10 @@ use zip::ZipArchive;
 /// What a file is, by its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A zip archive with a model description: an FMU.
+    /// A zip archive or a folder with a model description: an FMU.
     Fmu,
     /// Another zip archive.
     Archive,
-    /// The folder of an unpacked FMU.
-    Unpacked,
     /// Another folder.
     Folder,
     /// A result of `pilotage fit`.
@@ -57,7 +55,7 @@ fn of(path: &Path) -> Option<Kind> {
     if path.is_dir() {
         let is_fmu = path.join("modelDescription.xml").is_file();
         return Some(match is_fmu {
-            true => Kind::Unpacked,
+            true => Kind::Fmu,
             false => Kind::Folder,
         });
     }
@@ -131,7 +129,6 @@ impl Kind {
         match self {
             Self::Fmu => "an FMU",
             Self::Archive => "a zip archive without a modelDescription.xml",
-            Self::Unpacked => "a folder with an unpacked FMU",
             Self::Folder => "a folder",
             Self::Pilot => "a pilot file",
             Self::Vehicle => "a vehicle file",
@@ -151,9 +148,6 @@ impl Kind {
                 "a spreadsheet is to be saved as CSV, an archive to be unpacked".into()
             }
             Self::Folder => format!("name the files in it: {file}/*"),
-            Self::Unpacked => format!(
-                "zip what is in it: (cd {file} && zip -r ../model.fmu .), or use the FMU it was unpacked from"
-            ),
             Self::Pilot => format!(
                 "a pilot belongs to `pilotage export pilot {file}` or `pilotage cosim {file}`"
             ),

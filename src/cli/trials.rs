@@ -1,6 +1,7 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
 use super::cosim::wiring::pair;
+use super::made::{program, quoted};
 use super::number::{number, whole};
 use super::recognise::{self, Kind};
 use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
@@ -85,40 +86,40 @@ struct Synth {
     #[arg(hide = true, requires = "targets", value_parser = number, allow_negative_numbers = true)]
     more_targets: Vec<f64>,
     /// Runs to each target.
-    #[arg(long, default_value_t = Flights::default().runs, value_parser = whole, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().runs, value_parser = whole::<usize>, allow_hyphen_values = true)]
     runs: usize,
     /// Duration of a run [s].
-    #[arg(long, default_value_t = Flights::default().duration, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().duration, value_parser = number, allow_hyphen_values = true)]
     duration: f64,
     /// Samples per second [1/s].
-    #[arg(long, default_value_t = Flights::default().rate, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().rate, value_parser = number, allow_hyphen_values = true)]
     rate: f64,
     /// Seed of the random numbers.
-    #[arg(long, default_value_t = Flights::default().seed)]
+    #[arg(long, default_value_t = Flights::default().seed, value_parser = whole::<u64>, allow_hyphen_values = true)]
     seed: u64,
     /// Standard deviation of gain, lead, delay and omega-n from run to run, relative.
-    #[arg(long, default_value_t = Flights::default().variation, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Flights::default().variation, value_parser = number, allow_hyphen_values = true)]
     variation: f64,
     /// The human's gain k [1/m].
-    #[arg(long, default_value_t = Human::default().gain, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().gain, value_parser = number, allow_hyphen_values = true)]
     gain: f64,
     /// The human's lead time T_L [s].
-    #[arg(long, default_value_t = Human::default().lead, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().lead, value_parser = number, allow_hyphen_values = true)]
     lead: f64,
     /// The human's reaction delay τ [s].
-    #[arg(long, default_value_t = Human::default().delay, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().delay, value_parser = number, allow_hyphen_values = true)]
     delay: f64,
     /// Natural frequency of the arm ω_n [rad/s].
-    #[arg(long, default_value_t = Human::default().frequency, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().frequency, value_parser = number, allow_hyphen_values = true)]
     omega_n: f64,
     /// Damping ratio of the arm ζ.
-    #[arg(long, default_value_t = Human::default().damping, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().damping, value_parser = number, allow_hyphen_values = true)]
     zeta: f64,
     /// Standard deviation of the remnant noise, relative to the stick that the target calls for.
-    #[arg(long, default_value_t = Human::default().remnant, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().remnant, value_parser = number, allow_hyphen_values = true)]
     remnant: f64,
     /// Correlation time of the remnant [s].
-    #[arg(long, default_value_t = Human::default().remnant_time, value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Human::default().remnant_time, value_parser = number, allow_hyphen_values = true)]
     remnant_time: f64,
     /// The vehicle that is flown (TOML); the default vehicle where it is missing.
     #[arg(long)]
@@ -150,12 +151,14 @@ impl Synth {
             self.save(&file, &self.to_csv(flight))?;
         }
         self.save("trials.toml", &manifest)?;
-        let folder = self.output.display();
+        let (folder, list) = (self.output.display(), self.output.join("trials.toml"));
+        let (program, typed) = (program(), quoted(&list.to_string_lossy()));
         terminal::print(&format!(
-            "{} flights in {folder}, listed in {folder}/trials.toml\n\n\
-             next: pilotage trials check {folder}/trials.toml\n      \
-             pilotage fit {folder}/trials.toml -o pilot.toml\n",
-            flights.len()
+            "{} flights in {folder}, listed in {}\n\n\
+             next: {program} trials check {typed}\n      \
+             {program} fit {typed} -o pilot.toml\n",
+            flights.len(),
+            list.display()
         ))?;
         Ok(Outcome::Done)
     }

@@ -125,7 +125,8 @@ fn log_categories() -> Vec<fmi::LogCategory> {
 /// Each unit once, in the order of first use.
 fn units(variables: &[Variable]) -> Vec<fmi::Unit> {
     let mut units: Vec<fmi::Unit> = Vec::new();
-    for variable in variables {
+    // Booleans have none.
+    for variable in variables.iter().filter(|v| !v.is_boolean()) {
         if !units.iter().any(|unit| unit.name == variable.unit.name) {
             units.push(unit(&variable.unit));
         }
@@ -161,6 +162,7 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
     let (causality, variability, initial) = match variable.role {
         Role::Input => (C::Input, V::Continuous, None),
         Role::Output => (C::Output, V::Continuous, Some(I::Calculated)),
+        Role::Mode => (C::Output, V::Discrete, Some(I::Exact)),
         Role::Fixed => (C::Parameter, V::Fixed, Some(I::Exact)),
         Role::Tunable => (C::Parameter, V::Tunable, Some(I::Exact)),
         Role::State | Role::Derivative | Role::Indicator => {
@@ -168,6 +170,24 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
         }
         Role::Time => (C::Independent, V::Continuous, None),
     };
+    let kind = match variable.is_boolean() {
+        true => fmi::VariableKind::Boolean {
+            declared_type: None,
+            start: variable.start.into_iter().map(|v| v != 0.0).collect(),
+        },
+        false => fmi::VariableKind::Real(real(interface, index)),
+    };
+    let reference = reference(index);
+    fmi::ScalarVariable {
+        description: Some(variable.description.clone()),
+        initial,
+        intermediate_update: newer && variable.role == Role::Input,
+        ..fmi::ScalarVariable::new(&variable.name, reference, causality, variability, kind)
+    }
+}
+
+fn real(interface: &Interface, index: usize) -> fmi::RealVariable {
+    let variable = &interface.variables[index];
     let attributes = fmi::RealAttributes {
         unit: Some(variable.unit.name.clone()),
         display_unit: variable.unit.display.as_ref().map(|(name, _)| name.clone()),
@@ -178,19 +198,12 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
     };
     // Only events make states jump.
     let jumps = interface.states.contains(&index) && !interface.structure.indicators.is_empty();
-    let kind = fmi::VariableKind::Real(fmi::RealVariable {
+    fmi::RealVariable {
         attributes,
         start: variable.start.into_iter().collect(),
         derivative: interface.state_of(index).map(number),
         reinit: jumps,
         ..fmi::RealVariable::default()
-    });
-    let reference = reference(index);
-    fmi::ScalarVariable {
-        description: Some(variable.description.clone()),
-        initial,
-        intermediate_update: newer && variable.role == Role::Input,
-        ..fmi::ScalarVariable::new(&variable.name, reference, causality, variability, kind)
     }
 }
 

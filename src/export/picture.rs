@@ -1,7 +1,7 @@
 //! model.png: a picture that tools show on the model's block.
 
 use crate::models::{Kind, Model, Simulation};
-use pilotage_kit::{Interface, Role};
+use pilotage_kit::{Interface, Role, Variable};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
 
 const WIDTH: f32 = 480.0;
@@ -30,21 +30,15 @@ pub(super) fn png(model: &Model) -> Vec<u8> {
 /// A block with an arrow for each input and output, as PNG: the picture of a model of which nothing else is
 /// known.
 pub(super) fn block(interface: &Interface) -> Vec<u8> {
-    let count = |role| {
-        interface
-            .variables
-            .iter()
-            .filter(|v| v.role == role)
-            .count()
-    };
+    let count = |is: fn(&&Variable) -> bool| interface.variables.iter().filter(is).count();
     drawn(|canvas| {
         frame(canvas);
         let heights =
             |n: usize| (1..=n).map(move |i| TOP + (BOTTOM - TOP) * i as f32 / (n + 1) as f32);
-        for y in heights(count(Role::Input)) {
+        for y in heights(count(|v| v.role == Role::Input)) {
             canvas.arrow((30.0, y), (LEFT, y), INK);
         }
-        for y in heights(count(Role::Output)) {
+        for y in heights(count(|v| v.is_output())) {
             canvas.arrow((RIGHT, y), (450.0, y), INK);
         }
     })

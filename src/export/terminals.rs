@@ -1,6 +1,6 @@
 //! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal of all inputs and outputs.
 
-use pilotage_kit::{Interface, Role};
+use pilotage_kit::{Interface, Role, Variable};
 
 /// The folder of the file, and of the icon.
 pub(super) const FOLDER: &str = "terminalsAndIcons";
@@ -12,9 +12,9 @@ pub(super) fn file(interface: &Interface) -> String {
             "      <TerminalMemberVariable variableName=\"{name}\" memberName=\"{name}\" variableKind=\"signal\"/>\n"
         )
     };
-    let is_outside = |role| matches!(role, Role::Input | Role::Output);
+    let is_outside = |v: &&Variable| v.role == Role::Input || v.is_output();
     let members: String = (interface.variables.iter())
-        .filter(|v| is_outside(v.role))
+        .filter(is_outside)
         .map(|v| member(&v.name))
         .collect();
     let icon = "x1=\"-120\" y1=\"-80\" x2=\"120\" y2=\"80\"";

@@ -1,4 +1,4 @@
-//! Line plots as SVG with a style of their own, so that one copied out of its page still looks as it did.
+//! Line plots as SVG with a style and a legend of their own, so that one copied out of its page still is as it was.
 //! They follow the reader's light or dark theme and keep their text legible on narrow screens.
 
 use super::axis::Scale;
@@ -79,17 +79,18 @@ pub(super) fn colour(number: usize) -> String {
 }
 
 impl Plot {
-    /// The plot as an `<svg>` element below its legend.
+    /// The plot as an `<svg>` element, with its legend above the axes.
     pub fn to_svg(&self) -> String {
         let frame = self.frame();
-        let mut svg = self.legend();
-        let _ = writeln!(
-            svg,
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\n\
-             <style>\n{}</style>\n<rect class=\"ground\" width=\"100%\" height=\"100%\"/>",
-            self.height,
+        let (legend, above) = self.legend();
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 {} {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\n\
+             <style>\n{}</style>\n<rect class=\"ground\" y=\"{}\" width=\"100%\" height=\"100%\"/>\n{legend}",
+            -above,
+            self.height + above,
             escape(&self.description),
-            include_str!("plot.css")
+            include_str!("plot.css"),
+            -above
         );
         svg += &frame.grid();
         svg += &frame.labels(&self.x_label, &self.y_label);
@@ -167,23 +168,35 @@ impl Plot {
         })
     }
 
-    /// One entry for each different label, in order of appearance.
-    fn legend(&self) -> String {
-        let mut seen: Vec<&str> = Vec::new();
-        let mut html = String::from("<ul class=\"legend\">\n");
+    /// One entry for each different label, in order of appearance, in rows above the drawing; and their height.
+    fn legend(&self) -> (String, f64) {
+        // Of the largest text, that of narrow screens; and what is before and behind a label.
+        const ROW: f64 = 30.0;
+        const LETTER: f64 = 12.5;
+        const AROUND: f64 = 60.0;
+        let mut entries: Vec<&Line> = Vec::new();
         for line in &self.lines {
-            if seen.contains(&line.label.as_str()) {
-                continue;
+            if !entries.iter().any(|entry| entry.label == line.label) {
+                entries.push(line);
             }
-            seen.push(&line.label);
+        }
+        let letters = entries.iter().map(|line| line.label.chars().count());
+        let widest = AROUND + LETTER * letters.max().unwrap_or(0) as f64;
+        let columns = (WIDTH / widest).max(1.0) as usize;
+        let above = ROW * entries.len().div_ceil(columns) as f64;
+        let mut svg = String::new();
+        for (i, line) in entries.iter().enumerate() {
+            let x = widest * (i % columns) as f64 + 6.0;
+            let y = ROW * ((i / columns) as f64 + 0.5) - above;
             let _ = writeln!(
-                html,
-                "<li><svg class=\"plot\" viewBox=\"0 0 28 10\" aria-hidden=\"true\"><path class=\"line {}\" d=\"M1 5H27\"/></svg>{}</li>",
+                svg,
+                "<path class=\"line {}\" d=\"M{x:.1} {y:.1}h28\"/><text class=\"axis\" x=\"{:.1}\" y=\"{y:.1}\" dy=\"0.35em\">{}</text>",
                 line.class,
+                x + 36.0,
                 escape(&line.label)
             );
         }
-        html + "</ul>\n"
+        (svg, above)
     }
 }
 
@@ -235,7 +248,7 @@ mod tests {
         let path = drawn[0].split('"').next().unwrap_or("");
         assert_eq!(path.matches('M').count(), 2, "{path}");
         assert_eq!(path.matches('L').count(), 2, "{path}");
-        assert_eq!(svg.matches("<li>").count(), 1);
+        assert_eq!(svg.matches(">a &lt; b</text>").count(), 1);
         assert!(svg.contains("a &lt; b") && !svg.contains("a < b") && !svg.contains("NaN"));
     }
 
@@ -260,8 +273,7 @@ mod tests {
     #[test]
     fn a_plot_is_a_whole_document_with_its_own_style() {
         let html = plot(vec![line("r", vec![0.0, 1.0])], Axes::Linear).to_svg();
-        let begin = html.find("<svg xmlns").unwrap();
-        let document = roxmltree::Document::parse(&html[begin..]).unwrap();
+        let document = roxmltree::Document::parse(&html).unwrap();
         let root = document.root_element();
         assert_eq!(
             root.tag_name().namespace(),
@@ -278,6 +290,40 @@ mod tests {
             }
         }
         assert!(!style.contains("var("), "a variable of the page");
+    }
+
+    /// Each label once beside a line of its look, above the axes and inside the drawing, in as many rows as it takes.
+    #[test]
+    fn the_legend_is_in_the_drawing() {
+        for (labels, columns) in [
+            (["a", "b", "c"], 3),
+            (["a", "quadcopter.omega_f [krad/s]", "c"], 1),
+        ] {
+            let lines = labels.map(|label| Line {
+                label: label.into(),
+                class: format!("line-{}", label.len()),
+                ..line("r", vec![0.0, 1.0])
+            });
+            let svg = plot([&lines[..], &lines[..1]].concat(), Axes::Linear).to_svg();
+            let document = roxmltree::Document::parse(&svg).unwrap();
+            let root = document.root_element();
+            let view = root.attribute("viewBox").unwrap().split(' ');
+            let view: Vec<f64> = view.map(|number| number.parse().unwrap()).collect();
+            let rows = (3.0 / f64::from(columns)).ceil();
+            assert_eq!(view, [0.0, -30.0 * rows, WIDTH, 300.0 + 30.0 * rows]);
+            for line in &lines {
+                let is_entry = |node: &roxmltree::Node| node.text() == Some(line.label.as_str());
+                let entries: Vec<_> = root.children().filter(is_entry).collect();
+                assert_eq!(entries.len(), 1, "{svg}");
+                let y: f64 = entries[0].attribute("y").unwrap().parse().unwrap();
+                assert!(y > view[1] && y < 0.0, "{y}");
+                let key = entries[0].prev_sibling_element().unwrap();
+                assert_eq!(
+                    key.attribute("class"),
+                    Some(&*format!("line {}", line.class))
+                );
+            }
+        }
     }
 
     #[test]

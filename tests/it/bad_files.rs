@@ -259,7 +259,7 @@ fn manifests() {
         (
             "missing trial",
             "[[run]]\nfile = \"gone.csv\"\n",
-            "cannot read gone.csv: No such file or directory (os error 2)",
+            "set.toml:2: `file` names gone.csv, which cannot be read: No such file or directory (os error 2)",
         ),
     ];
     for (what, content, message) in cases {

@@ -1,5 +1,6 @@
 //! The command line program under test, in a folder of its own.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
@@ -61,6 +62,7 @@ impl Folder {
     pub fn pilotage_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Ended {
         let output = Command::new(env!("CARGO_BIN_EXE_pilotage"))
             .args(arguments)
+            .env("PATH", path_with_program())
             .envs(variables.iter().copied())
             .current_dir(self.0.path())
             .output()
@@ -71,6 +73,17 @@ impl Folder {
             stderr: String::from_utf8(output.stderr).unwrap(),
         }
     }
+}
+
+/// The search path with the program on it, so that it calls itself `pilotage`.
+fn path_with_program() -> OsString {
+    let folder = Path::new(env!("CARGO_BIN_EXE_pilotage")).parent();
+    let others = std::env::var_os("PATH").unwrap_or_default();
+    let folders = folder
+        .map(PathBuf::from)
+        .into_iter()
+        .chain(std::env::split_paths(&others));
+    std::env::join_paths(folders).unwrap()
 }
 
 /// A file of the repository's `examples/`.

@@ -50,7 +50,7 @@ fn fmpy_finds_nothing_wrong() {
         .lines()
         .filter(|l| l.parse::<u32>().is_ok())
         .collect();
-    let expected = ["20", "29", "24", "32", "21", "30", "25", "33"];
+    let expected = ["20", "29", "24", "30", "21", "30", "25", "31"];
     assert_eq!(numbers, expected, "{printed}");
 }
 
@@ -156,7 +156,7 @@ fn a_users_model_in_fmpy_bounces_alike_in_all_versions_and_kinds() {
     };
     let inside = run(FmiVersion::V2, "CoSimulation");
     assert_eq!(run(FmiVersion::V3, "CoSimulation"), inside);
-    // The columns: time, x, height, pitch, landed, power.
+    // The columns: time, x, height, pitch, power, and, behind the reals, landed.
     let height = |row: &Vec<f64>| row[2];
     let falls = inside.windows(2).map(|w| height(&w[1]) < height(&w[0]));
     let turns = falls.collect::<Vec<_>>();
@@ -164,7 +164,7 @@ fn a_users_model_in_fmpy_bounces_alike_in_all_versions_and_kinds() {
     assert!(bounces >= 3, "{bounces} bounces");
     assert!(inside.iter().all(|row| height(row) >= -1e-9));
     let last = inside.last().expect("rows");
-    assert_eq!((height(last), last[4]), (0.0, 1.0), "it lies");
+    assert_eq!((height(last), last[5]), (0.0, 1.0), "it lies");
     for version in VERSIONS {
         for (outside, inside) in run(version, "ModelExchange").iter().zip(&inside) {
             for (a, b) in outside.iter().zip(inside) {

@@ -83,16 +83,38 @@ fn fmuloader_flies_as_our_master_does() {
     assert_same(&theirs(&folder, "loader.py").0, &ours(&folder));
 }
 
-/// Both FMUs in one of fmpy's, which our master runs; it has the outputs of the quadcopter.
+/// The master of the Ecos platform.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-fn a_container_of_fmpy_flies_as_our_master_does() {
+fn ecos_flies_as_our_master_does() {
+    let folder = exported();
+    assert_same(&theirs(&folder, "ecos.py").0, &ours(&folder));
+}
+
+#[test]
+fn cofmupy_flies_as_our_master_does() {
+    let folder = exported();
+    assert_same(&theirs(&folder, "cofmu.py").0, &ours(&folder));
+}
+
+/// Both FMUs in one that another tool makes of them, which our master runs; it has the outputs of the quadcopter.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn assert_container_flies(script: &str) {
     let folder = exported();
     let names = ["pilot.fmu", "quadcopter.fmu", "container.fmu"];
     let [pilot, quadcopter, container] = names.map(|name| folder.path(name).display().to_string());
-    python::run(
-        "container.py",
-        [&pilot, &quadcopter, "10", "0.05", &container],
-    );
+    python::run(script, [&pilot, &quadcopter, "10", "0.05", &container]);
     assert_same(&flown(&folder, &["container.fmu"]), &ours(&folder));
+}
+
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_container_of_fmpy_flies_as_our_master_does() {
+    assert_container_flies("container.py");
+}
+
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_container_of_the_manipulation_toolbox_flies_as_our_master_does() {
+    assert_container_flies("toolbox.py");
 }

@@ -271,3 +271,38 @@ fn clocks_get_their_event_mode() {
             .contains("clocks tick in event mode alone")
     );
 }
+
+/// Input clocks tick when the FMU says: half a second after the start.
+#[test]
+fn clocks_that_do_not_tick_are_found() {
+    let judged = |behaviour| {
+        let folder = Folder::new();
+        folder.write("a.fmu", foreign::fmu3(behaviour));
+        folder.pilotage(&["validate", "a.fmu"]).stdout
+    };
+    let words = ["ticking", "the clock ", "clocks"];
+    assert!(
+        !words.iter().any(|word| judged("good").contains(word)),
+        "{}",
+        judged("good")
+    );
+    for (behaviour, finding) in [
+        ("stuck", "while ticking clock at 0.5 s: fmi3SetClock"),
+        ("dead clock", "ticking clock at 0.5 s"),
+        (
+            "backwards",
+            "the clock clock first ticks -1 s after the start",
+        ),
+        (
+            "unknown",
+            "the interval of the clock clock is not yet known",
+        ),
+    ] {
+        for kind in ["co-simulation: ", "model exchange: "] {
+            let told = judged(behaviour);
+            let mut lines = told.lines();
+            let is_it = |line: &str| line.contains(kind) && line.contains(finding);
+            assert!(lines.any(is_it), "{behaviour}: {told}");
+        }
+    }
+}

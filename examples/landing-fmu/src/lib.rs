@@ -37,19 +37,19 @@ impl Equations for Lander {
         .state("vx", "m/s", 0.0, "Velocity to the right")
         .state("vz", "m/s", 0.0, "Velocity upwards")
         .state("rate", "rad/s", 0.0, "Pitch rate")
-        .output_state("landed", "1", 0.0, "1 on the ground, 0 in the air")
+        .mode("landed", false, "Whether it lies on the ground")
         .output("power", "W", "Mechanical power of the thrust")
         .indicator("gap", "m", "Distance to the ground, while in the air")
         .indicator("lift", "N", "Thrust beyond the weight, while on the ground")
     }
 
     fn derivative<T: Scalar>(&self, At { x, u, p, .. }: At<T>, dx: &mut [T]) {
+        // `landed` comes behind the six states, as 1 or 0.
         let (thrust, airborne) = (u[0] + u[1], -x[6] + 1.0);
         dx[..3].copy_from_slice(&x[3..6]);
         dx[3] = thrust * x[2].sin() / p[0] * airborne;
         dx[4] = (thrust * x[2].cos() / p[0] - p[3]) * airborne;
         dx[5] = (u[0] - u[1]) * p[2] / p[1] * airborne;
-        dx[6] = T::from(0.0);
     }
 
     fn output<T: Scalar>(&self, At { x, u, .. }: At<T>, y: &mut [T]) {

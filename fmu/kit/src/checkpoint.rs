@@ -3,7 +3,7 @@
 //!
 //! Bytes, little-endian: `"PILOTAGE"`, version of this format (u32), number of bytes in all (u64), GUID
 //! (38 bytes), version of FMI (u8), kind (u8), state (u16), the clock (present, has stop, count, time, stop,
-//! anchor, step), then time, tolerance, values, slopes, travelled slopes, states, and one byte for each
+//! anchor, step), then time, tolerance, values, slopes, travelled slopes, states, modes, and one byte for each
 //! event indicator. Their numbers are known from the model.
 
 use crate::Table;
@@ -103,7 +103,7 @@ impl Checkpoint {
             values: reader.numbers(table.starts().end)?,
             slopes: reader.numbers(n_inputs)?,
             travelled: reader.numbers(n_inputs)?,
-            states: reader.numbers(table.n_states())?,
+            states: reader.numbers(table.n_x())?,
             positive: reader.flags(table.n_indicators())?,
             tolerance,
         };

@@ -14,7 +14,7 @@ impl<T: num_dual::DualNum<Primitive = f64> + Copy> Scalar for T {}
 pub struct At<'a, T> {
     /// Time [s].
     pub time: T,
-    /// The continuous states.
+    /// The continuous states, then the modes, each 1 or 0.
     pub x: &'a [T],
     /// The inputs.
     pub u: &'a [T],
@@ -26,15 +26,16 @@ pub struct At<'a, T> {
 ///
 /// The equations are generic over [`Scalar`], so that one set of lines gives values and, with dual
 /// numbers, exact derivatives. They must depend on their arguments alone: what is to be part of an FMU's
-/// state must be a state. A quantity that changes at events only is a state whose derivative is 0.
+/// state must be a state. What is true or false and changes at events only is a [mode](Table::mode); a
+/// number that does so is a state whose derivative is 0.
 pub trait Equations: Sized {
     /// The variables. It is asked for once an instance and must always be the same.
     fn table(&self) -> Table;
 
-    /// Writes the derivative of each state, in its unit per second.
+    /// Writes the derivative of each continuous state, in its unit per second.
     fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]);
 
-    /// Writes each output that the table does not declare as a state.
+    /// Writes each output that the table declares neither as a state nor as a mode.
     fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
         let _ = (at, y);
     }
@@ -45,14 +46,14 @@ pub trait Equations: Sized {
         let _ = (at, z);
     }
 
-    /// Handles an event: `x` holds the states and may be changed. It is called at the start of a
+    /// Handles an event: `x` holds states and modes and may be changed; a mode that is not 0 is true. It is called at the start of a
     /// simulation too, and again until it changes nothing; so it must itself look at what holds. What
     /// touches should be put at exactly 0: then its next touch is seen, however soon it comes.
     fn event(&self, at: At<f64>, x: &mut [f64]) {
         let _ = (at, x);
     }
 
-    /// Whether the derivative is linear in states and inputs, `ẋ = A(p) x + B(p) u`, without events:
+    /// Whether the derivative is linear in states and inputs, `ẋ = A(p) x + B(p) u`, without events or modes:
     /// then steps of co-simulation are exact (a matrix exponential), whatever their size.
     fn is_linear(&self) -> bool {
         false

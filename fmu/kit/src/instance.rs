@@ -138,18 +138,44 @@ impl<E: Equations> Instance<E> {
         self.clock = None;
     }
 
-    /// Values of variables.
+    /// Values of real variables.
     pub fn get(&self, references: References<'_>, values: &mut [f64]) -> Result<(), Problem> {
-        let last = self.simulation.table().variables().len();
-        if let Some(&reference) = references.iter().find(|r| index_of(**r) >= last) {
-            return Err(Problem::NoVariable { reference, last });
+        for reference in references {
+            self.typed(*reference, false)?;
         }
         let indices = references.iter().map(|reference| index_of(*reference));
         self.simulation.get_all(indices, values);
         Ok(())
     }
 
-    /// Sets inputs and, when it is time for them, parameters.
+    /// Value of a Boolean variable.
+    pub fn get_boolean(&self, reference: u32) -> Result<bool, Problem> {
+        let (index, _) = self.typed(reference, true)?;
+        Ok(self.simulation.get(index) != 0.0)
+    }
+
+    /// Sets a Boolean variable, before the simulation.
+    pub fn set_boolean(
+        &mut self,
+        reference: u32,
+        value: bool,
+        phase: Phase,
+        state: &'static str,
+    ) -> Result<(), Problem> {
+        let (index, variable) = self.typed(reference, true)?;
+        if phase != Phase::Start {
+            return Err(Problem::Fixed {
+                name: variable.label(),
+                role: "changed by events alone",
+                state,
+                when: "before initialization mode ends",
+            });
+        }
+        let value = f64::from(u8::from(value));
+        Ok(self.simulation.set(index, value)?)
+    }
+
+    /// Sets real inputs and, when it is time for them, parameters.
     pub fn set(
         &mut self,
         references: References<'_>,
@@ -158,7 +184,7 @@ impl<E: Equations> Instance<E> {
         state: &'static str,
     ) -> Result<(), Problem> {
         for (reference, value) in references.iter().zip(values) {
-            let (index, variable) = self.variable(*reference)?;
+            let (index, variable) = self.typed(*reference, false)?;
             let refuse = |role, when| {
                 Err(Problem::Fixed {
                     name: variable.label(),
@@ -225,7 +251,7 @@ impl<E: Equations> Instance<E> {
         values: &mut [f64],
     ) -> Result<(), Problem> {
         for ((reference, order), value) in references.iter().zip(orders).zip(values) {
-            let (index, variable) = self.variable(*reference)?;
+            let (index, variable) = self.typed(*reference, false)?;
             check_order(variable, *order)?;
             if !variable.is_output() {
                 return Err(Problem::NoOutput {
@@ -339,7 +365,8 @@ impl<E: Equations> Instance<E> {
     /// Model exchange: the states.
     pub fn get_states(&self, states: &mut [f64]) -> Result<(), Problem> {
         check_number("nx", states.len(), self.simulation.table().n_states())?;
-        states.copy_from_slice(&self.simulation.snapshot().states);
+        let n = states.len();
+        states.copy_from_slice(&self.simulation.snapshot().states[..n]);
         Ok(())
     }
 
@@ -426,6 +453,18 @@ impl<E: Equations> Instance<E> {
             None => Err(Problem::NoVariable {
                 reference,
                 last: variables.len(),
+            }),
+        }
+    }
+
+    /// As [`variable`](Self::variable), of that type.
+    fn typed(&self, reference: u32, boolean: bool) -> Result<(usize, &Variable), Problem> {
+        let (index, variable) = self.variable(reference)?;
+        match variable.is_boolean() == boolean {
+            true => Ok((index, variable)),
+            false => Err(Problem::OtherType {
+                name: variable.label(),
+                found: if boolean { "real" } else { "Boolean" },
             }),
         }
     }

@@ -89,14 +89,22 @@ pub enum Problem {
         /// The largest one.
         last: usize,
     },
-    /// All variables are real.
+    /// A variable of another type.
+    #[error("{name} is {found}; use the functions for {found} variables")]
+    OtherType {
+        /// The variable.
+        name: String,
+        /// Its type.
+        found: &'static str,
+    },
+    /// All variables are real or Boolean.
     #[error(
         "this FMU has no {base_type} variables, {count} asked for; use the functions for {used}"
     )]
     NoSuchType {
         /// The base type.
         base_type: &'static str,
-        /// The base type that its variables have.
+        /// The base type that all or most of its variables have.
         used: &'static str,
         /// Number of value references passed.
         count: usize,

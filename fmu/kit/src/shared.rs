@@ -63,6 +63,68 @@ pub unsafe fn set<E: Equations, V: Version>(
     unsafe { call(component, function, body) }
 }
 
+/// Values of Boolean variables; `B` is what C has for one.
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *mut B,
+    n_values: usize,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (references, values) = unsafe {
+            (
+                array(references, count, "valueReferences")?,
+                array_mut(values, n_values, "values")?,
+            )
+        };
+        crate::instance::check_number("nValues", n_values, count)?;
+        for (reference, value) in references.iter().zip(values) {
+            *value = c.instance.get_boolean(*reference)?.into();
+        }
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
+/// Sets Boolean variables; all but 0 is true.
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + PartialEq>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *const B,
+    n_values: usize,
+) -> V::Status {
+    let body = |c: &mut Component<E, V>| {
+        // SAFETY: by the caller's promise.
+        let (references, values) = unsafe {
+            (
+                array(references, count, "valueReferences")?,
+                array(values, n_values, "values")?,
+            )
+        };
+        crate::instance::check_number("nValues", n_values, count)?;
+        let (phase, state) = c.phase();
+        for (reference, value) in references.iter().zip(values) {
+            let value = *value != B::default();
+            c.instance.set_boolean(*reference, value, phase, state)?;
+        }
+        Ok(())
+    };
+    // SAFETY: by the caller's promise.
+    unsafe { call(component, function, body) }
+}
+
 /// Variables of a type that no variable has: asking for none of them is allowed.
 ///
 /// # Safety

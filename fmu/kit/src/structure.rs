@@ -6,7 +6,7 @@
 //! values and at many points around them, so that branches of the equations are taken each way. A known
 //! that enters with the same derivative at all points is `constant`.
 
-use crate::variable::Role;
+use crate::variable::{Role, Variable};
 use crate::{At, Equations, Scalar, Table};
 use num_dual::Dual64;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -41,7 +41,8 @@ pub struct Structure {
     pub derivatives: Vec<Unknown>,
     /// All event indicators, on inputs, states and time.
     pub indicators: Vec<Unknown>,
-    /// Outputs, states and derivatives by ascending index, on inputs, parameters, start values and time.
+    /// Outputs but modes, states and derivatives by ascending index, on inputs, modes, parameters, start values
+    /// and time.
     pub initial: Vec<Unknown>,
 }
 
@@ -60,6 +61,7 @@ impl Structure {
         let initial: Vec<_> = (inputs.iter().copied())
             .chain(table.parameters())
             .chain(table.starts())
+            .chain(table.modes())
             .chain([table.time()])
             .map(|i| (i, i))
             .collect();
@@ -89,17 +91,18 @@ impl Structure {
             unknowns.iter().map(row).collect()
         };
         let running = of(&running);
-        let part = |role: Role| {
-            let is = |u: &&Unknown| table.variables()[u.index].role == role;
+        let part = |is: fn(&Variable) -> bool| {
+            let is = |u: &&Unknown| is(&table.variables()[u.index]);
             running.iter().filter(is).cloned().collect()
         };
         Self {
-            outputs: part(Role::Output),
-            derivatives: part(Role::Derivative),
-            indicators: part(Role::Indicator),
+            outputs: part(Variable::is_output),
+            derivatives: part(|v| v.role == Role::Derivative),
+            indicators: part(|v| v.role == Role::Indicator),
             initial: {
                 let mut initial = of(&initial);
-                initial.retain(|u| u.index < table.indicators().start);
+                let is_set = |index: usize| table.variables()[index].is_boolean();
+                initial.retain(|u| u.index < table.indicators().start && !is_set(u.index));
                 initial
             },
         }
@@ -133,7 +136,7 @@ pub fn evaluate<E: Equations, T: Scalar>(
     for (index, y) in table.computed_outputs().zip(computed) {
         all[index] = y;
     }
-    for (index, x) in table.states().zip(states) {
+    for (index, x) in table.x().zip(states) {
         all[index] = *x;
     }
     equations.derivative(at, &mut all[table.derivatives()]);
@@ -163,6 +166,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
                 .map(|(v, scale)| {
                     let start = v.start.unwrap_or(0.0);
                     let moved = match v.role {
+                        Role::Mode => return f64::from(u8::from(random.next() > 0.0)),
                         // A mass of twice the mass is a mass; its negative would be none.
                         Role::Fixed | Role::Tunable if start != 0.0 && *scale == 0.0 => {
                             start * (1.0 + 0.5 * random.next())
@@ -211,6 +215,9 @@ impl<'e, E: Equations> Tracer<'e, E> {
 
     /// For each variable: `None` where the known does not reach it, else whether its factor is constant.
     fn column(&self, known: usize) -> Vec<Option<bool>> {
+        if self.table.variables()[known].is_boolean() {
+            return self.switched(known);
+        }
         let mut column = vec![None; self.table.variables().len()];
         let mut factors = vec![None; column.len()];
         for (k, point) in &self.points {
@@ -234,6 +241,25 @@ impl<'e, E: Equations> Tracer<'e, E> {
         column
     }
 
+    /// As [`column`](Self::column), for a Boolean: what changes with it.
+    fn switched(&self, known: usize) -> Vec<Option<bool>> {
+        let mut column = vec![None; self.table.variables().len()];
+        for (k, point) in &self.points {
+            let [off, on] = [0.0, 1.0].map(|value| {
+                let mut point = point.clone();
+                point[known] = value;
+                self.run(*k, &point, known, 0.0)
+            });
+            for (i, (off, on)) in off.iter().zip(&on).enumerate() {
+                let is_known = !off.re.is_nan() && !on.re.is_nan();
+                if is_known && off.re != on.re {
+                    column[i] = Some(false);
+                }
+            }
+        }
+        column
+    }
+
     /// All variables at the k-th point.
     fn run(&self, k: usize, point: &[f64], known: usize, part: f64) -> Vec<Dual64> {
         let mut values: Vec<Dual64> = point.iter().map(|&v| Dual64::from_re(v)).collect();
@@ -242,7 +268,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
             Some(value) => value.eps = part,
             None => time.eps = part,
         }
-        let states = values[self.table.starts()].to_vec();
+        let states = self.table.start_of_x(&values);
         evaluate(self.equations, self.table, time, &values, &states)
     }
 }

@@ -33,6 +33,8 @@ pub struct Table {
     parameters: usize,
     /// For each state the position among the outputs, where it is one.
     states: Vec<Option<usize>>,
+    /// For each mode the position among the outputs.
+    modes: Vec<usize>,
     indicators: usize,
 }
 
@@ -56,6 +58,7 @@ impl Table {
             outputs: 0,
             parameters: 0,
             states: Vec::new(),
+            modes: Vec::new(),
             indicators: 0,
         }
     }
@@ -103,6 +106,12 @@ impl Table {
         )
     }
 
+    /// Adds a mode, a Boolean output that [`event`](crate::Equations::event) alone changes. The equations find
+    /// it behind the states, in the order of the modes, as 1 or 0.
+    pub fn mode(self, name: &str, start: bool, description: &str) -> Self {
+        self.with(Variable::mode(name, start, description))
+    }
+
     /// Adds an event indicator: see [`indicators`](crate::Equations::indicators).
     pub fn indicator(mut self, name: &str, unit: &str, description: &str) -> Self {
         let unit = Unit::of(unit);
@@ -112,17 +121,21 @@ impl Table {
         self
     }
 
-    /// Adds an input, an output that is no state, or a parameter with all that a [`Variable`] can say.
+    /// Adds an input, an output that is no state, a mode, or a parameter with all that a [`Variable`] can say.
     pub fn with(mut self, variable: Variable) -> Self {
         let at = match variable.role {
             Role::Input => self.inputs().end,
-            Role::Output => self.outputs().end,
+            Role::Output | Role::Mode => self.outputs().end,
             Role::Fixed | Role::Tunable => self.parameters().end,
             role => panic!("{} is a {}", variable.name, role.name()),
         };
         match variable.role {
             Role::Input => self.inputs += 1,
             Role::Output => self.outputs += 1,
+            Role::Mode => {
+                self.modes.push(self.outputs);
+                self.outputs += 1;
+            }
             _ => self.parameters += 1,
         }
         self.insert(at, variable);
@@ -198,7 +211,7 @@ impl Table {
         &self.variables
     }
 
-    /// Start values of inputs, parameters and states by index, to be changed.
+    /// Start values of inputs, modes, parameters and states by index, to be changed.
     pub fn starts_mut(&mut self) -> impl Iterator<Item = (&str, &mut f64)> {
         self.variables.iter_mut().filter_map(|v| {
             let Variable { name, start, .. } = v;
@@ -211,9 +224,14 @@ impl Table {
         self.variables.iter().position(|v| v.name == name)
     }
 
-    /// Number of states.
+    /// Number of continuous states.
     pub fn n_states(&self) -> usize {
         self.states.len()
+    }
+
+    /// Number of elements of the equations' `x`: continuous states and modes.
+    pub fn n_x(&self) -> usize {
+        self.states.len() + self.modes.len()
     }
 
     /// Number of event indicators.
@@ -273,14 +291,26 @@ impl Table {
         })
     }
 
-    /// Indices of the outputs that are no states: what [`output`](crate::Equations::output) writes.
-    pub fn computed_outputs(&self) -> impl Iterator<Item = usize> + '_ {
-        let is_state = |position: usize| self.states.contains(&Some(position));
-        self.outputs()
-            .filter(move |index| !is_state(index - self.inputs))
+    /// Index of each mode.
+    pub fn modes(&self) -> impl Iterator<Item = usize> + '_ {
+        self.modes.iter().map(|position| self.inputs + position)
     }
 
-    /// The state that the variable is, if it is one.
+    /// Index of the variable of each element of the equations' `x`: the states, then the modes.
+    pub fn x(&self) -> impl Iterator<Item = usize> + '_ {
+        self.states().chain(self.modes())
+    }
+
+    /// Indices of the outputs that are neither states nor modes: what [`output`](crate::Equations::output) writes.
+    pub fn computed_outputs(&self) -> impl Iterator<Item = usize> + '_ {
+        let is_x = |position: usize| {
+            self.states.contains(&Some(position)) || self.modes.contains(&position)
+        };
+        self.outputs()
+            .filter(move |index| !is_x(index - self.inputs))
+    }
+
+    /// The continuous state that the variable is, if it is one.
     pub fn state_at(&self, index: usize) -> Option<usize> {
         match self.outputs().contains(&index) || self.locals().contains(&index) {
             true => self.states().position(|i| i == index),
@@ -293,6 +323,19 @@ impl Table {
         self.states()
             .map(|i| self.variables[i].nominal.unwrap_or(1.0))
             .collect()
+    }
+
+    /// Typical magnitude of each element of the equations' `x`: that of a mode is 1.
+    pub(crate) fn nominals_of_x(&self) -> Vec<f64> {
+        let mut nominals = self.nominals();
+        nominals.resize(self.n_x(), 1.0);
+        nominals
+    }
+
+    /// The equations' `x` of these start values, one for each variable that has one.
+    pub(crate) fn start_of_x<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let starts = self.starts().chain(self.modes());
+        starts.map(|index| values[index]).collect()
     }
 
     /// FMI's `guid` and `instantiationToken`: a hash of all that is declared.

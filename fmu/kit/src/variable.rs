@@ -9,6 +9,8 @@ pub enum Role {
     Input,
     /// For other models; continuous, calculated from states and inputs, or itself a state.
     Output,
+    /// A Boolean output that changes at events alone: 1 for true, 0 for false. Its start value may be set.
+    Mode,
     /// A parameter, constant in time.
     Fixed,
     /// A parameter that may be set between communication points.
@@ -25,9 +27,10 @@ pub enum Role {
 
 impl Role {
     /// All roles with their names.
-    pub const NAMES: [(Self, &str); 8] = [
+    pub const NAMES: [(Self, &str); 9] = [
         (Self::Input, "input"),
         (Self::Output, "output"),
+        (Self::Mode, "mode"),
         (Self::Fixed, "parameter"),
         (Self::Tunable, "tunable parameter"),
         (Self::State, "state"),
@@ -54,7 +57,7 @@ pub fn index_of(reference: u32) -> usize {
     (reference as usize).wrapping_sub(1)
 }
 
-/// One real variable of a model. Its value reference is [that of its index](reference()) in the model's table.
+/// One variable of a model: a Boolean one where its role is [`Role::Mode`], else a real one. Its value reference is [that of its index](reference()) in the model's table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Name, unique in the model.
@@ -116,14 +119,28 @@ impl Variable {
         self
     }
 
-    /// True for an output.
-    pub fn is_output(&self) -> bool {
-        self.role == Role::Output
+    /// A mode, true or false at the start.
+    pub fn mode(name: &str, start: bool, description: &str) -> Self {
+        let start = Some(f64::from(u8::from(start)));
+        Self::new(name, Unit::one(), Role::Mode, start, description)
     }
 
-    /// True for what cannot be set: neither an input nor a parameter.
+    /// True for an output.
+    pub fn is_output(&self) -> bool {
+        matches!(self.role, Role::Output | Role::Mode)
+    }
+
+    /// True for what is a Boolean in FMI.
+    pub fn is_boolean(&self) -> bool {
+        self.role == Role::Mode
+    }
+
+    /// True for what cannot be set: neither an input nor a parameter nor a mode.
     pub fn is_calculated(&self) -> bool {
-        !matches!(self.role, Role::Input | Role::Fixed | Role::Tunable)
+        !matches!(
+            self.role,
+            Role::Input | Role::Mode | Role::Fixed | Role::Tunable
+        )
     }
 
     /// `name [unit]`, as tables and plots show it.
@@ -152,10 +169,16 @@ impl Variable {
     /// Inputs may be out of it: masters and solvers look beyond it between points.
     ///
     /// # Errors
-    /// When the value is not a finite number or out of the variable's range.
+    /// When the value is not a finite number or out of the variable's range, or that of a Boolean neither 0 nor 1.
     pub fn check(&self, value: f64) -> Result<(), ValueError> {
         if !value.is_finite() {
             return Err(ValueError::NotFinite {
+                name: self.label(),
+                value,
+            });
+        }
+        if self.is_boolean() && value != 0.0 && value != 1.0 {
+            return Err(ValueError::NoBoolean {
                 name: self.label(),
                 value,
             });
@@ -183,6 +206,14 @@ pub enum ValueError {
     #[error("{name} = {value} is not a finite number; check what computes it")]
     NotFinite {
         /// The variable, with its unit.
+        name: String,
+        /// The value.
+        value: f64,
+    },
+    /// Neither 0 nor 1.
+    #[error("{name} = {value} is no Boolean; set 0 for false or 1 for true")]
+    NoBoolean {
+        /// The variable.
         name: String,
         /// The value.
         value: f64,

@@ -1,7 +1,7 @@
 //! Arguments that say how slaves are coupled.
 
 use super::super::Failure;
-use super::super::number::positive;
+use super::super::number::{positive, within};
 use super::wiring::pair;
 use crate::cosim::{Algorithm, Clock, Control, Coupling, System};
 use clap::ValueEnum;
@@ -13,22 +13,22 @@ pub struct CouplingArgs {
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
     /// Degree of the polynomials that stand for outputs not known yet [default: 0, values are held].
-    #[arg(long, value_name = "0..2", value_parser = clap::value_parser!(u8).range(0..=2))]
+    #[arg(long, value_name = "0..2", value_parser = within(0..=2), allow_hyphen_values = true)]
     extrapolation: Option<u8>,
     /// Choose the communication steps so that no input is wrong by more than this, relative to its
     /// magnitude; every multiple of --step is hit. FMUs must be able to go back (canGetAndSetFMUstate)
     /// for a step to be repeated.
-    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_hyphen_values = true)]
     tolerance: Option<f64>,
     /// Shortest communication step with --tolerance [s] [default: a billionth of --step].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true, requires = "tolerance")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true, requires = "tolerance")]
     min_step: Option<f64>,
     /// Longest communication step with --tolerance [s] [default: --step].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true, requires = "tolerance")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true, requires = "tolerance")]
     max_step: Option<f64>,
     /// Relative tolerance for FMUs with error control of their own [default: a tenth of --tolerance,
     /// else each FMU's own].
-    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "NUMBER", value_parser = positive, allow_hyphen_values = true)]
     fmu_tolerance: Option<f64>,
     /// Have an FMU take every communication step in that many equal parts; may be given many times.
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]

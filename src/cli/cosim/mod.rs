@@ -58,14 +58,14 @@ pub struct Args {
         value_name = "SECONDS",
         default_value_t = 0.0,
         value_parser = number,
-        allow_negative_numbers = true
+        allow_hyphen_values = true
     )]
     start_time: f64,
     /// Stop time [s] [default: what the FMUs suggest, if they agree].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
     stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     step: f64,
     #[command(flatten)]
     coupling: CouplingArgs,
@@ -75,7 +75,7 @@ pub struct Args {
     record: Vec<String>,
     /// Time between recorded rows [s]; a multiple of the step [default: the step]. The last row of the run
     /// comes in any case.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     record_every: Option<f64>,
     /// Where the result goes (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]

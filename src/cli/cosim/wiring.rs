@@ -152,10 +152,13 @@ pub fn instance(argument: &str) -> (String, PathBuf) {
     match argument.split_once('=') {
         Some((name, file)) if !path.exists() => (name.to_owned(), PathBuf::from(file)),
         _ => {
-            let stem = path
-                .file_stem()
-                .map(|stem| stem.to_string_lossy().into_owned());
-            (stem.unwrap_or_default(), path.to_owned())
+            // `.` and `..` have a name too, that of their folder.
+            let full = match path.file_stem() {
+                Some(_) => path.to_owned(),
+                None => path.canonicalize().unwrap_or_default(),
+            };
+            let stem = full.file_stem().unwrap_or_default();
+            (stem.to_string_lossy().into_owned(), path.to_owned())
         }
     }
 }

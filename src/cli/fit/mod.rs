@@ -7,7 +7,7 @@ mod table;
 mod watch;
 
 use super::made::made;
-use super::number::{number, positive, whole};
+use super::number::{number, positive, whole, within};
 use super::overwrite::{Kind, Overwrite};
 use super::trials::Columns;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long, default_value_t = Options::default().scheme)]
     scheme: Scheme,
     /// Length of the mesh's intervals, about; the samples are the mesh where it is missing.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     mesh_step: Option<f64>,
     /// What is known of the states at the first sample; `free` is the paper's.
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
@@ -93,27 +93,27 @@ pub struct Args {
     start: Option<Vec<f64>>,
     /// Random starts beside the others; where it is missing and runs begin at rest, up to 8 as long as one start
     /// alone leads to the best sum of squares, and 8 where all initial states are free.
-    #[arg(long, value_name = "N", value_parser = whole, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>, allow_hyphen_values = true)]
     random_starts: Option<usize>,
     /// The vehicle that was flown (TOML); the default vehicle where it is missing.
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     /// Order n of the pilot, which then has 2n parameters.
     #[arg(long, default_value_t = Options::default().pilot.order as u8,
-          value_parser = clap::value_parser!(u8).range(1..=MAX_ORDER as i64))]
+          value_parser = within(1..=MAX_ORDER as u8), allow_hyphen_values = true)]
     order: u8,
     /// Limit on |y_p| at every sample.
-    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
     /// Iteration limit of each start.
-    #[arg(long, default_value_t = Options::default().max_iterations, value_parser = whole,
-          allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Options::default().max_iterations, value_parser = whole::<usize>,
+          allow_hyphen_values = true)]
     max_iterations: usize,
     /// Stop after this time [s] with the best so far.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
     /// Scaled KKT residual at which the solve has converged.
-    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive, allow_hyphen_values = true)]
     tolerance: f64,
     /// Write a report page (HTML) too.
     #[arg(long, value_name = "FILE")]

@@ -1,6 +1,7 @@
 //! What was written, and what to type next.
 
 use super::Args;
+use crate::cli::made::{program, quoted};
 use crate::identification::{Fit, InitialState, Options};
 use crate::sqp::Status;
 
@@ -13,7 +14,12 @@ impl Args {
             text += &format!("wrote {}\n", report.display());
         }
         text + &match (fit.is_answer(), fit.converged) {
-            (true, _) => format!("next: pilotage export pilot {pilot} -o pilot.fmu\n"),
+            (true, _) => format!(
+                "next: {} export pilot {} -o {}\n",
+                program(),
+                quoted(&self.output.to_string_lossy()),
+                quoted(&self.output.with_extension("fmu").to_string_lossy())
+            ),
             (false, true) => "next: mend what the first doubt says, and fit again\n".into(),
             (false, false) => self.what_else(fit, options),
         }

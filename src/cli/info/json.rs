@@ -1,11 +1,71 @@
-//! An FMU as one JSON object.
+//! An FMU as one JSON object. Variables and unknowns are made one at a time, as they are written: an FMU may have
+//! 100,000 of them.
 
 use super::{capabilities, name_at, start, structure};
 use crate::fmi::Fmu;
 use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 
-pub(super) fn of(fmu: &Fmu) -> Value {
+/// The object, in lines.
+pub(super) fn of(fmu: &Fmu) -> String {
+    // Its keys are texts and nothing in it can fail.
+    serde_json::to_string_pretty(&Info(fmu)).unwrap_or_default() + "\n"
+}
+
+/// The FMU as an object, its keys in alphabetical order.
+struct Info<'a>(&'a Fmu);
+
+impl Serialize for Info<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let d = self.0.description();
+        let mut map = serializer.serialize_map(None)?;
+        for (key, value) in &head(self.0) {
+            match key.as_str() {
+                "structure" => map.serialize_entry(key, &Structure(d))?,
+                "variables" => map.serialize_entry(key, &Variables(d))?,
+                _ => map.serialize_entry(key, value)?,
+            }
+        }
+        map.end()
+    }
+}
+
+struct Variables<'a>(&'a ModelDescription);
+
+impl Serialize for Variables<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let units = self.0.units_of_variables();
+        let all = self.0.variables.iter();
+        serializer.collect_seq(all.map(|v| variable(self.0, v, units(v))))
+    }
+}
+
+struct Structure<'a>(&'a ModelDescription);
+
+impl Serialize for Structure<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut lists = structure(self.0);
+        lists.sort_unstable_by_key(|(name, _)| *name);
+        serializer.collect_map(
+            lists
+                .into_iter()
+                .map(|(name, list)| (name, Unknowns(self.0, list))),
+        )
+    }
+}
+
+/// Each unknown with the names of what it depends on; null where that is not declared.
+struct Unknowns<'a>(&'a ModelDescription, &'a [Unknown]);
+
+impl Serialize for Unknowns<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.1.iter().map(|unknown| entry(self.0, unknown)))
+    }
+}
+
+/// All but the long lists, which have a place in it.
+fn head(fmu: &Fmu) -> Map<String, Value> {
     let d = fmu.description();
     let capabilities = capabilities(d);
     let kinds: Vec<String> = capabilities
@@ -16,7 +76,7 @@ pub(super) fn of(fmu: &Fmu) -> Value {
         .map(|(kind, names)| (kind.to_string(), json!(names)))
         .collect();
     let experiment = d.default_experiment.unwrap_or_default();
-    json!({
+    let head = json!({
         "file": fmu.path().display().to_string(),
         "fmiVersion": d.fmi_version.to_string(),
         "modelName": d.model_name,
@@ -38,19 +98,14 @@ pub(super) fn of(fmu: &Fmu) -> Value {
         },
         "logCategories": d.log_categories.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "numberOfEventIndicators": d.number_of_event_indicators,
-        "variables": variables(d),
-        "structure": structure(d)
-            .into_iter()
-            .map(|(name, list)| (name.to_owned(), unknowns(d, list)))
-            .collect::<Map<String, Value>>(),
+        "variables": null,
+        "structure": null,
         "files": fmu.files().collect::<Vec<_>>(),
-    })
-}
-
-fn variables(d: &ModelDescription) -> Vec<Value> {
-    let units = d.units_of_variables();
-    let all = d.variables.iter();
-    all.map(|v| variable(d, v, units(v))).collect()
+    });
+    match head {
+        Value::Object(head) => head,
+        _ => unreachable!("it is written as an object"),
+    }
 }
 
 fn variable(d: &ModelDescription, v: &ScalarVariable, unit: Option<&str>) -> Value {
@@ -74,16 +129,12 @@ fn variable(d: &ModelDescription, v: &ScalarVariable, unit: Option<&str>) -> Val
     })
 }
 
-/// Each unknown with the names of what it depends on; null where that is not declared.
-fn unknowns(d: &ModelDescription, list: &[Unknown]) -> Value {
+fn entry(d: &ModelDescription, unknown: &Unknown) -> Value {
     let names = |indices: &Vec<u32>| -> Vec<&str> {
         indices.iter().map(|index| name_at(d, *index)).collect()
     };
-    let entry = |unknown: &Unknown| {
-        json!({
-            "name": name_at(d, unknown.index),
-            "dependencies": unknown.dependencies.as_ref().map(names),
-        })
-    };
-    list.iter().map(entry).collect()
+    json!({
+        "name": name_at(d, unknown.index),
+        "dependencies": unknown.dependencies.as_ref().map(names),
+    })
 }

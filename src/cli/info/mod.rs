@@ -20,7 +20,7 @@ use std::path::PathBuf;
     after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'"
 )]
 pub struct Args {
-    /// The FMU.
+    /// The FMU: its file, or the folder that it was unpacked into.
     fmu: PathBuf,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -36,7 +36,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     )?;
     let fmu = Fmu::open(&args.fmu)?;
     let text = match args.json {
-        true => format!("{:#}\n", json::of(&fmu)),
+        true => json::of(&fmu),
         false => text::of(&fmu),
     };
     terminal::print(&text)?;

@@ -51,22 +51,22 @@ pub struct Args {
         value_name = "SECONDS",
         default_value_t = 0.0,
         value_parser = number,
-        allow_negative_numbers = true
+        allow_hyphen_values = true
     )]
     start_time: f64,
     /// When to linearise [s] [default: at the start].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
     at: Option<f64>,
     /// Communication step on the way there [s]; must divide the time. Also that in which the responses of
     /// FMUs without derivatives are taken [default there: 1].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     step: Option<f64>,
     /// A connection at which the system is cut open; may be given many times.
     #[arg(long = "loop", value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     loops: Vec<(String, String)>,
     /// Tell poles and loops also as a co-simulation with Jacobi's scheme in steps of this length has them
     /// [s].
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     in_steps: Option<f64>,
     /// Write the matrices as a script for Matlab and Octave.
     #[arg(long, value_name = "FILE")]

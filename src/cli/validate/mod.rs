@@ -11,6 +11,7 @@ mod text;
 pub use probe::{ProbeArgs, probe};
 pub(super) use text::to_text;
 
+use super::number::positive;
 use super::{Failure, Outcome, recognise, terminal};
 use crate::fmi::check::{self, Finding};
 use crate::fmi::description::Severity;
@@ -24,7 +25,7 @@ use std::time::Duration;
     after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nErrors are against the standard; warnings are legal and trouble some tools; notes are good to know.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
 )]
 pub struct Args {
-    /// The FMUs.
+    /// The FMUs: files, or the folders that they were unpacked into.
     #[arg(required = true)]
     fmus: Vec<PathBuf>,
     /// Check the files only, do not run the binaries.
@@ -34,7 +35,7 @@ pub struct Args {
     #[arg(long)]
     strict: bool,
     /// Longest time that each try of a binary may take [s].
-    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds, allow_hyphen_values = true)]
     time_limit: Duration,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -43,13 +44,7 @@ pub struct Args {
 
 /// A positive number of seconds.
 fn seconds(text: &str) -> Result<Duration, String> {
-    let value: f64 = text
-        .parse()
-        .map_err(|_| "expected a number of seconds".to_owned())?;
-    match value > 0.0 {
-        true => Duration::try_from_secs_f64(value).map_err(|error| error.to_string()),
-        false => Err("expected more than 0 seconds".to_owned()),
-    }
+    Duration::try_from_secs_f64(positive(text)?).map_err(|error| error.to_string())
 }
 
 /// What was found in one FMU.

@@ -2,7 +2,7 @@
 
 use super::{ArchiveError, Limits};
 use std::collections::{HashMap, HashSet};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use zip::result::ZipError;
@@ -77,14 +77,14 @@ fn check_storage<R: Read>(
 }
 
 /// Whether each entry has the name of the directory where it stands, too (APPNOTE 4.3.7).
-pub(super) fn check_local_names(path: &Path, entries: &[Entry]) -> Result<(), ArchiveError> {
+pub(super) fn check_local_names(
+    path: &Path,
+    file: File,
+    entries: &[Entry],
+) -> Result<(), ArchiveError> {
     const LENGTH: usize = 26;
     const NAME: usize = 30;
-    let open_error = |source| ArchiveError::Open {
-        path: path.to_owned(),
-        source,
-    };
-    let mut file = BufReader::new(File::open(path).map_err(open_error)?);
+    let mut file = BufReader::new(file);
     for entry in entries {
         let unreadable = |source| ArchiveError::Unreadable {
             path: path.to_owned(),
@@ -201,9 +201,11 @@ fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError
 
 /// The first name that stands twice in the central directory. `ZipArchive` knows that there is one,
 /// but keeps each name once.
-pub(super) fn first_duplicate(path: &Path, directory_start: u64) -> Option<String> {
+pub(super) fn first_duplicate(mut file: File, directory_start: u64) -> Option<String> {
     const HEADER: usize = 46;
-    let bytes = fs::read(path).ok()?;
+    let mut bytes = Vec::new();
+    file.rewind().ok()?;
+    file.read_to_end(&mut bytes).ok()?;
     let mut rest = bytes.get(usize::try_from(directory_start).ok()?..)?;
     let mut seen = HashSet::new();
     while rest.starts_with(b"PK\x01\x02") {

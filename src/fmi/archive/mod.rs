@@ -1,10 +1,12 @@
-//! The zip file that an FMU is: opened with mistrust, unpacked into a folder of its own.
+//! The zip file that an FMU is: opened with mistrust, unpacked into a folder of its own. A folder with an unpacked
+//! FMU is taken as the archive that it would be.
 //!
 //! Everything is checked on opening, before a single byte is written: names that would leave the
 //! folder, links, duplicates, and sizes beyond the [`Limits`].
 
 mod entries;
 mod error;
+pub(super) mod folder;
 
 pub(super) use entries::plain_name;
 pub use error::ArchiveError;
@@ -57,16 +59,18 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// Opens an archive and checks all its entries.
+    /// Opens an archive, or a folder as one, and checks all its entries.
     ///
     /// # Errors
     /// See [`ArchiveError`]; a missing modelDescription.xml is among them.
     pub fn open(path: &Path, limits: Limits) -> Result<Self, ArchiveError> {
         let owned = path.to_owned();
-        let file = File::open(path).map_err(|source| ArchiveError::Open {
+        let open_error = |source| ArchiveError::Open {
             path: owned.clone(),
             source,
-        })?;
+        };
+        let file = folder::open(path, limits)?;
+        let second = file.try_clone().map_err(open_error)?;
         let not_an_archive = |source| ArchiveError::NotAnArchive {
             path: owned.clone(),
             source,
@@ -80,11 +84,11 @@ impl Archive {
             });
         }
         if zip.has_duplicate_names() {
-            let entry = first_duplicate(path, zip.central_directory_start()).unwrap_or_default();
+            let entry = first_duplicate(second, zip.central_directory_start()).unwrap_or_default();
             return Err(ArchiveError::DuplicateName { path: owned, entry });
         }
         let entries = list_entries(path, &mut zip, limits)?;
-        check_local_names(path, &entries)?;
+        check_local_names(path, second, &entries)?;
         let found = entries
             .iter()
             .map(|e| e.declared)
@@ -106,7 +110,7 @@ impl Archive {
         Ok(archive)
     }
 
-    /// The file.
+    /// The file or folder.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -18,10 +18,10 @@ pub mod trial;
 
 pub use finding::{Finding, Rule};
 
-use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
+use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
 use super::description::{self, FmiVersion, ModelDescription, Severity};
 use crate::causes::with_causes;
-use std::fs;
+use std::io::Read;
 use std::path::Path;
 
 /// What was found without running anything.
@@ -38,10 +38,13 @@ pub struct Checked {
 /// # Errors
 /// If the file cannot be opened: that is no finding about an FMU.
 pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
-    let bytes = fs::read(path).map_err(|source| ArchiveError::Open {
-        path: path.to_owned(),
-        source,
-    })?;
+    let mut bytes = Vec::new();
+    let mut file = folder::open(path, Limits::default())?;
+    file.read_to_end(&mut bytes)
+        .map_err(|source| ArchiveError::Open {
+            path: path.to_owned(),
+            source,
+        })?;
     let mut archive = match Archive::open(path, Limits::default()) {
         Err(error @ ArchiveError::Open { .. }) => return Err(error),
         Err(error) => return Ok(unopened(&bytes, error)),

@@ -16,6 +16,18 @@ pub enum TrialError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A file that a manifest lists cannot be read.
+    #[error("{manifest}:{line}: `file` names {}, which cannot be read", file.display())]
+    Listed {
+        /// The manifest.
+        manifest: String,
+        /// Line of the name.
+        line: usize,
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
     /// The file is not a time series.
     #[error(transparent)]
     Series(#[from] SeriesError),

@@ -98,9 +98,10 @@ impl TrialSet {
                 });
             }
         };
+        let trial = self.read_trial(&folder.join(file), columns);
         let trial = Trial {
             weight,
-            ..self.read_trial(&folder.join(file), columns)?
+            ..trial.map_err(|error| listed(error, run))?
         };
         match is_fitted {
             true => self.fit.push(trial),
@@ -149,6 +150,19 @@ impl TrialSet {
             seen.push(trial);
         }
         Ok(())
+    }
+}
+
+/// A file that cannot be read is one that the manifest's line names.
+fn listed(error: TrialError, run: &Table) -> TrialError {
+    match error {
+        TrialError::Read { file, source } => TrialError::Listed {
+            manifest: run.file().into(),
+            line: run.line("file"),
+            file,
+            source,
+        },
+        error => error,
     }
 }
 

@@ -47,7 +47,7 @@ fn wrong_calls_are_told_what_to_do() {
         late(&|i| call!(i, SetReal, beyond.as_ptr(), 1, value.as_ptr())),
         late(&|i| call!(i, SetReal, output.as_ptr(), 1, value.as_ptr())),
         late(&|i| call!(i, GetInteger, vr.as_ptr(), 1, null_mut())),
-        late(&|i| call!(i, SetBoolean, vr.as_ptr(), 1, null())),
+        late(&|i| call!(i, SetBoolean, vr.as_ptr(), 1, order.as_ptr())),
         late(&|i| call!(i, GetString, vr.as_ptr(), 3, null_mut())),
         late(&|i| i.set("target", f64::NAN)),
         late(&|i| i.set("position", f64::INFINITY)),

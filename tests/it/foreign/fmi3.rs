@@ -398,12 +398,18 @@ unsafe extern "C" fn fmi3GetClock(c: *mut c_void, vr: *const u32, n: usize, to: 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi3SetClock(c: *mut c_void, vr: *const u32, n: usize, from: *const u8) -> c_int {
     (0..n).for_each(|i| unsafe { of(c).values.clocks[*vr.add(i) as usize - 80] = *from.add(i) != 0 });
-    OK
+    match &*of(c).behaviour {
+        "stuck" => ERROR,
+        "dead clock" => std::process::abort(),
+        _ => OK,
+    }
 }
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi3GetIntervalDecimal(c: *mut c_void, _vr: *const u32, n: usize, to: *mut f64, qualifiers: *mut c_int) -> c_int {
-    (0..n).for_each(|i| unsafe { (*to.add(i), *qualifiers.add(i)) = (of(c).values.interval, 2) });
+    let interval = if of(c).behaviour == "backwards" { -1.0 } else { of(c).values.interval };
+    let qualifier = if of(c).behaviour == "unknown" { 0 } else { 2 };
+    (0..n).for_each(|i| unsafe { (*to.add(i), *qualifiers.add(i)) = (interval, qualifier) });
     OK
 }
 

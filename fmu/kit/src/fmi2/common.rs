@@ -30,6 +30,30 @@ pub unsafe fn fmi2SetReal<E: Equations>(
     unsafe { shared::set::<E, Fmi2>(component, function, references, count, values, count) }
 }
 
+/// `fmi2GetBoolean`.
+pub unsafe fn fmi2GetBoolean<E: Equations>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut Boolean,
+) -> Status {
+    let (function, n) = (Function::GetBoolean, count);
+    // SAFETY: the importer passes NULL or its instance, and `count` elements each.
+    unsafe { shared::get_booleans::<E, Fmi2, _>(component, function, references, n, values, n) }
+}
+
+/// `fmi2SetBoolean`.
+pub unsafe fn fmi2SetBoolean<E: Equations>(
+    component: Component,
+    references: *const ValueReference,
+    count: usize,
+    values: *const Boolean,
+) -> Status {
+    let (function, n) = (Function::SetBoolean, count);
+    // SAFETY: the importer passes NULL or its instance, and `count` elements each.
+    unsafe { shared::set_booleans::<E, Fmi2, _>(component, function, references, n, values, n) }
+}
+
 /// The get and set functions of the types of which there are no variables.
 macro_rules! no_variables {
     ($($function:ident, $variant:ident, $base_type:literal, $values:ty;)*) => {$(
@@ -49,10 +73,8 @@ macro_rules! no_variables {
 
 no_variables! {
     fmi2GetInteger, GetInteger, "Integer", *mut Integer;
-    fmi2GetBoolean, GetBoolean, "Boolean", *mut Boolean;
     fmi2GetString, GetString, "String", *mut *const Char;
     fmi2SetInteger, SetInteger, "Integer", *const Integer;
-    fmi2SetBoolean, SetBoolean, "Boolean", *const Boolean;
     fmi2SetString, SetString, "String", *const *const Char;
 }
 

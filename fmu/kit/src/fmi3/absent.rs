@@ -35,7 +35,6 @@ no_variables! {
     fmi3GetUInt32, GetUInt32, "UInt32", (_values: *mut UInt32, _n: usize);
     fmi3GetInt64, GetInt64, "Int64", (_values: *mut Int64, _n: usize);
     fmi3GetUInt64, GetUInt64, "UInt64", (_values: *mut UInt64, _n: usize);
-    fmi3GetBoolean, GetBoolean, "Boolean", (_values: *mut Boolean, _n: usize);
     fmi3GetString, GetString, "String", (_values: *mut String, _n: usize);
     fmi3GetBinary, GetBinary, "Binary", (_sizes: *mut usize, _values: *mut Binary, _n: usize);
     fmi3GetClock, GetClock, "Clock", (_values: *mut Clock);
@@ -48,7 +47,6 @@ no_variables! {
     fmi3SetUInt32, SetUInt32, "UInt32", (_values: *const UInt32, _n: usize);
     fmi3SetInt64, SetInt64, "Int64", (_values: *const Int64, _n: usize);
     fmi3SetUInt64, SetUInt64, "UInt64", (_values: *const UInt64, _n: usize);
-    fmi3SetBoolean, SetBoolean, "Boolean", (_values: *const Boolean, _n: usize);
     fmi3SetString, SetString, "String", (_values: *const String, _n: usize);
     fmi3SetBinary, SetBinary, "Binary", (_sizes: *const usize, _values: *const Binary, _n: usize);
     fmi3SetClock, SetClock, "Clock", (_values: *const Clock);

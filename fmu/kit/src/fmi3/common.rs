@@ -34,6 +34,37 @@ pub unsafe fn fmi3SetFloat64<E: Equations>(
     unsafe { shared::set::<E, Fmi3>(instance, function, references, count, values, n_values) }
 }
 
+/// `fmi3GetBoolean`.
+pub unsafe fn fmi3GetBoolean<E: Equations>(
+    instance: Instance,
+    references: *const ValueReference,
+    count: usize,
+    values: *mut Boolean,
+    n_values: usize,
+) -> Status {
+    let (function, values) = (Function::GetBoolean, values.cast::<u8>());
+    // SAFETY: the importer passes NULL or its instance, and as many elements as it says; a Boolean is a byte.
+    unsafe {
+        shared::get_booleans::<E, Fmi3, _>(instance, function, references, count, values, n_values)
+    }
+}
+
+/// `fmi3SetBoolean`.
+pub unsafe fn fmi3SetBoolean<E: Equations>(
+    instance: Instance,
+    references: *const ValueReference,
+    count: usize,
+    values: *const Boolean,
+    n_values: usize,
+) -> Status {
+    // As bytes: what C passes may be another number than 0 and 1, which no `bool` may be.
+    let (function, values) = (Function::SetBoolean, values.cast::<u8>());
+    // SAFETY: the importer passes NULL or its instance, and as many elements as it says; a Boolean is a byte.
+    unsafe {
+        shared::set_booleans::<E, Fmi3, _>(instance, function, references, count, values, n_values)
+    }
+}
+
 /// `fmi3GetNumberOfVariableDependencies`.
 pub unsafe fn fmi3GetNumberOfVariableDependencies<E: Equations>(
     instance: Instance,

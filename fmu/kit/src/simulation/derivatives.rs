@@ -27,7 +27,7 @@ impl<E: Equations> Simulation<E> {
     /// Time derivatives of all variables, where inputs have these slopes.
     fn along_flow(&self, slopes: &[f64]) -> Vec<f64> {
         let (mut values, mut states) = self.lifted();
-        let mut rates = vec![0.0; states.len()];
+        let mut rates = vec![0.0; self.table.n_states()];
         self.derivatives(&mut rates);
         for (state, rate) in states.iter_mut().zip(rates) {
             state.eps = rate;
@@ -98,7 +98,7 @@ fn known(table: &Table, index: usize) -> (Option<usize>, Option<usize>) {
     if table.starts().contains(&index) {
         return (Some(index), Some(index - table.starts().start));
     }
-    match table.state_at(index) {
+    match table.x().position(|i| i == index) {
         Some(state) => (None, Some(state)),
         None if table.variables()[index].is_calculated() => (None, None),
         None => (Some(index), None),

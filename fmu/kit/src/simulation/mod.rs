@@ -62,7 +62,7 @@ pub struct Snapshot {
     pub slopes: Vec<f64>,
     /// Time derivative that each input had in the last step.
     pub travelled: Vec<f64>,
-    /// The states.
+    /// The states, then the modes.
     pub states: Vec<f64>,
     /// Which event indicators were positive when last an event was handled.
     pub positive: Vec<bool>,
@@ -120,7 +120,7 @@ impl<E: Equations> Simulation<E> {
         let table = equations.table();
         let now = at_start(&table);
         Self {
-            integrator: Integrator::new(table.nominals()),
+            integrator: Integrator::new(table.nominals_of_x()),
             transition: None,
             space: Space {
                 next: now.states.clone(),
@@ -231,7 +231,7 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Sets an input, a parameter or a start value; a start value sets its state too.
+    /// Sets an input, a parameter, a mode or a start value; a start value sets its state too.
     ///
     /// # Errors
     /// When it is calculated, or the value not finite or out of the variable's range.
@@ -241,6 +241,11 @@ impl<E: Equations> Simulation<E> {
             return Err(self.calculated(variable));
         }
         variable.check(value)?;
+        if variable.is_boolean()
+            && let Some(mode) = self.table.x().position(|i| i == index)
+        {
+            self.now.states[mode] = value;
+        }
         self.now.values[index] = value;
         let starts = self.table.starts();
         if starts.contains(&index) {
@@ -291,12 +296,12 @@ impl<E: Equations> Simulation<E> {
         Ok(())
     }
 
-    /// Sets all states.
+    /// Sets all continuous states.
     ///
     /// # Panics
     /// When their number is another.
     pub fn set_states(&mut self, states: &[f64]) {
-        self.now.states.copy_from_slice(states);
+        self.now.states[..self.table.n_states()].copy_from_slice(states);
     }
 
     /// Writes the derivatives of the states.
@@ -341,7 +346,7 @@ fn slots(table: &Table) -> Vec<Slot> {
     for (position, index) in table.computed_outputs().enumerate() {
         slots[index] = Slot::Output(position);
     }
-    for (state, index) in table.states().enumerate() {
+    for (state, index) in table.x().enumerate() {
         slots[index] = Slot::State(state);
     }
     for (state, index) in table.derivatives().enumerate() {
@@ -362,7 +367,7 @@ fn at_start(table: &Table) -> Snapshot {
         time: 0.0,
         slopes: vec![0.0; table.inputs().len()],
         travelled: vec![0.0; table.inputs().len()],
-        states: values[table.starts()].to_vec(),
+        states: table.start_of_x(&values),
         positive: vec![true; table.n_indicators()],
         tolerance: DEFAULT_TOLERANCE,
         values,

@@ -86,7 +86,7 @@ impl<E: Equations> Simulation<E> {
     /// # Errors
     /// When the step cannot be done; what was reached is kept.
     pub fn advance(&mut self, h: f64, stop_at_event: bool) -> Result<Reached, StepError> {
-        if self.equations.is_linear() {
+        if self.equations.is_linear() && self.table.modes().next().is_none() {
             self.step_exactly(h).map_err(|fault| StepError {
                 fault,
                 reached: 0.0,
@@ -112,7 +112,7 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Handles what the event handler finds to handle now. Whether a state has changed.
+    /// Handles what the event handler finds to handle now. Whether a state or mode has changed.
     ///
     /// # Errors
     /// When the handler changes the states again and again.
@@ -136,6 +136,9 @@ impl<E: Equations> Simulation<E> {
             equations.event(at, &mut space.next);
             if let Some(i) = space.next.iter().position(|v| !v.is_finite()) {
                 return Err(not_finite(table, i, space.next[i], 0.0));
+            }
+            for mode in &mut self.space.next[self.table.n_states()..] {
+                *mode = f64::from(u8::from(*mode != 0.0));
             }
             if self.space.next == self.now.states {
                 self.remember_signs();
@@ -280,6 +283,7 @@ impl<E: Equations> Simulation<E> {
         } = self;
         let mut flow = Flow {
             equations,
+            n_states: table.n_states(),
             start: now.time,
             elapsed,
             held: &now.values[table.inputs()],
@@ -295,6 +299,8 @@ impl<E: Equations> Simulation<E> {
 /// The equations within a step.
 struct Flow<'s, E> {
     equations: &'s E,
+    /// Number of continuous states.
+    n_states: usize,
     /// Time at the step's beginning [s].
     start: f64,
     /// Where in the step the integration begins [s].
@@ -337,6 +343,9 @@ impl<E: Equations> Ode for Flow<'_, E> {
             u: &self.space.inputs,
             p: self.p,
         };
+        // Modes stay as they are between events.
+        let (dx, modes) = dx.split_at_mut(self.n_states);
+        modes.fill(0.0);
         self.equations.derivative(at, dx);
     }
 
@@ -357,7 +366,7 @@ impl<E: Equations> Ode for Flow<'_, E> {
 }
 
 fn not_finite(table: &Table, state: usize, value: f64, step: f64) -> StepFault {
-    let index = table.states().nth(state).unwrap_or_default();
+    let index = table.x().nth(state).unwrap_or_default();
     StepFault::NotFinite {
         state: table.variables()[index].name.clone(),
         value,

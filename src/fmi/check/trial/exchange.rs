@@ -19,13 +19,13 @@ pub(super) struct Solver {
 }
 
 impl Subject {
-    /// After initialization: the first event iteration.
-    pub(super) fn enter_continuous_time(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+    /// After initialization: the first event iteration. False when the end is asked for.
+    pub(super) fn enter_continuous_time(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         let states = self.instance.number_of_continuous_states()?;
         let indicators = self.instance.number_of_event_indicators()?;
         self.solver.states = vec![0.0; states];
         self.solver.indicators = vec![0.0; indicators];
-        self.iterate(teller)?;
+        let goes_on = self.iterate(teller)?;
         teller.stage("reading the nominal values of the states");
         let mut nominals = vec![1.0; states];
         self.instance.get_nominals(&mut nominals)?;
@@ -34,7 +34,7 @@ impl Subject {
                 teller.warn(format!("the nominal value of state {} is {nominal}", i + 1));
             }
         }
-        Ok(())
+        Ok(goes_on)
     }
 
     /// Co-simulation in event mode: iterates, and goes on to step mode. False when the end is asked for.
@@ -58,7 +58,7 @@ impl Subject {
     }
 
     /// In event mode: iterates, and goes on to continuous-time mode. False when the end is asked for.
-    fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+    pub(super) fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         let Some(update) = self.update(teller)? else {
             return Ok(false);
         };

@@ -3,6 +3,7 @@
 //! Each [`Trial`] tries one thing on instances of its own and tells its stages before it begins them, so
 //! that a caller who runs it in another process knows where one ended that crashed or hung.
 
+mod clocks;
 mod derivatives;
 mod exchange;
 mod repeats;
@@ -42,10 +43,12 @@ pub enum What {
     Steps,
     /// Directional derivatives are those of the outputs, and dependencies are declared.
     Derivatives,
+    /// Input clocks tick.
+    Clocks,
 }
 
 impl What {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Load,
         Self::Simulate,
         Self::Guid,
@@ -54,6 +57,7 @@ impl What {
         Self::Instances,
         Self::Steps,
         Self::Derivatives,
+        Self::Clocks,
     ];
 
     const fn name(self) -> &'static str {
@@ -66,6 +70,7 @@ impl What {
             Self::Instances => "instances",
             Self::Steps => "steps",
             Self::Derivatives => "derivatives",
+            Self::Clocks => "clocks",
         }
     }
 }
@@ -126,6 +131,7 @@ pub fn all(description: &ModelDescription) -> Vec<Trial> {
             What::Instances => !facts.is_single,
             What::Steps => facts.can_vary_steps,
             What::Derivatives => true,
+            What::Clocks => clocks::are_there(description, kind),
         };
         let wanted: Vec<What> = What::ALL.into_iter().filter(is_wanted).collect();
         trials.extend(wanted.into_iter().map(|what| Trial { kind, what }));
@@ -270,6 +276,7 @@ impl Teller<'_> {
             What::Instances => self.instances(&library),
             What::Steps => self.steps(&library),
             What::Derivatives => self.derivatives(&library),
+            What::Clocks => self.clocks(&library),
         }
     }
 

@@ -120,11 +120,41 @@ impl Subject {
         teller.stage("reading all variables");
         self.instance.exit_initialization_mode()?;
         teller.read_all(self)?;
+        self.begin(teller).map(|_| ())
+    }
+
+    /// From the first event mode, if there is one, to where steps are taken. False when the end is asked for.
+    pub(super) fn begin(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         match teller.kind {
             Kind::ModelExchange => self.enter_continuous_time(teller),
-            _ if self.event_mode_used => self.enter_steps(teller).map(|_| ()),
-            _ => Ok(()),
+            _ if self.event_mode_used => self.enter_steps(teller),
+            _ => Ok(true),
         }
+    }
+
+    /// From a later event mode, likewise.
+    pub(super) fn leave_event_mode(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        match teller.kind {
+            Kind::ModelExchange => self.iterate(teller),
+            _ => self.enter_steps(teller),
+        }
+    }
+
+    /// Whether steps lead to any time.
+    pub(super) fn can_go_anywhere(&self, kind: Kind) -> bool {
+        kind == Kind::ModelExchange || self.facts.can_vary_steps
+    }
+
+    /// Goes on to that time; false when it is not reached.
+    pub(super) fn step_to(&mut self, time: f64, teller: &mut Teller) -> Result<bool, Stop> {
+        teller.stage(&format!("going on to {time} s"));
+        let rest = time - self.time;
+        self.step_by(rest / self.plan.step, teller)
+    }
+
+    /// When the experiment ends [s].
+    pub(super) fn stop(&self) -> f64 {
+        self.plan.stop
     }
 
     /// From instantiated to initialization mode.
