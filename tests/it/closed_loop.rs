@@ -127,7 +127,7 @@ fn error_of_cubics(points: &[[f64; 2]], h: f64) -> f64 {
 fn every_kind_of_fmu_is_coupled_to_a_micrometre_and_says_so() {
     let (h, stop) = (0.05, 15.0);
     let pilot = Loop {
-        theta: THETA,
+        theta: THETA.to_vec(),
         target: 10.0,
     };
     let exact = pilot.solve(h / 4.0, stop);

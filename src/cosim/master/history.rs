@@ -129,6 +129,11 @@ impl History {
         self.len = self.len.min(1);
     }
 
+    /// An output at the last point.
+    pub(super) fn last(&self, p: usize) -> Outcome {
+        self.points[0][p]
+    }
+
     pub(super) fn time(&self) -> f64 {
         self.times[0]
     }
@@ -211,20 +216,28 @@ impl History {
         })
     }
 
-    /// By how much that mean is off, as well as it is known. With slopes it is the error of the cubic,
-    /// `h⁴/720` times the fourth derivative, seen with another point; after the very first step, that of an
+    /// By how much that mean is off, as well as it is known from the communication points. With slopes it is
+    /// [that of a smooth output](Self::smooth_error); after the very first step, that of an
     /// exponential with these second and third derivatives. This is finer than `coarse`, which
     /// [may be](Self::interpolation_error), and nothing is left to be careful with.
     pub(super) fn mean_error(&self, p: usize, h: f64, end: Outcome, coarse: f64) -> f64 {
         if !self.traits[p].has_slope || self.transient(p, h, end).is_some() {
             return coarse;
         }
-        if self.len > 1 {
-            return h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs();
+        if let Some(error) = self.smooth_error(p, h, end) {
+            return error;
         }
         // `coarse` is h³/72 times the third derivative, `bend` h² times the second.
         let bend = h * (end.slope - self.points[0][p].slope).abs();
         (7.2 * coarse * coarse / bend).min(coarse)
+    }
+
+    /// The error of the cubic's mean, `h⁴/720` times the fourth derivative, seen with another point: where slopes
+    /// are known and nothing is over within the step.
+    pub(super) fn smooth_error(&self, p: usize, h: f64, end: Outcome) -> Option<f64> {
+        let is_smooth = self.traits[p].has_slope && self.len > 1;
+        (is_smooth && self.transient(p, h, end).is_none())
+            .then(|| h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs())
     }
 
     /// By how much the mean of that with degree 2 may be off. Of a transient, that is all of its part in the

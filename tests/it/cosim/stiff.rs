@@ -4,8 +4,8 @@ use super::slaves::{Linear, simulate};
 use crate::joint_ode::{Loop, Point};
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Ending, Kind, NativeSlave, Progress, Role, Run,
-    SeriesRecorder, Slave, System, Value, Variable,
+    Abilities, Algorithm, Clock, Control, Coupling, CouplingError, Ending, Kind, NativeSlave, Progress,
+    Role, Run, Selection, SeriesRecorder, Slave, System, Thinned, Value, Variable, run,
 };
 use pilotage::models::{Model, Quadcopter};
 
@@ -49,7 +49,7 @@ fn error(a: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
 fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
     for a in [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6] {
         let pilot = Loop {
-            theta: theta(a),
+            theta: theta(a).to_vec(),
             target: TARGET,
         };
         let exact = pilot.solve(H, STOP);
@@ -69,6 +69,103 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
         assert!(controlled < 1e-4, "pole -{a}: {controlled}");
         for connection in run.report.connections {
             assert_eq!(connection.divergence, None, "pole -{a}: {connection:?}");
+        }
+    }
+}
+
+/// What the vehicle and a pilot with these parameters give each other, by how much the means over the steps are
+/// wrong: on average and at most, as reported and in truth. What an input was given in the mean is seen by an
+/// integrator; what it should have been, the joint equations make of the states at the begin of each step.
+struct LocalErrors {
+    said: [CouplingError; 2],
+    truth: [CouplingError; 2],
+}
+
+fn local_errors(theta: &[f64], target: f64, stop: f64) -> LocalErrors {
+    let mut system = System::new();
+    let limitless = Model::pilot(theta, 1e9);
+    let quadcopter = Model::quadcopter(&Quadcopter::default());
+    for (name, model) in [("pilot", limitless), ("quadcopter", quadcopter)] {
+        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+    }
+    let fed = [
+        ("quadcopter.z", "pilot.position"),
+        ("pilot.stick", "quadcopter.stick"),
+    ];
+    for (k, (from, to)) in fed.into_iter().enumerate() {
+        let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().following();
+        system
+            .add(format!("seen{k}"), Box::new(integrator))
+            .unwrap();
+        system.connect(from, to).unwrap();
+        system.connect(from, &format!("seen{k}.u")).unwrap();
+    }
+    system.set("pilot.target", &target.to_string()).unwrap();
+    let vehicle = ["z", "phi", "v", "q", "omega_f", "omega_b"].map(|x| format!("quadcopter.{x}"));
+    let own = (1..=theta.len() / 2).map(|i| format!("pilot.x{i}"));
+    let states: Vec<String> = vehicle.into_iter().chain(own).collect();
+    let selection = Selection::new(&mut system, &[&states[..], &["seen?.y".into()]].concat());
+    let clock = Clock::new(0.0, stop, H).unwrap();
+    let mut recorder = Thinned::new(SeriesRecorder::default(), Some(selection.unwrap()), 1);
+    let run = run(system, &clock, None, Algorithm::Strong, &mut recorder).unwrap();
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    let series = recorder.inner.series;
+    let at = |name: &str, k: usize| series.column(name).unwrap().values[k];
+    let mut pilot = Loop {
+        theta: theta.to_vec(),
+        target,
+    };
+    let mut truth = [CouplingError::default(); 2];
+    for k in 1..series.time.len() {
+        let before: Vec<f64> = states.iter().map(|name| at(name, k - 1)).collect();
+        let exact = pilot.means(&before, H);
+        for (i, (truth, exact)) in truth.iter_mut().zip(exact).enumerate() {
+            let name = format!("seen{i}.y");
+            let error = ((at(&name, k) - at(&name, k - 1)) / H - exact).abs();
+            truth.mean += error * H / stop;
+            truth.max = truth.max.max(error);
+        }
+    }
+    let said = fed.map(|(from, to)| {
+        let mut connections = run.report.connections.iter();
+        let found = connections.find(|c| c.from == from && c.to == to);
+        found.unwrap().error.unwrap()
+    });
+    LocalErrors { said, truth }
+}
+
+/// `-a b (k + d s) / ((s + a) (s + b))`: after a step of the target the stick is a pulse as high as `d a b / (a + b)`,
+/// and after each change of the position's slope it has its new value within `1/a + 1/b`.
+fn two_poles(a: f64, b: f64, k: f64, d: f64) -> Vec<f64> {
+    vec![a * b, a + b, -k * a * b, -d * a * b]
+}
+
+/// The values and slopes at the ends of the steps say next to nothing of most of these sticks: the errors are seen
+/// within the steps, and where they are large, these are cut.
+#[test]
+fn local_errors_of_fast_pilots_are_true() {
+    let mut pilots: Vec<Vec<f64>> = [1.0, 10.0, 1e2, 1e3, 1e4, 1e6]
+        .map(|a| theta(a).to_vec())
+        .into();
+    for a in [10.0, 1e2, 1e3, 1e4] {
+        for (k, d) in [(0.003, 0.0), (0.003, 0.02), (0.01, 0.05)] {
+            pilots.push(two_poles(a, 1.3 * a, k, d));
+        }
+    }
+    // Poles at -50 ± 500i.
+    let square = 50.0 * 50.0 + 500.0 * 500.0;
+    for (k, d) in [(0.003, 0.0), (0.003, 0.02)] {
+        pilots.push(vec![square, 100.0, -k * square, -d * square]);
+    }
+    for theta in pilots {
+        let found = local_errors(&theta, 0.5, 5.0);
+        for (said, truth) in found.said.into_iter().zip(found.truth) {
+            for ratio in [said.mean / truth.mean, said.max / truth.max] {
+                assert!(
+                    (0.5..2.0).contains(&ratio),
+                    "{theta:?}: {said:?}, in truth {truth:?}"
+                );
+            }
         }
     }
 }
