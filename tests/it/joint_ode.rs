@@ -5,9 +5,10 @@ use pilotage::integrate::{Dynamics as _, Method, Options, Solver};
 use pilotage::models::{Dynamics, Joint, Pilot, Quadcopter};
 use std::convert::Infallible;
 
-/// A pilot of any order, whose stick has no limit, and his target [m].
+/// A pilot of any order, how far his stick goes, and his target [m].
 pub struct Loop {
     pub theta: Vec<f64>,
+    pub limit: f64,
     pub target: f64,
 }
 
@@ -25,9 +26,15 @@ impl pilotage::integrate::Dynamics for Loop {
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         let (joint, n) = (self.joint(), self.n_states());
         let (states, w) = (&x[..n], [self.target]);
+        let stick = joint.bounded(states, &w, &self.theta);
+        let limited = stick.clamp(-self.limit, self.limit);
         joint.derivative(states, &w, &self.theta, &mut dx[..n]);
+        if limited != stick {
+            let vehicle = n - joint.pilot.order;
+            (joint.vehicle).derivative(&states[..vehicle], limited, &mut dx[..vehicle]);
+        }
         dx[n] = joint.measured(states, &w, &self.theta);
-        dx[n + 1] = joint.bounded(states, &w, &self.theta);
+        dx[n + 1] = limited;
         Ok(true)
     }
 
@@ -95,7 +102,8 @@ impl Loop {
         solver
     }
 
-    /// Both outputs are linear in the states, so that their slopes are the outputs of the derivatives.
+    /// Both outputs, the stick without its limit, are linear in the states, so that their slopes are the outputs of the
+    /// derivatives.
     fn point(&mut self, x: &[f64]) -> Point {
         let mut dx = vec![0.0; x.len()];
         self.derivatives(0.0, x, &mut dx).unwrap();

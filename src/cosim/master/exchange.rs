@@ -169,6 +169,7 @@ impl Exchange {
             is_watchable: false,
             looked: Vec::new(),
             middle: Vec::new(),
+            astray: Vec::new(),
             look_values: Vec::new(),
             settled: Vec::new(),
             settled_slots: Vec::new(),

@@ -95,7 +95,8 @@ pub(super) struct History {
     len: usize,
     /// What else is known of each output.
     traits: Vec<Traits>,
-    /// Largest magnitude of each so far, nominal values counted.
+    /// Largest magnitude of each at the points of the clock so far, nominal values counted: a pulse between them is
+    /// no measure of what comes after it.
     pub(super) magnitudes: Vec<f64>,
 }
 
@@ -116,12 +117,17 @@ impl History {
         self.times.rotate_right(1);
         self.points.rotate_right(1);
         self.times[0] = time;
-        let newest = self.points[0].iter_mut().zip(&mut self.magnitudes);
-        for ((kept, magnitude), point) in newest.zip(points) {
+        for (kept, point) in self.points[0].iter_mut().zip(points) {
             *kept = point;
-            *magnitude = magnitude.max(point.value.abs());
         }
         self.len = (self.len + 1).min(KEPT);
+    }
+
+    /// Takes the last point for one of the clock.
+    pub(super) fn at_clock(&mut self) {
+        for (magnitude, point) in self.magnitudes.iter_mut().zip(&self.points[0]) {
+            *magnitude = magnitude.max(point.value.abs());
+        }
     }
 
     /// Forgets all but the last point: what lies before a jump says nothing about what comes.
@@ -161,10 +167,12 @@ impl History {
         Course { mean, lean, end }
     }
 
-    /// The slope to be expected after the next `h` [s].
+    /// The slope to be expected after the next `h` [s]. One that would carry the output beyond its magnitude is that of
+    /// a transient, which is over then.
     pub(super) fn slope_after(&self, p: usize, h: f64) -> f64 {
         let slope = self.points[0][p].slope;
         match self.len {
+            _ if h * slope.abs() > self.magnitudes[p] => 0.0,
             0 | 1 => slope,
             _ => {
                 let change = slope - self.points[1][p].slope;

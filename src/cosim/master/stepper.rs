@@ -99,6 +99,7 @@ impl Stepper {
             got.map_err(Failure::at_start)?;
         }
         self.exchange.keep(time);
+        self.exchange.history.at_clock();
         let Exchange { wired, values, .. } = &mut self.exchange;
         wired.iter_mut().for_each(|w| w.begin_changes(values));
         self.sampler = Sampler::new(self.coupling.measure);
@@ -147,6 +148,7 @@ impl Stepper {
     /// they will, and changes with them.
     fn follow(&mut self, end: f64) -> Result<(), Ending> {
         self.points += 1;
+        self.exchange.history.at_clock();
         let Exchange { wired, values, .. } = &mut self.exchange;
         let mut all = wired.iter_mut();
         let followed = all.try_for_each(|w| w.follow(values, self.points));
@@ -212,19 +214,19 @@ impl Stepper {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         self.attempt(h, false)?;
-        let misled = (self.strong.is_some() && self.can_reject).then(|| self.misled(part));
-        let Some((slave, input)) = misled.flatten() else {
-            self.accept(end, h);
-            return Ok(());
-        };
-        self.parts_left = self.parts_left.saturating_sub(1);
-        if !self.can_vary || self.parts_left == 0 || part < SHORTEST_PART {
-            if self.is_nonsense() {
+        let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
+        let can_go_back = self.strong.is_some() && self.can_reject;
+        match can_go_back.then(|| self.misled(part)).flatten() {
+            Some(_) if can_halve => {}
+            Some((slave, input)) if self.is_nonsense() => {
                 return Err(self.exchange.wired[slave].misled(input, t, h));
             }
-            self.accept(end, h);
-            return Ok(());
+            _ => {
+                self.accept(end, h);
+                return Ok(());
+            }
         }
+        self.parts_left -= 1;
         self.exchange.restore().map_err(|failure| failure.at(t))?;
         self.steps.rejected += 1;
         let middle = t + 0.5 * h;

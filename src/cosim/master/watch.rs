@@ -19,6 +19,10 @@ const SMALL: f64 = 1e-5;
 /// Errors below this part of the magnitude are noise of the slaves.
 const NOISE: f64 = 1e-12;
 
+/// Where an output is looked at that is the same at both ends and in the middle, as one at its limit is that swings to
+/// the other and back.
+const ELSEWHERE: [f64; 6] = [0.07, 0.19, 0.31, 0.43, 0.61, 0.83];
+
 /// Points in a step at which an output is looked at, at most; and the shortest part of the step between them.
 const MOST: u32 = 200;
 const SHORTEST: f64 = 1e-8;
@@ -65,25 +69,31 @@ impl Exchange {
         for k in 0..n {
             looks.wired.middle[k] = looks.wired.looked[k];
         }
+        let ends_of = |p| [self.history.last(p), self.values.outcome(&self.fed, p)];
+        looks.seek_changes(ends_of)?;
         for k in 0..n {
             let p = looks.wired.fed_positions[k];
-            let ends = [self.history.last(p), self.values.outcome(&self.fed, p)];
+            let ends = ends_of(p);
             let fine = looks.wired.middle[k].between(ends, h);
             let error = (fine - self.courses[p].mean).abs();
             let magnitude = self.history.magnitudes[p].max(ends[1].value.abs());
             let expected = self.history.smooth_error(p, h, ends[1]).unwrap_or(0.0);
             let is_smooth = error <= SMOOTH * expected || error <= NOISE * magnitude;
-            self.seen[p] = Some(match is_smooth {
-                true => fine,
-                false => {
-                    let mut search = Search {
-                        looks: &mut looks,
-                        output: k,
-                        enough: ENOUGH * error.min(SMALL * magnitude),
-                        left: MOST,
-                    };
-                    search.part([0.0, 1.0], ends)?
+            let astray = looks.wired.astray[k];
+            let enough = ENOUGH * SMALL * magnitude;
+            let mut search = Search {
+                looks: &mut looks,
+                output: k,
+                enough: if is_smooth { enough } else { enough.min(ENOUGH * error) },
+                left: MOST,
+            };
+            self.seen[p] = Some(match astray {
+                Some((at, there)) => {
+                    search.part([0.0, at], [ends[0], there])?
+                        + search.part([at, 1.0], [there, ends[1]])?
                 }
+                None if is_smooth => fine,
+                None => search.part([0.0, 1.0], ends)?,
             });
         }
         Ok(())
@@ -136,6 +146,29 @@ impl Looks<'_> {
         .map_err(failed)?;
         self.wired.step(t, part * h, true)?;
         self.wired.look().map_err(failed)
+    }
+
+    /// Looks for points where outputs are others than at the ends and in the middle, where these are the same.
+    fn seek_changes(&mut self, ends: impl Fn(usize) -> [Outcome; 2]) -> Result<(), Ending> {
+        let flat = |wired: &Wired, k: usize| {
+            let [begin, end] = ends(wired.fed_positions[k]).map(|end| end.value);
+            begin == end && end == wired.middle[k].value
+        };
+        let n = self.wired.astray.len();
+        self.wired.astray.fill(None);
+        if !(0..n).any(|k| flat(self.wired, k)) {
+            return Ok(());
+        }
+        for part in ELSEWHERE {
+            self.step_to(part)?;
+            for k in 0..n {
+                let there = self.wired.looked[k];
+                if flat(self.wired, k) && there.value != self.wired.middle[k].value {
+                    self.wired.astray[k] = Some((part, there));
+                }
+            }
+        }
+        Ok(())
     }
 }
 

@@ -58,10 +58,12 @@ pub(super) struct Wired {
     /// Handles of these, if their derivatives are to be read too, and room for them.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
-    /// Whether they can be seen within a step, what was seen of them last, and in the middle.
+    /// Whether they can be seen within a step; what was seen of them last, in the middle, and where else they
+    /// were others than there.
     pub(super) is_watchable: bool,
     pub(super) looked: Vec<Outcome>,
     pub(super) middle: Vec<Outcome>,
+    pub(super) astray: Vec<Option<(f64, Outcome)>>,
     pub(super) look_values: Vec<f64>,
     /// Handles and slots of the real outputs without direct feedthrough from a fed input; and which of the
     /// other outputs have none.
@@ -188,6 +190,7 @@ impl Wired {
             self.look_values = vec![0.0; self.sloped.len()];
             self.looked = vec![Outcome::default(); self.sloped.len()];
             self.middle = self.looked.clone();
+            self.astray = vec![None; self.sloped.len()];
             self.is_watchable = self.can_be_watched();
         }
         if is_strong && coupling.control.is_some() && self.has_stairs() {

@@ -62,15 +62,16 @@ impl Stepper {
         }
     }
 
-    /// The largest of these errors, of the kind that is picked, relative to the outputs' magnitudes; and whose input
-    /// it is, as slave and position.
-    fn largest(&self, pick: impl Fn(&Defect) -> f64) -> (f64, (usize, usize)) {
+    /// The largest of these errors, as one makes it of a defect, of the output's magnitude at the points of the clock,
+    /// and of that with its value now; and whose input it is, as slave and position.
+    fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
         let exchange = &self.exchange;
         let mut largest = (0.0_f64, (0, 0));
         for (slave, wired) in exchange.wired.iter().enumerate() {
             for (k, &p) in wired.input_positions.iter().enumerate() {
-                let size = exchange.outcome(p).value.abs();
-                let error = pick(&wired.defects[k]) / exchange.history.magnitudes[p].max(size);
+                let magnitude = exchange.history.magnitudes[p];
+                let now = magnitude.max(exchange.outcome(p).value.abs());
+                let error = error(&wired.defects[k], magnitude, now);
                 if error > largest.0 {
                     largest = (error, (slave, k));
                 }
@@ -79,22 +80,24 @@ impl Stepper {
         largest
     }
 
-    /// An input, as slave and position, for which the last step, this part of one of fixed length, is too long.
+    /// An input, as slave and position, for which the last step, this part of one of fixed length, is too long. A
+    /// pulse counts as long as it lasts, however high it is.
     pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
-        let excess = |d: &Defect| (d.unseen / NONSENSE).max(part * d.seen / COARSE);
-        let (excess, input) = self.largest(excess);
+        let (excess, input) = self.largest(|defect, magnitude, now| {
+            (defect.unseen / (NONSENSE * now)).max(part * defect.seen / (COARSE * magnitude))
+        });
         (excess > 1.0).then_some(input)
     }
 
     /// Whether an input got nonsense in the last step.
     pub(super) fn is_nonsense(&self) -> bool {
-        self.largest(|d| d.unseen.max(d.seen)).0 > NONSENSE
+        self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
     }
 
     /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
     /// of what they gave since their inputs were held within the step.
     pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
-        let (largest, _) = self.largest(|defect| defect.careful);
+        let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
         match self.strong.is_some() && self.can_reject {
             true => Ok(largest.max(self.error_of_stairs(h)?)),
             false => Ok(largest),
