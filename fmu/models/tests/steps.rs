@@ -243,7 +243,11 @@ fn equal_poles_however_fast_are_exact() {
                 let unit = 7.0 / a.powi((n - i) as i32);
                 let found = get(&pilot, &format!("x{}", i + 1)) / unit;
                 let error = (found - expected).abs();
-                assert!(error < 1e-14 * tau.max(10.0), "{n} poles, -{a}, {h} s, x{}: {error}", i + 1);
+                assert!(
+                    error < 1e-14 * tau.max(10.0),
+                    "{n} poles, -{a}, {h} s, x{}: {error}",
+                    i + 1
+                );
             }
         }
     }

@@ -171,13 +171,16 @@ impl History {
     /// a transient, which is over then.
     pub(super) fn slope_after(&self, p: usize, h: f64) -> f64 {
         let slope = self.points[0][p].slope;
-        match self.len {
-            _ if h * slope.abs() > self.magnitudes[p] => 0.0,
+        let expected = match self.len {
             0 | 1 => slope,
             _ => {
                 let change = slope - self.points[1][p].slope;
                 slope + change * h / (self.times[0] - self.times[1])
             }
+        };
+        match h * expected.abs() > self.magnitudes[p] {
+            true => 0.0,
+            false => expected,
         }
     }
 

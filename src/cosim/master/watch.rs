@@ -84,7 +84,11 @@ impl Exchange {
             let mut search = Search {
                 looks: &mut looks,
                 output: k,
-                enough: if is_smooth { enough } else { enough.min(ENOUGH * error) },
+                enough: if is_smooth {
+                    enough
+                } else {
+                    enough.min(ENOUGH * error)
+                },
                 left: MOST,
             };
             self.seen[p] = Some(match astray {

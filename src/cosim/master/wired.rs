@@ -363,11 +363,8 @@ impl Wired {
     /// Reads the fed outputs and their derivatives, for nobody but the master.
     pub(super) fn look(&mut self) -> Result<(), Failure> {
         self.calls.gets += 2;
-        let (handles, values, slopes) = (
-            &self.sloped,
-            &mut self.look_values,
-            &mut self.slope_values,
-        );
+        let (handles, values, slopes) =
+            (&self.sloped, &mut self.look_values, &mut self.slope_values);
         let slave = &mut self.slave;
         let got = self.watch.time(|| {
             slave.get_reals(handles, values)?;

@@ -4,8 +4,8 @@ use super::slaves::{Linear, simulate};
 use crate::joint_ode::{Loop, Point};
 use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, CouplingError, Ending, Kind, NativeSlave, Progress,
-    Role, Run, Selection, SeriesRecorder, Slave, System, Thinned, Value, Variable, run,
+    Abilities, Algorithm, Clock, Control, Coupling, CouplingError, Ending, Kind, NativeSlave,
+    Progress, Role, Run, Selection, SeriesRecorder, Slave, System, Thinned, Value, Variable, run,
 };
 use pilotage::models::{Model, Quadcopter};
 
@@ -169,7 +169,12 @@ fn local_errors_of_fast_pilots_are_true() {
             });
             // What a wrong stick does to the position within the step is no error of the position's course.
             let is_limited = limit == 1.0;
-            let ratios = [stick[0], stick[1], z[0], if is_limited { 1.0 } else { z[1] }];
+            let ratios = [
+                stick[0],
+                stick[1],
+                z[0],
+                if is_limited { 1.0 } else { z[1] },
+            ];
             assert!(
                 ratios.iter().all(|ratio| (0.5..2.0).contains(ratio)),
                 "{theta:?}, limit {limit}: stick {stick:?}, z {z:?}"
