@@ -2,6 +2,7 @@
 
 use crate::command::Folder;
 use crate::joint_ode::Loop;
+use crate::masters::exported;
 use crate::python;
 use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, Ending, NativeSlave, SeriesRecorder, Slave, System,
@@ -418,10 +419,7 @@ fn exported_fmus_are_valid_and_run() {
 /// 200 FMUs in one system, 100 loops: the first flies as it does alone, to the last bit.
 #[test]
 fn two_hundred_fmus_in_one_system() {
-    let folder = Folder::new();
-    let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
-    assert_eq!(folder.pilotage(&export).code, 0);
-    assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
+    let folder = exported();
     let fly = |loops: usize, output: &str| {
         let mut arguments: Vec<String> = vec!["cosim".into()];
         for k in 0..loops {

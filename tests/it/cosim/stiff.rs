@@ -1,11 +1,10 @@
 //! Signals that change much faster than they are exchanged.
 
-use super::slaves::{Linear, simulate};
+use super::slaves::{Linear, Signal, simulate};
 use crate::joint_ode::{Loop, Point};
-use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, CouplingError, Ending, Kind, NativeSlave,
-    Progress, Role, Run, Selection, SeriesRecorder, Slave, System, Thinned, Value, Variable, run,
+    Algorithm, Clock, Control, Coupling, CouplingError, Ending, NativeSlave, Run, Selection,
+    SeriesRecorder, System, Thinned, run,
 };
 use pilotage::models::{Model, Quadcopter};
 
@@ -33,9 +32,9 @@ fn closed_loop(theta: &[f64]) -> System {
     system
 }
 
-/// Largest error of the position at the communication points [m], and the run.
-fn error(a: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
-    let (run, recorder) = simulate(closed_loop(&theta(a)), STOP, H, coupling);
+/// Largest error of the position at the communication points, every `h` [s], in metres, and the run.
+fn error(theta: &[f64], h: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
+    let (run, recorder) = simulate(closed_loop(theta), STOP, h, coupling);
     assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
     let z = &recorder.series.column("quadcopter.z").unwrap().values;
     assert_eq!(z.len(), exact.len());
@@ -54,8 +53,8 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
             target: TARGET,
         };
         let exact = pilot.solve(H, STOP);
-        let (simple, _) = error(a, &exact, Algorithm::GaussSeidel);
-        let (strong, run) = error(a, &exact, Algorithm::Strong);
+        let (simple, _) = error(&theta(a), H, &exact, Algorithm::GaussSeidel);
+        let (strong, run) = error(&theta(a), H, &exact, Algorithm::Strong);
         assert!((0.09..0.3).contains(&simple), "pole -{a}: {simple}");
         assert!(strong < 5e-3, "pole -{a}: {strong}");
         let steps = run.report.steps;
@@ -66,7 +65,7 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
             control: Some(Control::new(1e-6, &clock)),
             ..Algorithm::Strong.into()
         };
-        let (controlled, run) = error(a, &exact, controlled);
+        let (controlled, run) = error(&theta(a), H, &exact, controlled);
         assert!(controlled < 1e-4, "pole -{a}: {controlled}");
         for connection in run.report.connections {
             assert_eq!(connection.divergence, None, "pole -{a}: {connection:?}");
@@ -183,85 +182,36 @@ fn local_errors_of_fast_pilots_are_true() {
     }
 }
 
-/// `y = f(t)` with its slope.
-struct Signal {
-    f: fn(f64) -> [f64; 2],
-    time: f64,
-    saved: [f64; 3],
-    can_vary: bool,
-    variables: Vec<Variable>,
-}
-
-impl Signal {
-    fn new(f: fn(f64) -> [f64; 2]) -> Self {
-        Self {
-            f,
-            time: 0.0,
-            saved: [0.0; 3],
-            can_vary: true,
-            variables: vec![Variable::new("y", 0, Kind::Real, Role::Output)],
+/// Pulses and swings from limit to limit after the step of the target. Steps of fixed length are cut, and under control
+/// the errors go down with the tolerance, however long the steps may be.
+#[test]
+fn sticks_that_pulse_and_swing_within_a_step_are_not_missed() {
+    let square = 50.0 * 50.0 + 500.0 * 500.0;
+    let swings = vec![square, 100.0, -0.003 * square, -0.02 * square];
+    let pulses = two_poles(1e3, 1.3e3, 0.003, 0.02);
+    for theta in [swings, pulses] {
+        let exact = |h| {
+            let pilot = Loop {
+                theta: theta.clone(),
+                limit: 1.0,
+                target: TARGET,
+            };
+            pilot.solve(h, STOP)
+        };
+        let (fixed, run) = error(&theta, H, &exact(H), Algorithm::Strong);
+        assert!(fixed < 0.06, "{theta:?}: {fixed}");
+        assert!(run.report.steps.rejected > 0, "{theta:?}");
+        for h in [0.5, 1.0] {
+            let clock = Clock::new(0.0, STOP, h).unwrap();
+            for (tolerance, most) in [(1e-4, 0.01), (1e-6, 1e-4)] {
+                let coupling = Coupling {
+                    control: Some(Control::new(tolerance, &clock)),
+                    ..Algorithm::Strong.into()
+                };
+                let (found, _) = error(&theta, h, &exact(h), coupling);
+                assert!(found < most, "{theta:?}, {h} s, {tolerance}: {found}");
+            }
         }
-    }
-}
-
-impl Slave for Signal {
-    fn variables(&self) -> &[Variable] {
-        &self.variables
-    }
-
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
-        assert!(handles.is_empty());
-        Ok(())
-    }
-
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
-        values[0] = (self.f)(self.time)[0];
-        Ok(())
-    }
-
-    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
-        Err(format!("nothing to set at {handle}").into())
-    }
-
-    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
-        Ok(Value::Real((self.f)(self.time)[0]))
-    }
-
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        self.time = t + h;
-        Ok(Progress::Done)
-    }
-
-    fn abilities(&self) -> Abilities {
-        Abilities {
-            rollback: true,
-            variable_steps: self.can_vary,
-            output_derivatives: true,
-            ..Abilities::default()
-        }
-    }
-
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.saved[place] = self.time;
-        Ok(())
-    }
-
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.time = self.saved[place];
-        Ok(())
-    }
-
-    fn get_output_derivatives(
-        &mut self,
-        _handles: &[u32],
-        slopes: &mut [f64],
-    ) -> Result<(), SlaveError> {
-        slopes[0] = (self.f)(self.time)[1];
-        Ok(())
     }
 }
 
@@ -297,10 +247,9 @@ fn steps_whose_error_is_as_large_as_the_signal_are_halved() {
 
 #[test]
 fn where_steps_cannot_be_halved_the_run_ends() {
-    let (run, _) = integrated(Signal {
-        can_vary: false,
-        ..Signal::new(fast)
-    });
+    let mut signal = Signal::new(fast);
+    signal.can_vary = false;
+    let (run, _) = integrated(signal);
     let Ending::Failed {
         instance, source, ..
     } = run.ending
