@@ -49,6 +49,7 @@ pub fn keep(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<(), Failure> {
         path,
         what: "a file",
         is_own: |_| true,
+        grows: false,
     };
     let planned: Vec<Planned> = outputs.iter().map(|path| planned(path)).collect();
     output::check(inputs, &planned, true).map_err(refused)
@@ -56,7 +57,7 @@ pub fn keep(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<(), Failure> {
 
 fn refused(refusal: Refusal) -> Failure {
     let hint = match refusal {
-        Refusal::Input { .. } => "give the output another name",
+        Refusal::Input { .. } | Refusal::Part { .. } => "give the output another name",
         Refusal::Twice { .. } => "give each output a name of its own",
         Refusal::Foreign { .. } => {
             "give the output another name, or overwrite that file with --force"
@@ -83,7 +84,12 @@ impl Kind {
                 first_line(path).split(',').next() == Some("row")
             }),
         };
-        Planned { path, what, is_own }
+        Planned {
+            path,
+            what,
+            is_own,
+            grows: matches!(self, Self::Result),
+        }
     }
 }
 

@@ -31,8 +31,8 @@ pub struct Report {
 pub struct Steps {
     /// Steps that count.
     pub accepted: u64,
-    /// Steps that were taken back, since their error was too large (of strong coupling in steps of fixed length: as
-    /// large as the signal) or a slave could not do them.
+    /// Steps that were taken back, since their error was too large (of strong coupling in steps of fixed length: seen to
+    /// be a hundredth of the signal, or else, it may be half of it) or a slave could not do them.
     pub rejected: u64,
     /// Accepted steps whose error was larger than the tolerance, since they were the shortest allowed
     /// or a slave could not go back.
@@ -128,12 +128,13 @@ impl std::fmt::Display for Transfer {
     }
 }
 
-/// By how much the mean of an input over a step was wrong, in the unit of the feeding output.
+/// By how much the mean of an input over a step of the clock was wrong, in the unit of the feeding output.
 ///
-/// What it should have been is estimated from the communication points: of an input that is held in a
-/// fixed step, by a straight line; else by a polynomial of degree 2 or, where the slopes are known, 3. Where the
-/// input was just that, it is the polynomial's own error: from the fourth derivative where slopes are known, else
-/// by what the next lower degree makes of it. How far the outputs stray from the exact ones in the course of time
+/// In strong coupling, what it should have been is seen: an FMU that can go back, follows lines and tells slopes steps
+/// to points within the step, so that what two fast poles do between its ends is found. Else it is estimated from the communication points:
+/// of an input that is held in a fixed step, by a straight line; else by a polynomial of degree 2 or, where the slopes
+/// are known, 3. Where the input was just that, it is the polynomial's own error: from the fourth derivative where
+/// slopes are known, else by what the next lower degree makes of it. How far the outputs stray from the exact ones in the course of time
 /// is another matter: that is what all these errors make together.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CouplingError {

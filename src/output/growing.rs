@@ -29,7 +29,7 @@ impl GrowingFile {
             return Ok(Self::straight(path, device));
         }
         let path = super::place(path)?;
-        let part = with_ending(&path, ".part");
+        let part = part_of(&path);
         let mut left_behind = None;
         let file = loop {
             match OpenOptions::new().write(true).create_new(true).open(&part) {
@@ -100,6 +100,15 @@ impl Write for GrowingFile {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
+}
+
+/// Where the file of that path grows.
+pub(super) fn part_of(path: &Path) -> PathBuf {
+    let path = match path.is_symlink() {
+        true => super::guard::resolved(path),
+        false => path.to_owned(),
+    };
+    with_ending(&path, ".part")
 }
 
 fn with_ending(path: &Path, ending: &str) -> PathBuf {

@@ -12,6 +12,8 @@ pub struct Planned<'a> {
     pub what: &'static str,
     /// Whether the file that stands there is one that the command itself would write.
     pub is_own: fn(&Path) -> bool,
+    /// Whether it is a [`GrowingFile`](super::GrowingFile), whose part takes another place until it is complete.
+    pub grows: bool,
 }
 
 /// Why an output is not written.
@@ -24,6 +26,16 @@ pub enum Refusal {
         output: PathBuf,
         /// The input.
         other: PathBuf,
+    },
+    /// Its part is an input or another output.
+    #[error("{} is written into {} until it is complete, and that is {} of this command", output.display(), part.display(), if *is_input { "an input" } else { "another output" })]
+    Part {
+        /// The output.
+        output: PathBuf,
+        /// Its part.
+        part: PathBuf,
+        /// Whether that is an input.
+        is_input: bool,
     },
     /// It is another output too.
     #[error("two outputs go to {}{}", output.display(), by_name(output, other))]
@@ -74,6 +86,9 @@ pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(),
             let (output, other) = (output(), other.to_owned());
             return Err(Refusal::Twice { output, other });
         }
+        if planned.grows {
+            check_part(planned.path, inputs, &outputs)?;
+        }
         let stands = metadata(planned.path).filter(|file| file.len() > 0);
         if stands.is_some() && !force && !(planned.is_own)(planned.path) {
             return Err(Refusal::Foreign {
@@ -83,6 +98,21 @@ pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(),
         }
     }
     Ok(())
+}
+
+/// Whether the part of a file that grows is nobody else's.
+fn check_part(output: &Path, inputs: &[PathBuf], outputs: &[&Planned]) -> Result<(), Refusal> {
+    let part = super::growing::part_of(output);
+    let is_part = |other: &Path| is_same_file(&part, other);
+    let is_input = inputs.iter().any(|input| is_part(input));
+    match is_input || outputs.iter().any(|planned| is_part(planned.path)) {
+        false => Ok(()),
+        true => Err(Refusal::Part {
+            output: output.to_owned(),
+            part,
+            is_input,
+        }),
+    }
 }
 
 fn metadata(path: &Path) -> Option<Metadata> {
@@ -175,6 +205,46 @@ mod tests {
         }
     }
 
+    /// The part of an output stands where the output does, links followed.
+    #[test]
+    fn the_part_of_an_output_is_nobody_elses() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write(at("x.csv.part"), "rows").unwrap();
+        symlink("x.csv", at("link")).unwrap();
+        let planned = |path, grows| Planned {
+            path,
+            what: "a result",
+            is_own: |_| true,
+            grows,
+        };
+        let (file, link, part) = (at("x.csv"), at("link"), at("x.csv.part"));
+        for output in [&file, &link] {
+            let inputs = std::slice::from_ref(&part);
+            let input = check(inputs, &[planned(output, true)], true);
+            let told = input.unwrap_err().to_string();
+            assert!(
+                told.ends_with(
+                    "x.csv.part until it is complete, and that is an input of this command"
+                ),
+                "{told}"
+            );
+            assert_eq!(check(inputs, &[planned(output, false)], true), Ok(()));
+            let other = check(&[], &[planned(output, true), planned(&part, false)], true);
+            assert!(
+                matches!(
+                    other,
+                    Err(Refusal::Part {
+                        is_input: false,
+                        ..
+                    })
+                ),
+                "{other:?}"
+            );
+            assert_eq!(check(&[], &[planned(output, true)], true), Ok(()));
+        }
+    }
+
     #[test]
     fn inputs_and_outputs_are_kept_apart_and_what_stands_there_is_looked_at() {
         let folder = tempfile::tempdir().unwrap();
@@ -194,6 +264,7 @@ mod tests {
                 path,
                 what: "a result",
                 is_own,
+                grows: false,
             };
             let outputs: Vec<Planned> = paths.iter().map(|path| planned(path)).collect();
             check(&[at("in")], &outputs, force)

@@ -23,6 +23,7 @@ fn folder() -> Folder {
     folder.write("good.fmu", foreign::fmu("good"));
     folder.write("other.fmu", foreign::fmu("good"));
     folder.write("course.csv", "time [s],good.u [m]\n0,1\n1,2\n");
+    folder.write("old.csv.part", "time [s],good.u [m]\n0,1\n1,2\n");
     folder.write("values.toml", "[good]\nk = 2\n");
     symlink("run2.csv", folder.path("link.csv")).unwrap();
     symlink("set", folder.path("sets")).unwrap();
@@ -113,6 +114,18 @@ fn no_command_destroys_what_it_reads() {
         (
             &format!("cosim good.fmu --input course.csv {simulate} -o course.csv"),
             format!("course.csv is an input of this command, and {INPUT}"),
+        ),
+        (
+            &format!("cosim good.fmu --input old.csv.part {simulate} -o old.csv"),
+            "old.csv is written into old.csv.part until it is complete, and that is an input of this command\n\
+             hint: give the output another name\n"
+                .to_owned(),
+        ),
+        (
+            &format!("cosim good.fmu --report old.csv.part {simulate} -o old.csv"),
+            "old.csv is written into old.csv.part until it is complete, and that is another output of this \
+             command\nhint: give the output another name\n"
+                .to_owned(),
         ),
         (
             &format!("cosim good.fmu --parameters values.toml {simulate} -o set/../values.toml"),

@@ -5,9 +5,10 @@ use pilotage::integrate::{Dynamics as _, Method, Options, Solver};
 use pilotage::models::{Dynamics, Joint, Pilot, Quadcopter};
 use std::convert::Infallible;
 
-/// A pilot and his target [m].
+/// A pilot of any order, how far his stick goes, and his target [m].
 pub struct Loop {
-    pub theta: [f64; 6],
+    pub theta: Vec<f64>,
+    pub limit: f64,
     pub target: f64,
 }
 
@@ -18,18 +19,22 @@ pub struct Point {
     pub stick: [f64; 2],
 }
 
-fn joint() -> Joint {
-    Joint {
-        vehicle: Quadcopter::default(),
-        pilot: Pilot::default(),
-    }
-}
-
+/// The states of vehicle and pilot, then the integrals of position and stick.
 impl pilotage::integrate::Dynamics for Loop {
     type Error = Infallible;
 
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
-        joint().derivative(x, &[self.target], &self.theta, dx);
+        let (joint, n) = (self.joint(), self.n_states());
+        let (states, w) = (&x[..n], [self.target]);
+        let stick = joint.bounded(states, &w, &self.theta);
+        let limited = stick.clamp(-self.limit, self.limit);
+        joint.derivative(states, &w, &self.theta, &mut dx[..n]);
+        if limited != stick {
+            let vehicle = n - joint.pilot.order;
+            (joint.vehicle).derivative(&states[..vehicle], limited, &mut dx[..vehicle]);
+        }
+        dx[n] = joint.measured(states, &w, &self.theta);
+        dx[n + 1] = limited;
         Ok(true)
     }
 
@@ -39,18 +44,24 @@ impl pilotage::integrate::Dynamics for Loop {
 }
 
 impl Loop {
+    fn joint(&self) -> Joint {
+        Joint {
+            vehicle: Quadcopter::default(),
+            pilot: Pilot {
+                order: self.theta.len() / 2,
+            },
+        }
+    }
+
+    fn n_states(&self) -> usize {
+        self.joint().n_states()
+    }
+
     /// From rest: at 0 and after each `h` [s] until `stop`.
     pub fn solve(mut self, h: f64, stop: f64) -> Vec<Point> {
-        let n = joint().n_states();
-        let options = Options {
-            relative: 1e-11,
-            absolute: vec![1e-13; n],
-            method: Method::Radau,
-            longest_step: f64::INFINITY,
-        };
-        let mut solver = Solver::new(0, options);
-        solver.restart(0.0, &vec![0.0; n], true);
-        let mut points = vec![self.point(&vec![0.0; n])];
+        let start = vec![0.0; self.n_states() + 2];
+        let mut solver = self.solver(&start);
+        let mut points = vec![self.point(&start)];
         for k in 1..=(stop / h).round() as u32 {
             let end = f64::from(k) * h;
             while solver.time() < end {
@@ -61,14 +72,45 @@ impl Loop {
         points
     }
 
-    /// Both outputs are linear in the states, so that their slopes are the outputs of the derivatives.
+    /// Means of position and stick over the next `h` [s] from these states of the vehicle and the pilot.
+    pub fn means(&mut self, states: &[f64], h: f64) -> [f64; 2] {
+        let n = self.n_states();
+        let start = [states, &[0.0; 2]].concat();
+        let mut solver = self.solver(&start);
+        while solver.time() < h {
+            solver.advance(self, h).unwrap();
+        }
+        [n, n + 1].map(|i| solver.state()[i] / h)
+    }
+
+    /// At time 0. The pilot's states are as small as its poles are fast.
+    fn solver(&self, start: &[f64]) -> Solver {
+        let order = self.theta.len() / 2;
+        let pole = self.theta[0].powf(1.0 / order as f64).max(1.0);
+        let mut absolute = vec![1e-13; start.len()];
+        for i in 0..order {
+            absolute[self.n_states() - 1 - i] /= pole.powi(i as i32 + 1);
+        }
+        let options = Options {
+            relative: 1e-11,
+            absolute,
+            method: Method::Radau,
+            longest_step: f64::INFINITY,
+        };
+        let mut solver = Solver::new(0, options);
+        solver.restart(0.0, start, true);
+        solver
+    }
+
+    /// Both outputs, the stick without its limit, are linear in the states, so that their slopes are the outputs of the
+    /// derivatives.
     fn point(&mut self, x: &[f64]) -> Point {
-        let (joint, w, theta) = (joint(), [self.target], self.theta);
         let mut dx = vec![0.0; x.len()];
         self.derivatives(0.0, x, &mut dx).unwrap();
+        let (joint, w, n) = (self.joint(), [self.target], self.n_states());
         Point {
-            z: [x, &dx].map(|x| joint.measured(x, &w, &theta)),
-            stick: [x, &dx].map(|x| joint.bounded(x, &w, &theta)),
+            z: [x, &dx].map(|x| joint.measured(&x[..n], &w, &self.theta)),
+            stick: [x, &dx].map(|x| joint.bounded(&x[..n], &w, &self.theta)),
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::command::Folder;
 use crate::python;
 
 /// A folder with the FMUs of pilot and quadcopter.
-fn exported() -> Folder {
+pub fn exported() -> Folder {
     let folder = Folder::new();
     let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
     assert_eq!(folder.pilotage(&export).code, 0);

@@ -10,11 +10,19 @@
 //! exp ⎢0 0 I⎥ h  =  ⎡Φ Γ_0 Γ_1⎤      x(t+h) = Φ x(t) + Γ_0 u_0 + Γ_1 u̇
 //!     ⎣0 0 0⎦       ⎣    ⋯    ⎦
 //! ```
+//!
+//! Before, the matrix is balanced: of the states of a canonical form with poles of size ρ, each is ρ times as
+//! large as the one before it, and the norm would be that of ρⁿ (B. N. Parlett, C. Reinsch, "Balancing a matrix for
+//! calculation of eigenvalues and eigenvectors", Numerische Mathematik 13, 1969).
 
 use nalgebra::DMatrix;
+use nalgebra::linalg::balancing::{balance_parlett_reinsch, unbalance};
 
-/// Largest `‖A h‖` (1-norm of the augmented matrix): beyond it the exponential has no digits left.
+/// Largest `‖A h‖` (1-norm of the augmented matrix, balanced): beyond it the exponential has no digits left.
 pub const MAX_NORM: f64 = 1e8;
+
+/// Largest `‖A h‖` before balancing, whose squares of norms must be numbers.
+const MAX_UNBALANCED: f64 = 1e150;
 
 /// One step of fixed size of a linear system.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,16 +66,16 @@ impl Transition {
         h: f64,
         derivative: impl Fn(&[f64], &[f64], &mut [f64]),
     ) -> Result<Self, TransitionError> {
-        let exponent = augmented(order, inputs, derivative) * h;
-        let norm = exponent
-            .column_iter()
-            .map(|column| column.lp_norm(1))
-            .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
-        // Written so that NaN is refused too.
-        if !matches!(norm.partial_cmp(&MAX_NORM), Some(o) if o.is_le()) {
-            return Err(TransitionError::TooLarge { step: h, norm });
-        }
-        let exponential = exponent.exp();
+        let mut exponent = augmented(order, inputs, derivative) * h;
+        let within = |exponent: &DMatrix<f64>, limit| match norm(exponent) {
+            norm if norm <= limit => Ok(()),
+            norm => Err(TransitionError::TooLarge { step: h, norm }),
+        };
+        within(&exponent, MAX_UNBALANCED)?;
+        let scales = balance_parlett_reinsch(&mut exponent);
+        within(&exponent, MAX_NORM)?;
+        let mut exponential = exponent.exp();
+        unbalance(&mut exponential, &scales);
         if exponential.iter().any(|v| !v.is_finite()) {
             return Err(TransitionError::Overflow { step: h });
         }
@@ -91,6 +99,12 @@ impl Transition {
             *next = product(states, x, product(&forced[m..], slopes, held));
         }
     }
+}
+
+/// The 1-norm; not a number if an entry is none.
+fn norm(matrix: &DMatrix<f64>) -> f64 {
+    let columns = matrix.column_iter().map(|column| column.lp_norm(1));
+    columns.fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a })
 }
 
 /// The matrix of the system with inputs and slopes appended to the states.

@@ -205,6 +205,54 @@ fn matrices_that_the_exponential_cannot_take_are_refused() {
     assert!(Transition::new([1, 1], 1.0, decay(1e7)).is_ok());
 }
 
+/// A step `u` into `n` equal poles at `-a`: with `τ = a t`, `x_1 = u (1 - e^{-τ} Σ_{k<n} τ^k/k!) / aⁿ`, and the other
+/// states are its derivatives. The norm of the matrix is about `aⁿ`, that of the balanced one `n a`.
+#[test]
+fn equal_poles_however_fast_are_exact() {
+    for (a, h) in [
+        (1e3, 1e-3),
+        (1e5, 3e-5),
+        (1e6, 2e-6),
+        (1e6, 0.05),
+        (1e6, 1.0),
+    ] {
+        let tau: f64 = a * h;
+        let decay = (-tau).exp();
+        // In units of u / a^(n + 1 - i).
+        let cases = [
+            vec![1.0 - decay],
+            vec![1.0 - decay * (1.0 + tau), decay * tau],
+            vec![
+                1.0 - decay * (1.0 + tau + 0.5 * tau * tau),
+                decay * 0.5 * tau * tau,
+                decay * (tau - 0.5 * tau * tau),
+            ],
+        ];
+        let denominators = [
+            vec![a],
+            vec![a * a, 2.0 * a],
+            vec![a.powi(3), 3.0 * a * a, 3.0 * a],
+        ];
+        for (expected, mut theta) in cases.into_iter().zip(denominators) {
+            let n = theta.len();
+            theta.resize(2 * n, 0.0);
+            let mut pilot = Simulation::new(Model::pilot(&theta, 1.0));
+            set(&mut pilot, "target", 7.0);
+            pilot.step(h).expect("the step is possible");
+            for (i, expected) in expected.iter().enumerate() {
+                let unit = 7.0 / a.powi((n - i) as i32);
+                let found = get(&pilot, &format!("x{}", i + 1)) / unit;
+                let error = (found - expected).abs();
+                assert!(
+                    error < 1e-14 * tau.max(10.0),
+                    "{n} poles, -{a}, {h} s, x{}: {error}",
+                    i + 1
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn values_are_checked_at_the_door() {
     let mut quadcopter = Simulation::new(Model::quadcopter(&Quadcopter::default()));

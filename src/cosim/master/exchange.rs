@@ -23,6 +23,8 @@ pub(super) struct Exchange {
     pub(super) history: History,
     /// How the fed outputs go within the step, by position.
     pub(super) courses: Vec<Course>,
+    /// Their means over the last step, of those that were seen within it.
+    pub(super) seen: Vec<Option<f64>>,
     /// Outputs that are no reals, at the begin of the step, and what the slaves are given for them.
     pub(super) others_before: Vec<Value>,
     pub(super) others_given: Vec<Value>,
@@ -38,6 +40,7 @@ impl Exchange {
             fed: Vec::new(),
             history: History::default(),
             courses: Vec::new(),
+            seen: Vec::new(),
             others_before: Vec::new(),
             others_given: Vec::new(),
         };
@@ -99,6 +102,7 @@ impl Exchange {
         }
         exchange.history = History::new(nominals, traits);
         exchange.courses = vec![Course::default(); n];
+        exchange.seen = vec![None; n];
         exchange.values.slopes = vec![0.0; n];
         exchange.others_before = exchange.values.others.clone();
         exchange.others_given = exchange.values.others.clone();
@@ -162,6 +166,11 @@ impl Exchange {
             changes: Vec::new(),
             sloped: Vec::new(),
             slope_values: Vec::new(),
+            is_watchable: false,
+            looked: Vec::new(),
+            middle: Vec::new(),
+            astray: Vec::new(),
+            look_values: Vec::new(),
             settled: Vec::new(),
             settled_slots: Vec::new(),
             settled_values: Vec::new(),
@@ -176,6 +185,7 @@ impl Exchange {
             slopes: Vec::new(),
             used: Vec::new(),
             defects: Vec::new(),
+            gathered: Vec::new(),
             errors: Vec::new(),
             conversions: Vec::new(),
             other_inputs: Vec::new(),
@@ -296,10 +306,7 @@ impl Exchange {
 
     /// A fed output where its slave stands.
     pub(super) fn outcome(&self, p: usize) -> Outcome {
-        Outcome {
-            value: self.values.row[self.fed[p]],
-            slope: self.values.slopes[p],
-        }
+        self.values.outcome(&self.fed, p)
     }
 
     /// Reads the outputs of a slave that ended the run later than at `time`, the last point, and tells where it

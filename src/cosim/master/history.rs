@@ -95,7 +95,8 @@ pub(super) struct History {
     len: usize,
     /// What else is known of each output.
     traits: Vec<Traits>,
-    /// Largest magnitude of each so far, nominal values counted.
+    /// Largest magnitude of each at the points of the clock so far, nominal values counted: a pulse between them is
+    /// no measure of what comes after it.
     pub(super) magnitudes: Vec<f64>,
 }
 
@@ -116,17 +117,27 @@ impl History {
         self.times.rotate_right(1);
         self.points.rotate_right(1);
         self.times[0] = time;
-        let newest = self.points[0].iter_mut().zip(&mut self.magnitudes);
-        for ((kept, magnitude), point) in newest.zip(points) {
+        for (kept, point) in self.points[0].iter_mut().zip(points) {
             *kept = point;
-            *magnitude = magnitude.max(point.value.abs());
         }
         self.len = (self.len + 1).min(KEPT);
+    }
+
+    /// Takes the last point for one of the clock.
+    pub(super) fn at_clock(&mut self) {
+        for (magnitude, point) in self.magnitudes.iter_mut().zip(&self.points[0]) {
+            *magnitude = magnitude.max(point.value.abs());
+        }
     }
 
     /// Forgets all but the last point: what lies before a jump says nothing about what comes.
     pub(super) fn restart(&mut self) {
         self.len = self.len.min(1);
+    }
+
+    /// An output at the last point.
+    pub(super) fn last(&self, p: usize) -> Outcome {
+        self.points[0][p]
     }
 
     pub(super) fn time(&self) -> f64 {
@@ -156,15 +167,20 @@ impl History {
         Course { mean, lean, end }
     }
 
-    /// The slope to be expected after the next `h` [s].
+    /// The slope to be expected after the next `h` [s]. One that would carry the output beyond its magnitude is that of
+    /// a transient, which is over then.
     pub(super) fn slope_after(&self, p: usize, h: f64) -> f64 {
         let slope = self.points[0][p].slope;
-        match self.len {
+        let expected = match self.len {
             0 | 1 => slope,
             _ => {
                 let change = slope - self.points[1][p].slope;
                 slope + change * h / (self.times[0] - self.times[1])
             }
+        };
+        match h * expected.abs() > self.magnitudes[p] {
+            true => 0.0,
+            false => expected,
         }
     }
 
@@ -211,20 +227,28 @@ impl History {
         })
     }
 
-    /// By how much that mean is off, as well as it is known. With slopes it is the error of the cubic,
-    /// `h⁴/720` times the fourth derivative, seen with another point; after the very first step, that of an
+    /// By how much that mean is off, as well as it is known from the communication points. With slopes it is
+    /// [that of a smooth output](Self::smooth_error); after the very first step, that of an
     /// exponential with these second and third derivatives. This is finer than `coarse`, which
     /// [may be](Self::interpolation_error), and nothing is left to be careful with.
     pub(super) fn mean_error(&self, p: usize, h: f64, end: Outcome, coarse: f64) -> f64 {
         if !self.traits[p].has_slope || self.transient(p, h, end).is_some() {
             return coarse;
         }
-        if self.len > 1 {
-            return h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs();
+        if let Some(error) = self.smooth_error(p, h, end) {
+            return error;
         }
         // `coarse` is h³/72 times the third derivative, `bend` h² times the second.
         let bend = h * (end.slope - self.points[0][p].slope).abs();
         (7.2 * coarse * coarse / bend).min(coarse)
+    }
+
+    /// The error of the cubic's mean, `h⁴/720` times the fourth derivative, seen with another point: where slopes
+    /// are known and nothing is over within the step.
+    pub(super) fn smooth_error(&self, p: usize, h: f64, end: Outcome) -> Option<f64> {
+        let is_smooth = self.traits[p].has_slope && self.len > 1;
+        (is_smooth && self.transient(p, h, end).is_none())
+            .then(|| h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs())
     }
 
     /// By how much the mean of that with degree 2 may be off. Of a transient, that is all of its part in the

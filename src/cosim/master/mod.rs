@@ -13,6 +13,7 @@ mod stopwatch;
 mod strong;
 mod summary;
 mod travel;
+mod watch;
 mod wired;
 
 use self::exchange::Exchange;

@@ -18,8 +18,9 @@ const REJECTIONS_AT_A_JUMP: u32 = 3;
 /// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
 
-/// How often a step of fixed length is halved at most, where its error is as large as the signal.
-const MAX_HALVINGS: u32 = 12;
+/// How often a step of fixed length, or what is left of it, is halved at most, and the shortest part of it that is.
+const MAX_PARTS: u32 = 4096;
+const SHORTEST_PART: f64 = 1e-7;
 
 /// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
 const OVER_A_JUMP: f64 = 1e-6;
@@ -44,6 +45,8 @@ pub(super) struct Stepper {
     pub(super) steps: Steps,
     /// Steps of the clock.
     points: u64,
+    /// How often this one may still be halved.
+    parts_left: u32,
     room: Vec<f64>,
     /// Threads, if slaves step at the same time.
     crew: Option<Crew>,
@@ -81,6 +84,7 @@ impl Stepper {
                 ..Steps::default()
             },
             points: 0,
+            parts_left: 0,
             room: vec![0.0; exchange.values.row.len()],
             crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
             sampler: Sampler::new(coupling.measure),
@@ -95,6 +99,7 @@ impl Stepper {
             got.map_err(Failure::at_start)?;
         }
         self.exchange.keep(time);
+        self.exchange.history.at_clock();
         let Exchange { wired, values, .. } = &mut self.exchange;
         wired.iter_mut().for_each(|w| w.begin_changes(values));
         self.sampler = Sampler::new(self.coupling.measure);
@@ -130,10 +135,12 @@ impl Stepper {
             }
             return Ok(());
         }
-        match self.has_courses {
-            true => self.step_between_jumps(t, end, h)?,
-            false => self.stride(t, end, h)?,
-        }
+        let stepped = match self.has_courses {
+            true => self.step_between_jumps(t, end, h),
+            false => self.stride(t, end, h),
+        };
+        self.gather(h);
+        stepped?;
         self.follow(end)
     }
 
@@ -141,6 +148,7 @@ impl Stepper {
     /// they will, and changes with them.
     fn follow(&mut self, end: f64) -> Result<(), Ending> {
         self.points += 1;
+        self.exchange.history.at_clock();
         let Exchange { wired, values, .. } = &mut self.exchange;
         let mut all = wired.iter_mut();
         let followed = all.try_for_each(|w| w.follow(values, self.points));
@@ -194,28 +202,36 @@ impl Stepper {
     }
 
     fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
-        self.stride_in_halves(t, end, h, MAX_HALVINGS)
+        self.parts_left = MAX_PARTS;
+        self.stride_in_halves(t, end, h, 1.0)
     }
 
-    /// One step or, where strong coupling makes nonsense of that, two halves, each of which may be halved again.
-    fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, halvings: u32) -> Result<(), Ending> {
+    /// One step, this part of one of fixed length, or, where that is too long for strong coupling, two halves, each of
+    /// which may be halved again. Where no halves can be taken, nonsense ends the run, and what else is wrong is
+    /// reported.
+    fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, part: f64) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         self.attempt(h, false)?;
-        let nonsense = (self.strong.is_some() && self.can_reject).then(|| self.nonsense());
-        let Some((slave, input)) = nonsense.flatten() else {
-            self.accept(end, h);
-            return Ok(());
-        };
-        if !self.can_vary || halvings == 0 {
-            return Err(self.exchange.wired[slave].misled(input, t, h));
+        let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
+        let can_go_back = self.strong.is_some() && self.can_reject;
+        match can_go_back.then(|| self.misled(part)).flatten() {
+            Some(_) if can_halve => {}
+            Some((slave, input)) if self.is_nonsense() => {
+                return Err(self.exchange.wired[slave].misled(input, t, h));
+            }
+            _ => {
+                self.accept(end, h);
+                return Ok(());
+            }
         }
+        self.parts_left -= 1;
         self.exchange.restore().map_err(|failure| failure.at(t))?;
         self.steps.rejected += 1;
         let middle = t + 0.5 * h;
-        self.stride_in_halves(t, middle, 0.5 * h, halvings - 1)?;
-        self.stride_in_halves(middle, end, 0.5 * h, halvings - 1)
+        self.stride_in_halves(t, middle, 0.5 * h, 0.5 * part)?;
+        self.stride_in_halves(middle, end, 0.5 * h, 0.5 * part)
     }
 
     /// One step by `h`; whether the outputs at its end are consistent.
@@ -229,6 +245,9 @@ impl Stepper {
                 true
             }
         };
+        if self.strong.is_some() {
+            self.exchange.watch(h)?;
+        }
         self.examine(h);
         Ok(is_consistent)
     }

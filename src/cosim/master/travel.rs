@@ -70,7 +70,12 @@ impl Wired {
 
     /// Sets the inputs to where their lines are after a part `at` of the step, the lines to the end
     /// values if so.
-    fn hold(&mut self, courses: &[Course], to_ends: bool, at: f64) -> Result<(), Failure> {
+    pub(super) fn hold(
+        &mut self,
+        courses: &[Course],
+        to_ends: bool,
+        at: f64,
+    ) -> Result<(), Failure> {
         for (value, &p) in self.input_values.iter_mut().zip(&self.input_positions) {
             let course = courses[p];
             *value = match to_ends {
@@ -82,7 +87,7 @@ impl Wired {
     }
 
     /// The same with the slopes of the lines in a step of `h` [s].
-    fn set_ramps(
+    pub(super) fn set_ramps(
         &mut self,
         courses: &[Course],
         to_ends: bool,

@@ -1,6 +1,7 @@
 //! A slave with what it exchanges.
 
 use super::change::Change;
+use super::history::Outcome;
 use super::stopwatch::Stopwatch;
 use super::{Ending, MasterError, Stage};
 use crate::cosim::algorithms::{Algorithm, Coupling};
@@ -57,6 +58,13 @@ pub(super) struct Wired {
     /// Handles of these, if their derivatives are to be read too, and room for them.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
+    /// Whether they can be seen within a step; what was seen of them last, in the middle, and where else they
+    /// were others than there.
+    pub(super) is_watchable: bool,
+    pub(super) looked: Vec<Outcome>,
+    pub(super) middle: Vec<Outcome>,
+    pub(super) astray: Vec<Option<(f64, Outcome)>>,
+    pub(super) look_values: Vec<f64>,
     /// Handles and slots of the real outputs without direct feedthrough from a fed input; and which of the
     /// other outputs have none.
     pub(super) settled: Vec<u32>,
@@ -77,9 +85,11 @@ pub(super) struct Wired {
     pub(super) slopes: Vec<f64>,
     /// Means over the last step of what the inputs were given, in the outputs' units.
     pub(super) used: Vec<f64>,
-    /// Over the last step, by how much each of these means is wrong, and by how much that may be wrong.
-    pub(super) defects: Vec<(f64, f64)>,
-    /// Integral of the magnitude, and largest magnitude, of the error of each of these means, where inputs
+    /// By how much each of these means is wrong.
+    pub(super) defects: Vec<Defect>,
+    /// Integral of the error of each of these means since the last point of the clock.
+    pub(super) gathered: Vec<f64>,
+    /// Integral of the magnitude, and largest magnitude over a step of the clock, of the error of each of these means, where inputs
     /// are not just held.
     pub(super) errors: Vec<CouplingError>,
     /// Which of the values come in another unit.
@@ -90,6 +100,19 @@ pub(super) struct Wired {
     pub(super) watch: Stopwatch,
     /// How its last step ended, if not well, where others stepped at the same time.
     pub(super) ended: Option<Ending>,
+}
+
+/// By how much the mean of an input over a step is wrong.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Defect {
+    /// As well as it is known; with a sign if it was seen.
+    pub(super) size: f64,
+    /// With what it may be beside that, for steps that are to be short enough.
+    pub(super) careful: f64,
+    /// If the output was seen within the step, that; else 0.
+    pub(super) seen: f64,
+    /// If it was not, what it may be where slopes are no guide; else 0.
+    pub(super) unseen: f64,
 }
 
 /// A failed call.
@@ -126,7 +149,8 @@ impl Wired {
         self.input_values = vec![0.0; n];
         self.slopes = vec![0.0; n];
         self.used = vec![0.0; n];
-        self.defects = vec![(0.0, 0.0); n];
+        self.defects = vec![Defect::default(); n];
+        self.gathered = vec![0.0; n];
         self.errors = vec![CouplingError::default(); n];
         for (position, slot) in fed.iter().enumerate() {
             if self.output_slots.contains(slot) {
@@ -163,6 +187,11 @@ impl Wired {
             let handle = |slot: &usize| self.outputs[slot - self.output_slots.start];
             self.sloped = self.fed.iter().map(handle).collect();
             self.slope_values = vec![0.0; self.sloped.len()];
+            self.look_values = vec![0.0; self.sloped.len()];
+            self.looked = vec![Outcome::default(); self.sloped.len()];
+            self.middle = self.looked.clone();
+            self.astray = vec![None; self.sloped.len()];
+            self.is_watchable = self.can_be_watched();
         }
         if is_strong && coupling.control.is_some() && self.has_stairs() {
             self.parts *= 2;
@@ -172,6 +201,14 @@ impl Wired {
     /// Whether inputs that change within a step become staircases.
     pub(super) fn has_stairs(&self) -> bool {
         !self.inputs.is_empty() && !self.abilities.input_derivatives && self.abilities.rollback
+    }
+
+    /// Whether its outputs within a step are what they are where a shorter step ends there: it takes such steps, and
+    /// follows lines, of which its outputs show no more than its states do.
+    fn can_be_watched(&self) -> bool {
+        let follows = self.inputs.is_empty() || self.abilities.input_derivatives;
+        let can_go_there = self.abilities.rollback && self.abilities.variable_steps;
+        can_go_there && follows && self.parts == 1 && !self.feeds_through && !self.fed.is_empty()
     }
 
     /// Whether, of inputs that change within a step, it is given the values at the end: its outputs have
@@ -319,6 +356,24 @@ impl Wired {
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         for (&p, &slope) in self.fed_positions.iter().zip(&self.slope_values) {
             values.slopes[p] = slope;
+        }
+        Ok(())
+    }
+
+    /// Reads the fed outputs and their derivatives, for nobody but the master.
+    pub(super) fn look(&mut self) -> Result<(), Failure> {
+        self.calls.gets += 2;
+        let (handles, values, slopes) =
+            (&self.sloped, &mut self.look_values, &mut self.slope_values);
+        let slave = &mut self.slave;
+        let got = self.watch.time(|| {
+            slave.get_reals(handles, values)?;
+            slave.get_output_derivatives(handles, slopes)
+        });
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        let pairs = self.look_values.iter().zip(&self.slope_values);
+        for (looked, (&value, &slope)) in self.looked.iter_mut().zip(pairs) {
+            *looked = Outcome { value, slope };
         }
         Ok(())
     }

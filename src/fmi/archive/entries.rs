@@ -184,19 +184,38 @@ fn check_length(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveEr
 /// Whether a name is a plain relative path; an empty one is the archive's own folder.
 fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError> {
     let (path, entry) = (path.to_owned(), written.to_owned());
-    let has_drive = name.as_bytes().get(1) == Some(&b':');
-    if name.starts_with('/') || has_drive {
-        return Err(ArchiveError::AbsolutePath { path, entry });
-    }
+    Err(match name_fault(name) {
+        None => return Ok(()),
+        Some(NameFault::Absolute) => ArchiveError::AbsolutePath { path, entry },
+        Some(NameFault::Traversal) => ArchiveError::Traversal { path, entry },
+        Some(NameFault::Odd) => ArchiveError::BadName { path, entry },
+    })
+}
+
+/// Why a name is no plain relative path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::fmi) enum NameFault {
+    /// It leads out of the folder.
+    Traversal,
+    /// It begins at a root or a drive.
+    Absolute,
+    /// A part is empty, or has control characters.
+    Odd,
+}
+
+/// What is wrong with a [plain](plain_name) name; an empty one is the archive's own folder.
+pub(in crate::fmi) fn name_fault(name: &str) -> Option<NameFault> {
     let mut parts = name.strip_suffix('/').unwrap_or(name).split('/');
+    let is_odd = |part: &str| part.is_empty() || part.contains(char::is_control);
     if parts.clone().any(|part| part == "..") {
-        return Err(ArchiveError::Traversal { path, entry });
+        Some(NameFault::Traversal)
+    } else if name.starts_with('/') || name.as_bytes().get(1) == Some(&b':') {
+        Some(NameFault::Absolute)
+    } else if !name.is_empty() && parts.any(is_odd) {
+        Some(NameFault::Odd)
+    } else {
+        None
     }
-    let is_odd = |part: &str| part.is_empty() || part.chars().any(char::is_control);
-    if !name.is_empty() && parts.any(is_odd) {
-        return Err(ArchiveError::BadName { path, entry });
-    }
-    Ok(())
 }
 
 /// The first name that stands twice in the central directory. `ZipArchive` knows that there is one,

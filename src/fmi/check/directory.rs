@@ -2,7 +2,7 @@
 //! all that is wrong with it. What is then opened, is opened by [`Archive`](crate::fmi::archive).
 
 use super::{Finding, Rule};
-use crate::fmi::archive::{DESCRIPTION, plain_name};
+use crate::fmi::archive::{DESCRIPTION, NameFault, name_fault, plain_name};
 use crate::fmi::description::FmiVersion;
 use std::collections::HashMap;
 
@@ -51,22 +51,14 @@ pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
 fn names(entry: &Entry) -> Option<Rule> {
     let name = entry.name.clone();
     let plain = plain_name(&name);
-    let mut parts = plain.strip_suffix('/').unwrap_or(&plain).split('/');
-    let is_odd = |part: &str| part.is_empty() || part.contains(char::is_control);
-    if parts.clone().any(|part| part == "..") {
-        Some(Rule::Traversal { entry: name })
-    } else if plain.starts_with('/') || plain.as_bytes().get(1) == Some(&b':') {
-        Some(Rule::Absolute { entry: name })
-    } else if !plain.is_empty() && parts.any(is_odd) {
-        Some(Rule::BadName { entry: name })
-    } else if name.contains('\\') {
-        Some(Rule::Backslash { entry: name })
-    } else if plain != name {
-        Some(Rule::Dot { entry: name })
-    } else if !entry.is_text {
-        Some(Rule::NotUtf8 { entry: name })
-    } else {
-        None
+    match name_fault(&plain) {
+        Some(NameFault::Traversal) => Some(Rule::Traversal { entry: name }),
+        Some(NameFault::Absolute) => Some(Rule::Absolute { entry: name }),
+        Some(NameFault::Odd) => Some(Rule::BadName { entry: name }),
+        None if name.contains('\\') => Some(Rule::Backslash { entry: name }),
+        None if plain != name => Some(Rule::Dot { entry: name }),
+        None if !entry.is_text => Some(Rule::NotUtf8 { entry: name }),
+        None => None,
     }
 }
 

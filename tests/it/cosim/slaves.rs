@@ -350,6 +350,90 @@ impl Slave for Sum {
     }
 }
 
+/// `y = f(t)` with its slope, which it may keep to itself.
+pub struct Signal {
+    f: fn(f64) -> [f64; 2],
+    time: f64,
+    saved: [f64; 3],
+    pub can_vary: bool,
+    pub tells_slope: bool,
+    pub variables: Vec<Variable>,
+}
+
+impl Signal {
+    pub fn new(f: fn(f64) -> [f64; 2]) -> Self {
+        Self {
+            f,
+            time: 0.0,
+            saved: [0.0; 3],
+            can_vary: true,
+            tells_slope: true,
+            variables: vec![Variable::new("y", 0, Kind::Real, Role::Output)],
+        }
+    }
+}
+
+impl Slave for Signal {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+        assert!(handles.is_empty());
+        Ok(())
+    }
+
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        values[0] = (self.f)(self.time)[0];
+        Ok(())
+    }
+
+    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
+        Err(format!("nothing to set at {handle}").into())
+    }
+
+    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
+        Ok(Value::Real((self.f)(self.time)[0]))
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
+        Ok(Progress::Done)
+    }
+
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: self.can_vary,
+            output_derivatives: self.tells_slope,
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.saved[place] = self.time;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        self.time = self.saved[place];
+        Ok(())
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        _handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), SlaveError> {
+        slopes[0] = (self.f)(self.time)[1];
+        Ok(())
+    }
+}
+
 /// Runs a system and returns what was recorded.
 pub fn simulate(
     system: System,

@@ -1,11 +1,10 @@
 //! Signals that change much faster than they are exchanged.
 
-use super::slaves::{Linear, simulate};
+use super::slaves::{Linear, Signal, simulate};
 use crate::joint_ode::{Loop, Point};
-use pilotage::cosim::slave::SlaveError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Ending, Kind, NativeSlave, Progress, Role, Run,
-    SeriesRecorder, Slave, System, Value, Variable,
+    Algorithm, Clock, Control, Coupling, CouplingError, Ending, NativeSlave, Run, Selection,
+    SeriesRecorder, System, Thinned, run,
 };
 use pilotage::models::{Model, Quadcopter};
 
@@ -33,9 +32,9 @@ fn closed_loop(theta: &[f64]) -> System {
     system
 }
 
-/// Largest error of the position at the communication points [m], and the run.
-fn error(a: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
-    let (run, recorder) = simulate(closed_loop(&theta(a)), STOP, H, coupling);
+/// Largest error of the position at the communication points, every `h` [s], in metres, and the run.
+fn error(theta: &[f64], h: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
+    let (run, recorder) = simulate(closed_loop(theta), STOP, h, coupling);
     assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
     let z = &recorder.series.column("quadcopter.z").unwrap().values;
     assert_eq!(z.len(), exact.len());
@@ -49,12 +48,13 @@ fn error(a: f64, exact: &[Point], coupling: impl Into<Coupling>) -> (f64, Run) {
 fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
     for a in [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6] {
         let pilot = Loop {
-            theta: theta(a),
+            theta: theta(a).to_vec(),
+            limit: 1.0,
             target: TARGET,
         };
         let exact = pilot.solve(H, STOP);
-        let (simple, _) = error(a, &exact, Algorithm::GaussSeidel);
-        let (strong, run) = error(a, &exact, Algorithm::Strong);
+        let (simple, _) = error(&theta(a), H, &exact, Algorithm::GaussSeidel);
+        let (strong, run) = error(&theta(a), H, &exact, Algorithm::Strong);
         assert!((0.09..0.3).contains(&simple), "pole -{a}: {simple}");
         assert!(strong < 5e-3, "pole -{a}: {strong}");
         let steps = run.report.steps;
@@ -65,7 +65,7 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
             control: Some(Control::new(1e-6, &clock)),
             ..Algorithm::Strong.into()
         };
-        let (controlled, run) = error(a, &exact, controlled);
+        let (controlled, run) = error(&theta(a), H, &exact, controlled);
         assert!(controlled < 1e-4, "pole -{a}: {controlled}");
         for connection in run.report.connections {
             assert_eq!(connection.divergence, None, "pole -{a}: {connection:?}");
@@ -73,85 +73,145 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
     }
 }
 
-/// `y = f(t)` with its slope.
-struct Signal {
-    f: fn(f64) -> [f64; 2],
-    time: f64,
-    saved: [f64; 3],
-    can_vary: bool,
-    variables: Vec<Variable>,
+/// What the vehicle and a pilot with these parameters give each other, by how much the means over the steps are
+/// wrong: on average and at most, as reported and in truth. What an input was given in the mean is seen by an
+/// integrator; what it should have been, the joint equations make of the states at the begin of each step.
+struct LocalErrors {
+    said: [CouplingError; 2],
+    truth: [CouplingError; 2],
 }
 
-impl Signal {
-    fn new(f: fn(f64) -> [f64; 2]) -> Self {
-        Self {
-            f,
-            time: 0.0,
-            saved: [0.0; 3],
-            can_vary: true,
-            variables: vec![Variable::new("y", 0, Kind::Real, Role::Output)],
+fn local_errors(theta: &[f64], limit: f64, target: f64, stop: f64) -> LocalErrors {
+    let mut system = System::new();
+    let pilot = Model::pilot(theta, limit);
+    let quadcopter = Model::quadcopter(&Quadcopter::default());
+    for (name, model) in [("pilot", pilot), ("quadcopter", quadcopter)] {
+        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+    }
+    let fed = [
+        ("quadcopter.z", "pilot.position"),
+        ("pilot.stick", "quadcopter.stick"),
+    ];
+    for (k, (from, to)) in fed.into_iter().enumerate() {
+        let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).revocable().following();
+        system
+            .add(format!("seen{k}"), Box::new(integrator))
+            .unwrap();
+        system.connect(from, to).unwrap();
+        system.connect(from, &format!("seen{k}.u")).unwrap();
+    }
+    system.set("pilot.target", &target.to_string()).unwrap();
+    let vehicle = ["z", "phi", "v", "q", "omega_f", "omega_b"].map(|x| format!("quadcopter.{x}"));
+    let own = (1..=theta.len() / 2).map(|i| format!("pilot.x{i}"));
+    let states: Vec<String> = vehicle.into_iter().chain(own).collect();
+    let selection = Selection::new(&mut system, &[&states[..], &["seen?.y".into()]].concat());
+    let clock = Clock::new(0.0, stop, H).unwrap();
+    let mut recorder = Thinned::new(SeriesRecorder::default(), Some(selection.unwrap()), 1);
+    let run = run(system, &clock, None, Algorithm::Strong, &mut recorder).unwrap();
+    assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+    let series = recorder.inner.series;
+    let at = |name: &str, k: usize| series.column(name).unwrap().values[k];
+    let mut pilot = Loop {
+        theta: theta.to_vec(),
+        limit,
+        target,
+    };
+    let mut truth = [CouplingError::default(); 2];
+    for k in 1..series.time.len() {
+        let before: Vec<f64> = states.iter().map(|name| at(name, k - 1)).collect();
+        let exact = pilot.means(&before, H);
+        for (i, (truth, exact)) in truth.iter_mut().zip(exact).enumerate() {
+            let name = format!("seen{i}.y");
+            let error = ((at(&name, k) - at(&name, k - 1)) / H - exact).abs();
+            truth.mean += error * H / stop;
+            truth.max = truth.max.max(error);
+        }
+    }
+    let said = fed.map(|(from, to)| {
+        let mut connections = run.report.connections.iter();
+        let found = connections.find(|c| c.from == from && c.to == to);
+        found.unwrap().error.unwrap()
+    });
+    LocalErrors { said, truth }
+}
+
+/// `-a b (k + d s) / ((s + a) (s + b))`: after a step of the target the stick is a pulse as high as `d a b / (a + b)`,
+/// and after each change of the position's slope it has its new value within `1/a + 1/b`.
+fn two_poles(a: f64, b: f64, k: f64, d: f64) -> Vec<f64> {
+    vec![a * b, a + b, -k * a * b, -d * a * b]
+}
+
+/// The values and slopes at the ends of the steps say next to nothing of most of these sticks: the errors are seen
+/// within the steps, and where they are large, these are cut.
+#[test]
+fn local_errors_of_fast_pilots_are_true() {
+    let mut pilots: Vec<Vec<f64>> = [1.0, 10.0, 1e2, 1e3, 1e4, 1e6]
+        .map(|a| theta(a).to_vec())
+        .into();
+    for a in [10.0, 1e2, 1e3, 1e4] {
+        for (k, d) in [(0.003, 0.0), (0.003, 0.02), (0.01, 0.05)] {
+            pilots.push(two_poles(a, 1.3 * a, k, d));
+        }
+    }
+    // Poles at -50 ± 500i.
+    let square = 50.0 * 50.0 + 500.0 * 500.0;
+    for (k, d) in [(0.003, 0.0), (0.003, 0.02)] {
+        pilots.push(vec![square, 100.0, -k * square, -d * square]);
+    }
+    // Without a limit; and from one to the other, as often as it takes.
+    for (limit, target) in [(1e9, 0.5), (1.0, 10.0)] {
+        for theta in &pilots {
+            let found = local_errors(theta, limit, target, 5.0);
+            let [z, stick] = [0, 1].map(|i| {
+                let (said, truth) = (found.said[i], found.truth[i]);
+                [said.mean / truth.mean, said.max / truth.max]
+            });
+            // What a wrong stick does to the position within the step is no error of the position's course.
+            let is_limited = limit == 1.0;
+            let ratios = [
+                stick[0],
+                stick[1],
+                z[0],
+                if is_limited { 1.0 } else { z[1] },
+            ];
+            assert!(
+                ratios.iter().all(|ratio| (0.5..2.0).contains(ratio)),
+                "{theta:?}, limit {limit}: stick {stick:?}, z {z:?}"
+            );
         }
     }
 }
 
-impl Slave for Signal {
-    fn variables(&self) -> &[Variable] {
-        &self.variables
-    }
-
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
-        assert!(handles.is_empty());
-        Ok(())
-    }
-
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
-        values[0] = (self.f)(self.time)[0];
-        Ok(())
-    }
-
-    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
-        Err(format!("nothing to set at {handle}").into())
-    }
-
-    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
-        Ok(Value::Real((self.f)(self.time)[0]))
-    }
-
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        self.time = t + h;
-        Ok(Progress::Done)
-    }
-
-    fn abilities(&self) -> Abilities {
-        Abilities {
-            rollback: true,
-            variable_steps: self.can_vary,
-            output_derivatives: true,
-            ..Abilities::default()
+/// Pulses and swings from limit to limit after the step of the target. Steps of fixed length are cut, and under control
+/// the errors go down with the tolerance, however long the steps may be.
+#[test]
+fn sticks_that_pulse_and_swing_within_a_step_are_not_missed() {
+    let square = 50.0 * 50.0 + 500.0 * 500.0;
+    let swings = vec![square, 100.0, -0.003 * square, -0.02 * square];
+    let pulses = two_poles(1e3, 1.3e3, 0.003, 0.02);
+    for theta in [swings, pulses] {
+        let exact = |h| {
+            let pilot = Loop {
+                theta: theta.clone(),
+                limit: 1.0,
+                target: TARGET,
+            };
+            pilot.solve(h, STOP)
+        };
+        let (fixed, run) = error(&theta, H, &exact(H), Algorithm::Strong);
+        assert!(fixed < 0.06, "{theta:?}: {fixed}");
+        assert!(run.report.steps.rejected > 0, "{theta:?}");
+        for h in [0.5, 1.0] {
+            let clock = Clock::new(0.0, STOP, h).unwrap();
+            for (tolerance, most) in [(1e-4, 0.01), (1e-6, 1e-4)] {
+                let coupling = Coupling {
+                    control: Some(Control::new(tolerance, &clock)),
+                    ..Algorithm::Strong.into()
+                };
+                let (found, _) = error(&theta, h, &exact(h), coupling);
+                assert!(found < most, "{theta:?}, {h} s, {tolerance}: {found}");
+            }
         }
-    }
-
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.saved[place] = self.time;
-        Ok(())
-    }
-
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.time = self.saved[place];
-        Ok(())
-    }
-
-    fn get_output_derivatives(
-        &mut self,
-        _handles: &[u32],
-        slopes: &mut [f64],
-    ) -> Result<(), SlaveError> {
-        slopes[0] = (self.f)(self.time)[1];
-        Ok(())
     }
 }
 
@@ -187,10 +247,9 @@ fn steps_whose_error_is_as_large_as_the_signal_are_halved() {
 
 #[test]
 fn where_steps_cannot_be_halved_the_run_ends() {
-    let (run, _) = integrated(Signal {
-        can_vary: false,
-        ..Signal::new(fast)
-    });
+    let mut signal = Signal::new(fast);
+    signal.can_vary = false;
+    let (run, _) = integrated(signal);
     let Ending::Failed {
         instance, source, ..
     } = run.ending

@@ -1,11 +1,10 @@
 //! Strong coupling: no lag, second order, algebraic loops solved; and the step-size control on it.
 
 use super::blocks::RandomLoop;
-use super::slaves::{Linear, Log, simulate};
-use pilotage::cosim::slave::SlaveError;
+use super::slaves::{Linear, Log, Signal, simulate};
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, Kind, Progress, Role,
-    SeriesRecorder, Slave, System, Transfer, Value, Variable, run,
+    Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, SeriesRecorder, System,
+    Transfer, run,
 };
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
@@ -272,79 +271,17 @@ fn no_set_is_followed_by_a_get_without_a_step() {
     }
 }
 
-/// `u` jumps from 0 to 1 at 0.55 s, and nobody knows before.
-struct Surprise {
-    time: f64,
-    saved: [f64; 3],
-    variables: Vec<Variable>,
-}
-
-impl Slave for Surprise {
-    fn variables(&self) -> &[Variable] {
-        &self.variables
-    }
-
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
-        values[0] = f64::from(u8::from(self.time > 0.55));
-        Ok(())
-    }
-
-    fn set(&mut self, _handle: u32, _value: &Value) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get(&mut self, handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
-        let mut value = [0.0];
-        self.get_reals(&[handle], &mut value)?;
-        Ok(Value::Real(value[0]))
-    }
-
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
-        self.time = t + h;
-        Ok(Progress::Done)
-    }
-
-    fn abilities(&self) -> Abilities {
-        Abilities {
-            rollback: true,
-            variable_steps: true,
-            ..Abilities::default()
-        }
-    }
-
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.saved[place] = self.time;
-        Ok(())
-    }
-
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
-        self.time = self.saved[place];
-        Ok(())
-    }
-}
-
 /// A jump of an input from 0 to 1 at 0.55 s, between two points of the clock: steps are rejected until a
 /// very short one bridges it, and grow again.
 #[test]
 fn jumps_are_found_by_the_error() {
-    let surprise = Surprise {
-        time: 0.0,
-        saved: [0.0; 3],
-        variables: vec![Variable::new("u", 0, Kind::Real, Role::Output)],
-    };
+    let mut surprise = Signal::new(|t| [f64::from(u8::from(t > 0.55)), 0.0]);
+    surprise.tells_slope = false;
     let mut system = System::new();
     let follower = Linear::new(-1.0, 1.0, 1.0, 0.0).revocable().following();
     system.add("table", Box::new(surprise)).unwrap();
     system.add("follower", Box::new(follower)).unwrap();
-    system.connect("table.u", "follower.u").unwrap();
+    system.connect("table.y", "follower.u").unwrap();
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
     let coupling = Coupling {
         control: Some(Control::new(1e-4, &clock)),

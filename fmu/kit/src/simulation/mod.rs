@@ -80,8 +80,9 @@ pub struct Simulation<E> {
     n_computed: usize,
     now: Snapshot,
     integrator: Integrator,
-    /// The exact step of a linear model and what it was computed for: step, then parameters.
-    transition: Option<(Vec<f64>, Transition)>,
+    /// The exact step of a linear model and what it was computed for (step, then parameters),
+    /// and the one before it: a master that looks into its steps goes by halves in between.
+    transitions: [Option<(Vec<f64>, Transition)>; 2],
     space: Space,
 }
 
@@ -121,7 +122,7 @@ impl<E: Equations> Simulation<E> {
         let now = at_start(&table);
         Self {
             integrator: Integrator::new(table.nominals_of_x()),
-            transition: None,
+            transitions: [None, None],
             space: Space {
                 next: now.states.clone(),
                 inputs: now.slopes.clone(),

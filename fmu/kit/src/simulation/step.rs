@@ -188,16 +188,19 @@ impl<E: Equations> Simulation<E> {
         } = self;
         let p = &now.values[table.parameters()];
         let known = |(key, _): &(Vec<f64>, Transition)| key[0] == h && key[1..] == *p;
-        if !self.transition.as_ref().is_some_and(known) {
+        if !self.transitions[0].as_ref().is_some_and(known) {
+            self.transitions.swap(0, 1);
+        }
+        if !self.transitions[0].as_ref().is_some_and(known) {
             let time = now.time;
             let size = [table.n_states(), table.inputs().len()];
             let transition = Transition::new(size, h, |x, u, dx| {
                 equations.derivative(At { time, x, u, p }, dx);
             })?;
             let key = std::iter::once(h).chain(p.iter().copied());
-            self.transition = Some((key.collect(), transition));
+            self.transitions[0] = Some((key.collect(), transition));
         }
-        if let Some((_, transition)) = &self.transition {
+        if let Some((_, transition)) = &self.transitions[0] {
             let u = &now.values[table.inputs()];
             transition.apply(&now.states, u, &now.slopes, &mut self.space.next);
         }

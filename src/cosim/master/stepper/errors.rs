@@ -3,78 +3,101 @@
 use super::Stepper;
 use crate::cosim::master::Ending;
 use crate::cosim::master::exchange::Exchange;
-use crate::cosim::master::history::Outcome;
+use crate::cosim::master::wired::Defect;
 
 /// Error of a step, relative to the outputs' magnitudes, that is nonsense.
 const NONSENSE: f64 = 0.5;
 
+/// Such an error that was seen, over the whole of a step of fixed length: shorter ones within it are worth their while.
+const COARSE: f64 = 0.01;
+
 impl Stepper {
-    /// Finds by how much each input was wrong in the mean over the last step: by what it differs from the
-    /// polynomial of degree 2 (or the cubic with the slopes) through the communication points; and by how much
-    /// that may be wrong.
+    /// Finds by how much each input was wrong in the mean over the last step: by what it differs from what was
+    /// [seen](Exchange::watch) of the output or, of one that cannot be seen, from the polynomial of degree 2 (or the
+    /// cubic with the slopes) through the communication points, and by how much that may be wrong.
     pub(super) fn examine(&mut self, h: f64) {
         let Exchange {
             wired,
             history,
             values,
             fed,
+            seen,
             ..
         } = &mut self.exchange;
         for wired in wired {
             for (k, &p) in wired.input_positions.iter().enumerate() {
-                let end = Outcome {
-                    value: values.row[fed[p]],
-                    slope: values.slopes[p],
-                };
-                let course = history.interpolated(p, 2, h, end);
+                let (end, used) = (values.outcome(fed, p), wired.used[k]);
+                let defect = (used - history.interpolated(p, 2, h, end).mean).abs();
                 let doubt = history.interpolation_error(p, h, end);
-                wired.defects[k] = ((wired.used[k] - course.mean).abs(), doubt);
+                let seen = seen[p].map(|mean| used - mean);
+                // What was used is of a lower order than the polynomial, or it is the polynomial.
+                let size = seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, doubt)));
+                wired.defects[k] = Defect {
+                    size,
+                    careful: size.abs().max(defect + doubt),
+                    seen: seen.map_or(0.0, f64::abs),
+                    unseen: seen.map_or(defect.max(doubt), |_| 0.0),
+                };
             }
         }
     }
 
     /// Adds the errors of the last step.
     pub(super) fn measure(&mut self, h: f64) {
-        for slave in 0..self.exchange.wired.len() {
-            for k in 0..self.exchange.wired[slave].inputs.len() {
-                let wired = &self.exchange.wired[slave];
-                let ((defect, doubt), p) = (wired.defects[k], wired.input_positions[k]);
-                let end = self.exchange.outcome(p);
-                let doubt = self.exchange.history.mean_error(p, h, end, doubt);
-                // What was used is of a lower order than the polynomial, or it is the polynomial.
-                let size = defect.max(doubt);
-                let error = &mut self.exchange.wired[slave].errors[k];
-                error.mean += h * size;
-                error.max = error.max.max(size);
+        for wired in &mut self.exchange.wired {
+            for (sum, defect) in wired.gathered.iter_mut().zip(&wired.defects) {
+                *sum += h * defect.size;
             }
         }
     }
 
-    /// An input, as slave and position, that got nonsense in the last step.
-    pub(super) fn nonsense(&self) -> Option<(usize, usize)> {
+    /// Takes what was added over a step of the clock by `h` [s] for one error, however many steps it took.
+    pub(super) fn gather(&mut self, h: f64) {
+        for wired in &mut self.exchange.wired {
+            for (error, sum) in wired.errors.iter_mut().zip(&mut wired.gathered) {
+                let sum = std::mem::take(sum).abs();
+                error.mean += sum;
+                error.max = error.max.max(sum / h);
+            }
+        }
+    }
+
+    /// The largest of these errors, as one makes it of a defect, of the output's magnitude at the points of the clock,
+    /// and of that with its value now; and whose input it is, as slave and position.
+    fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
         let exchange = &self.exchange;
-        let mut inputs = (exchange.wired.iter().enumerate())
-            .flat_map(|(slave, wired)| (0..wired.inputs.len()).map(move |k| (slave, k)));
-        inputs.find(|&(slave, k)| {
-            let wired = &exchange.wired[slave];
-            let ((defect, doubt), p) = (wired.defects[k], wired.input_positions[k]);
-            let size = exchange.outcome(p).value.abs();
-            defect.max(doubt) > NONSENSE * exchange.history.magnitudes[p].max(size)
-        })
+        let mut largest = (0.0_f64, (0, 0));
+        for (slave, wired) in exchange.wired.iter().enumerate() {
+            for (k, &p) in wired.input_positions.iter().enumerate() {
+                let magnitude = exchange.history.magnitudes[p];
+                let now = magnitude.max(exchange.outcome(p).value.abs());
+                let error = error(&wired.defects[k], magnitude, now);
+                if error > largest.0 {
+                    largest = (error, (slave, k));
+                }
+            }
+        }
+        largest
+    }
+
+    /// An input, as slave and position, for which the last step, this part of one of fixed length, is too long. A
+    /// pulse counts as long as it lasts, however high it is.
+    pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
+        let (excess, input) = self.largest(|defect, magnitude, now| {
+            (defect.unseen / (NONSENSE * now)).max(part * defect.seen / (COARSE * magnitude))
+        });
+        (excess > 1.0).then_some(input)
+    }
+
+    /// Whether an input got nonsense in the last step.
+    pub(super) fn is_nonsense(&self) -> bool {
+        self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
     }
 
     /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
     /// of what they gave since their inputs were held within the step.
     pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
-        let mut largest = 0.0_f64;
-        for slave in 0..self.exchange.wired.len() {
-            let exchange = &self.exchange;
-            for (k, &p) in exchange.wired[slave].input_positions.iter().enumerate() {
-                let size = exchange.outcome(p).value.abs();
-                let (defect, doubt) = exchange.wired[slave].defects[k];
-                largest = largest.max((defect + doubt) / exchange.history.magnitudes[p].max(size));
-            }
-        }
+        let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
         match self.strong.is_some() && self.can_reject {
             true => Ok(largest.max(self.error_of_stairs(h)?)),
             false => Ok(largest),
