@@ -12,8 +12,8 @@ fn folder() -> Folder {
     let folder = Folder::new();
     let flight = std::fs::read(example("trials/10m-run1.csv")).unwrap();
     folder.write("run1.csv", &flight);
-    folder.write("run2.csv", &flight);
-    folder.write("set/run3.csv", &flight);
+    folder.write("run2.csv", [&flight[..], b"# again\n"].concat());
+    folder.write("set/run3.csv", [&flight[..], b"# and again\n"].concat());
     folder.write("set/all.toml", "[[run]]\nfile = \"run3.csv\"\n");
     folder.write("vehicle.toml", folder.pilotage(&["vehicle", "show"]).stdout);
     folder.write(

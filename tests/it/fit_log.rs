@@ -174,7 +174,8 @@ fn many_flights(folder: &Folder) {
     let mut manifest = String::new();
     for copy in 0..15 {
         for name in names {
-            let content = std::fs::read(example(&format!("trials/{name}.csv"))).unwrap();
+            let content = std::fs::read_to_string(example(&format!("trials/{name}.csv"))).unwrap();
+            let content = format!("# copy {copy}\n{content}");
             let file = format!("{name}-{copy}.csv");
             folder.write(&file, content);
             manifest += &format!("[[run]]\nfile = '{file}'\n");

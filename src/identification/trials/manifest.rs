@@ -122,19 +122,29 @@ impl TrialSet {
         }
     }
 
-    /// Says so where two files hold the same recording.
+    /// Says so where files hold the same recording.
     fn note_copies(&mut self) {
-        let mut first: HashMap<String, String> = HashMap::new();
-        let mut notes = Vec::new();
+        let mut first: HashMap<&str, &Trial> = HashMap::new();
+        let mut copies: Vec<(&Trial, &Trial)> = Vec::new();
         for trial in self.all().filter(|trial| !trial.sha256.is_empty()) {
-            match first.get(&trial.sha256) {
-                Some(first) => {
-                    notes.push(format!("{} is the same recording as {first}", trial.origin))
-                }
-                None => _ = first.insert(trial.sha256.clone(), trial.origin.clone()),
+            match first.get(trial.sha256.as_str()) {
+                Some(first) => copies.push((trial, first)),
+                None => _ = first.insert(&trial.sha256, trial),
             }
         }
-        self.notes.extend(notes);
+        let Some((copy, of)) = copies.first() else {
+            return;
+        };
+        let more = match copies.len() - 1 {
+            0 => String::new(),
+            1 => ", and another file is a copy".into(),
+            more => format!(", and {more} more files are copies"),
+        };
+        let note = format!(
+            "{} is the same recording as {}{more}",
+            copy.origin, of.origin
+        );
+        self.notes.push(note);
     }
 
     fn check_names(&self) -> Result<(), TrialError> {
