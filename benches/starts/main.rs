@@ -15,7 +15,10 @@
 mod pilots;
 
 use clap::Parser;
-use pilotage::identification::{Doubt, Fit, InitialState, Options, Trial, fit, random_starts};
+use pilotage::identification::solve::Iterate;
+use pilotage::identification::{
+    Doubt, Fit, InitialState, Options, Progress, Trial, fit, random_starts,
+};
 use pilotage::sqp::Status;
 use pilotage::synthetic::Human;
 use pilotage::transcription::Scheme;
@@ -229,8 +232,11 @@ fn random_fit(trials: &[Trial], options: &Options, start: Vec<f64>, best: f64) -
     };
     let (mut objectives, mut violation) = (Vec::new(), f64::INFINITY);
     let fit = fit(trials, &options, &mut |progress| {
-        let f = progress.iteration.objective;
-        violation = progress.iteration.kkt.primal;
+        let Progress::Iterate(Iterate { iteration, .. }) = progress else {
+            return ControlFlow::Continue(());
+        };
+        let f = iteration.objective;
+        violation = iteration.kkt.primal;
         objectives.push(f);
         let earlier = objectives.len().checked_sub(WINDOW + 1);
         let crawls = earlier.is_some_and(|k| (objectives[k] - f).abs() < 0.5 * (f - best));
