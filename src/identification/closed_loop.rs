@@ -34,10 +34,13 @@ impl ClosedLoop {
         self.rightmost().is_some_and(|pole| pole.re < 0.0)
     }
 
-    /// True when it is stable, and no more so than [`LOOP_MARGIN`] asks.
-    pub fn is_on_bound(&self) -> bool {
-        let on_bound = |pole: Complex<f64>| pole.re >= -ON_BOUND * LOOP_MARGIN;
-        self.is_stable() && self.rightmost().is_some_and(on_bound)
+    /// Of the poles that are no more stable than [`LOOP_MARGIN`] asks, the one that swings fastest; none where the loop
+    /// is unstable, or keeps away from its bound.
+    pub fn on_bound(&self) -> Option<Complex<f64>> {
+        let on_bound = |pole: &Complex<f64>| pole.re >= -ON_BOUND * LOOP_MARGIN;
+        let poles = self.poles.iter().copied().filter(on_bound);
+        let fastest = poles.max_by(|a, b| a.im.total_cmp(&b.im))?;
+        self.is_stable().then_some(fastest)
     }
 
     /// The pole with the greatest real part.

@@ -189,11 +189,8 @@ pub fn fit(
 /// The objective without the bound on the closed loop, where a solution lies on it: of the optimum to which that
 /// solution leads then. Of few trials alone, since it is another solve.
 fn unbounded(fit: &Fit, trials: &[Trial], options: &Options) -> Result<Option<f64>, FitError> {
-    let on_bound = fit
-        .closed_loop
-        .as_ref()
-        .is_some_and(ClosedLoop::is_on_bound);
-    if !(fit.converged && on_bound && options.kept_vehicle().is_some())
+    let on_bound = fit.closed_loop.as_ref().and_then(ClosedLoop::on_bound);
+    if !(fit.converged && on_bound.is_some() && options.kept_vehicle().is_some())
         || trials.len() > MANY_TRIALS
     {
         return Ok(None);

@@ -19,7 +19,7 @@ pub struct Planned<'a> {
 /// Why an output is not written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// It is an input.
+    /// It is an input, or in a folder that is one.
     #[error("{} is an input of this command{}, and would be overwritten", output.display(), by_name(output, other))]
     Input {
         /// The output.
@@ -77,7 +77,10 @@ pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(),
         .collect();
     for (k, planned) in outputs.iter().enumerate() {
         let output = || planned.path.to_owned();
-        let is_same = |other: &&Path| is_same_file(planned.path, other);
+        let is_same = |other: &&Path| {
+            let inside = other.is_dir() && resolved(planned.path).starts_with(resolved(other));
+            inside || is_same_file(planned.path, other)
+        };
         if let Some(other) = inputs.iter().map(PathBuf::as_path).find(is_same) {
             let (output, other) = (output(), other.to_owned());
             return Err(Refusal::Input { output, other });

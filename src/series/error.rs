@@ -60,6 +60,16 @@ pub enum SeriesError {
         /// What stands there.
         found: String,
     },
+    /// No header: the first row holds numbers.
+    #[error(
+        "{file}:{line}: the first row holds numbers; expected a header such as `time [s],target [m],position [m]`"
+    )]
+    NoHeader {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+    },
     /// Two columns of one name.
     #[error("{file}:{line}: columns {first} and {second} are both named `{name}`")]
     Duplicate {
@@ -97,7 +107,10 @@ pub enum SeriesError {
         found: String,
     },
     /// A row with another number of cells than the header.
-    #[error("{file}:{line}: {found} cells; expected {expected}, as in the header")]
+    #[error(
+        "{file}:{line}: {found} cells; expected {expected}, as in the header{}",
+        if found > expected { ": commas stand between cells, and decimals have a point" } else { "" }
+    )]
     Ragged {
         /// The file.
         file: String,
@@ -110,7 +123,8 @@ pub enum SeriesError {
     },
     /// A cell that is not a finite number.
     #[error(
-        "{file}:{line}: column `{column}`: `{found}` is not a finite number; leave the cell empty where the sample is missing"
+        "{file}:{line}: column `{column}`: `{found}` is not a finite number; {}",
+        if found.contains(',') { "decimals have a point" } else { "leave the cell empty where the sample is missing" }
     )]
     Number {
         /// The file.

@@ -39,6 +39,10 @@ impl<R: BufRead> Lines<R> {
             return Ok(());
         }
         self.number += 1;
+        if self.line.last() != Some(&b'\n') {
+            // The parser takes a comment for one where it ends.
+            self.line.push(b'\n');
+        }
         let text = std::str::from_utf8(&self.line).map_err(|error| {
             self.wrong = Some(self.line[error.valid_up_to()]);
             io::Error::from(io::ErrorKind::InvalidData)

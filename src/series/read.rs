@@ -212,6 +212,9 @@ impl<'a, R: BufRead> Rows<'a, R> {
                 });
             }
         }
+        if row.iter().all(|cell| cell.trim().parse::<f64>().is_ok()) {
+            return Err(SeriesError::NoHeader { file: file(), line });
+        }
         let mut cells: Vec<(String, String)> = Vec::new();
         for (i, cell) in row.iter().enumerate() {
             let (name, unit) = name_and_unit(cell).ok_or_else(|| SeriesError::Header {

@@ -70,7 +70,7 @@ fn trials() {
         (
             "no header",
             b"0,10,0\n0.5,10,1\n".into(),
-            "a.csv:1: columns 1 and 3 are both named `0`",
+            "a.csv:1: the first row holds numbers; expected a header such as `time [s],target [m],position [m]`",
         ),
         (
             "numbers for a header",
@@ -105,7 +105,7 @@ fn trials() {
         (
             "decimal comma",
             good.replacen("0.5,10,1", "0,5,10,1", 1).into(),
-            "a.csv:3: 4 cells; expected 3, as in the header",
+            "a.csv:3: 4 cells; expected 3, as in the header: commas stand between cells, and decimals have a point",
         ),
         (
             "text in a cell",

@@ -221,6 +221,7 @@ fn loop_poles(fit: &Fit) -> String {
 fn agreement(fit: &Fit) -> String {
     match fit.tried {
         0 | 1 => String::new(),
+        _ if !fit.converged => String::new(),
         all => format!(
             "\n{} of {all} starts ended within 0.1 % of this sum of squares\n",
             fit.agreeing()

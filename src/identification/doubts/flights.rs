@@ -35,6 +35,7 @@ pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
         movement(trials),
         time_scale(trials),
         stick_sign(options, trials).filter(|_| vehicle),
+        dead_stick(trials),
         vehicle_size(options).filter(|_| vehicle),
         (vehicle && !PitchLoop::of(&options.vehicle).is_stable()).then_some(Doubt::VehicleUnstable),
         coarse_mesh(options, trials),
@@ -137,6 +138,16 @@ fn stick_sign(options: &Options, trials: &[Trial]) -> Option<Doubt> {
     }
     let correlation = product / (recorded * implied).sqrt();
     (correlation < AGAINST).then_some(Doubt::StickSign { correlation })
+}
+
+fn dead_stick(trials: &[Trial]) -> Option<Doubt> {
+    let is_dead = |trial: &&Trial| {
+        let stick = trial.stick.as_deref().unwrap_or_default();
+        let known = finite(stick).count();
+        known > 0 && finite(stick).all(|u| u == 0.0) && !is_still(trial)
+    };
+    let run = trials.iter().find(is_dead)?.name.clone();
+    Some(Doubt::DeadStick { run })
 }
 
 fn vehicle_size(options: &Options) -> Option<Doubt> {

@@ -8,7 +8,6 @@ mod solution;
 mod words;
 
 use super::{Fit, Options, Trial};
-use nalgebra::Complex;
 
 /// One reason to look twice at a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +39,18 @@ pub enum Doubt {
         duration: f64,
         /// Median time between its samples [s].
         step: f64,
+    },
+    /// A run that is fitted far worse than the others.
+    Misfit {
+        /// Name of the run.
+        run: String,
+        /// Its rms residual over the median of all runs'.
+        ratio: f64,
+    },
+    /// The recorded stick stays at zero, and the vehicle moves.
+    DeadStick {
+        /// Name of the first run of which this is so.
+        run: String,
     },
     /// A long time without a row, in a fit that came to nothing.
     Gap {
@@ -178,11 +189,16 @@ pub enum Doubt {
     },
     /// The closed loop lies on its stability bound ([`super::closed_loop::LOOP_MARGIN`]).
     LoopOnBound {
-        /// Its slowest pole, of a pair the upper one [1/s].
-        pole: Complex<f64>,
+        /// Real part of the poles there [1/s].
+        pole: f64,
+        /// The highest frequency of a pair among them [rad/s]; none where they do not swing.
+        swings: Option<f64>,
         /// What the bound costs: how much greater the objective is than without it, relatively; none where it was
         /// not looked at.
         cost: Option<f64>,
+        /// True where the human flew something else, as one sees: a pair swings, the bound costs as much as is left,
+        /// and that is no small part of what the vehicle moved.
+        contradicted: bool,
     },
     /// The closed loop has a pole so slow that the runs hardly show it.
     SlowLoop {
@@ -214,9 +230,6 @@ pub enum Doubt {
 
 /// Part of the objective above which outliers govern the result.
 const GOVERNS: f64 = 0.5;
-/// Relative cost of the bound on the closed loop above which no pilot within it does what the human did.
-const DEAR: f64 = 1.0;
-
 impl Doubt {
     /// One word for scripts.
     pub fn code(&self) -> &'static str {
@@ -226,6 +239,8 @@ impl Doubt {
             Self::NoForcing { .. } => "no-forcing",
             Self::WrongScale { .. } => "wrong-scale",
             Self::TimeScale { .. } => "time-scale",
+            Self::Misfit { .. } => "misfit",
+            Self::DeadStick { .. } => "dead-stick",
             Self::Gap { .. } => "gap",
             Self::Moving { .. } => "moving-start",
             Self::TargetOutlier { .. } => "target-outlier",
@@ -259,7 +274,7 @@ impl Doubt {
             Self::NoForcing { .. } | Self::WrongScale { .. } => true,
             Self::UnstableLoop { allowed, .. } | Self::Leaves { allowed, .. } => !allowed,
             Self::Outlier { share, .. } => share.is_some_and(|share| share > GOVERNS),
-            Self::LoopOnBound { cost, .. } => cost.is_some_and(|cost| cost > DEAR),
+            Self::LoopOnBound { contradicted, .. } => *contradicted,
             _ => false,
         }
     }

@@ -8,7 +8,13 @@ use crate::identification::{InitialState, Objective, RunFit};
 /// A break in a run's residuals is so many times what they change by from sample to sample nearby.
 const BREAK: f64 = 10.0;
 /// Samples before and after a break that say what is usual.
-const NEARBY: usize = 5;
+const NEARBY: usize = 10;
+/// It is also more than this part of the spread of all residuals ...
+const LARGE: f64 = 0.3;
+/// ... and so many times the resolution of the recording.
+const STEPS: f64 = 4.0;
+/// Part of the distances between recorded values that is smaller than the resolution, by chance or by hand.
+const CHANCE: f64 = 0.02;
 /// Outliers come back to within this part of the largest break.
 const BACK: f64 = 0.2;
 /// They do so within this part of the run.
@@ -19,6 +25,8 @@ const FLICKER: usize = 2;
 const QUIET: f64 = 0.1;
 /// The first samples of a run [s], at least three, that say whether it moves.
 const BEGINNING: f64 = 0.5;
+/// A run is fitted far worse when its rms residual is so many times the median of all runs.
+const WORSE: f64 = 3.0;
 /// So many usual steps without a row are a gap.
 const GAP: f64 = 10.0;
 /// Standard errors that a speed is beyond what rest allows.
@@ -37,6 +45,7 @@ pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
         trials.iter().find_map(target_outlier),
         moving(&courses, options, trials),
         gap(trials).filter(|_| !fit.is_feasible()),
+        misfit(&courses).filter(|_| fit.is_feasible()),
     ];
     all.into_iter().flatten().collect()
 }
@@ -87,18 +96,21 @@ impl<'a> Breaks<'a> {
             outliers: Vec::new(),
             jumps: Vec::new(),
         };
-        let beyond = if are_residuals { 1.0 } else { BREAK };
-        let spread = beyond * spread(courses);
+        let beyond = if are_residuals { LARGE } else { BREAK };
+        let least = beyond * spread(courses);
+        let usual = noise(courses) * 2.0_f64.sqrt();
         for course in courses {
-            found.of_run(course, spread);
+            found.of_run(course, least, usual);
         }
         found
     }
 
-    fn of_run(&mut self, run: &'a Course<'a>, spread: f64) {
+    /// Of one run: what is `least` counts, and `usual` is how all runs change from sample to sample.
+    fn of_run(&mut self, run: &'a Course<'a>, least: f64, usual: f64) {
         let finite = |k: &usize| run.values[*k].is_finite();
         let known: Vec<usize> = (0..run.values.len()).filter(finite).collect();
-        let breaks = breaks(run, &known, spread);
+        let least = least.max(STEPS * resolution(&run.trial.position));
+        let breaks = breaks(run, &known, least, usual);
         let soon = (SOON * known.len() as f64) as usize;
         let mut next = 0;
         while let Some(&(at, size)) = breaks.get(next) {
@@ -159,7 +171,7 @@ impl<'a> Breaks<'a> {
 }
 
 /// Changes that stand out: the place, in `known`, before each, and its size.
-fn breaks(run: &Course, known: &[usize], spread: f64) -> Vec<(usize, f64)> {
+fn breaks(run: &Course, known: &[usize], least: f64, usual: f64) -> Vec<(usize, f64)> {
     let step = median_step(&run.trial.time).unwrap_or(0.0);
     let changes: Vec<f64> = (known.windows(2))
         .map(|pair| run.values[pair[1]] - run.values[pair[0]])
@@ -170,15 +182,26 @@ fn breaks(run: &Course, known: &[usize], spread: f64) -> Vec<(usize, f64)> {
     let stands_out = |&i: &usize| {
         let others =
             (i.saturating_sub(NEARBY)..changes.len().min(i + NEARBY + 1)).filter(|j| *j != i);
-        let usual = median(others.clone().map(|j| changes[j]));
-        let around = ROBUST * median(others.map(|j| (changes[j] - usual).abs()));
-        let change = (changes[i] - usual).abs();
-        change > BREAK * around * wait(i) && change > spread * wait(i)
+        let middle = median(others.clone().map(|j| changes[j]));
+        let around = ROBUST * median(others.map(|j| (changes[j] - middle).abs()));
+        let change = (changes[i] - middle).abs();
+        change > wait(i) * least.max(BREAK * around.max(usual))
     };
     (0..changes.len())
         .filter(stands_out)
         .map(|i| (i, changes[i]))
         .collect()
+}
+
+/// The step in which values were recorded: the least distance between two of them, but for a few [m].
+fn resolution(values: &[f64]) -> f64 {
+    let mut values: Vec<f64> = values.iter().copied().filter(|z| z.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    let distances = values.windows(2).map(|pair| pair[1] - pair[0]);
+    let mut distances: Vec<f64> = distances.filter(|distance| *distance > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    let few = (CHANCE * distances.len() as f64) as usize;
+    distances.get(few).copied().unwrap_or(0.0)
 }
 
 /// Which break of a group brings it back to where it was before the first.
@@ -220,6 +243,33 @@ fn target_outlier(trial: &Trial) -> Option<Doubt> {
         }
     }
     None
+}
+
+/// The run that is fitted worst, where it is far worse than the others in metres and by the size of its task.
+fn misfit(courses: &[Course]) -> Option<Doubt> {
+    let rms = |course: &Course| {
+        let known = course.values.iter().filter(|r| r.is_finite());
+        let (sum, count) = known.fold((0.0, 0.0), |(sum, count), r| (sum + r * r, count + 1.0));
+        f64::sqrt(sum / count)
+    };
+    let sizes: Vec<f64> = courses.iter().map(rms).collect();
+    let parts: Vec<f64> = (courses.iter().zip(&sizes))
+        .map(|(course, rms)| rms / task(course.trial))
+        .collect();
+    let worst = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]))?;
+    let others = |values: &[f64]| median(values.iter().copied());
+    let is_worse = |values: &[f64]| values[worst] > WORSE * others(values);
+    (courses.len() > 2 && is_worse(&sizes) && is_worse(&parts)).then(|| Doubt::Misfit {
+        run: courses[worst].trial.name.clone(),
+        ratio: sizes[worst] / others(&sizes),
+    })
+}
+
+/// The farthest that a run's target is from its first position [m].
+fn task(trial: &Trial) -> f64 {
+    let first = trial.position.iter().find(|z| z.is_finite());
+    let first = first.copied().unwrap_or(0.0);
+    (trial.target.iter()).fold(0.0, |most: f64, target| most.max((target - first).abs()))
 }
 
 /// The longest time without a row, where the samples are the mesh's nodes: one interval, over which no scheme is right.

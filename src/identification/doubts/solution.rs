@@ -23,6 +23,12 @@ const WILD: f64 = 3.0;
 const SETTLED: f64 = 1.0;
 /// A pole that fades less during the longest run may as well be unstable.
 const HARDLY: f64 = 0.1;
+/// A pair swings when it turns by so much during the longest run [rad].
+const SWINGS: f64 = 1.0;
+/// Relative cost of the bound on the closed loop from which no pilot within it may do what the human did ...
+const DEAR: f64 = 1.0;
+/// ... and the part of the vehicle's way that must be left unexplained to say so.
+const VISIBLE: f64 = 0.02;
 
 /// The doubts; where the solve did not converge, those of its last iterate alone that say what went wrong.
 pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
@@ -47,27 +53,41 @@ pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
 
 fn closed_loop(fit: &Fit, options: &Options) -> Option<Doubt> {
     let closed_loop = fit.closed_loop.as_ref().filter(|_| fit.is_feasible())?;
-    let rightmost = closed_loop.rightmost();
-    let pole = rightmost.unwrap_or(Complex::new(f64::NAN, 0.0));
+    let pole = closed_loop.rightmost().map_or(f64::NAN, |pole| pole.re);
     if !closed_loop.is_stable() {
-        return Some(Doubt::UnstableLoop {
-            pole: pole.re,
-            allowed: !options.stable_loop,
-        });
-    }
-    if closed_loop.is_on_bound() {
-        let cost = fit
-            .unbounded
-            .map(|unbounded| fit.objective / unbounded - 1.0);
-        return Some(Doubt::LoopOnBound { pole, cost });
+        let allowed = !options.stable_loop;
+        return Some(Doubt::UnstableLoop { pole, allowed });
     }
     let durations = fit
         .runs
         .iter()
         .map(|run| run.time[run.time.len() - 1] - run.time[0]);
     let duration = durations.fold(0.0, f64::max);
-    let pole = pole.re;
+    if let Some(pole) = closed_loop.on_bound() {
+        // Two equal real poles are a slow pair, by rounding.
+        let swings = (pole.im * duration > SWINGS).then_some(pole.im);
+        let cost = (fit.unbounded).map(|unbounded| fit.objective / unbounded - 1.0);
+        let is_dear = cost.is_some_and(|cost| cost > DEAR);
+        return Some(Doubt::LoopOnBound {
+            pole: pole.re,
+            swings,
+            cost,
+            contradicted: is_dear && swings.is_some() && unexplained(fit) > VISIBLE,
+        });
+    }
     (-pole * duration < HARDLY).then_some(Doubt::SlowLoop { pole, duration })
+}
+
+/// Rms of all residuals over how far the vehicle moves in a run.
+fn unexplained(fit: &Fit) -> f64 {
+    let all = fit.runs.iter().flat_map(|run| &run.residual);
+    let known = all.filter(|r| r.is_finite());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), r| (sum + r * r, count + 1.0));
+    let moved = fit.runs.iter().flat_map(|run| {
+        let begin = run.position.first().copied().unwrap_or(0.0);
+        run.position.iter().map(move |z| (z - begin).abs())
+    });
+    f64::sqrt(sum / count) / moved.fold(0.0, f64::max)
 }
 
 fn is_idle(fit: &Fit) -> bool {
@@ -315,6 +335,32 @@ mod tests {
         );
     }
 
+    /// In 15 s: a double real root, a pair by rounding, does not swing; beside a pair that does, a slow pole is not
+    /// what is told.
+    #[test]
+    fn what_lies_on_the_bound_is_told_by_how_it_swings() {
+        let with = |poles: &[(f64, f64)]| {
+            let mut fit = fit(SOUND, &[7.0, 7.0]);
+            fit.runs[0].time = vec![0.0, 0.05, 15.0];
+            fit.unbounded = Some(5.0);
+            let poles = poles.iter().map(|&(re, im)| Complex::new(re, im)).collect();
+            fit.closed_loop = Some(ClosedLoop { poles });
+            doubts(&fit, &Options::default())
+        };
+        let bound = |swings| {
+            let (pole, cost) = (-1e-3, Some(7.0 / 5.0 - 1.0));
+            [Doubt::LoopOnBound {
+                pole,
+                swings,
+                cost,
+                contradicted: false,
+            }]
+        };
+        assert_eq!(with(&[(-1e-3, -9e-7), (-1e-3, 9e-7)]), bound(None));
+        let flutter = [(-1e-3, 0.0), (-1e-3, 1.8), (-1e-3, -1.8), (-2.0, 3.0)];
+        assert_eq!(with(&flutter), bound(Some(1.8)));
+    }
+
     #[test]
     fn the_closed_loop_is_told_where_it_is_unstable_or_on_its_bound() {
         let with = |re: f64, stable_loop: bool| {
@@ -336,8 +382,13 @@ mod tests {
         assert_eq!(with(1e-4, true), unstable(false));
         assert_eq!(with(1e-4, false), unstable(true));
         assert!(unstable(false)[0].is_fatal() && !unstable(true)[0].is_fatal());
-        let pole = Complex::new(-1e-3, 0.0);
-        assert_eq!(with(-1e-3, true), [Doubt::LoopOnBound { pole, cost: None }]);
+        let bound = Doubt::LoopOnBound {
+            pole: -1e-3,
+            swings: None,
+            cost: None,
+            contradicted: false,
+        };
+        assert_eq!(with(-1e-3, true), [bound]);
         let slow = Doubt::SlowLoop {
             pole: -0.01,
             duration: 0.1,

@@ -43,6 +43,15 @@ impl std::fmt::Display for Doubt {
                  of a second and takes seconds to a target, so the times may be in another unit; head the column \
                  with it, as in `time [ms]`"
             ),
+            Self::Misfit { run, ratio } => write!(
+                f,
+                "{run} is fitted {ratio:.1} times as badly as the others: its origin, its target or its unit may be \
+                 another, or another pilot flew; see what the fit is without it"
+            ),
+            Self::DeadStick { run } => write!(
+                f,
+                "the recorded stick of {run} stays at zero while the vehicle moves: leave the column out"
+            ),
             Self::Gap { run, from, to } => write!(
                 f,
                 "{run} has no rows from {from} s to {to} s: split it there, or fit with a --mesh-step"
@@ -167,7 +176,8 @@ impl std::fmt::Display for Doubt {
             Self::OneStart { starts } => write!(
                 f,
                 "only one of {starts} starts ended here; there may be a better optimum, \
-                 try --random-starts 20"
+                 try --random-starts {}",
+                (2 * starts).max(20)
             ),
             Self::Lower { start, objective } => write!(
                 f,
@@ -185,16 +195,16 @@ impl std::fmt::Display for Doubt {
                  initial states explain what the pilot should, and many optima do so; fit with --initial-state \
                  vehicle-at-rest"
             ),
-            Self::LoopOnBound { pole, cost } => {
-                let at = match pole.im > 0.0 {
-                    true => format!(
-                        "a pair at {:.1e} ± {:.2}i 1/s: it hardly comes to rest, and the human's own loop may not \
-                         have been stable",
-                        pole.re, pole.im
+            Self::LoopOnBound {
+                pole, swings, cost, ..
+            } => {
+                let at = match swings {
+                    Some(frequency) => format!(
+                        "a pair at {pole:.1e} ± {frequency:.2}i 1/s: it hardly comes to rest, and the human's own loop \
+                         may not have been stable"
                     ),
-                    false => format!(
-                        "a pole at {:.1e} 1/s: flights this short do not tell how it settles in the long run",
-                        pole.re
+                    None => format!(
+                        "a pole at {pole:.1e} 1/s: flights this short do not tell how it settles in the long run"
                     ),
                 };
                 write!(f, "the closed loop lies on its stability bound, {at}")?;
