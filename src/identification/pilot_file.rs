@@ -144,14 +144,17 @@ impl PilotFile {
         self.closed_loop().map(|known| known.is_stable())
     }
 
-    /// What a user must know before trusting the pilot.
+    /// What a user must know before trusting the pilot; what the file says of its loop only where θ says so too.
     pub fn caveat(&self) -> Option<String> {
         let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
         let unconverged = (!self.converged).then(|| unconverged.to_owned());
-        let doubts = self
-            .doubts
-            .iter()
-            .map(|doubt| format!("Doubt: {}.", doubt.words));
+        let is_true = |doubt: &&PilotDoubt| match (doubt.code.as_str(), self.is_stable_loop()) {
+            (UNSTABLE, Some(stable)) => !stable,
+            ("loop-on-bound" | "slow-loop" | "leaves-target", Some(stable)) => stable,
+            _ => true,
+        };
+        let doubts =
+            (self.doubts.iter().filter(is_true)).map(|doubt| format!("Doubt: {}.", doubt.words));
         let all: Vec<String> = unconverged.into_iter().chain(doubts).collect();
         (!all.is_empty()).then(|| all.join(" "))
     }

@@ -75,7 +75,7 @@ fn trials() {
         (
             "numbers for a header",
             b"0,10,1\n0.5,10,2\n".into(),
-            "a.csv:1: the first column is `0`; expected `time [s]`\nhint: --column time=NAME says which column it is",
+            "a.csv:1: the first row holds numbers; expected a header such as `time [s],target [m],position [m]`",
         ),
         (
             "nameless column",

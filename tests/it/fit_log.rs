@@ -1,7 +1,7 @@
 //! How a fit is watched, limited and stopped.
 
 use crate::command::{Ended, Folder, example};
-use pilotage::identification::{InitialState, Options, Progress, Trial, TrialSet, fit};
+use pilotage::identification::{Doubt, InitialState, Options, Progress, Trial, TrialSet, fit};
 use pilotage::sqp::Status;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
@@ -274,6 +274,8 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         .find(|start| start.number == first.number + 1);
     assert_eq!(next.unwrap().status, "interrupted");
     assert_eq!(stopped.skipped, starts - stopped.starts.len());
+    let told = |doubt: &Doubt| doubt.code() == "stopped-early";
+    assert_eq!(stopped.doubts.iter().any(told), stopped.skipped > 0);
 }
 
 #[test]

@@ -118,3 +118,22 @@ fn links_in_a_folder_are_refused() {
     let expected = "error: pilot: entry `resources/numbers.txt` is a link; nothing was unpacked\n";
     assert_eq!((ended.code, ended.stderr.as_str()), (2, expected));
 }
+
+/// The folder is an input, and so is what is in it, whatever `--force` says.
+#[test]
+fn nothing_is_written_into_a_folder_that_is_read() {
+    let folder = exported("2");
+    unpack(&folder, "pilot");
+    let before = content(&folder.path("pilot"));
+    for output in [
+        "pilot/modelDescription.xml",
+        "pilot/new.csv",
+        "./pilot/resources/../new.csv",
+    ] {
+        let ended = folder.pilotage(&["cosim", "pilot", "--step=0.1", "--force", "-o", output]);
+        assert_eq!(ended.code, 2, "{ended:?}");
+        let told = "is an input of this command (as pilot), and would be overwritten";
+        assert!(ended.stderr.contains(told), "{ended:?}");
+    }
+    assert!(content(&folder.path("pilot")) == before);
+}

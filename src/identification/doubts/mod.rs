@@ -169,6 +169,13 @@ pub enum Doubt {
         /// Number of starts.
         starts: usize,
     },
+    /// The fit was ended before all starts were tried.
+    StoppedEarly {
+        /// Starts that were not tried.
+        skipped: usize,
+        /// All of them.
+        starts: usize,
+    },
     /// A start passed a pilot with a lower objective, and did not converge: there is a better optimum.
     Lower {
         /// Which start, from 1.
@@ -256,6 +263,7 @@ impl Doubt {
             Self::CoarseMesh { .. } => "coarse-mesh",
             Self::SaturatedStick { .. } => "saturated-stick",
             Self::OneStart { .. } => "one-start",
+            Self::StoppedEarly { .. } => "stopped-early",
             Self::Lower { .. } => "lower-start",
             Self::WildStart { .. } => "wild-start",
             Self::LoopOnBound { .. } => "loop-on-bound",

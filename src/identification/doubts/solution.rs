@@ -41,6 +41,7 @@ pub fn doubts(fit: &Fit, options: &Options) -> Vec<Doubt> {
     ];
     let untold = [
         poor(fit, options),
+        stopped_early(fit),
         one_start(fit),
         wild_start(fit, options),
         on_bound(fit, pilot, &poles),
@@ -113,6 +114,12 @@ fn poor(fit: &Fit, options: &Options) -> Option<Doubt> {
     }
     let explained = 1.0 - left / total;
     (explained < POOR).then_some(Doubt::PoorFit { explained })
+}
+
+fn stopped_early(fit: &Fit) -> Option<Doubt> {
+    let skipped = fit.skipped;
+    let starts = fit.starts.len() + skipped;
+    (skipped > 0).then_some(Doubt::StoppedEarly { skipped, starts })
 }
 
 fn one_start(fit: &Fit) -> Option<Doubt> {

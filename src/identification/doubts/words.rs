@@ -179,6 +179,10 @@ impl std::fmt::Display for Doubt {
                  try --random-starts {}",
                 (2 * starts).max(20)
             ),
+            Self::StoppedEarly { skipped, starts } => write!(
+                f,
+                "{skipped} of {starts} starts were not tried, since the fit was ended; there may be a better optimum"
+            ),
             Self::Lower { start, objective } => write!(
                 f,
                 "start {start} came to a sum of squares of {objective:.6} and did not converge: there is a \
