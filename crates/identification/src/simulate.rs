@@ -126,7 +126,7 @@ pub fn departure(
         let error = (step - joint.vehicle.output(&x)).abs();
         errors.push(error);
         // Not a number is not near.
-        if !(error < GONE * step.abs()) {
+        if error.is_nan() || error >= GONE * step.abs() {
             break;
         }
         steady = match error < SETTLED * step.abs() {
