@@ -5,25 +5,22 @@
 //! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
 //! fits the vehicle's response, not the stick.
 
-pub mod causes;
-pub mod cosim;
 pub mod date;
-pub mod document;
 pub mod export;
-pub mod fmi;
-pub mod identification;
-pub mod integrate;
-pub mod linear;
-pub mod nearest;
 pub mod output;
 pub mod report;
-pub mod series;
-pub mod sqp;
-pub mod synthetic;
-pub mod transcription;
-pub mod vehicle;
 
 #[doc(hidden)]
 pub mod cli;
 
+pub use pilotage_collocation as transcription;
+pub use pilotage_cosim as cosim;
+pub use pilotage_fmi as fmi;
+pub use pilotage_identification as identification;
+pub use pilotage_identification::{synthetic, vehicle};
+pub use pilotage_linear as linear;
 pub use pilotage_models as models;
+pub use pilotage_ode as integrate;
+pub use pilotage_series as series;
+pub use pilotage_sqp as sqp;
+pub use pilotage_text::{causes, document, nearest};

@@ -4,7 +4,7 @@ use super::made::{program, quoted};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::document;
-use crate::export::{self, Options, Platform, Provenance};
+use crate::export::{self, Options, Provenance, platform};
 use crate::fmi::description::{FmiVersion, is_date_and_time};
 use crate::identification::PilotFile;
 use crate::models::Quadcopter;
@@ -136,7 +136,7 @@ impl FmuArgs {
             };
             let bytes = std::fs::read(file)
                 .map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
-            Ok((Platform::named(platform)?, bytes))
+            Ok((platform::named(platform)?, bytes))
         };
         Ok(Options {
             version: match self.fmi {

@@ -1,7 +1,9 @@
 //! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
 
 use super::package::{Contents, archive};
-use super::{ExportError, Platform, Provenance, interface, kit, old_glibc, picture, write};
+use super::{
+    ExportError, Platform, Provenance, interface, kit, old_glibc, picture, platform, write,
+};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
 use pilotage_kit::Interface;
@@ -145,7 +147,7 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
         reason,
     };
     let host = Platform::host().ok_or_else(|| refuse("this platform is not known".into()))?;
-    host.check(bytes, version)?;
+    platform::check(&host, bytes, version)?;
     // A name without a folder would be looked for among the system's libraries.
     let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
     // SAFETY: a library that `export!` made initialises nothing when it is loaded; the user asked for it.

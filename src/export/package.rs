@@ -1,6 +1,8 @@
 //! The archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
 
-use super::{EXTRA, ExportError, Platform, Provenance, description, documentation, terminals};
+use super::{
+    EXTRA, ExportError, Platform, Provenance, description, documentation, platform, terminals,
+};
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use pilotage_kit::Interface;
 use std::collections::BTreeMap;
@@ -93,7 +95,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     ]);
     let mut aliases = Vec::new();
     for (platform, bytes) in &contents.binaries {
-        platform.check(bytes, version)?;
+        platform::check(platform, bytes, version)?;
         let mut paths = platform.paths(version, &interface.name).into_iter();
         if let Some(path) = paths.next()
             && entries.insert(path.clone(), bytes.clone()).is_some()

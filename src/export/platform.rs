@@ -1,4 +1,4 @@
-//! Platforms: where their libraries go in an archive, and whether a library is made for one.
+//! Platforms: by their names, and whether a library is made for one.
 
 use super::ExportError;
 use crate::fmi::binary;
@@ -7,61 +7,49 @@ pub use crate::fmi::platform::Platform;
 use object::{Object, ObjectKind};
 use pilotage_abi::{fmi2, fmi3};
 
-impl Platform {
-    /// The platform of that name, in either version's spelling.
-    ///
-    /// # Errors
-    /// When there is none; the message lists the names.
-    pub fn named(name: &str) -> Result<Self, ExportError> {
-        Self::of_folder(name).next().ok_or_else(|| {
-            let names = Self::ALL.iter().flat_map(|p| [p.tuple, p.fmi2[0]]);
-            let mut known: Vec<&str> = names.collect();
-            known.dedup();
-            ExportError::UnknownPlatform {
-                name: name.to_owned(),
-                known: known.join(", "),
-            }
-        })
-    }
+/// The platform of that name, in either version's spelling.
+///
+/// # Errors
+/// When there is none; the message lists the names.
+pub fn named(name: &str) -> Result<Platform, ExportError> {
+    Platform::of_folder(name).next().ok_or_else(|| {
+        let names = Platform::ALL.iter().flat_map(|p| [p.tuple, p.fmi2[0]]);
+        let mut known: Vec<&str> = names.collect();
+        known.dedup();
+        ExportError::UnknownPlatform {
+            name: name.to_owned(),
+            known: known.join(", "),
+        }
+    })
+}
 
-    /// Paths in the archive under which its library goes.
-    pub fn paths(&self, version: FmiVersion, model_identifier: &str) -> Vec<String> {
-        let folders = match version {
-            FmiVersion::V2 => self.fmi2,
-            FmiVersion::V3 => std::slice::from_ref(&self.tuple),
-        };
-        let path = |folder| format!("binaries/{folder}/{model_identifier}.{}", self.extension);
-        folders.iter().map(path).collect()
+/// Refuses what is no library for the platform with all functions of the version.
+///
+/// # Errors
+/// When the format, the architecture or a function is not as it must be.
+pub fn check(platform: &Platform, bytes: &[u8], version: FmiVersion) -> Result<(), ExportError> {
+    let wrong = |found: String| ExportError::WrongBinary {
+        platform: platform.tuple,
+        found,
+    };
+    let bytes = binary::thin(bytes, |architecture| architecture == platform.architecture)
+        .map_err(|error| wrong(error.to_string()))?;
+    let file = object::File::parse(bytes).map_err(|error| wrong(error.to_string()))?;
+    let made_for = (file.format(), file.architecture());
+    if made_for != (platform.format, platform.architecture) {
+        return Err(wrong(format!("it is made for {made_for:?}")));
     }
-
-    /// Refuses what is no library for this platform with all functions of the version.
-    ///
-    /// # Errors
-    /// When the format, the architecture or a function is not as it must be.
-    pub fn check(&self, bytes: &[u8], version: FmiVersion) -> Result<(), ExportError> {
-        let wrong = |found: String| ExportError::WrongBinary {
-            platform: self.tuple,
-            found,
-        };
-        let bytes = binary::thin(bytes, |architecture| architecture == self.architecture)
-            .map_err(|error| wrong(error.to_string()))?;
-        let file = object::File::parse(bytes).map_err(|error| wrong(error.to_string()))?;
-        let made_for = (file.format(), file.architecture());
-        if made_for != (self.format, self.architecture) {
-            return Err(wrong(format!("it is made for {made_for:?}")));
-        }
-        if file.kind() != ObjectKind::Dynamic {
-            return Err(wrong(format!("it is of kind {:?}", file.kind())));
-        }
-        let exported = binary::exported(&file).map_err(|error| wrong(error.to_string()))?;
-        let names: Vec<&str> = match version {
-            FmiVersion::V2 => fmi2::Function::ALL.iter().map(|f| f.name()).collect(),
-            FmiVersion::V3 => fmi3::Function::ALL.iter().map(|f| f.name()).collect(),
-        };
-        match names.iter().find(|n| !exported.contains(n.as_bytes())) {
-            Some(missing) => Err(wrong(format!("it lacks the function {missing}"))),
-            None => Ok(()),
-        }
+    if file.kind() != ObjectKind::Dynamic {
+        return Err(wrong(format!("it is of kind {:?}", file.kind())));
+    }
+    let exported = binary::exported(&file).map_err(|error| wrong(error.to_string()))?;
+    let names: Vec<&str> = match version {
+        FmiVersion::V2 => fmi2::Function::ALL.iter().map(|f| f.name()).collect(),
+        FmiVersion::V3 => fmi3::Function::ALL.iter().map(|f| f.name()).collect(),
+    };
+    match names.iter().find(|n| !exported.contains(n.as_bytes())) {
+        Some(missing) => Err(wrong(format!("it lacks the function {missing}"))),
+        None => Ok(()),
     }
 }
 
@@ -72,7 +60,7 @@ mod tests {
     /// FMI rule 18: folders of binaries.
     #[test]
     fn folders_are_those_of_the_version() {
-        let paths = |name, version| Platform::named(name).unwrap().paths(version, "m");
+        let paths = |name, version| named(name).unwrap().paths(version, "m");
         let v2 = |name| paths(name, FmiVersion::V2);
         assert_eq!(v2("x86_64-linux"), ["binaries/linux64/m.so"]);
         assert_eq!(v2("win32"), ["binaries/win32/m.dll"]);
@@ -88,7 +76,7 @@ mod tests {
         let v3 = |name| paths(name, FmiVersion::V3);
         assert_eq!(v3("linux64"), ["binaries/x86_64-linux/m.so"]);
         assert_eq!(v3("aarch64-darwin"), ["binaries/aarch64-darwin/m.dylib"]);
-        let message = Platform::named("amiga").unwrap_err().to_string();
+        let message = named("amiga").unwrap_err().to_string();
         assert!(message.contains("win64"), "{message}");
     }
 }

@@ -1,7 +1,7 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
 use crate::command::Folder;
-use pilotage::export::{Options, Platform, Provenance, binary, interface, pack, package_as};
+use pilotage::export::{Options, Provenance, binary, interface, pack, package_as, platform};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
 use pilotage::fmi::{Fmu, Kind};
@@ -159,7 +159,7 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
     for version in [FmiVersion::V2, FmiVersion::V3] {
         let options = Options {
             version,
-            binaries: vec![(Platform::named("aarch64-linux").unwrap(), arm.clone())],
+            binaries: vec![(platform::named("aarch64-linux").unwrap(), arm.clone())],
         };
         let fmu = package_as(&model, &Provenance::default(), &options).unwrap();
         let path = "binaries/aarch64-linux/quadcopter.so".to_owned();
@@ -174,7 +174,7 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
     arm[name + 5] = b'X';
     let options = Options {
         version: FmiVersion::V2,
-        binaries: vec![(Platform::named("aarch64-linux").unwrap(), arm)],
+        binaries: vec![(platform::named("aarch64-linux").unwrap(), arm)],
     };
     let error = package_as(&model, &Provenance::default(), &options).unwrap_err();
     assert!(

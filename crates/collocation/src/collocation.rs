@@ -1,0 +1,396 @@
+//! The NLP that collocation makes of several runs with shared parameters (paper, eq. 5).
+
+use super::constraints::ParameterConstraints;
+use super::grid::{Grid, PointState};
+use super::lanes::{self, LANES, Task};
+use super::layout::Layout;
+use super::mesh::Run;
+use super::node::{MAX_SIZE, NodeModel, Scales};
+use super::parallel;
+use super::tableau::Scheme;
+use num_dual::HyperDual64;
+use pilotage_models::Dynamics;
+use pilotage_sqp::Problem;
+
+/// Least scaled value of a constraint on θ: above the tolerance of a solve, so that a converged one is never on the
+/// wrong side. Conditions such as Routh's hold strictly, and the next one divides by the last.
+pub const CLEARANCE: f64 = 1e-7;
+
+/// Collocation of runs of one model with shared parameters θ.
+///
+/// Variables and defects are scaled by [`Scales`]; the objective is `Σ_j w_j Σ_k (y_k - h(x(t_k)))²` in
+/// the output's unit squared, over the samples `t_k` of run `j`.
+#[derive(Debug, Clone)]
+pub struct Collocation<D, C> {
+    /// The model at a point.
+    pub model: NodeModel<D>,
+    /// Constraints on θ.
+    pub constraints: C,
+    /// The scheme.
+    pub scheme: Scheme,
+    /// The runs.
+    pub runs: Vec<Run>,
+    /// What the scheme makes of each run.
+    pub grids: Vec<Grid>,
+    /// Where everything stands.
+    pub layout: Layout,
+    constraint_scales: Vec<f64>,
+    limits: (Vec<f64>, Vec<f64>),
+    damping_weights: Vec<f64>,
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
+    /// The NLP of these runs, with the model's bounded signal within `± limit` at every sample.
+    pub fn new(
+        dynamics: D,
+        constraints: C,
+        scheme: Scheme,
+        runs: Vec<Run>,
+        scales: Scales,
+        limit: f64,
+    ) -> Self {
+        let model = NodeModel::new(dynamics, scales);
+        let (n, p, inputs) = (
+            model.n_states(),
+            model.n_parameters(),
+            model.dynamics.n_inputs(),
+        );
+        let grids: Vec<Grid> = runs
+            .iter()
+            .map(|run| Grid::new(scheme, run, inputs))
+            .collect();
+        let layout = Layout::new(&runs, &grids, n);
+        let path = layout.parameter_constraints;
+        let mut lower = vec![-limit; path];
+        let mut upper = vec![limit; path];
+        lower.extend(vec![CLEARANCE; constraints.count()]);
+        upper.extend(vec![f64::INFINITY; constraints.count()]);
+        let mut damping_weights = vec![0.0; layout.theta];
+        for (run, at) in runs.iter().zip(&layout.runs) {
+            for (i, known) in run.initial.iter().enumerate() {
+                damping_weights[at.z + i] = f64::from(known.is_none());
+            }
+        }
+        damping_weights.extend(vec![1.0; p]);
+        let mut reference = vec![0.0; constraints.count()];
+        constraints.values(&model.scales.parameters, &mut reference);
+        Self {
+            constraint_scales: reference.iter().map(|v| v.abs().max(1e-3)).collect(),
+            limits: (lower, upper),
+            damping_weights,
+            model,
+            constraints,
+            scheme,
+            runs,
+            grids,
+            layout,
+        }
+    }
+
+    /// Number of states of the model.
+    pub fn n_states(&self) -> usize {
+        self.model.n_states()
+    }
+
+    /// Number of parameters of the model.
+    pub fn n_parameters(&self) -> usize {
+        self.model.n_parameters()
+    }
+
+    /// The scaled coefficient vectors of run `j`.
+    pub fn coefficients<'z>(&self, z: &'z [f64], j: usize) -> &'z [f64] {
+        &z[self.layout.runs[j].variables()]
+    }
+
+    /// The scaled parameters.
+    pub fn theta<'z>(&self, z: &'z [f64]) -> &'z [f64] {
+        &z[self.layout.theta..]
+    }
+
+    /// Parameters in their units.
+    pub fn physical_theta(&self, z: &[f64]) -> Vec<f64> {
+        let theta = self.theta(z).iter().zip(&self.model.scales.parameters);
+        theta.map(|(t, s)| t * s).collect()
+    }
+
+    /// States of run `j` at its samples, in their units, by the scheme's interpolant.
+    pub fn states_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
+        let values = self.evaluate_points(z, j, |_, _| {});
+        let grid = &self.grids[j];
+        let v = self.coefficients(z, j);
+        let state = |&i: &usize| {
+            let scaled = values.states(grid, v, i, self.n_states());
+            let units = scaled.iter().zip(&self.model.scales.states);
+            units.map(|(x, s)| x * s).collect()
+        };
+        grid.observed.iter().map(state).collect()
+    }
+
+    /// The recorded value of a sample of run `j`; None where it is missing.
+    pub fn recorded(&self, j: usize, sample: u32) -> Option<f64> {
+        let value = self.runs[j].measured[sample as usize];
+        value.is_finite().then_some(value)
+    }
+
+    /// The model at every point of run `j`; calls `observe` with each observed point's sample and its
+    /// measured output and bounded signal.
+    pub(super) fn evaluate_points(
+        &self,
+        z: &[f64],
+        j: usize,
+        observe: impl FnMut(u32, (f64, f64)),
+    ) -> PointValues {
+        lanes::vectorised(Evaluate {
+            problem: self,
+            z,
+            j,
+            observe,
+        })
+    }
+
+    /// Exogenous inputs at a point of run `j`.
+    pub(super) fn inputs_at(&self, j: usize, point: usize) -> &[f64] {
+        let inputs = self.model.dynamics.n_inputs();
+        &self.grids[j].inputs[point * inputs..(point + 1) * inputs]
+    }
+
+    /// States of run `j`'s points; the model is evaluated only where some point is a combination.
+    pub(super) fn point_states(&self, z: &[f64], j: usize) -> PointValues {
+        match self.grids[j].combinations {
+            0 => PointValues::default(),
+            _ => self.evaluate_points(z, j, |_, _| {}),
+        }
+    }
+
+    /// Objective, equalities and bounded signals of one run; `c` and `g` are the run's own.
+    fn evaluate_run(&self, z: &[f64], j: usize, c: &mut [f64], g: &mut [f64]) -> f64 {
+        let n = self.n_states();
+        let (run, grid, v) = (&self.runs[j], &self.grids[j], self.coefficients(z, j));
+        let (first, c) = c.split_at_mut(self.layout.runs[j].known);
+        let known = run.initial.iter().enumerate();
+        let known = known.filter_map(|(i, value)| Some((i, (*value)?)));
+        for ((i, value), c) in known.zip(first) {
+            *c = v[i] - value / self.model.scales.states[i];
+        }
+        let mut squares = 0.0;
+        let values = self.evaluate_points(z, j, |sample, (measured, bounded)| {
+            if let Some(recorded) = self.recorded(j, sample) {
+                squares += (recorded - measured).powi(2);
+            }
+            g[sample as usize] = bounded;
+        });
+        lanes::vectorised(Defects {
+            grid,
+            n,
+            v,
+            f: &values.f,
+            c,
+        });
+        run.weight * squares
+    }
+
+    /// Scaled values of the constraints on θ.
+    pub(super) fn constraint_values(&self, theta: &[f64], out: &mut [f64]) {
+        let theta = theta.iter().zip(&self.model.scales.parameters);
+        let physical: Vec<f64> = theta.map(|(t, s)| t * s).collect();
+        self.constraints.values(&physical, out);
+        out.iter_mut()
+            .zip(&self.constraint_scales)
+            .for_each(|(v, s)| *v /= s);
+    }
+
+    /// Scaled first and second derivatives of the constraints on θ with respect to θ̄_i and θ̄_j.
+    pub(super) fn constraint_derivatives(
+        &self,
+        theta: &[f64],
+        i: usize,
+        j: usize,
+    ) -> Vec<HyperDual64> {
+        let scales = &self.model.scales.parameters;
+        let mut physical: Vec<HyperDual64> = theta
+            .iter()
+            .zip(scales)
+            .map(|(t, s)| HyperDual64::from(t * s))
+            .collect();
+        physical[i].eps1 = scales[i];
+        physical[j].eps2 = scales[j];
+        let mut out = vec![HyperDual64::from(0.0); self.constraints.count()];
+        self.constraints.values(&physical, &mut out);
+        out.iter()
+            .zip(&self.constraint_scales)
+            .map(|(v, s)| *v / *s)
+            .collect()
+    }
+}
+
+/// Writes the defects `c` of a run's elements, from its coefficient vectors `v` and the derivatives `f` at its
+/// points.
+struct Defects<'a> {
+    grid: &'a Grid,
+    n: usize,
+    v: &'a [f64],
+    f: &'a [f64],
+    c: &'a mut [f64],
+}
+
+impl Task for Defects<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { grid, n, v, f, c } = self;
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let own = c[element.first * n..].chunks_exact_mut(n);
+            for (defect, out) in element.tableau.defects.iter().zip(own) {
+                let of_node = |j: usize| &v[(element.first + j) * n..][..n];
+                let of_point = |i: usize| &f[points[i] as usize * n..][..n];
+                match (defect.e.as_slice(), defect.a.as_slice()) {
+                    // Two nodes and two points, as the trapezoid has, in one pass.
+                    (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
+                        let (a, b) = (element.h * a, element.h * b);
+                        let (v, w) = (of_node(j), of_node(k));
+                        let (f, g) = (of_point(i), of_point(l));
+                        for (m, out) in out.iter_mut().enumerate() {
+                            *out = e * v[m] + d * w[m] - a * f[m] - b * g[m];
+                        }
+                    }
+                    _ => {
+                        out.fill(0.0);
+                        for &(j, e) in &defect.e {
+                            let v = of_node(j);
+                            out.iter_mut().zip(v).for_each(|(out, v)| *out += e * v);
+                        }
+                        for &(i, a) in &defect.a {
+                            let (f, a) = (of_point(i), element.h * a);
+                            out.iter_mut().zip(f).for_each(|(out, f)| *out -= a * f);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// [`Collocation::evaluate_points`].
+struct Evaluate<'a, D, C, F> {
+    problem: &'a Collocation<D, C>,
+    z: &'a [f64],
+    j: usize,
+    observe: F,
+}
+
+impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
+    for Evaluate<'_, D, C, F>
+{
+    type Output = PointValues;
+
+    #[inline(always)]
+    fn run(self) -> PointValues {
+        let Self {
+            problem,
+            z,
+            j,
+            mut observe,
+        } = self;
+        let mut values = PointValues::new(problem, j);
+        let (grid, n) = (&problem.grids[j], problem.n_states());
+        let v = problem.coefficients(z, j);
+        let mut model = problem.model.values(problem.theta(z));
+        // Where points take derivatives of those before, one after the other.
+        let step = if grid.has_nested() { 1 } else { LANES };
+        let mut f = [[0.0; LANES]; MAX_SIZE];
+        for first in (0..grid.points.len()).step_by(step) {
+            let (members, count) = lanes::group(first, step, grid.points.len());
+            for i in &members[..count] {
+                values.combine(grid, v, *i, n);
+            }
+            let x = members.map(|i| values.states(grid, v, i, n));
+            let input = members.map(|i| problem.inputs_at(j, i));
+            let (measured, bounded) = model.evaluate(x, input, &mut f[..n]);
+            let own = values.f[first * n..].chunks_exact_mut(n);
+            for ((lane, i), own) in members[..count].iter().enumerate().zip(own) {
+                own.iter_mut().zip(&f).for_each(|(own, f)| *own = f[lane]);
+                if let Some(sample) = grid.points[*i].sample {
+                    observe(sample, (measured[lane], bounded[lane]));
+                }
+            }
+        }
+        values
+    }
+}
+
+/// Derivatives at all points of a run, and the states of those that are combinations.
+#[derive(Debug, Default)]
+pub(super) struct PointValues {
+    f: Vec<f64>,
+    combined: Vec<f64>,
+}
+
+impl PointValues {
+    fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
+        let (grid, n) = (&problem.grids[j], problem.n_states());
+        Self {
+            f: vec![0.0; grid.points.len() * n],
+            combined: vec![0.0; grid.combinations * n],
+        }
+    }
+
+    /// Forms point `i` if it is a combination.
+    #[inline]
+    fn combine(&mut self, grid: &Grid, v: &[f64], i: usize, n: usize) {
+        let PointState::Combination(c) = &grid.points[i].state else {
+            return;
+        };
+        let out = &mut self.combined[c.index * n..(c.index + 1) * n];
+        out.fill(0.0);
+        for &(k, p) in &c.p {
+            out.iter_mut()
+                .zip(&v[k * n..])
+                .for_each(|(o, v)| *o += p * v);
+        }
+        for &(l, q) in &c.q {
+            out.iter_mut()
+                .zip(&self.f[l * n..])
+                .for_each(|(o, f)| *o += q * f);
+        }
+    }
+
+    /// The states of point `i`, given the run's coefficient vectors.
+    #[inline]
+    pub fn states<'a>(&'a self, grid: &Grid, v: &'a [f64], i: usize, n: usize) -> &'a [f64] {
+        grid.points[i].state.of(v, &self.combined, n)
+    }
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Problem for Collocation<D, C> {
+    fn n_variables(&self) -> usize {
+        self.layout.theta + self.n_parameters()
+    }
+
+    fn n_equalities(&self) -> usize {
+        self.layout.n_equalities
+    }
+
+    fn limits(&self) -> (&[f64], &[f64]) {
+        (&self.limits.0, &self.limits.1)
+    }
+
+    fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
+        let (path, on_theta) = g.split_at_mut(self.layout.parameter_constraints);
+        self.constraint_values(self.theta(z), on_theta);
+        let runs = &self.layout.runs;
+        let mut work: Vec<_> = parallel::parts(c, runs.iter().map(|r| r.equalities()))
+            .zip(parallel::parts(path, runs.iter().map(|r| r.inequalities())))
+            .map(|(c, g)| (c, g, 0.0))
+            .collect();
+        parallel::each(&mut work, |j, (c, g, objective)| {
+            *objective = self.evaluate_run(z, j, c, g);
+        });
+        work.iter().map(|(_, _, objective)| objective).sum()
+    }
+
+    fn damping_weights(&self) -> &[f64] {
+        &self.damping_weights
+    }
+}

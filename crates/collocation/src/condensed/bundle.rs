@@ -1,0 +1,277 @@
+//! Sweeps along several runs at once, one in each lane: a step from element to element has to wait for the
+//! one before, and is too short for vectors of its own.
+
+use super::run::RunSweep;
+use super::sparse_lu::{Factors, Together};
+use super::stencils::Stencils;
+use super::sweep::Span;
+use crate::Collocation;
+use crate::lanes::{self, Kernel, LANES, Lanes, Task, side_by_side};
+use crate::node::MAX_SIZE;
+use std::ops::Range;
+
+/// Some runs with the same kinds of elements, [`LANES`] at most.
+#[derive(Debug)]
+pub struct Bundle<'a, D, C> {
+    /// The problem.
+    pub problem: &'a Collocation<D, C>,
+    /// What its elements share.
+    pub stencils: &'a Stencils,
+    /// The first run's number.
+    pub first: usize,
+    /// The runs.
+    pub runs: &'a mut [RunSweep],
+}
+
+/// Bundles of a problem's runs, each with the items of its own runs.
+pub fn with_items<'a, D, C, T>(
+    bundles: Vec<Bundle<'a, D, C>>,
+    mut rest: &'a mut [T],
+) -> impl Iterator<Item = (Bundle<'a, D, C>, &'a mut [T])> {
+    bundles.into_iter().map(move |bundle| {
+        let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
+        rest = tail;
+        (bundle, own)
+    })
+}
+
+impl<D, C> Bundle<'_, D, C> {
+    /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
+    /// constraint values `c` (of all runs). Of two runs at once.
+    pub fn sensitivities(&mut self, c: &[f64]) {
+        for part in self.parts() {
+            for first in part.clone().step_by(2) {
+                let own = self.part(first..part.end.min(first + 2));
+                let w = own.runs[0].w;
+                match own.runs.len() {
+                    2 => lanes::run(w, Sensitivities::<_, _, 2> { own, c }),
+                    _ => lanes::run(w, Sensitivities::<_, _, 1> { own, c }),
+                }
+            }
+        }
+    }
+
+    /// Forward sweep that adds to the step `d` of each run's unknowns what removes the constraint values `c`
+    /// (of all runs).
+    pub fn correct(&mut self, c: &[f64], d: &mut [&mut [f64]]) {
+        for part in self.parts() {
+            lanes::vectorised(Correct {
+                own: self.part(part.clone()),
+                c,
+                d: &mut d[part],
+            });
+        }
+    }
+
+    /// Backward over the elements: the multipliers `lambda` of each run's equalities from the derivatives
+    /// `right` of the rest of the Lagrangian's model by the unknowns.
+    pub fn multipliers(&mut self, lambda: &mut [&mut [f64]]) {
+        for part in self.parts() {
+            lanes::vectorised(Multipliers {
+                own: self.part(part.clone()),
+                lambda: &mut lambda[part],
+            });
+        }
+    }
+
+    /// Elements with an order of their own stand beside no others.
+    fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<D, C> {
+        let count = self.runs.len();
+        let together = self.runs.iter().all(|run| run.special.is_empty());
+        let step = if together { count } else { 1 };
+        (0..count).step_by(step).map(move |k| k..k + step)
+    }
+
+    fn part(&mut self, part: Range<usize>) -> Bundle<'_, D, C> {
+        Bundle {
+            problem: self.problem,
+            stencils: self.stencils,
+            first: self.first + part.start,
+            runs: &mut self.runs[part],
+        }
+    }
+
+    /// The run in each lane; those beyond repeat the last.
+    #[inline(always)]
+    fn members(&self) -> [usize; LANES] {
+        lanes::group(0, LANES, self.runs.len()).0
+    }
+
+    /// The constraint values of a run.
+    #[inline(always)]
+    fn equalities<'c>(&self, k: usize, c: &'c [f64]) -> &'c [f64] {
+        &c[self.problem.layout.runs[self.first + k].equalities()]
+    }
+
+    /// The factors of an element of each run.
+    #[inline(always)]
+    fn factors(&self, span: &Span, lane: usize) -> Together<'_> {
+        let runs = self.members().map(|k| &self.runs[k]);
+        if let Some((symbolic, lu)) = runs[0].special.get(&(span.first + lane)) {
+            return Together::new(symbolic, [lu; LANES], 0);
+        }
+        let (_, order) = &self.stencils.kinds[span.kind];
+        let lu = runs.map(|run| &run.lu[span.lu(order)]);
+        Together::new(&order.symbolic, lu, lane)
+    }
+}
+
+/// [`Bundle::sensitivities`] of `B` runs.
+struct Sensitivities<'a, D, C, const B: usize> {
+    own: Bundle<'a, D, C>,
+    c: &'a [f64],
+}
+
+impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        let Self { own, c } = self;
+        let (n, p, r) = (own.runs[0].n, own.runs[0].p, own.runs[0].r());
+        let members: [usize; B] = std::array::from_fn(|k| k);
+        // The element's rows, and those of the one before: their last are where it begins.
+        let size = own.runs[0].work.lanes.len().max(n);
+        let (mut work, mut before) = (vec![[[0.0; W]; B]; size], vec![[[0.0; W]; B]; size]);
+        let at = &mut before[..n];
+        let mut rows: Vec<Vec<f64>> = Vec::with_capacity(B);
+        for k in members {
+            let run = &own.runs[k];
+            let free = run.free.iter().enumerate();
+            free.for_each(|(l, &i)| at[i][k][p + l] = 1.0);
+            let known = run.known().zip(own.equalities(k, c));
+            known.for_each(|(i, c)| at[i][k][r] = -c);
+            let mut s = std::mem::take(&mut own.runs[k].nodes.s);
+            let first = s.as_chunks_mut::<W>().0.iter_mut().zip(&*at);
+            first.for_each(|(s, at)| *s = at[k]);
+            rows.push(s);
+        }
+        let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
+        let mut last = n;
+        let grid = &own.problem.grids[own.first];
+        for (span, lane) in own.runs[0].elements() {
+            let (stencil, order) = &own.stencils.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let x = &mut work[..size];
+            let factors = match own.runs[0].special.get(&(span.first + lane)) {
+                Some((symbolic, lu)) => Factors::new(symbolic, [lu.as_slice(); B], 0),
+                None => {
+                    let lu = members.map(|k| &own.runs[k].lu[span.lu(order)]);
+                    Factors::new(&order.symbolic, lu, lane)
+                }
+            };
+            let slots = factors.slots();
+            x.fill([[0.0; W]; B]);
+            let c = defects.map(|c| &c[first..first + size]);
+            for (k, slot) in slots.iter().enumerate() {
+                let x = &mut x[*slot as usize];
+                x.iter_mut().zip(c).for_each(|(x, c)| x[r] = -c[k]);
+            }
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
+            stencil.start((k0, lane), &before[last - n..last], (slots, x));
+            let b = members.map(|k| &own.runs[k].b[span.b(stencil)]);
+            stencil.parameters((b, lane), (slots, x));
+            factors.solve(x);
+            for (k, rows) in rows.iter_mut().enumerate() {
+                let s = &mut rows.as_chunks_mut::<W>().0[first + n..first + n + size];
+                s.iter_mut().zip(&*x).for_each(|(s, x)| *s = x[k]);
+            }
+            std::mem::swap(&mut work, &mut before);
+            last = size;
+        }
+        let runs = own.runs.iter_mut().zip(rows);
+        runs.for_each(|(run, s)| run.nodes.s = s);
+    }
+}
+
+/// [`Bundle::correct`].
+struct Correct<'a, 'b, D, C> {
+    own: Bundle<'a, D, C>,
+    c: &'a [f64],
+    d: &'a mut [&'b mut [f64]],
+}
+
+impl<D, C> Task for Correct<'_, '_, D, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { own, c, d } = self;
+        let (n, members) = (own.runs[0].n, own.members());
+        let mut at: States = [[0.0; LANES]; MAX_SIZE];
+        for (k, d) in d.iter_mut().enumerate() {
+            let known = own.runs[k].known().zip(own.equalities(k, c));
+            known.for_each(|(i, c)| at[i][k] = -c);
+            d[..n].iter_mut().zip(&at).for_each(|(d, at)| *d += at[k]);
+        }
+        let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
+        let mut work = vec![[0.0; LANES]; own.runs[0].work.lanes.len()];
+        let grid = &own.problem.grids[own.first];
+        for (span, lane) in own.runs[0].elements() {
+            let (stencil, _) = &own.stencils.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let x = &mut work[..size];
+            let factors = own.factors(span, lane);
+            let c = defects.map(|c| &c[first..first + size]);
+            for (k, slot) in factors.slots().iter().enumerate() {
+                x[*slot as usize] = c.map(|c| -c[k]);
+            }
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
+            stencil.start_together((k0, lane), &at, (factors.slots(), x));
+            factors.solve(x);
+            for (k, d) in d.iter_mut().enumerate() {
+                let d = &mut d[first + n..first + n + size];
+                d.iter_mut().zip(&*x).for_each(|(d, x)| *d += x[k]);
+            }
+            at[..n].copy_from_slice(&x[size - n..]);
+        }
+    }
+}
+
+/// [`Bundle::multipliers`].
+struct Multipliers<'a, 'b, D, C> {
+    own: Bundle<'a, D, C>,
+    lambda: &'a mut [&'b mut [f64]],
+}
+
+impl<D, C> Task for Multipliers<'_, '_, D, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { own, lambda } = self;
+        let (n, members) = (own.runs[0].n, own.members());
+        let right = members.map(|k| own.runs[k].right.as_slice());
+        // By the states where the elements that are done begin.
+        let mut at: States = [[0.0; LANES]; MAX_SIZE];
+        side_by_side(right.map(|right| &right[right.len() - n..]), &mut at[..n]);
+        let size = own.runs[0].work.lanes.len();
+        let (mut b, mut rows) = (vec![[0.0; LANES]; size], vec![[0.0; LANES]; size]);
+        let known: Vec<usize> = own.runs.iter().map(|run| n - run.free.len()).collect();
+        let grid = &own.problem.grids[own.first];
+        for (span, lane) in own.runs[0].elements().rev() {
+            let (stencil, _) = &own.stencils.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let (b, rows) = (&mut b[..size], &mut rows[..size]);
+            side_by_side(right.map(|right| &right[first + n..]), &mut b[..size - n]);
+            b[size - n..].copy_from_slice(&at[..n]);
+            b.as_flattened_mut().iter_mut().for_each(|b| *b = -*b);
+            own.factors(span, lane).solve_transposed(b, rows);
+            for (k, lambda) in lambda.iter_mut().enumerate() {
+                let lambda = &mut lambda[known[k] + first..][..size];
+                let pairs = lambda.iter_mut().zip(&*rows);
+                pairs.for_each(|(lambda, row)| *lambda = row[k]);
+            }
+            side_by_side(right.map(|right| &right[first..]), &mut at[..n]);
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
+            stencil.start_transposed((k0, lane), rows, &mut at);
+        }
+        for ((k, run), lambda) in own.runs.iter().enumerate().zip(lambda) {
+            let places = run.known().zip(lambda.iter_mut());
+            places.for_each(|(i, lambda)| *lambda = -at[i][k]);
+        }
+    }
+}
+
+/// The states of a point of each run.
+type States = [Lanes; MAX_SIZE];

@@ -1,0 +1,502 @@
+//! The QP of a collocation problem by elimination of its states: the fast path of the SQP.
+//!
+//! Forward, each run's defects give every node's step as `δX_k = S_k ρ + e_k`, with `ρ` the shared
+//! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
+//! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
+//! enter it, and active set methods solve it; clarabel does where the rows are inconsistent. Where it is not
+//! convex, it may be so where the rows of the last QP are active; a solution counts if they are active in it too.
+//! Backward, an adjoint sweep gives the multipliers of all defects. The step and the multipliers are those
+//! of the full QP: same iterates as [`SparseQp`](pilotage_sqp::SparseQp), at a cost linear in the number of
+//! nodes. A correction of a step is one forward sweep more: ρ stays, and the states follow.
+
+mod active;
+pub mod arrow;
+mod bundle;
+mod curvature;
+mod dense;
+mod dual;
+mod gradients;
+mod points;
+mod reduce;
+mod run;
+mod sparse_lu;
+mod stencil;
+mod stencils;
+mod sweep;
+
+use super::Collocation;
+use super::constraints::ParameterConstraints;
+use super::lanes::LANES;
+use super::parallel;
+use active::{Convex, Row, RowAt, held};
+use arrow::Arrow;
+use bundle::with_items;
+use pilotage_models::Dynamics;
+use pilotage_sqp::convex::ConvexSolution;
+use pilotage_sqp::iterate::violation;
+use pilotage_sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
+use reduce::Reduced;
+use run::{Place, RunSweep};
+use std::collections::HashSet;
+use stencils::Stencils;
+
+/// Tolerance on a linearised inequality before it enters the QP.
+const ROW_TOLERANCE: f64 = 1e-12;
+/// Limit on rounds of adding violated inequalities.
+const MAX_ROUNDS: usize = 50;
+
+/// Workspace of the condensed QP.
+#[derive(Debug, Clone, Default)]
+pub struct Condensed {
+    runs: Vec<RunSweep>,
+    stencils: Stencils,
+    gradient: Vec<f64>,
+    lagrangian: Vec<f64>,
+    /// Values of the inequalities.
+    g: Vec<f64>,
+    /// The reduced linear terms: with Gauss–Newton, with the exact Hessian.
+    linear: [Vec<f64>; 2],
+    /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
+    parameter_rows: Vec<Vec<f64>>,
+    parameter_hessian: Vec<f64>,
+    gauss_newton: Arrow,
+    exact: Option<Arrow>,
+    singular: bool,
+    /// Largest sensitivity of an unknown to a reduced variable.
+    growth: f64,
+    /// Active inequalities of the last QP, with the sign of their multiplier.
+    working: Vec<(RowAt, f64)>,
+}
+
+impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Condensed {
+    fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
+        self.prepare(problem);
+        self.linearise_parameters(problem, at);
+        self.g.clone_from(&at.g);
+        let theta = problem.layout.theta;
+        let variables = || problem.layout.runs.iter().map(|run| run.variables());
+        let mut work: Vec<_> = (self.runs.iter_mut())
+            .zip(parallel::parts(&mut self.gradient, variables()))
+            .zip(parallel::parts(&mut self.lagrangian, variables()))
+            .map(|((run, gradient), lagrangian)| (run, gradient, lagrangian))
+            .collect();
+        parallel::each(&mut work, |j, (run, gradient, lagrangian)| {
+            run.linearise(Place { problem, j }, at, exact, gradient, lagrangian);
+        });
+        for run in &self.runs {
+            dense::axpy(1.0, &run.theta_gradient, &mut self.gradient[theta..]);
+            dense::axpy(1.0, &run.theta_lagrangian, &mut self.lagrangian[theta..]);
+        }
+        self.singular =
+            !self.stencils.order(problem, &self.runs) || !self.sweep(problem, &at.c, exact);
+    }
+
+    fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    fn lagrangian_gradient(&self) -> &[f64] {
+        &self.lagrangian
+    }
+
+    fn growth(&self) -> f64 {
+        self.growth
+    }
+
+    fn solve(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        self.solve_reduced(problem, hessian, damping, step)?;
+        self.write_dual(problem, hessian, damping, step);
+        Ok(())
+    }
+
+    fn correct(
+        &mut self,
+        problem: &Collocation<D, C>,
+        trial: &Iterate,
+        d: &mut [f64],
+    ) -> Result<(), QpFailure> {
+        let variables = problem.layout.runs.iter().map(|run| run.variables());
+        let mut d: Vec<_> = parallel::parts(d, variables).collect();
+        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(bundles, &mut d).collect();
+        parallel::each(&mut work, |_, (bundle, d)| bundle.correct(&trial.c, d));
+        Ok(())
+    }
+
+    fn curvature(&mut self, problem: &Collocation<D, C>, at: &Iterate) -> Option<Curvature> {
+        self.smallest_curvature(problem, at)
+    }
+}
+
+impl Condensed {
+    /// Eliminates the states, with the values `c` of the equalities, and forms the reduced Hessians. False when
+    /// an element is singular.
+    fn sweep<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        c: &[f64],
+        exact: bool,
+    ) -> bool {
+        // Two runs at once, but no thread without work.
+        let threads = rayon::current_num_threads();
+        let size = if threads == 1 || self.runs.len() > 4 * threads {
+            2
+        } else {
+            1
+        };
+        let bundles = self.stencils.bundles(problem, &mut self.runs, size);
+        let mut work: Vec<_> = (bundles.into_iter())
+            .map(|bundle| (bundle, true, Vec::new()))
+            .collect();
+        parallel::each(&mut work, |_, (bundle, regular, reduced)| {
+            let first = bundle.first;
+            let at = |k: usize| Place {
+                problem,
+                j: first + k,
+            };
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.factor(at(k), bundle.stencils);
+            }
+            if !*regular {
+                return;
+            }
+            bundle.sensitivities(c);
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                *regular &= run.complete(at(k));
+                reduced.push(run.reduce(at(k), exact));
+            }
+        });
+        let regular = work.iter().all(|(_, regular, _)| *regular);
+        let reduced: Vec<[Reduced; 2]> =
+            work.into_iter().flat_map(|(.., reduced)| reduced).collect();
+        if reduced.len() < self.runs.len() {
+            return false;
+        }
+        self.growth = self.runs.iter().fold(0.0, |m, run| run.growth.max(m));
+        let free: Vec<usize> = self.runs.iter().map(|run| run.free.len()).collect();
+        let arrow = |kind: usize| {
+            let mut arrow = Arrow::zeros(problem.n_parameters(), &free);
+            let own = reduced.iter().enumerate();
+            own.for_each(|(j, reduced)| arrow.set_run(j, &reduced[kind].matrix));
+            arrow
+        };
+        self.gauss_newton = arrow(0);
+        self.exact = exact.then(|| {
+            let mut arrow = arrow(1);
+            dense::axpy(1.0, &self.parameter_hessian, &mut arrow.theta);
+            arrow
+        });
+        for (kind, linear) in self
+            .linear
+            .iter_mut()
+            .enumerate()
+            .take(1 + usize::from(exact))
+        {
+            let own = reduced
+                .iter()
+                .map(|reduced| reduced[kind].vector.as_slice());
+            *linear = joined(own, problem.n_parameters());
+        }
+        regular
+    }
+
+    /// Step and active inequalities.
+    fn solve_reduced<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) -> Result<(), QpFailure> {
+        if self.singular {
+            return Err(QpFailure::NoSolution);
+        }
+        let mut matrix = match hessian {
+            Hessian::Exact => self.exact.clone().ok_or(QpFailure::NotConvex)?,
+            Hessian::GaussNewton => self.gauss_newton.clone(),
+        };
+        matrix.add_diagonal(damping);
+        let sides: Vec<f64> = self.working.iter().map(|(_, side)| *side).collect();
+        let mut rows = self.working_rows(problem);
+        let convex = match matrix.factor() {
+            Some(factor) => Convex::new(matrix, factor),
+            None => Convex::held(matrix, &rows).ok_or(QpFailure::NotConvex)?,
+        };
+        let mut q = match hessian {
+            Hessian::GaussNewton => self.linear[0].clone(),
+            Hessian::Exact => self.linear[1].clone(),
+        };
+        convex.shift(&rows, &sides, &mut q);
+
+        let (lower, upper) = problem.limits();
+        let mut solution = match active::exchanged(&convex.factor, &q, &rows, &sides) {
+            Some(solution) => solution,
+            None if convex.holds() => active::solve(&convex, &q, &rows, &sides)?,
+            None => {
+                rows.clear();
+                active::free(&convex.factor, &q)
+            }
+        };
+        for _ in 0..MAX_ROUNDS {
+            let outside = self.violated(problem, &solution.x, &rows);
+            if solution.violation > 0.0 || outside.is_empty() {
+                break;
+            }
+            let new = outside
+                .into_iter()
+                .map(|at| self.row(problem, at, lower, upper));
+            rows.extend(new);
+            let mut guess: Vec<f64> = solution.y.iter().map(|y| active::sign(*y)).collect();
+            guess.resize(rows.len(), 0.0);
+            solution = active::solve(&convex, &q, &rows, &guess)?;
+        }
+        if convex.holds() && !held(&sides, &solution) {
+            return Err(QpFailure::NotConvex);
+        }
+        self.expand(problem, &solution.x, 1.0);
+        let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
+        self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
+        self.write_primal(problem, &rows, &solution, step);
+        Ok(())
+    }
+
+    /// Allocates the workspace at the first use.
+    fn prepare<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
+        let variables = problem.layout.theta + problem.n_parameters();
+        if self.runs.len() != problem.runs.len() || self.gradient.len() != variables {
+            self.runs = (0..problem.runs.len())
+                .map(|j| RunSweep::new(problem, j))
+                .collect();
+            self.stencils = Stencils::new(problem);
+            self.gradient = vec![0.0; variables];
+            self.lagrangian = vec![0.0; variables];
+            self.working.clear();
+        }
+        let theta = problem.layout.theta;
+        self.gradient[theta..].fill(0.0);
+        self.lagrangian[theta..].fill(0.0);
+    }
+
+    /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
+    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        at: &Iterate,
+    ) {
+        let (p, theta) = (problem.n_parameters(), problem.theta(&at.z));
+        let eta = &at.eta[problem.layout.parameter_constraints..];
+        self.parameter_rows = vec![vec![0.0; p]; eta.len()];
+        self.parameter_hessian = vec![0.0; p * p];
+        for a in 0..p {
+            for b in 0..p {
+                let values = problem.constraint_derivatives(theta, a, b);
+                for (i, (value, eta)) in values.iter().zip(eta).enumerate() {
+                    self.parameter_rows[i][a] = value.eps1;
+                    self.parameter_hessian[a * p + b] += eta * value.eps1eps2;
+                }
+            }
+        }
+        for (row, eta) in self.parameter_rows.iter().zip(eta) {
+            dense::axpy(*eta, row, &mut self.lagrangian[problem.layout.theta..]);
+        }
+    }
+
+    /// Each run with its part of the reduced variables.
+    fn with_local<'a>(&'a mut self, rho: &[f64], p: usize) -> Vec<(&'a mut RunSweep, Vec<f64>)> {
+        let mut first = p;
+        let local = self.runs.iter_mut().map(|run| {
+            let own = &rho[first..first + run.free.len()];
+            first += own.len();
+            (run, [&rho[..p], own].concat())
+        });
+        local.collect()
+    }
+
+    /// Steps of all unknowns from the reduced variables, with this multiple of the offsets.
+    fn expand<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+        offsets: f64,
+    ) {
+        let mut work = self.with_local(rho, problem.n_parameters());
+        parallel::each(&mut work, |_, (run, local)| run.expand(local, offsets));
+    }
+
+    /// The inequalities beside `rows` that a step in the reduced variables violates: of each stretch of
+    /// samples of a run that lie outside, the worst.
+    fn violated<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        rho: &[f64],
+        rows: &[Row],
+    ) -> Vec<RowAt> {
+        let p = problem.n_parameters();
+        let (lower, upper) = problem.limits();
+        let g = std::mem::take(&mut self.g);
+        let known: HashSet<RowAt> = rows.iter().map(|row| row.at).collect();
+        let mut work: Vec<_> = (self.with_local(rho, p).into_iter())
+            .map(|(run, local)| (run, local, Vec::new()))
+            .collect();
+        parallel::each(&mut work, |j, (run, local, outside)| {
+            let at = problem.layout.runs[j];
+            let mut worst = (0.0, 0);
+            for (k, change) in run.bounded_changes(local).iter().enumerate() {
+                let value = g[at.g + k] + change;
+                let excess = violation(value, lower[at.g + k], upper[at.g + k]);
+                let row = RowAt::Bounded { run: j, sample: k };
+                let new = || !known.contains(&row);
+                if excess > ROW_TOLERANCE && excess > worst.0 && new() {
+                    worst = (excess, k);
+                }
+                let ends = excess <= ROW_TOLERANCE || k + 1 == at.samples;
+                if ends && worst.0 > 0.0 {
+                    outside.push(RowAt::Bounded {
+                        run: j,
+                        sample: worst.1,
+                    });
+                    worst = (0.0, 0);
+                }
+            }
+        });
+        let mut outside: Vec<RowAt> = work.into_iter().flat_map(|(.., outside)| outside).collect();
+        self.g = g;
+        for (i, row) in self.parameter_rows.iter().enumerate() {
+            let at = problem.layout.parameter_constraints + i;
+            let value = self.g[at] + dense::dot(row, &rho[..p]);
+            let new = !known.contains(&RowAt::Parameter(i));
+            if new && violation(value, lower[at], upper[at]) > ROW_TOLERANCE {
+                outside.push(RowAt::Parameter(i));
+            }
+        }
+        outside
+    }
+
+    /// The active inequalities of the last QP over the reduced variables.
+    fn working_rows<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+    ) -> Vec<Row> {
+        let (lower, upper) = problem.limits();
+        let places = self.working.iter();
+        places
+            .map(|(at, _)| self.row(problem, *at, lower, upper))
+            .collect()
+    }
+
+    /// One inequality over the reduced variables.
+    fn row<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+        at: RowAt,
+        lower: &[f64],
+        upper: &[f64],
+    ) -> Row {
+        let p = problem.n_parameters();
+        let (index, entries, value) = match at {
+            RowAt::Parameter(i) => {
+                let index = problem.layout.parameter_constraints + i;
+                let entries = self.parameter_rows[i].iter().copied().enumerate();
+                (index, entries.collect(), self.g[index])
+            }
+            RowAt::Bounded { run: j, sample } => {
+                let index = problem.layout.runs[j].g + sample;
+                let run = &self.runs[j];
+                let (local, offset) = run.bounded_row(sample);
+                let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
+                let column = |i: usize| if i < p { i } else { first + i - p };
+                let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v));
+                (index, entries.collect(), self.g[index] + offset)
+            }
+        };
+        Row {
+            at,
+            index,
+            entries,
+            lower: lower[index] - value,
+            upper: upper[index] - value,
+        }
+    }
+
+    /// The full step from the reduced solution and the expanded unknowns, with the inequalities'
+    /// multipliers.
+    fn write_primal<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        problem: &Collocation<D, C>,
+        rows: &[Row],
+        solution: &ConvexSolution,
+        step: &mut Step,
+    ) {
+        let p = problem.n_parameters();
+        step.d.resize(problem.layout.theta + p, 0.0);
+        step.d[problem.layout.theta..].copy_from_slice(&solution.x[..p]);
+        for (run, at) in self.runs.iter().zip(&problem.layout.runs) {
+            step.d[at.variables()].copy_from_slice(&run.nodes.dx);
+        }
+        step.eta.clear();
+        step.eta.resize(problem.limits().0.len(), 0.0);
+        for (row, y) in rows.iter().zip(&solution.y) {
+            step.eta[row.index] = *y;
+        }
+        step.active = self.working.len();
+        step.violation = solution.violation;
+        step.residual.clear();
+    }
+
+    /// Multipliers of the equalities, and curvature, that go with it.
+    fn write_dual<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        hessian: Hessian,
+        damping: f64,
+        step: &mut Step,
+    ) {
+        let layout = &problem.layout;
+        let dtheta = &step.d[layout.theta..];
+        step.lambda.resize(layout.n_equalities, 0.0);
+        step.curvature = match damping > 0.0 {
+            true => damping * vector::sum([problem.damping_weights(), &step.d], |[w, d]| w * d * d),
+            false => 0.0,
+        };
+        let eta = &step.eta;
+        let equalities = layout.runs.iter().map(|run| run.equalities());
+        let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
+        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(bundles, &mut lambda)
+            .map(|(bundle, lambda)| (bundle, lambda, 0.0))
+            .collect();
+        parallel::each(&mut work, |_, (bundle, lambda, curvature)| {
+            for (k, run) in bundle.runs.iter_mut().enumerate() {
+                let j = bundle.first + k;
+                let eta = &eta[layout.runs[j].inequalities()];
+                *curvature += run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
+            }
+            bundle.multipliers(lambda);
+        });
+        step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
+        if hessian == Hessian::Exact {
+            let rows = self.parameter_hessian.chunks_exact(dtheta.len());
+            for (row, d) in rows.zip(dtheta) {
+                step.curvature += d * dense::dot(row, dtheta);
+            }
+        }
+    }
+}
+
+/// A vector over all reduced variables from those over each run's: the sum over the `p` parameters, and the
+/// free initial states one run after the other.
+fn joined<'a>(runs: impl Iterator<Item = &'a [f64]>, p: usize) -> Vec<f64> {
+    let mut out = vec![0.0; p];
+    for own in runs {
+        let (parameters, free) = own.split_at(p);
+        dense::axpy(1.0, parameters, &mut out[..p]);
+        out.extend(free);
+    }
+    out
+}

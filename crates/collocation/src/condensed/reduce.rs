@@ -1,0 +1,224 @@
+//! What a run's derivatives make of the reduced variables: its parts of the reduced Hessians and of the
+//! linear term.
+
+use super::dense::axpy;
+use super::points::Points;
+use super::run::{Place, RunSweep};
+use crate::constraints::ParameterConstraints;
+use crate::lanes::{self, Kernel, LANES, Lanes};
+use crate::node::Output;
+use pilotage_models::Dynamics;
+
+/// A quadratic model over a run's reduced variables.
+#[derive(Debug, Clone, Default)]
+pub struct Reduced {
+    /// `Σ Zᵀ W Z`, r × r, row-major.
+    pub matrix: Vec<f64>,
+    /// `Σ Zᵀ (g + W [e; 0])`.
+    pub vector: Vec<f64>,
+}
+
+impl RunSweep {
+    /// The model with `δ[Y; θ] = Z ρ + [e; 0]`: of Gauss–Newton, and, if wanted, of the exact Hessian.
+    /// Forms the rows of the bounded signal, too.
+    pub fn reduce<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        exact: bool,
+    ) -> [Reduced; 2] {
+        let w = self.w;
+        lanes::run(
+            w,
+            Reduce {
+                own: self,
+                at,
+                exact,
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn reduced<D: Dynamics, C: ParameterConstraints, const W: usize>(
+        &mut self,
+        at: Place<'_, D, C>,
+        exact: bool,
+    ) -> [Reduced; 2] {
+        let (p, r, model) = (self.p, self.r(), &at.problem.model);
+        let grid = &at.problem.grids[at.j];
+        let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
+        let pairs = Pairs::of(&model.pairs, self.n);
+        // Halves of the symmetric sums, over the reduced variables and 1, whose row of `S` are the offsets;
+        // their transposes are added at the end.
+        let (mut squares, mut curved) = ([[0.0; W]; W], [[0.0; W]; W]);
+        let mut slope = [0.0; W];
+        let mut rows = std::mem::take(&mut self.bounded);
+        for points in Points::all(grid) {
+            let group = points.number;
+            let s = points
+                .states_of()
+                .map(|state| self.s_of(state).as_chunks::<W>().0);
+            let gradient = self.gradients[Output::Bounded as usize].group(group);
+            for (lane, k) in points.samples() {
+                let row = project(gradient, lane, bounded, s[lane], p);
+                rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
+            }
+            let (weight, residual) = (self.weight.group(group)[0], self.residual.group(group)[0]);
+            let gradient = self.gradients[Output::Measured as usize].group(group);
+            let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
+            for lane in 0..points.count {
+                let row = project(gradient, lane, measured, s[lane], p);
+                add(-weight[lane] * residual[lane], &row, &mut slope);
+                (factors[lane], along[lane]) = (row, [0.0; W]);
+                add(0.5 * weight[lane], &row, &mut along[lane]);
+            }
+            add_products(&factors, &along, r, &mut squares);
+            if exact {
+                pairs.add(self.second.group(group), &s, points.count, r, &mut curved);
+            }
+        }
+        self.bounded = rows;
+        let gauss_newton = symmetric(&squares, &slope, r);
+        let mut full = Reduced::default();
+        if exact {
+            full = symmetric(&curved, &[0.0; W], r);
+            axpy(1.0, &gauss_newton.matrix, &mut full.matrix);
+            axpy(1.0, &gauss_newton.vector, &mut full.vector);
+        }
+        [gauss_newton, full]
+    }
+}
+
+struct Reduce<'a, D, C> {
+    own: &'a mut RunSweep,
+    at: Place<'a, D, C>,
+    exact: bool,
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Kernel for Reduce<'_, D, C> {
+    type Output = [Reduced; 2];
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> Self::Output {
+        self.own.reduced::<D, C, W>(self.at, self.exact)
+    }
+}
+
+/// `y += a x`, of known length.
+#[inline(always)]
+fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y = a.mul_add(*x, *y);
+    }
+}
+
+/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient at these columns.
+#[inline(always)]
+fn project<const W: usize>(
+    gradient: &[Lanes],
+    lane: usize,
+    columns: &[usize],
+    s: &[[f64; W]],
+    p: usize,
+) -> [f64; W] {
+    let mut out = [0.0; W];
+    for (g, &c) in gradient.iter().zip(columns) {
+        match c.checked_sub(s.len()) {
+            None => add(g[lane], &s[c], &mut out),
+            Some(parameter) => out[..p][parameter] += g[lane],
+        }
+    }
+    out
+}
+
+/// Adds `Σ factors alongᵀ` of a group of points to the first `r + 1` rows of a matrix.
+#[inline(always)]
+fn add_products<const W: usize>(
+    factors: &[[f64; W]; LANES],
+    along: &[[f64; W]; LANES],
+    r: usize,
+    matrix: &mut [[f64; W]; W],
+) {
+    for (i, row) in matrix[..r + 1].iter_mut().enumerate() {
+        for (factors, along) in factors.iter().zip(along) {
+            add(factors[i], along, row);
+        }
+    }
+}
+
+/// Matrix and vector from halves of symmetric sums over the reduced variables and 1.
+fn symmetric<const W: usize>(halves: &[[f64; W]; W], slope: &[f64; W], r: usize) -> Reduced {
+    let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
+    Reduced {
+        matrix: (0..r * r).map(|k| entry(k / r, k % r)).collect(),
+        vector: (0..r).map(|i| entry(i, r) + slope[i]).collect(),
+    }
+}
+
+/// The pairs of variables that have second derivatives, by what they add to the reduced Hessian: their
+/// places among the pairs, and their variables.
+struct Pairs {
+    /// Of states: the first one, and what it goes with.
+    states: Vec<(usize, Vec<OfStates>)>,
+    /// Of a state and a parameter.
+    mixed: Vec<(usize, usize, usize)>,
+    /// Of parameters.
+    parameters: Vec<(usize, usize, usize, f64)>,
+}
+
+/// Place, second state, and a half for a square.
+type OfStates = (usize, usize, f64);
+
+impl Pairs {
+    fn of(pairs: &[(usize, usize)], n: usize) -> Self {
+        let mut out = Self {
+            states: Vec::new(),
+            mixed: Vec::new(),
+            parameters: Vec::new(),
+        };
+        for (k, &(a, b)) in pairs.iter().enumerate() {
+            let half = if a == b { 0.5 } else { 1.0 };
+            match (a.checked_sub(n), b.checked_sub(n)) {
+                (None, None) => match out.states.last_mut().filter(|own| own.0 == a) {
+                    Some((_, others)) => others.push((k, b, half)),
+                    None => out.states.push((a, vec![(k, b, half)])),
+                },
+                (None, Some(parameter)) => out.mixed.push((k, a, parameter)),
+                (Some(a), Some(b)) => out.parameters.push((k, a, b, half)),
+                (Some(_), None) => unreachable!("pairs are ordered"),
+            }
+        }
+        out
+    }
+
+    /// Adds `Σ w z_a z_bᵀ` of a group of points, with `z_a` row `a` of `Z = [S; I]`: half of it for a square,
+    /// and of a pair of state and parameter only the order whose row is the parameter's.
+    #[inline(always)]
+    fn add<const W: usize>(
+        &self,
+        values: &[Lanes],
+        s: &[&[[f64; W]]; LANES],
+        count: usize,
+        r: usize,
+        matrix: &mut [[f64; W]; W],
+    ) {
+        for (a, others) in &self.states {
+            let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
+            for lane in 0..count {
+                factors[lane] = s[lane][*a];
+                for &(k, b, half) in others {
+                    add(half * values[k][lane], &s[lane][b], &mut along[lane]);
+                }
+            }
+            add_products(&factors, &along, r, matrix);
+        }
+        for &(k, a, parameter) in &self.mixed {
+            for lane in 0..count {
+                add(values[k][lane], &s[lane][a], &mut matrix[parameter]);
+            }
+        }
+        for &(k, a, b, half) in &self.parameters {
+            let sum: f64 = values[k][..count].iter().sum();
+            matrix[a][b] += half * sum;
+        }
+    }
+}

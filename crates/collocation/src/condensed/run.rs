@@ -1,0 +1,289 @@
+//! One run: its workspace, and its rows over the reduced variables.
+
+use super::dense::axpy;
+use super::sparse_lu::Symbolic;
+use super::sweep::Span;
+use crate::Collocation;
+use crate::constraints::ParameterConstraints;
+use crate::grid::{Grid, PointState};
+use crate::lanes::{self, Grouped, Kernel, LANES, Lanes, Task, width};
+use pilotage_models::Dynamics;
+use pilotage_sqp::Iterate;
+use std::collections::BTreeMap;
+
+/// Workspace of one run; everything is allocated once.
+///
+/// The reduced variables of a run are `ρ = [δθ; its free initial states]`, `r` of them. The sweeps
+/// ([`super::sweep`]) write the step of every unknown and point as `S ρ + e`.
+#[derive(Debug, Clone)]
+pub struct RunSweep {
+    pub(super) n: usize,
+    pub(super) p: usize,
+    /// Width of the rows `S`: `r + 1`, padded. Column `r` holds the offsets at the iterate.
+    pub(super) w: usize,
+    /// Indices of the free initial states.
+    pub free: Vec<usize>,
+    /// Jacobian entries at all points.
+    pub(super) jacobian: Grouped,
+    /// Gradients of the measured output and of the bounded signal at all points, at their columns.
+    pub(super) gradients: [Grouped; 2],
+    /// Recorded minus modelled output at the points, and `2 w`; both zero where none is recorded.
+    pub(super) residual: Grouped,
+    pub(super) weight: Grouped,
+    /// Second derivatives at all points.
+    pub(super) second: Grouped,
+    /// Rows `S` and steps of the unknowns, and of the points that are combinations.
+    pub(super) nodes: Rows,
+    pub(super) combined: Rows,
+    /// The bounded signal at the samples.
+    pub(super) bounded: Rows,
+    /// Groups of elements, their factors, `K_0` and `B`, and the elements factored in an order of their own.
+    pub(super) spans: Vec<Span>,
+    pub(super) lu: Vec<Lanes>,
+    pub(super) k0: Vec<Lanes>,
+    pub(super) b: Vec<Lanes>,
+    pub(super) special: BTreeMap<usize, (Symbolic, Vec<Lanes>)>,
+    pub(super) work: Work,
+    /// Largest sensitivity of an unknown to a reduced variable.
+    pub(super) growth: f64,
+    /// Gradient of this run's objective with respect to θ.
+    pub theta_gradient: Vec<f64>,
+    /// Its part of the Lagrangian's gradient with respect to θ.
+    pub theta_lagrangian: Vec<f64>,
+    /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
+    pub(super) omega: Vec<f64>,
+    pub(super) right: Vec<f64>,
+}
+
+/// Sensitivities and steps of a list of quantities.
+#[derive(Debug, Clone, Default)]
+pub struct Rows {
+    /// `[S e]`, `w` columns of which the first `r + 1` count.
+    pub s: Vec<f64>,
+    /// `S ρ + e`.
+    pub dx: Vec<f64>,
+}
+
+/// Scratch of the sweeps, as large as the largest element needs.
+#[derive(Debug, Clone, Default)]
+pub struct Work {
+    pub lanes: Vec<Lanes>,
+    pub points: Vec<[usize; LANES]>,
+}
+
+impl Rows {
+    fn new(count: usize, w: usize) -> Self {
+        Self {
+            s: vec![0.0; count * w],
+            dx: vec![0.0; count],
+        }
+    }
+}
+
+/// What a run's linearisation reads besides the problem and the iterate.
+#[derive(Debug)]
+pub struct Place<'a, D, C> {
+    /// The problem.
+    pub problem: &'a Collocation<D, C>,
+    /// Number of the run.
+    pub j: usize,
+}
+
+impl<D, C> Clone for Place<'_, D, C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<D, C> Copy for Place<'_, D, C> {}
+
+impl RunSweep {
+    /// Workspace for run `j`.
+    pub fn new<D: Dynamics, C: ParameterConstraints>(
+        problem: &Collocation<D, C>,
+        j: usize,
+    ) -> Self {
+        let (n, p, model) = (problem.n_states(), problem.n_parameters(), &problem.model);
+        let (run, grid) = (&problem.runs[j], &problem.grids[j]);
+        let (samples, points) = (run.time.len(), grid.points.len());
+        let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
+        let w = width(p + free.len() + 1);
+        let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
+        let size = n * largest.unwrap_or(0).max(1);
+        Self {
+            n,
+            p,
+            w,
+            jacobian: Grouped::zeros(points, model.entries.len()),
+            gradients: (model.outputs.each_ref()).map(|own| Grouped::zeros(points, own.len())),
+            residual: Grouped::zeros(points, 1),
+            weight: Grouped::zeros(points, 1),
+            second: Grouped::zeros(points, model.pairs.len()),
+            nodes: Rows::new(grid.nodes() * n, w),
+            combined: Rows::new(grid.combinations * n, w),
+            bounded: Rows::new(samples, w),
+            spans: Vec::new(),
+            lu: Vec::new(),
+            k0: Vec::new(),
+            b: Vec::new(),
+            special: BTreeMap::new(),
+            work: Work {
+                lanes: vec![[0.0; LANES]; size],
+                ..Work::default()
+            },
+            growth: 0.0,
+            theta_gradient: vec![0.0; p],
+            theta_lagrangian: vec![0.0; p],
+            omega: vec![0.0; points * n],
+            right: vec![0.0; grid.nodes() * n],
+            free,
+        }
+    }
+
+    /// Number of reduced variables.
+    #[inline]
+    pub fn r(&self) -> usize {
+        self.p + self.free.len()
+    }
+
+    /// Derivatives at every point; writes the run's parts of `∇f` and `∇L` into `gradient` and
+    /// `lagrangian`, over the run's own variables.
+    pub fn linearise<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        iterate: &Iterate,
+        exact: bool,
+        gradient: &mut [f64],
+        lagrangian: &mut [f64],
+    ) {
+        let place = &at.problem.layout.runs[at.j];
+        let lambda = &iterate.lambda[place.equalities()];
+        let eta = &iterate.eta[place.inequalities()];
+        self.defects_transposed(at, lambda, lagrangian);
+        self.differentiate(at, &iterate.z, eta, exact, lagrangian);
+        self.objective_gradient(at, gradient);
+    }
+
+    /// Writes `Eᵀ λ` and the known states' multipliers into `out`, and the weights `-h Σ_r A_ri λ_r` of
+    /// the points' derivatives into `omega`.
+    fn defects_transposed<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        lambda: &[f64],
+        out: &mut [f64],
+    ) {
+        let (n, grid) = (self.n, &at.problem.grids[at.j]);
+        out.fill(0.0);
+        self.omega.fill(0.0);
+        let known = self.known();
+        let count = n - self.free.len();
+        known
+            .zip(&lambda[..count])
+            .for_each(|(i, lambda)| out[i] += lambda);
+        lanes::vectorised(DefectsTransposed {
+            grid,
+            n,
+            lambda: &lambda[count..],
+            out,
+            omega: &mut self.omega,
+        });
+    }
+
+    /// Rows `S` of a point.
+    #[inline]
+    pub(super) fn s_of(&self, state: &PointState) -> &[f64] {
+        state.of(&self.nodes.s, &self.combined.s, self.n * self.w)
+    }
+
+    /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
+    /// change by the offsets alone.
+    #[inline]
+    pub fn bounded_row(&self, sample: usize) -> (&[f64], f64) {
+        let row = &self.bounded.s[sample * self.w..][..=self.r()];
+        (&row[..self.r()], row[self.r()])
+    }
+
+    /// Writes the linear changes of the bounded signal at all samples for these reduced variables into
+    /// `bounded.dx`, and returns them.
+    pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
+        let padded = self.padded(rho, 1.0);
+        lanes::run(self.w, Expand(&mut self.bounded, &padded));
+        &self.bounded.dx
+    }
+
+    /// All steps from the reduced variables, with this multiple of the offsets, into the rows' `dx`.
+    pub fn expand(&mut self, rho: &[f64], offsets: f64) {
+        let padded = self.padded(rho, offsets);
+        lanes::run(self.w, Expand(&mut self.nodes, &padded));
+        lanes::run(self.w, Expand(&mut self.combined, &padded));
+    }
+
+    /// The reduced variables and the offsets' multiple, in a row's width.
+    fn padded(&self, rho: &[f64], offsets: f64) -> Vec<f64> {
+        let mut padded = [rho, &[offsets]].concat();
+        padded.resize(self.w, 0.0);
+        padded
+    }
+}
+
+/// The elements' part of `Eᵀ λ`, added to `out`, and the weights `omega` of the points' derivatives.
+struct DefectsTransposed<'a> {
+    grid: &'a Grid,
+    n: usize,
+    lambda: &'a [f64],
+    out: &'a mut [f64],
+    omega: &'a mut [f64],
+}
+
+impl Task for DefectsTransposed<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            grid,
+            n,
+            lambda,
+            out,
+            omega,
+        } = self;
+        for element in &grid.elements {
+            let points = grid.points_of(element);
+            let rows = lambda[element.first * n..].chunks_exact(n);
+            for (defect, lambda) in element.tableau.defects.iter().zip(rows) {
+                for &(j, e) in &defect.e {
+                    let k = element.first + j;
+                    axpy(e, lambda, &mut out[k * n..(k + 1) * n]);
+                }
+                for &(i, a) in &defect.a {
+                    let i = points[i] as usize;
+                    axpy(-element.h * a, lambda, &mut omega[i * n..(i + 1) * n]);
+                }
+            }
+        }
+    }
+}
+
+/// `dx = [S e] ρ` of these rows, for padded reduced variables.
+struct Expand<'a>(&'a mut Rows, &'a [f64]);
+
+impl Kernel for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        let Self(rows, rho) = self;
+        let rho = rho.first_chunk::<W>().expect("padded");
+        let (s, _) = rows.s.as_chunks::<W>();
+        for (dx, s) in rows.dx.iter_mut().zip(s) {
+            // Four sums at once: a product of rows is otherwise one chain of additions.
+            let mut sums = [0.0; LANES];
+            for (s, rho) in s.chunks_exact(LANES).zip(rho.chunks_exact(LANES)) {
+                for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {
+                    *sum = s.mul_add(*rho, *sum);
+                }
+            }
+            *dx = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The kinds of elements of a problem, and the runs that have the same.
+
+use super::bundle::Bundle;
+use super::run::RunSweep;
+use super::stencil::{Order, Shape, Stencil};
+use crate::Collocation;
+use crate::constraints::ParameterConstraints;
+use pilotage_models::Dynamics;
+use std::sync::Arc;
+
+/// The elements' operations and orders of elimination: one for each different tableau.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stencils {
+    pub kinds: Vec<(Stencil, Order)>,
+    /// Kind of each element of each run.
+    pub kind: Vec<Vec<u32>>,
+}
+
+impl Stencils {
+    /// Finds the kinds of elements.
+    pub fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
+        let shape = Shape {
+            n: problem.n_states(),
+            entries: &problem.model.entries,
+            shared: &problem.model.shared,
+        };
+        let mut out = Self::default();
+        for grid in &problem.grids {
+            let mut kinds: Vec<u32> = Vec::with_capacity(grid.elements.len());
+            for element in &grid.elements {
+                let same = |(stencil, _): &(Stencil, Order)| {
+                    Arc::ptr_eq(&stencil.tableau, &element.tableau)
+                        || stencil.tableau == element.tableau
+                };
+                let known = out.kinds.iter().position(same);
+                let kind = known.unwrap_or_else(|| {
+                    let tableau = element.tableau.clone();
+                    out.kinds
+                        .push((Stencil::new(tableau, shape), Order::default()));
+                    out.kinds.len() - 1
+                });
+                kinds.push(kind as u32);
+            }
+            out.kind.push(kinds);
+        }
+        out
+    }
+
+    /// The runs in bundles of this size at most: neighbours with the same elements and the same number of
+    /// free initial states.
+    pub fn bundles<'a, D, C>(
+        &'a self,
+        problem: &'a Collocation<D, C>,
+        mut rest: &'a mut [RunSweep],
+        size: usize,
+    ) -> Vec<Bundle<'a, D, C>> {
+        let mut bundles = Vec::new();
+        let mut first = 0;
+        while !rest.is_empty() {
+            let (kind, free) = (&self.kind[first], rest[0].free.len());
+            let same = self.kind[first..].iter().zip(&*rest).take(size);
+            let same = same.take_while(|(own, run)| *own == kind && run.free.len() == free);
+            let count = same.count();
+            let (runs, tail) = rest.split_at_mut(count);
+            bundles.push(Bundle {
+                problem,
+                stencils: self,
+                first,
+                runs,
+            });
+            (rest, first) = (tail, first + count);
+        }
+        bundles
+    }
+
+    /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
+    /// what its elements share. False when that element is singular.
+    pub fn order<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        runs: &[RunSweep],
+    ) -> bool {
+        let mut done = vec![false; self.kinds.len()];
+        let mut points = Vec::new();
+        for (j, run) in runs.iter().enumerate() {
+            let grid = &problem.grids[j];
+            for element in 0..grid.elements.len() {
+                let kind = self.kind[j][element] as usize;
+                if std::mem::replace(&mut done[kind], true) {
+                    continue;
+                }
+                if self.kinds[kind].1.symbolic.size() == 0 {
+                    let group = Self::alone(grid, element, &run.jacobian, &mut points);
+                    match self.kinds[kind].0.order(&group, 0, &problem.model.shared) {
+                        Some(found) => self.kinds[kind].1 = found,
+                        None => return false,
+                    }
+                }
+                let point = grid.points_of(&grid.elements[element])[0] as usize;
+                let jacobian: Vec<f64> = run.jacobian.of(point).collect();
+                let (stencil, order) = &mut self.kinds[kind];
+                stencil.refresh(order, &jacobian);
+            }
+        }
+        true
+    }
+}

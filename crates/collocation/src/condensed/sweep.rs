@@ -1,0 +1,262 @@
+//! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
+//! ([`super::bundle`]).
+
+use super::dense::axpy;
+use super::run::{Place, RunSweep};
+use super::stencil::{Group, Order, Stencil};
+use super::stencils::Stencils;
+use crate::constraints::ParameterConstraints;
+use crate::grid::{Grid, PointState};
+use crate::lanes::{self, Grouped, Kernel, LANES, Task};
+use pilotage_models::Dynamics;
+use std::ops::Range;
+
+/// A group of elements of one kind that follow each other: their matrices stand side by side.
+#[derive(Debug, Clone, Copy)]
+pub struct Span {
+    pub kind: usize,
+    /// First element.
+    pub first: usize,
+    /// Number of elements; the lanes beyond repeat the last one.
+    count: usize,
+    /// First entries of its factors, of its `K_0` and of its `B`.
+    lu: usize,
+    k0: usize,
+    b: usize,
+}
+
+impl RunSweep {
+    /// Forms and factors every element's matrices. False when an element is singular.
+    pub fn factor<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        at: Place<'_, D, C>,
+        stencils: &Stencils,
+    ) -> bool {
+        let grid = &at.problem.grids[at.j];
+        self.divide(grid, stencils, at.j);
+        self.special.clear();
+        lanes::vectorised(Factor {
+            own: self,
+            grid,
+            stencils,
+            shared: &at.problem.model.shared,
+        })
+    }
+
+    /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when
+    /// something is not finite.
+    pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
+        let (r, w) = (self.r(), self.w);
+        if at.problem.grids[at.j].combinations > 0 {
+            let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
+            self.combine(at, nodes, &mut combined);
+            self.combined.s = combined;
+        }
+        let extent = Extent {
+            s: &self.nodes.s,
+            r,
+        };
+        let (growth, is_finite) = lanes::run(w, extent);
+        self.growth = growth;
+        is_finite
+    }
+
+    /// Divides the elements into groups at the first use: the orders of their kinds never change.
+    fn divide(&mut self, grid: &Grid, stencils: &Stencils, j: usize) {
+        if !self.spans.is_empty() {
+            return;
+        }
+        let (mut spans, mut lu, mut k0, mut b) = (Vec::new(), 0, 0, 0);
+        let kinds = &stencils.kind[j];
+        let mut first = 0;
+        while first < grid.elements.len() {
+            let kind = kinds[first];
+            let same = kinds[first..].iter().take(LANES);
+            let count = same.take_while(|k| **k == kind).count();
+            let kind = kind as usize;
+            spans.push(Span {
+                kind,
+                first,
+                count,
+                lu,
+                k0,
+                b,
+            });
+            let (stencil, order) = &stencils.kinds[kind];
+            lu += order.symbolic.entries();
+            k0 += stencil.start.len();
+            b += stencil.parameters.len();
+            first += count;
+        }
+        self.spans = spans;
+        self.lu.resize(lu, [0.0; LANES]);
+        self.k0.resize(k0, [0.0; LANES]);
+        self.b.resize(b, [0.0; LANES]);
+    }
+
+    /// All elements in time order: group and lane.
+    #[inline(always)]
+    pub(super) fn elements(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
+        let spans = self.spans.iter();
+        spans.flat_map(|span| (0..span.count).map(move |lane| (span, lane)))
+    }
+
+    /// The states whose initial values are known.
+    #[inline(always)]
+    pub(super) fn known(&self) -> impl Iterator<Item = usize> {
+        (0..self.n).filter(|i| !self.free.contains(i))
+    }
+
+    /// Rows of the points that are combinations, from those of the unknowns:
+    /// `Σ p rows_k + Σ q (J_l rows_l + ∂f/∂θ)`.
+    fn combine<D: Dynamics, C: ParameterConstraints>(
+        &self,
+        at: Place<'_, D, C>,
+        nodes: &[f64],
+        out: &mut [f64],
+    ) {
+        let (n, columns, grid) = (self.n, self.w, &at.problem.grids[at.j]);
+        let (size, entries) = (n * columns, &at.problem.model.entries);
+        for point in &grid.points {
+            let PointState::Combination(c) = &point.state else {
+                continue;
+            };
+            let (done, rest) = out.split_at_mut(c.index * size);
+            let own = &mut rest[..size];
+            own.fill(0.0);
+            for &(k, p) in &c.p {
+                axpy(p, &nodes[k * size..(k + 1) * size], own);
+            }
+            for &(l, q) in &c.q {
+                let from = grid.points[l].state.of(nodes, done, size);
+                for (value, &(i, column)) in self.jacobian.of(l).zip(entries) {
+                    match column.checked_sub(n) {
+                        None => {
+                            let source = &from[column * columns..(column + 1) * columns];
+                            axpy(q * value, source, &mut own[i * columns..(i + 1) * columns]);
+                        }
+                        Some(theta) => own[i * columns + theta] += q * value,
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// [`RunSweep::factor`] in groups.
+struct Factor<'a> {
+    own: &'a mut RunSweep,
+    grid: &'a Grid,
+    stencils: &'a Stencils,
+    shared: &'a [bool],
+}
+
+impl Task for Factor<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self {
+            own,
+            grid,
+            stencils,
+            shared,
+        } = self;
+        let mut work = std::mem::take(&mut own.work);
+        let mut regular = true;
+        'spans: for span in &own.spans {
+            let (stencil, order) = &stencils.kinds[span.kind];
+            let lu = &mut own.lu[span.lu(order)];
+            let (k0, b) = (&mut own.k0[span.k0(stencil)], &mut own.b[span.b(stencil)]);
+            let group = span.group(grid, &own.jacobian, &mut work.points);
+            stencil.fill(order, &group, (lu, k0, b));
+            let lanes = order.symbolic.factor(lu, &mut work.lanes[..stencil.size()]);
+            for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
+                if *is_regular {
+                    continue;
+                }
+                let Some(alone) = stencil.factor_alone(&group, lane, shared) else {
+                    regular = false;
+                    break 'spans;
+                };
+                own.special.insert(span.first + lane, alone);
+            }
+        }
+        own.work = work;
+        regular
+    }
+}
+
+/// The largest magnitude in the first `r` columns of rows, and whether all numbers are finite.
+struct Extent<'a> {
+    s: &'a [f64],
+    r: usize,
+}
+
+impl Kernel for Extent<'_> {
+    type Output = (f64, bool);
+
+    #[inline(always)]
+    fn run<const W: usize>(self) -> (f64, bool) {
+        let (rows, _) = self.s.as_chunks::<W>();
+        let (mut largest, mut sums) = ([0.0_f64; W], [0.0; W]);
+        for row in rows {
+            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
+                *largest = if v.abs() > *largest {
+                    v.abs()
+                } else {
+                    *largest
+                };
+                // Zero times infinity or NaN is NaN.
+                *sum += 0.0 * v;
+            }
+        }
+        let growth = largest[..self.r].iter().copied().fold(0.0, f64::max);
+        (growth, sums.iter().all(|sum| *sum == 0.0))
+    }
+}
+
+impl Span {
+    /// Places of its factors.
+    #[inline]
+    pub fn lu(&self, order: &Order) -> Range<usize> {
+        self.lu..self.lu + order.symbolic.entries()
+    }
+
+    /// Places of its `K_0`.
+    #[inline]
+    pub fn k0(&self, stencil: &Stencil) -> Range<usize> {
+        self.k0..self.k0 + stencil.start.len()
+    }
+
+    /// Places of its `B`.
+    #[inline]
+    pub fn b(&self, stencil: &Stencil) -> Range<usize> {
+        self.b..self.b + stencil.parameters.len()
+    }
+
+    /// The elements with their Jacobians; `points` is scratch.
+    fn group<'a>(
+        &self,
+        grid: &Grid,
+        jacobians: &'a Grouped,
+        points: &'a mut Vec<[usize; LANES]>,
+    ) -> Group<'a> {
+        let last = self.first + self.count - 1;
+        let elements = std::array::from_fn(|lane| &grid.elements[last.min(self.first + lane)]);
+        Group::new(grid, elements, jacobians, points)
+    }
+}
+
+impl Stencils {
+    /// A group of one element.
+    pub(super) fn alone<'a>(
+        grid: &Grid,
+        element: usize,
+        jacobians: &'a Grouped,
+        points: &'a mut Vec<[usize; LANES]>,
+    ) -> Group<'a> {
+        let elements = [&grid.elements[element]; LANES];
+        Group::new(grid, elements, jacobians, points)
+    }
+}

@@ -1,0 +1,240 @@
+//! What a scheme makes of one run: its unknowns, and the points at which the model is evaluated.
+//!
+//! A run's unknowns are coefficient vectors `V_k` of `n` states each, in time order; for most schemes
+//! they are the states at nodes. The model is evaluated at points `Y_i`, which are unknowns themselves
+//! or combinations of unknowns and earlier points' derivatives:
+//!
+//! ```text
+//! Y_i = V_k    or    Y_i = Σ_k p_k V_k + Σ_l q_l f(Y_l)
+//! ```
+//!
+//! Points serve the defects (collocated), the samples (observed), or both; neighbouring elements share
+//! the point at their common boundary.
+
+use super::mesh::Run;
+use super::tableau::{Row, Scheme, Tableau, Value};
+use std::sync::Arc;
+
+/// Unknowns, points and elements of one run.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// Time at which each coefficient vector stands [s]: of a node, or where it has most influence.
+    pub times: Vec<f64>,
+    /// Points; combinations refer to earlier ones.
+    pub points: Vec<Point>,
+    /// Exogenous inputs at the points, `n_inputs` each.
+    pub inputs: Vec<f64>,
+    /// Elements in time order.
+    pub elements: Vec<Element>,
+    /// Points of all elements, in the order of their tableaus' points.
+    pub element_points: Vec<u32>,
+    /// Point of each sample.
+    pub observed: Vec<usize>,
+    /// Number of points that are combinations.
+    pub combinations: usize,
+}
+
+/// Where the model is evaluated.
+#[derive(Debug, Clone)]
+pub struct Point {
+    /// Its states.
+    pub state: PointState,
+    /// Sample at its time.
+    pub sample: Option<u32>,
+}
+
+/// The states of a point.
+#[derive(Debug, Clone)]
+pub enum PointState {
+    /// Those of an unknown.
+    Node(usize),
+    /// A combination.
+    Combination(Box<Combination>),
+}
+
+impl PointState {
+    /// The point's part of a quantity that has `size` numbers for each of the run's unknowns, `nodes`, and
+    /// for each of its combinations.
+    #[inline]
+    pub fn of<'a>(&self, nodes: &'a [f64], combined: &'a [f64], size: usize) -> &'a [f64] {
+        match self {
+            Self::Node(k) => &nodes[k * size..(k + 1) * size],
+            Self::Combination(c) => &combined[c.index * size..(c.index + 1) * size],
+        }
+    }
+}
+
+/// `Σ_k p_k V_k + Σ_l q_l f(Y_l)`.
+#[derive(Debug, Clone)]
+pub struct Combination {
+    /// Counted over the run's combinations.
+    pub index: usize,
+    /// Over the run's unknowns.
+    pub p: Row,
+    /// Over the run's points [s].
+    pub q: Row,
+}
+
+/// One element: a span of the mesh with the same polynomial, or system of equations.
+#[derive(Debug, Clone)]
+pub struct Element {
+    /// Its first unknown, shared with the element before.
+    pub first: usize,
+    /// Its first entry in [`Grid::element_points`].
+    pub points: usize,
+    /// Its length [s].
+    pub h: f64,
+    /// Its coefficients.
+    pub tableau: Arc<Tableau>,
+}
+
+impl Grid {
+    /// The grid of a run with `n_inputs` exogenous inputs.
+    pub fn new(scheme: Scheme, run: &Run, n_inputs: usize) -> Self {
+        let mut grid = Self {
+            times: vec![run.mesh[0]],
+            points: Vec::new(),
+            inputs: Vec::new(),
+            elements: Vec::new(),
+            element_points: Vec::new(),
+            observed: Vec::new(),
+            combinations: 0,
+        };
+        let mut point_times = Vec::new();
+        for part in scheme.elements(&run.mesh) {
+            let start = run.mesh[part.first];
+            let h = run.mesh[part.first + part.intervals] - start;
+            grid.add_element(start, h, part.tableau, &mut point_times);
+        }
+        grid.observe(run, &mut point_times);
+        grid.inputs = vec![0.0; n_inputs * grid.points.len()];
+        if n_inputs > 0 {
+            let inputs = grid.inputs.chunks_exact_mut(n_inputs);
+            inputs
+                .zip(&point_times)
+                .for_each(|(out, t)| run.inputs_at(*t, out));
+        }
+        grid
+    }
+
+    /// Number of coefficient vectors.
+    #[inline]
+    pub fn nodes(&self) -> usize {
+        self.times.len()
+    }
+
+    /// The points of an element, in the order of its tableau.
+    #[inline]
+    pub fn points_of(&self, element: &Element) -> &[u32] {
+        &self.element_points[element.points..element.points + element.tableau.points.len()]
+    }
+
+    /// True when some point takes derivatives of others.
+    pub fn has_nested(&self) -> bool {
+        let takes = |point: &Point| match &point.state {
+            PointState::Node(_) => false,
+            PointState::Combination(c) => !c.q.is_empty(),
+        };
+        self.combinations > 0 && self.points.iter().any(takes)
+    }
+
+    fn add_element(&mut self, start: f64, h: f64, tableau: Arc<Tableau>, times: &mut Vec<f64>) {
+        let first = self.nodes() - 1;
+        let at = |c: f64| if c == 1.0 { start + h } else { start + c * h };
+        self.times
+            .extend(tableau.abscissae[1..].iter().map(|c| at(*c)));
+        let element = Element {
+            first,
+            points: self.element_points.len(),
+            h,
+            tableau,
+        };
+        // The point at the common boundary exists when the element before is collocated there too.
+        let shared = self.elements.last().and_then(|last| {
+            let mut own = self.points_of(last).iter().copied();
+            own.rfind(
+                |i| matches!(self.points[*i as usize].state, PointState::Node(k) if k == first),
+            )
+        });
+        for point in &element.tableau.points {
+            let state = match &point.value {
+                Value::Unknown(0) if shared.is_some() => {
+                    self.element_points.extend(shared);
+                    continue;
+                }
+                Value::Unknown(j) => PointState::Node(first + j),
+                Value::Combination(p) => {
+                    let own = &self.element_points[element.points..];
+                    combination(&mut self.combinations, &element, own, p, &Row::new())
+                }
+            };
+            self.element_points.push(self.points.len() as u32);
+            self.points.push(Point {
+                state,
+                sample: None,
+            });
+            times.push(at(point.c));
+        }
+        self.elements.push(element);
+    }
+
+    /// Finds or adds the point of each sample.
+    fn observe(&mut self, run: &Run, times: &mut Vec<f64>) {
+        let mut point_of = vec![None; self.nodes()];
+        for (i, point) in self.points.iter().enumerate() {
+            if let PointState::Node(k) = point.state {
+                point_of[k] = Some(i);
+            }
+        }
+        let starts: Vec<f64> = self.elements.iter().map(|e| self.times[e.first]).collect();
+        for (sample, &time) in run.time.iter().enumerate() {
+            let element = starts.partition_point(|s| *s <= time).max(1) - 1;
+            let element = &self.elements[element].clone();
+            let (p, q) = place(element, time, self.times[element.first]);
+            let node = match (p.as_slice(), q.as_slice()) {
+                (&[(j, 1.0)], []) => Some(element.first + j),
+                _ => None,
+            };
+            let found = node.and_then(|k| point_of[k]);
+            let index = found.unwrap_or_else(|| {
+                let own = &self.element_points[element.points..];
+                let state = match node {
+                    Some(k) => PointState::Node(k),
+                    None => combination(&mut self.combinations, element, own, &p, &q),
+                };
+                self.points.push(Point {
+                    state,
+                    sample: None,
+                });
+                times.push(time);
+                self.points.len() - 1
+            });
+            self.points[index].sample = Some(sample as u32);
+            self.observed.push(index);
+        }
+    }
+}
+
+/// A combination over an element's unknowns and points, counted by `count`.
+fn combination(
+    count: &mut usize,
+    element: &Element,
+    points: &[u32],
+    p: &Row,
+    q: &Row,
+) -> PointState {
+    *count += 1;
+    PointState::Combination(Box::new(Combination {
+        index: *count - 1,
+        p: p.iter().map(|&(j, v)| (element.first + j, v)).collect(),
+        q: q.iter()
+            .map(|&(i, v)| (points[i] as usize, element.h * v))
+            .collect(),
+    }))
+}
+
+/// The scheme's interpolant at a time; at a node, the node.
+fn place(element: &Element, time: f64, start: f64) -> (Row, Row) {
+    let c = (time - start) / element.h;
+    element.tableau.interpolate(c.clamp(0.0, 1.0))
+}

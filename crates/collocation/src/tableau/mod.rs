@@ -1,0 +1,145 @@
+//! Collocation schemes as data.
+//!
+//! A run is cut into elements. An element of length `h` that starts at `t_0` has coefficient vectors
+//! `V_0 .. V_s`: `V_0` is the state at its start and belongs to the element before too, `V_s` is the state
+//! at its end. A scheme says at which points `i = 0..m` of the element the ODE `ẋ = f(x, t)` is evaluated,
+//! and which defects `r = 0..s` vanish at the solution:
+//!
+//! ```text
+//! Y_i = Σ_j P_ij V_j
+//! 0   = Σ_j E_rj V_j - h Σ_i A_ri f(Y_i, t_0 + c_i h)
+//! ```
+//!
+//! Implicit Runge–Kutta methods in nodal form, Bernstein polynomials and wide finite differences all are
+//! such a [`Tableau`]; [`Scheme`] names them and makes them. Whoever evaluates one needs to know nothing else of the scheme.
+
+mod bernstein;
+mod finite_difference;
+mod legendre;
+mod runge_kutta;
+mod scheme;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use legendre::Lagrange;
+pub use scheme::{Scheme, UnknownScheme};
+
+/// Sparse row: (index, coefficient), indices ascending, no zeros.
+pub type Row = Vec<(usize, f64)>;
+
+/// Abscissae this close are one place [-]: sample times carry the rounding of clocks and of sums.
+const SAME: f64 = 1e-10;
+
+/// Coefficients of one element; no units, its length enters apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tableau {
+    /// Where along the element, from 0 to 1, each coefficient `V_j` stands: the node of a nodal basis,
+    /// the Greville abscissa `j/d` of a Bernstein coefficient. The first is 0, the last is 1.
+    pub abscissae: Vec<f64>,
+    /// Where `f` is evaluated.
+    pub points: Vec<Point>,
+    /// What vanishes at the solution: `s` rows, as many as unknowns.
+    pub defects: Vec<Defect>,
+    /// The scheme's own polynomial.
+    interpolant: Interpolant,
+}
+
+/// A point of an element at which the ODE is evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Where along the element, from 0 to 1.
+    pub c: f64,
+    /// The state there.
+    pub value: Value,
+}
+
+/// The state at a point of an element.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// `Y_i = V_j`.
+    Unknown(usize),
+    /// `Y_i = Σ_j p_j V_j`, over the coefficients `V`.
+    Combination(Row),
+}
+
+/// A defect `Σ_j e_j V_j - h Σ_i a_i f(Y_i)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Defect {
+    /// Over the coefficients `V`.
+    pub e: Row,
+    /// Over `f` at the points.
+    pub a: Row,
+}
+
+/// One element of a run's mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Element {
+    /// Index in the mesh of the boundary at which it starts.
+    pub first: usize,
+    /// Intervals of the mesh that it spans: 1 but for finite differences, which span all.
+    pub intervals: usize,
+    /// Its coefficients, shared by all elements that have the same.
+    pub tableau: Arc<Tableau>,
+}
+
+/// The polynomial that a scheme draws through an element.
+#[derive(Debug, Clone, PartialEq)]
+enum Interpolant {
+    /// `V_0` plus the integral of the polynomial through `f` at the points: the collocation polynomial
+    /// of a Runge–Kutta method.
+    Integral(Lagrange),
+    /// The Bernstein polynomial whose coefficients are the `V_j`.
+    Bernstein,
+    /// The polynomial of this degree through the nodes around.
+    Nodes(usize),
+}
+
+impl Tableau {
+    /// Number of unknown coefficient vectors, `s`; the element's first belongs to the element before.
+    #[inline]
+    pub fn unknowns(&self) -> usize {
+        self.abscissae.len() - 1
+    }
+
+    /// Dense output: `x(t_0 + c h) = Σ_j p_j V_j + h Σ_i q_i f(Y_i)` as the rows `(p, q)`, for `c` from 0
+    /// to 1.
+    ///
+    /// It is the scheme's own interpolant, whose order [`Scheme::interpolant_order`] gives. At 0 and 1 it is
+    /// `V_0` and `V_s` alone, and at a node that is an unknown of the scheme that unknown alone.
+    pub fn interpolate(&self, c: f64) -> (Row, Row) {
+        if let Some(j) = self.coefficient_at(c) {
+            return (vec![(j, 1.0)], Row::new());
+        }
+        match &self.interpolant {
+            Interpolant::Integral(basis) => (vec![(0, 1.0)], row(basis.integrals(c))),
+            Interpolant::Bernstein => (row(bernstein::basis(self.unknowns(), c)), Row::new()),
+            Interpolant::Nodes(degree) => {
+                let p = finite_difference::interpolate(&self.abscissae, *degree, c);
+                (p, Row::new())
+            }
+        }
+    }
+
+    /// The coefficient that is the state at `c`, where there is one.
+    fn coefficient_at(&self, c: f64) -> Option<usize> {
+        let last = self.unknowns();
+        let after = self.abscissae.partition_point(|a| *a <= c);
+        let is_state =
+            |j: &usize| self.interpolant != Interpolant::Bernstein || *j == 0 || *j == last;
+        [after.saturating_sub(1), after.min(last)]
+            .into_iter()
+            .filter(is_state)
+            .find(|j| (self.abscissae[*j] - c).abs() < SAME)
+    }
+}
+
+/// A sparse row from a dense one.
+fn row(dense: impl IntoIterator<Item = f64>) -> Row {
+    dense
+        .into_iter()
+        .enumerate()
+        .filter(|(_, value)| *value != 0.0)
+        .collect()
+}

@@ -1,0 +1,221 @@
+//! The linear system that a coupled system is for small changes about where it stands.
+
+use super::algorithms::Coupling;
+use super::clock::Clock;
+use super::master::{Look, MasterError, Run, run_and_look};
+use super::recorder::Recorder;
+use super::slave::{Linear, Slave};
+use super::system::System;
+use nalgebra::Complex;
+use pilotage_linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wire};
+use pilotage_text::nearest::{did_you_mean, nearest};
+use thiserror::Error;
+
+/// Why a coupled system has no linear one.
+#[derive(Debug, Error)]
+pub enum LinearizeError {
+    /// The loop at the connection is asked for, but there is none.
+    #[error("there is no connection `{from}={to}`{}", did_you_mean(nearest.as_deref()))]
+    NoConnection {
+        /// Output.
+        from: String,
+        /// Input.
+        to: String,
+        /// A connection that is alike.
+        nearest: Option<String>,
+    },
+    /// Nothing comes back to where a loop is cut.
+    #[error("the connection `{from}={to}` is in no loop: what goes in there does not come back")]
+    NoLoop {
+        /// Output.
+        from: String,
+        /// Input.
+        to: String,
+    },
+    /// Direct feedthrough without a solution.
+    #[error(transparent)]
+    AlgebraicLoop(#[from] AlgebraicLoop),
+}
+
+/// The slaves' linear systems and the wires between them.
+#[derive(Debug, Clone)]
+pub struct Linearization {
+    /// The slaves side by side; names are `instance.variable`.
+    pub parts: StateSpace,
+    /// Wires between them.
+    pub wires: Vec<Wire>,
+    /// Connections that carry no changes: of other types than reals, or of what a slave counts as constant.
+    pub constant: Vec<String>,
+    /// How the parts were found whose derivatives are not known.
+    pub notes: Vec<String>,
+}
+
+/// How a loop responds where it is cut.
+#[derive(Debug, Clone)]
+pub struct Loop {
+    /// `L(jω)`, such that `1 + L = 0` is the closed loop.
+    pub response: Response,
+    /// Its margins.
+    pub margins: Margins,
+}
+
+/// Runs a system to the clock's stop and linearises it there. There is no linearization if the run ends
+/// earlier, or a slave cannot be linearised: [`Run::ending`] says why.
+///
+/// # Errors
+/// As [`run`](super::run).
+pub fn linearize(
+    system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    coupling: impl Into<Coupling>,
+    recorder: &mut dyn Recorder,
+) -> Result<(Run, Option<Linearization>), MasterError> {
+    let names: Vec<String> = system.instance_names().map(str::to_owned).collect();
+    // Connections by the names of their ends; a real one with its factor.
+    let connections: Vec<(String, String, Option<f64>)> = (system.connections.iter())
+        .map(|c| {
+            let factor = system.is_real(c).then_some(c.conversion.factor);
+            (system.port_name(c.from), system.port_name(c.to), factor)
+        })
+        .collect();
+    let mut parts: Vec<StateSpace> = Vec::new();
+    let mut notes = Vec::new();
+    let mut look = |slave: &mut dyn Slave| {
+        let Linear { system, note } = slave.linearize(clock.step())?;
+        system.check_finite()?;
+        let instance = &names[parts.len()];
+        notes.extend(note.map(|note| format!("`{instance}` {note}")));
+        parts.push(prefixed(system, instance));
+        Ok(())
+    };
+    let look: Option<Look> = Some(&mut look);
+    let run = run_and_look(system, clock, tolerance, coupling.into(), recorder, look)?;
+    let is_complete = parts.len() == names.len();
+    let linearization = is_complete.then(|| Linearization {
+        notes,
+        ..wired(&parts, &connections)
+    });
+    Ok((run, linearization))
+}
+
+/// A part whose names begin with that of its instance.
+fn prefixed(mut part: StateSpace, instance: &str) -> StateSpace {
+    for names in [&mut part.states, &mut part.inputs, &mut part.outputs] {
+        for name in names {
+            *name = format!("{instance}.{name}");
+        }
+    }
+    part
+}
+
+fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) -> Linearization {
+    let parts = StateSpace::side_by_side(parts);
+    let (mut wires, mut constant) = (Vec::new(), Vec::new());
+    for (from, to, factor) in connections {
+        let output = parts.outputs.iter().position(|name| name == from);
+        let input = parts.inputs.iter().position(|name| name == to);
+        match (output, input, factor) {
+            (Some(output), Some(input), &Some(factor)) => wires.push(Wire {
+                output,
+                input,
+                factor,
+            }),
+            // What a table feeds is an input from outside.
+            (None, Some(_), _) => {}
+            _ => constant.push(format!("{from}={to}")),
+        }
+    }
+    Linearization {
+        parts,
+        wires,
+        constant,
+        notes: Vec::new(),
+    }
+}
+
+impl Linearization {
+    /// The coupled system. Its inputs are those that nothing feeds, its outputs all.
+    ///
+    /// # Errors
+    /// If direct feedthrough closes a loop without a solution.
+    pub fn coupled(&self) -> Result<StateSpace, AlgebraicLoop> {
+        let is_fed = |input: &usize| self.wires.iter().any(|wire| wire.input == *input);
+        let free: Vec<usize> = (0..self.parts.inputs.len())
+            .filter(|input| !is_fed(input))
+            .collect();
+        Ok(self.parts.closed(&self.wires)?.from_inputs(&free))
+    }
+
+    /// The wire of a connection.
+    ///
+    /// # Errors
+    /// If there is none of these names.
+    pub fn wire(&self, from: &str, to: &str) -> Result<usize, LinearizeError> {
+        let name = |wire: &Wire| {
+            let (output, input) = (
+                &self.parts.outputs[wire.output],
+                &self.parts.inputs[wire.input],
+            );
+            format!("{output}={input}")
+        };
+        let names: Vec<String> = self.wires.iter().map(name).collect();
+        let wanted = format!("{from}={to}");
+        (names.iter().position(|name| *name == wanted)).ok_or_else(|| {
+            LinearizeError::NoConnection {
+                from: from.to_owned(),
+                to: to.to_owned(),
+                nearest: nearest(&wanted, names.iter().map(String::as_str)).map(str::to_owned),
+            }
+        })
+    }
+
+    /// The loop that is cut open at a wire, in continuous time.
+    ///
+    /// # Errors
+    /// If there is no loop, or direct feedthrough closes one without a solution.
+    ///
+    /// # Panics
+    /// If there is no such wire.
+    pub fn loop_at(&self, wire: usize) -> Result<Loop, LinearizeError> {
+        let (response, margins) = self.parts.open_loop(&self.wires, wire)?.margins();
+        self.looped(wire, response, margins)
+    }
+
+    /// The same loop in a co-simulation with Jacobi's scheme in steps of `step` [s].
+    ///
+    /// # Errors
+    /// As [`loop_at`](Self::loop_at).
+    ///
+    /// # Panics
+    /// If there is no such wire.
+    pub fn loop_in_steps(&self, wire: usize, step: f64) -> Result<Loop, LinearizeError> {
+        let (response, margins) = Sampled::new(&self.parts, step).margins(&self.wires, wire)?;
+        self.looped(wire, response, margins)
+    }
+
+    /// Poles of the coupled system in a co-simulation with Jacobi's scheme in steps of `step` [s], as
+    /// those of a system in continuous time [1/s].
+    ///
+    /// # Errors
+    /// Never for want of a solution: what is held closes no algebraic loop.
+    pub fn poles_in_steps(&self, step: f64) -> Result<Vec<Complex<f64>>, AlgebraicLoop> {
+        Sampled::new(&self.parts, step).poles(&self.wires)
+    }
+
+    fn looped(
+        &self,
+        wire: usize,
+        response: Response,
+        margins: Margins,
+    ) -> Result<Loop, LinearizeError> {
+        let Wire { output, input, .. } = self.wires[wire];
+        match response.value.iter().any(|value| value.norm() > 0.0) {
+            true => Ok(Loop { response, margins }),
+            false => Err(LinearizeError::NoLoop {
+                from: self.parts.outputs[output].clone(),
+                to: self.parts.inputs[input].clone(),
+            }),
+        }
+    }
+}

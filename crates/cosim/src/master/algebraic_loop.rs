@@ -1,0 +1,209 @@
+//! Algebraic loops between slaves during initialization, solved by Newton's method. Slaves may be set
+//! and read there as often as it takes (FMI 2.0, section 4.2.4).
+
+use super::lu::Lu;
+use super::{MasterError, Stage};
+use crate::slave::{Kind, SlaveError, Value};
+use crate::system::{Connection, Port, System};
+
+/// Steps at most, and halvings of one.
+const MAX_STEPS: usize = 50;
+const MAX_HALVINGS: usize = 10;
+
+/// Differences to be left, relative to `1 + |value|`: what is aimed at, and what is enough where
+/// rounding allows no better.
+const AIM: f64 = 1e-12;
+const ENOUGH: f64 = 1e-9;
+
+/// Relative change of a value for differences, where a slave gives no derivatives.
+const DIFFERENCE: f64 = 1e-6;
+
+/// A loop whose gain is nearer than this to 1 is taken for one without solution.
+const SINGULAR: f64 = 1e-8;
+
+/// Brings the inputs of these connections (positions in the system), all of reals, to the values of the
+/// outputs that feed them.
+pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), MasterError> {
+    let connections: Vec<_> = positions.iter().map(|&c| system.connections[c]).collect();
+    let n = connections.len();
+    let mut values = outputs(system, &connections)?;
+    let mut found = inputs_to_outputs(system, &connections, &values)?;
+    for step in 0..MAX_STEPS {
+        let size = difference(&values, &found);
+        if size <= AIM {
+            return Ok(());
+        }
+        let mut matrix = jacobian(system, &connections, &values, &found)?;
+        let mut direction: Vec<f64> = (0..n).map(|k| found[k] - values[k]).collect();
+        let is_regular = matrix.factor(SINGULAR);
+        if is_regular {
+            matrix.solve(&mut direction);
+        }
+        let mut length = 1.0;
+        let mut improved = None;
+        for _ in 0..=MAX_HALVINGS {
+            let next: Vec<f64> = (0..n).map(|k| values[k] + length * direction[k]).collect();
+            let then = inputs_to_outputs(system, &connections, &next)?;
+            if difference(&next, &then) < size {
+                improved = Some((next, then));
+                break;
+            }
+            length /= 2.0;
+        }
+        match improved {
+            Some((next, then)) => (values, found) = (next, then),
+            None if size <= ENOUGH => {
+                inputs_to_outputs(system, &connections, &values)?;
+                return Ok(());
+            }
+            None => return Err(unsolved(system, &connections, step + 1, size)),
+        }
+    }
+    match difference(&values, &found) {
+        size if size <= ENOUGH => Ok(()),
+        size => Err(unsolved(system, &connections, MAX_STEPS, size)),
+    }
+}
+
+fn unsolved(
+    system: &System,
+    connections: &[Connection],
+    steps: usize,
+    difference: f64,
+) -> MasterError {
+    let mut names: Vec<_> = (connections.iter())
+        .map(|c| system.port_name(c.from))
+        .collect();
+    names.dedup();
+    MasterError::AlgebraicLoop {
+        names,
+        steps,
+        difference,
+    }
+}
+
+/// Largest relative difference; infinite where one is not a number.
+fn difference(values: &[f64], found: &[f64]) -> f64 {
+    let pairs = values.iter().zip(found);
+    pairs.fold(0.0, |max, (value, found)| {
+        let size = (value - found).abs() / (1.0 + value.abs());
+        if size <= max {
+            max
+        } else if size.is_finite() {
+            size
+        } else {
+            f64::INFINITY
+        }
+    })
+}
+
+/// The values that the connections bring.
+fn outputs(system: &mut System, connections: &[Connection]) -> Result<Vec<f64>, MasterError> {
+    connections.iter().map(|c| output(system, *c)).collect()
+}
+
+/// Sets the inputs, and reads what they should be.
+fn inputs_to_outputs(
+    system: &mut System,
+    connections: &[Connection],
+    values: &[f64],
+) -> Result<Vec<f64>, MasterError> {
+    for (connection, value) in connections.iter().zip(values) {
+        set(system, connection.to, *value)?;
+    }
+    outputs(system, connections)
+}
+
+fn output(system: &mut System, connection: Connection) -> Result<f64, MasterError> {
+    let handle = system.variable(connection.from).handle;
+    let slave = &mut system.instances[connection.from.slave].slave;
+    match slave.get(handle, Kind::Real) {
+        Ok(value) => Ok(connection.conversion.apply(value.as_number())),
+        Err(source) => Err(failed(system, connection.from, source)),
+    }
+}
+
+fn set(system: &mut System, port: Port, value: f64) -> Result<(), MasterError> {
+    let handle = system.variable(port).handle;
+    let slave = &mut system.instances[port.slave].slave;
+    let done = slave.set(handle, &Value::Real(value));
+    done.map_err(|source| failed(system, port, source))
+}
+
+fn failed(system: &System, port: Port, source: SlaveError) -> MasterError {
+    MasterError::Initialization {
+        instance: system.instances[port.slave].name.clone(),
+        stage: Stage::Propagate(system.variable(port).name.clone()),
+        source,
+    }
+}
+
+/// `I - ∂F/∂z` with `F` the values of the outputs by those of the inputs: exact where slaves give
+/// derivatives, else by differences.
+fn jacobian(
+    system: &mut System,
+    connections: &[Connection],
+    values: &[f64],
+    found: &[f64],
+) -> Result<Lu, MasterError> {
+    let mut matrix = Lu::new(connections.len());
+    matrix.set_identity();
+    for (column, changed) in connections.iter().enumerate() {
+        let depends = |c: &Connection| {
+            c.from.slave == changed.to.slave
+                && (system.variable(c.from).initial_feedthrough).contains(&changed.to.variable)
+        };
+        let rows: Vec<usize> = (0..connections.len())
+            .filter(|&row| depends(&connections[row]))
+            .collect();
+        let instance = &system.instances[changed.to.slave];
+        let slopes = match instance.slave.abilities().directional_derivatives {
+            true => derivatives(system, connections, &rows, changed.to)?,
+            false => differences(system, connections, &rows, column, values, found)?,
+        };
+        for (&row, slope) in rows.iter().zip(slopes) {
+            matrix.add(row, column, -slope);
+        }
+    }
+    Ok(matrix)
+}
+
+fn derivatives(
+    system: &mut System,
+    connections: &[Connection],
+    rows: &[usize],
+    input: Port,
+) -> Result<Vec<f64>, MasterError> {
+    let outputs: Vec<u32> = (rows.iter())
+        .map(|&row| system.variable(connections[row].from).handle)
+        .collect();
+    let handle = system.variable(input).handle;
+    let mut slopes = vec![0.0; rows.len()];
+    let slave = &mut system.instances[input.slave].slave;
+    let done = slave.directional_derivative(&outputs, &[handle], &[1.0], &mut slopes);
+    done.map_err(|source| failed(system, input, source))?;
+    for (slope, &row) in slopes.iter_mut().zip(rows) {
+        *slope *= connections[row].conversion.factor;
+    }
+    Ok(slopes)
+}
+
+fn differences(
+    system: &mut System,
+    connections: &[Connection],
+    rows: &[usize],
+    column: usize,
+    values: &[f64],
+    found: &[f64],
+) -> Result<Vec<f64>, MasterError> {
+    let (input, value) = (connections[column].to, values[column]);
+    let change = DIFFERENCE * (1.0 + value.abs());
+    set(system, input, value + change)?;
+    let mut slopes = Vec::with_capacity(rows.len());
+    for &row in rows {
+        let changed = output(system, connections[row])?;
+        slopes.push((changed - found[row]) / change);
+    }
+    set(system, input, value)?;
+    Ok(slopes)
+}

@@ -1,0 +1,131 @@
+//! From slaves that were just made to consistent values at the start time.
+
+use super::{MasterError, Stage, algebraic_loop};
+use crate::algorithms::Propagation;
+use crate::slave::{Experiment, Role, Slave, SlaveError, Value};
+use crate::system::{Connection, System};
+
+/// Brings all slaves to the start time with consistent values.
+pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
+    let propagation = Propagation::of(system);
+    each(system, Stage::Setup, |slave| slave.setup(experiment))?;
+    apply_settings(system, |role| role != Role::Input)?;
+    each(system, Stage::EnterInitialization, |slave| {
+        slave.enter_initialization()
+    })?;
+    apply_settings(system, |role| role == Role::Input)?;
+    propagate(system, &propagation)?;
+    each(system, Stage::ExitInitialization, |slave| {
+        slave.exit_initialization()
+    })
+}
+
+fn each(
+    system: &mut System,
+    stage: Stage,
+    mut call: impl FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
+) -> Result<(), MasterError> {
+    for instance in &mut system.instances {
+        call(instance.slave.as_mut()).map_err(|source| MasterError::Initialization {
+            instance: instance.name.clone(),
+            stage: stage.clone(),
+            source,
+        })?;
+    }
+    Ok(())
+}
+
+/// Gives the start values to variables of some roles.
+fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<(), MasterError> {
+    for (port, value) in &system.settings {
+        let instance = &mut system.instances[port.slave];
+        let variable = &instance.slave.variables()[port.variable];
+        if !wanted(variable.role) {
+            continue;
+        }
+        let (handle, name) = (variable.handle, variable.name.clone());
+        let failed = |source| MasterError::Initialization {
+            instance: instance.name.clone(),
+            stage: Stage::Set(name),
+            source,
+        };
+        instance.slave.set(handle, value).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// Passes values along the connections until they are consistent.
+fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), MasterError> {
+    for &c in &propagation.once {
+        pass(system, system.connections[c])?;
+    }
+    let repeated = &propagation.repeated;
+    let is_real = |c: &usize| system.is_real(&system.connections[*c]);
+    match repeated.iter().all(is_real) {
+        true => algebraic_loop::solve(system, repeated),
+        false => sweep(system, repeated),
+    }
+}
+
+/// Largest number of sweeps through an algebraic loop in which not all values are reals.
+const MAX_SWEEPS: usize = 100;
+
+/// Passes values around until they no longer change.
+fn sweep(system: &mut System, repeated: &[usize]) -> Result<(), MasterError> {
+    let mut last: Vec<Option<Value>> = vec![None; repeated.len()];
+    for _ in 0..MAX_SWEEPS {
+        let mut has_settled = true;
+        for (&c, last) in repeated.iter().zip(&mut last) {
+            let value = pass(system, system.connections[c])?;
+            has_settled &= last.as_ref().is_some_and(|last| is_close(last, &value));
+            *last = Some(value);
+        }
+        if has_settled {
+            return Ok(());
+        }
+    }
+    let names = repeated.iter();
+    Err(MasterError::Unsettled {
+        names: names
+            .map(|&c| system.port_name(system.connections[c].from))
+            .collect(),
+        sweeps: MAX_SWEEPS,
+    })
+}
+
+fn is_close(a: &Value, b: &Value) -> bool {
+    const TOLERANCE: f64 = 1e-12;
+    match (a, b) {
+        (Value::Real(a), Value::Real(b)) => (a - b).abs() <= TOLERANCE * (1.0 + b.abs()),
+        _ => a == b,
+    }
+}
+
+/// Passes one value along one connection.
+fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterError> {
+    let (from, to) = (
+        system.variable(connection.from),
+        system.variable(connection.to),
+    );
+    let (from_handle, kind, to_handle, to_kind) = (from.handle, from.kind, to.handle, to.kind);
+    let name = from.name.clone();
+    let failed = |instance: &str| {
+        let instance = instance.to_owned();
+        move |source| MasterError::Initialization {
+            instance,
+            stage: Stage::Propagate(name),
+            source,
+        }
+    };
+    let source = &mut system.instances[connection.from.slave];
+    let got = source.slave.get(from_handle, kind);
+    let got = got.and_then(|value| value.converted(to_kind));
+    let value = match got.map_err(failed.clone()(&source.name))? {
+        Value::Real(value) => Value::Real(connection.conversion.apply(value)),
+        other => other,
+    };
+    let target = &mut system.instances[connection.to.slave];
+    let set = target.slave.set(to_handle, &value);
+    set.map_err(failed(&target.name))?;
+    Ok(value)
+}

@@ -1,0 +1,324 @@
+//! From one communication point of the clock to the next, by the algorithm that was asked for.
+
+mod errors;
+
+use super::controller::Controller;
+use super::crew::Crew;
+use super::exchange::Exchange;
+use super::stopwatch::Sampler;
+use super::strong::Strong;
+use super::wired::Failure;
+use super::{Ending, MasterError};
+use crate::algorithms::{Algorithm, Control, Coupling};
+use crate::report::Steps;
+
+/// After so many rejected steps in a row, there must be a jump.
+const REJECTIONS_AT_A_JUMP: u32 = 3;
+
+/// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
+const UNCONVERGED: f64 = 8.0;
+
+/// How often a step of fixed length, or what is left of it, is halved at most, and the shortest part of it that is.
+const MAX_PARTS: u32 = 4096;
+const SHORTEST_PART: f64 = 1e-7;
+
+/// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
+const OVER_A_JUMP: f64 = 1e-6;
+
+/// Rounding errors of counted times.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// The slaves and how they are stepped.
+pub(super) struct Stepper {
+    pub(super) exchange: Exchange,
+    coupling: Coupling,
+    order: Vec<usize>,
+    /// Every input is held at the newest value, in steps that are all equal.
+    pub(super) is_plain: bool,
+    strong: Option<Strong>,
+    control: Option<(Control, Controller)>,
+    /// Whether inputs change within a step, so that jumps would become ramps.
+    pub(super) has_courses: bool,
+    /// Whether all slaves can go back, and vary their steps.
+    can_reject: bool,
+    can_vary: bool,
+    pub(super) steps: Steps,
+    /// Steps of the clock.
+    points: u64,
+    /// How often this one may still be halved.
+    parts_left: u32,
+    room: Vec<f64>,
+    /// Threads, if slaves step at the same time.
+    crew: Option<Crew>,
+    pub(super) sampler: Sampler,
+}
+
+impl Stepper {
+    pub(super) fn new(
+        exchange: Exchange,
+        coupling: &Coupling,
+        order: Vec<usize>,
+    ) -> Result<Self, MasterError> {
+        let is_strong = coupling.algorithm == Algorithm::Strong;
+        let degree = coupling.extrapolation.unwrap_or(0);
+        let has_parts = exchange.wired.iter().any(|w| w.parts > 1);
+        let is_plain = !is_strong && degree == 0 && coupling.control.is_none() && !has_parts;
+        if coupling.control.is_some()
+            && let Some(fixed) = exchange.wired.iter().find(|w| !w.abilities.variable_steps)
+        {
+            let instance = fixed.name.clone();
+            return Err(MasterError::FixedSteps { instance });
+        }
+        let order_of_error = if is_strong { 3 } else { degree as i32 + 1 };
+        Ok(Self {
+            coupling: *coupling,
+            order,
+            is_plain,
+            strong: is_strong.then(|| Strong::new(&exchange, coupling)),
+            control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
+            has_courses: is_strong || degree > 0 || coupling.control.is_some(),
+            can_vary: exchange.wired.iter().all(|w| w.abilities.variable_steps),
+            can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
+            steps: Steps {
+                shortest: f64::INFINITY,
+                ..Steps::default()
+            },
+            points: 0,
+            parts_left: 0,
+            room: vec![0.0; exchange.values.row.len()],
+            crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
+            sampler: Sampler::new(coupling.measure),
+            exchange,
+        })
+    }
+
+    /// Reads the outputs at the start time [s].
+    pub(super) fn begin(&mut self, time: f64) -> Result<(), MasterError> {
+        for i in 0..self.exchange.wired.len() {
+            let got = self.exchange.get_outputs(i);
+            got.map_err(Failure::at_start)?;
+        }
+        self.exchange.keep(time);
+        self.exchange.history.at_clock();
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        wired.iter_mut().for_each(|w| w.begin_changes(values));
+        self.sampler = Sampler::new(self.coupling.measure);
+        Ok(())
+    }
+
+    /// From the communication point at `t` to the one at `end`, `h` [s] later.
+    #[inline]
+    pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        match self.sampler.is_due() {
+            false => self.step(t, end, h),
+            true => self.step_timed(t, end, h),
+        }
+    }
+
+    #[cold]
+    fn step_timed(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let begun = self.sampler.begin(&mut self.exchange.wired);
+        let result = self.step(t, end, h);
+        self.sampler.end(begun, &mut self.exchange.wired);
+        result
+    }
+
+    #[inline]
+    fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        if self.is_plain {
+            let (algorithm, crew) = (self.coupling.algorithm, self.crew.as_mut());
+            (self.exchange).advance_held(algorithm, &self.order, crew, t, h)?;
+            // All steps are equally long.
+            match self.steps.accepted {
+                0 => self.count(h),
+                _ => self.steps.accepted += 1,
+            }
+            return Ok(());
+        }
+        let stepped = match self.has_courses {
+            true => self.step_between_jumps(t, end, h),
+            false => self.stride(t, end, h),
+        };
+        self.gather(h);
+        stepped?;
+        self.follow(end)
+    }
+
+    /// Follows how the fed outputs change, from one point of the clock to the next: within it, steps may grow as
+    /// they will, and changes with them.
+    fn follow(&mut self, end: f64) -> Result<(), Ending> {
+        self.points += 1;
+        self.exchange.history.at_clock();
+        let Exchange { wired, values, .. } = &mut self.exchange;
+        let mut all = wired.iter_mut();
+        let followed = all.try_for_each(|w| w.follow(values, self.points));
+        followed.map_err(|failure| failure.at(end))
+    }
+
+    /// In steps that are cut at the jumps of signals: one ends shortly before the jump, a very short one
+    /// crosses it, and nothing before it counts for what comes.
+    fn step_between_jumps(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let short = (OVER_A_JUMP * h).max(16.0 * ROUNDING * end.abs());
+        let mut t = begin;
+        while let Some(jump) = self.jump_within(t, end) {
+            if !self.can_vary {
+                self.steps.ramps += 1;
+                break;
+            }
+            let before = jump - short;
+            if before > t + short {
+                self.stride(t, before, before - t)?;
+                t = before;
+            }
+            let after = if jump > end - short { end } else { jump };
+            self.stride_once(t, after, after - t)?;
+            self.exchange.history.restart();
+            self.steps.jumps += 1;
+            t = after;
+        }
+        match t {
+            t if t == begin => self.stride(t, end, h),
+            t if t < end => self.stride(t, end, end - t),
+            _ => Ok(()),
+        }
+    }
+
+    /// The first jump after `t` until `end`.
+    fn jump_within(&self, t: f64, end: f64) -> Option<f64> {
+        let slaves = self.exchange.wired.iter();
+        let jumps = slaves.filter_map(|w| w.slave.next_jump(t));
+        let last = end + ROUNDING * end.abs();
+        jumps.filter(|&jump| jump <= last).reduce(f64::min)
+    }
+
+    /// From `t` to `end`, `h` [s] later: in one step, or in as many as the control wants.
+    fn stride(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let Some((control, mut controller)) = self.control.take() else {
+            return self.stride_once(t, end, h);
+        };
+        let result = self.advance_controlled(&control, &mut controller, t, end);
+        self.control = Some((control, controller));
+        result
+    }
+
+    fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
+        self.parts_left = MAX_PARTS;
+        self.stride_in_halves(t, end, h, 1.0)
+    }
+
+    /// One step, this part of one of fixed length, or, where that is too long for strong coupling, two halves, each of
+    /// which may be halved again. Where no halves can be taken, nonsense ends the run, and what else is wrong is
+    /// reported.
+    fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, part: f64) -> Result<(), Ending> {
+        if self.strong.is_some() {
+            self.exchange.save().map_err(|failure| failure.at(t))?;
+        }
+        self.attempt(h, false)?;
+        let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
+        let can_go_back = self.strong.is_some() && self.can_reject;
+        match can_go_back.then(|| self.misled(part)).flatten() {
+            Some(_) if can_halve => {}
+            Some((slave, input)) if self.is_nonsense() => {
+                return Err(self.exchange.wired[slave].misled(input, t, h));
+            }
+            _ => {
+                self.accept(end, h);
+                return Ok(());
+            }
+        }
+        self.parts_left -= 1;
+        self.exchange.restore().map_err(|failure| failure.at(t))?;
+        self.steps.rejected += 1;
+        let middle = t + 0.5 * h;
+        self.stride_in_halves(t, middle, 0.5 * h, 0.5 * part)?;
+        self.stride_in_halves(middle, end, 0.5 * h, 0.5 * part)
+    }
+
+    /// One step by `h`; whether the outputs at its end are consistent.
+    fn attempt(&mut self, h: f64, is_revocable: bool) -> Result<bool, Ending> {
+        let is_consistent = match &mut self.strong {
+            Some(strong) => strong.advance(&mut self.exchange, h, &mut self.steps)?,
+            None => {
+                let degree = self.coupling.extrapolation.unwrap_or(0);
+                let (algorithm, order) = (self.coupling.algorithm, &self.order);
+                (self.exchange).advance(algorithm, order, degree, h, is_revocable)?;
+                true
+            }
+        };
+        if self.strong.is_some() {
+            self.exchange.watch(h)?;
+        }
+        self.examine(h);
+        Ok(is_consistent)
+    }
+
+    fn accept(&mut self, end: f64, h: f64) {
+        self.measure(h);
+        self.count(h);
+        self.exchange.keep(end);
+    }
+
+    fn count(&mut self, h: f64) {
+        self.steps.accepted += 1;
+        self.steps.shortest = self.steps.shortest.min(h);
+        self.steps.longest = self.steps.longest.max(h);
+    }
+
+    /// From one point of the clock to the next in steps as long as the error allows.
+    fn advance_controlled(
+        &mut self,
+        control: &Control,
+        controller: &mut Controller,
+        begin: f64,
+        end: f64,
+    ) -> Result<(), Ending> {
+        let (mut t, mut rejections) = (begin, 0);
+        while t < end {
+            let (h, is_last) = controller.step_within(end - t);
+            let next = if is_last { end } else { t + h };
+            let failed = |failure: Failure| failure.at(t);
+            self.exchange.save().map_err(failed)?;
+            // Equal parts of the rest may be longer by rounding.
+            let may_reject = self.can_reject && h > 1.01 * control.min_step;
+            let error = match self.attempt(h, self.can_reject) {
+                Ok(has_converged) => {
+                    let error = self.error(h)? / control.tolerance;
+                    if has_converged {
+                        error
+                    } else {
+                        error.max(UNCONVERGED)
+                    }
+                }
+                // As far as the slave came, it may come again.
+                Err(Ending::Discarded { reached, .. }) if may_reject => {
+                    controller.shorten(h, reached - t);
+                    f64::INFINITY
+                }
+                Err(ending) => return Err(ending),
+            };
+            if error > 1.0 && may_reject {
+                self.exchange.restore().map_err(failed)?;
+                self.steps.rejected += 1;
+                rejections += 1;
+                if rejections == REJECTIONS_AT_A_JUMP {
+                    self.exchange.history.restart();
+                }
+                controller.reject(h, error);
+                continue;
+            }
+            self.accept(next, h);
+            controller.accept(h, error);
+            if error > 1.0 {
+                self.steps.over_tolerance += 1;
+                self.exchange.history.restart();
+            }
+            (t, rejections) = (next, 0);
+        }
+        Ok(())
+    }
+
+    /// Positions of the slaves in the order in which they step.
+    pub(super) fn order(&self) -> &[usize] {
+        &self.order
+    }
+}

@@ -1,0 +1,132 @@
+//! By how much the inputs of a step were wrong.
+
+use super::Stepper;
+use crate::master::Ending;
+use crate::master::exchange::Exchange;
+use crate::master::wired::Defect;
+
+/// Error of a step, relative to the outputs' magnitudes, that is nonsense.
+const NONSENSE: f64 = 0.5;
+
+/// Such an error that was seen, over the whole of a step of fixed length: shorter ones within it are worth their while.
+const COARSE: f64 = 0.01;
+
+impl Stepper {
+    /// Finds by how much each input was wrong in the mean over the last step: by what it differs from what was
+    /// [seen](Exchange::watch) of the output or, of one that cannot be seen, from the polynomial of degree 2 (or the
+    /// cubic with the slopes) through the communication points, and by how much that may be wrong.
+    pub(super) fn examine(&mut self, h: f64) {
+        let Exchange {
+            wired,
+            history,
+            values,
+            fed,
+            seen,
+            ..
+        } = &mut self.exchange;
+        for wired in wired {
+            for (k, &p) in wired.input_positions.iter().enumerate() {
+                let (end, used) = (values.outcome(fed, p), wired.used[k]);
+                let defect = (used - history.interpolated(p, 2, h, end).mean).abs();
+                let doubt = history.interpolation_error(p, h, end);
+                let seen = seen[p].map(|mean| used - mean);
+                // What was used is of a lower order than the polynomial, or it is the polynomial.
+                let size = seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, doubt)));
+                wired.defects[k] = Defect {
+                    size,
+                    careful: size.abs().max(defect + doubt),
+                    seen: seen.map_or(0.0, f64::abs),
+                    unseen: seen.map_or(defect.max(doubt), |_| 0.0),
+                };
+            }
+        }
+    }
+
+    /// Adds the errors of the last step.
+    pub(super) fn measure(&mut self, h: f64) {
+        for wired in &mut self.exchange.wired {
+            for (sum, defect) in wired.gathered.iter_mut().zip(&wired.defects) {
+                *sum += h * defect.size;
+            }
+        }
+    }
+
+    /// Takes what was added over a step of the clock by `h` [s] for one error, however many steps it took.
+    pub(super) fn gather(&mut self, h: f64) {
+        for wired in &mut self.exchange.wired {
+            for (error, sum) in wired.errors.iter_mut().zip(&mut wired.gathered) {
+                let sum = std::mem::take(sum).abs();
+                error.mean += sum;
+                error.max = error.max.max(sum / h);
+            }
+        }
+    }
+
+    /// The largest of these errors, as one makes it of a defect, of the output's magnitude at the points of the clock,
+    /// and of that with its value now; and whose input it is, as slave and position.
+    fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
+        let exchange = &self.exchange;
+        let mut largest = (0.0_f64, (0, 0));
+        for (slave, wired) in exchange.wired.iter().enumerate() {
+            for (k, &p) in wired.input_positions.iter().enumerate() {
+                let magnitude = exchange.history.magnitudes[p];
+                let now = magnitude.max(exchange.outcome(p).value.abs());
+                let error = error(&wired.defects[k], magnitude, now);
+                if error > largest.0 {
+                    largest = (error, (slave, k));
+                }
+            }
+        }
+        largest
+    }
+
+    /// An input, as slave and position, for which the last step, this part of one of fixed length, is too long. A
+    /// pulse counts as long as it lasts, however high it is.
+    pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
+        let (excess, input) = self.largest(|defect, magnitude, now| {
+            (defect.unseen / (NONSENSE * now)).max(part * defect.seen / (COARSE * magnitude))
+        });
+        (excess > 1.0).then_some(input)
+    }
+
+    /// Whether an input got nonsense in the last step.
+    pub(super) fn is_nonsense(&self) -> bool {
+        self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
+    }
+
+    /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
+    /// of what they gave since their inputs were held within the step.
+    pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
+        let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
+        match self.strong.is_some() && self.can_reject {
+            true => Ok(largest.max(self.error_of_stairs(h)?)),
+            false => Ok(largest),
+        }
+    }
+
+    fn error_of_stairs(&mut self, h: f64) -> Result<f64, Ending> {
+        let mut largest = 0.0_f64;
+        let span = (self.exchange.history.time(), h);
+        for slave in 0..self.exchange.wired.len() {
+            let Exchange {
+                wired,
+                values,
+                courses,
+                history,
+                fed,
+                others_given,
+                ..
+            } = &mut self.exchange;
+            let wired = &mut wired[slave];
+            if !wired.has_stairs() {
+                continue;
+            }
+            wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
+            for &p in &wired.fed_positions {
+                let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
+                largest = largest.max(effect / history.magnitudes[p]);
+            }
+        }
+        Ok(largest)
+    }
+}

@@ -1,0 +1,316 @@
+//! Strong coupling: the step is repeated until its ends fit.
+
+use super::Ending;
+use super::exchange::Exchange;
+use super::history::Outcome;
+use super::lu::Lu;
+use super::wired::{BEGIN, Failure};
+use crate::algorithms::{Coupling, Iteration, MAX_EXTRAPOLATION};
+use crate::report::Steps;
+
+/// A correction that leaves more than this part of the difference asks for a new matrix.
+const SLOW: f64 = 0.1;
+
+/// Matrices in one step at most.
+const MAX_MATRICES: u32 = 3;
+
+/// Change of a value by which derivatives are formed, relative to its magnitude: far above the noise of
+/// slaves that integrate with error control.
+const DIFFERENCE: f64 = 1e-5;
+
+/// How often a step is repeated at most, since values that are no reals have changed within it.
+const MAX_REPETITIONS: u32 = 4;
+
+/// Pivots below this part of the largest entry are noise of the differences.
+const SINGULAR: f64 = 1e-8;
+
+/// Finds the outputs `z` at the end of a step for which `F(z) = z`, with `F` one step of all slaves
+/// whose inputs go from the outputs at its begin to `z`.
+pub(super) struct Strong {
+    iteration: Iteration,
+    /// Degree of the inputs' polynomials.
+    degree: usize,
+    /// Degrees of extrapolation: for the first pass, and for slaves that cannot go back.
+    predictor: usize,
+    fallback: usize,
+    /// The slaves that can go back; the first ones of them depend on `z`.
+    repeated: Vec<usize>,
+    once: Vec<usize>,
+    /// Slaves that cannot.
+    irrevocable: Vec<usize>,
+    /// Outputs that are no reals and feed slaves that can go back.
+    others: Vec<usize>,
+    /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is; and of those that
+    /// are discrete, which keep their value through the step.
+    unknowns: Vec<usize>,
+    discrete: Vec<usize>,
+    place: Vec<Option<usize>>,
+    tried: Vec<Outcome>,
+    found: Vec<Outcome>,
+    correction: Vec<f64>,
+    /// `I - ∂F/∂z`.
+    matrix: Lu,
+    has_matrix: bool,
+}
+
+impl Strong {
+    pub(super) fn new(exchange: &Exchange, coupling: &Coupling) -> Self {
+        let wired = &exchange.wired;
+        let all = 0..wired.len();
+        let (able, irrevocable): (Vec<usize>, Vec<usize>) =
+            all.partition(|&i| wired[i].abilities.rollback);
+        let feeds_repeated = |p: &usize| able.iter().any(|&i| wired[i].input_positions.contains(p));
+        let unknowns = able
+            .iter()
+            .flat_map(|&i| wired[i].fed_positions.iter().copied());
+        let (discrete, unknowns): (Vec<usize>, Vec<usize>) = unknowns
+            .filter(feeds_repeated)
+            .partition(|&p| exchange.history.is_discrete(p));
+        let mut place = vec![None; exchange.fed.len()];
+        for (k, &p) in unknowns.iter().enumerate() {
+            place[p] = Some(k);
+        }
+        let depends = |&i: &usize| wired[i].input_positions.iter().any(|&p| place[p].is_some());
+        let others = (able.iter()).flat_map(|&i| wired[i].other_inputs.iter());
+        let others = others.map(|&(_, slot)| slot).collect();
+        let (repeated, once) = able.into_iter().partition(depends);
+        let n = unknowns.len();
+        Self {
+            iteration: coupling.iteration,
+            degree: if coupling.control.is_some() { 2 } else { 1 },
+            predictor: coupling.extrapolation.unwrap_or(MAX_EXTRAPOLATION),
+            fallback: coupling.extrapolation.unwrap_or(0),
+            repeated,
+            once,
+            irrevocable,
+            others,
+            unknowns,
+            discrete,
+            place,
+            tried: vec![Outcome::default(); n],
+            found: vec![Outcome::default(); n],
+            correction: vec![0.0; n],
+            matrix: Lu::new(n),
+            has_matrix: false,
+        }
+    }
+
+    /// A communication step by `h` from the history's last point, where the states were saved; whether
+    /// the corrections converged.
+    ///
+    /// Values that are no reals are those of the begin at first. If they are others at the end, the step
+    /// is repeated with these, until they stay; if they do not, it is the step with those of the begin.
+    pub(super) fn advance(
+        &mut self,
+        exchange: &mut Exchange,
+        h: f64,
+        steps: &mut Steps,
+    ) -> Result<bool, Ending> {
+        exchange.keep_others();
+        self.advance_irrevocable(exchange, h)?;
+        for &p in &self.discrete {
+            exchange.courses[p] = exchange.history.extrapolated(p, 0, h);
+        }
+        for (tried, &p) in self.tried.iter_mut().zip(&self.unknowns) {
+            *tried = Outcome {
+                value: exchange.history.extrapolated(p, self.predictor, h).end,
+                slope: exchange.history.slope_after(p, h),
+            };
+        }
+        let mut has_converged = self.solve(exchange, h, steps)?;
+        for repetition in 0..=MAX_REPETITIONS {
+            if self.others_fit(exchange) {
+                break;
+            }
+            let is_last = repetition == MAX_REPETITIONS;
+            steps.repeated += 1;
+            steps.unsettled += u64::from(is_last);
+            let others = match is_last {
+                true => &exchange.others_before,
+                false => &exchange.values.others,
+            };
+            exchange.others_given.clone_from_slice(others);
+            for &i in self.once.iter().chain(&self.repeated) {
+                go_back(exchange, i)?;
+            }
+            has_converged = self.solve(exchange, h, steps)?;
+        }
+        Ok(has_converged)
+    }
+
+    /// Whether the values that are no reals are at the end what the slaves were given.
+    fn others_fit(&self, exchange: &Exchange) -> bool {
+        let (given, found) = (&exchange.others_given, &exchange.values.others);
+        self.others.iter().all(|&slot| given[slot] == found[slot])
+    }
+
+    /// Steps from the begin with `tried`, and corrections of it until it is found.
+    fn solve(
+        &mut self,
+        exchange: &mut Exchange,
+        h: f64,
+        steps: &mut Steps,
+    ) -> Result<bool, Ending> {
+        self.set_courses(exchange, h);
+        for k in 0..self.once.len() {
+            travel(exchange, self.once[k], h)?;
+        }
+        self.travel(exchange, h)?;
+        let (mut size, mut is_slow, mut matrices) = (self.difference(exchange, h), false, 0);
+        for _ in 0..self.iteration.max {
+            if size <= self.iteration.tolerance {
+                return Ok(true);
+            }
+            if is_slow && matrices == MAX_MATRICES {
+                break;
+            }
+            if is_slow || !self.has_matrix {
+                self.renew(exchange, h)?;
+                steps.matrices += 1;
+                matrices += 1;
+            }
+            self.correct(exchange, h)?;
+            steps.corrections += 1;
+            let before = std::mem::replace(&mut size, self.difference(exchange, h));
+            is_slow = size > SLOW * before;
+        }
+        let has_converged = size <= self.iteration.tolerance;
+        steps.unconverged += u64::from(!has_converged);
+        Ok(has_converged)
+    }
+
+    /// Slaves that cannot go back step first, with extrapolated inputs; what they give is known then.
+    fn advance_irrevocable(&self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
+        if self.irrevocable.is_empty() {
+            return Ok(());
+        }
+        exchange.extrapolate(self.fallback, h);
+        for &i in &self.irrevocable {
+            travel(exchange, i, h)?;
+        }
+        for &i in &self.irrevocable {
+            exchange.interpolate(i, self.degree, h);
+        }
+        Ok(())
+    }
+
+    /// Lets the fed outputs go to the values that are tried.
+    fn set_courses(&self, exchange: &mut Exchange, h: f64) {
+        for (&p, &end) in self.unknowns.iter().zip(&self.tried) {
+            exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
+        }
+    }
+
+    /// One step of all slaves that depend on what is tried, from where they stand.
+    fn travel(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
+        for k in 0..self.repeated.len() {
+            travel(exchange, self.repeated[k], h)?;
+        }
+        for (found, &p) in self.found.iter_mut().zip(&self.unknowns) {
+            *found = exchange.outcome(p);
+        }
+        Ok(())
+    }
+
+    /// Largest difference between found and tried, relative to the outputs' magnitudes: of the values,
+    /// and of what the slopes do to the means.
+    fn difference(&self, exchange: &Exchange, h: f64) -> f64 {
+        let pairs = self.found.iter().zip(&self.tried).zip(&self.unknowns);
+        pairs.fold(0.0, |max, ((found, tried), &p)| {
+            let scale = exchange.history.magnitudes[p].max(found.value.abs());
+            let value = (found.value - tried.value).abs();
+            let slope = h / 12.0 * (found.slope - tried.slope).abs();
+            max.max(value.max(slope) / scale)
+        })
+    }
+
+    /// A step of the (simplified) Newton method, and a new step of the slaves with its result.
+    fn correct(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
+        let pairs = self.found.iter().zip(&self.tried);
+        for (correction, (found, tried)) in self.correction.iter_mut().zip(pairs) {
+            *correction = found.value - tried.value;
+        }
+        self.matrix.solve(&mut self.correction);
+        // The slopes weigh little: they follow by substitution.
+        let pairs = self.correction.iter().zip(&self.found);
+        for (tried, (correction, found)) in self.tried.iter_mut().zip(pairs) {
+            tried.value += correction;
+            tried.slope = found.slope;
+        }
+        self.set_courses(exchange, h);
+        for &i in &self.repeated {
+            go_back(exchange, i)?;
+        }
+        self.travel(exchange, h)
+    }
+
+    /// Forms `I - ∂F/∂z` by differences: of each slave, one repeated step for each output that feeds
+    /// it. Where it is singular, the identity takes its place, and the iteration is that of a fixed
+    /// point.
+    fn renew(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
+        self.matrix.set_identity();
+        for k in 0..self.repeated.len() {
+            let i = self.repeated[k];
+            for input in 0..exchange.wired[i].input_positions.len() {
+                let inputs = &exchange.wired[i].input_positions;
+                let p = inputs[input];
+                // One output may feed several inputs of a slave.
+                let is_first = !inputs[..input].contains(&p);
+                if let (Some(column), true) = (self.place[p], is_first) {
+                    self.differentiate(exchange, h, i, p, column)?;
+                }
+            }
+        }
+        if !self.matrix.factor(SINGULAR) {
+            self.matrix.set_identity();
+            let is_regular = self.matrix.factor(SINGULAR);
+            debug_assert!(is_regular, "the identity");
+        }
+        self.has_matrix = true;
+        Ok(())
+    }
+
+    /// The part of a slave in the matrix's column of the output at position `p`.
+    fn differentiate(
+        &mut self,
+        exchange: &mut Exchange,
+        h: f64,
+        i: usize,
+        p: usize,
+        column: usize,
+    ) -> Result<(), Ending> {
+        let course = exchange.courses[p];
+        let change = DIFFERENCE * exchange.history.magnitudes[p].max(course.end.abs());
+        let mut end = self.tried[column];
+        end.value += change;
+        exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
+        go_back(exchange, i)?;
+        travel(exchange, i, h)?;
+        exchange.courses[p] = course;
+        for &q in &exchange.wired[i].fed_positions {
+            if let Some(row) = self.place[q] {
+                let changed = exchange.values.row[exchange.fed[q]];
+                let slope = (changed - self.found[row].value) / change;
+                self.matrix.add(row, column, -slope);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A communication step of one slave by `h`, inputs along their courses.
+fn travel(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
+    let t = exchange.history.time();
+    let wired = &mut exchange.wired[i];
+    let is_set = wired.set_others(&exchange.others_given);
+    is_set.map_err(|failure: Failure| failure.at(t))?;
+    let (parts, is_revocable) = (wired.parts, wired.abilities.rollback);
+    let (values, courses) = (&mut exchange.values, &exchange.courses);
+    wired.travel(values, courses, (t, h), parts, is_revocable)
+}
+
+fn go_back(exchange: &mut Exchange, i: usize) -> Result<(), Ending> {
+    let t = exchange.history.time();
+    let restored = exchange.wired[i].restore(BEGIN);
+    restored.map_err(|failure| failure.at(t))
+}

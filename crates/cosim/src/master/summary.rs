@@ -1,0 +1,153 @@
+//! What a run is reported to have done.
+
+use super::change::Change;
+use super::stepper::Stepper;
+use crate::algorithms::{Algorithm, Coupling};
+use crate::report::{ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
+use crate::system::System;
+
+/// The connections of reals, by name and by position.
+pub(super) struct Wires(Vec<Wire>);
+
+struct Wire {
+    from: String,
+    to: String,
+    unit: String,
+    /// Positions of the slaves.
+    source: usize,
+    target: usize,
+    /// Which of the target's real inputs.
+    input: usize,
+}
+
+impl Wires {
+    pub(super) fn of(system: &System) -> Self {
+        let mut inputs = vec![0; system.instances.len()];
+        let mut wires = Vec::new();
+        for connection in &system.connections {
+            if !system.is_real(connection) {
+                continue;
+            }
+            let variable = system.variable(connection.from);
+            let target = connection.to.slave;
+            let unit = variable.unit.as_ref();
+            wires.push(Wire {
+                from: system.port_name(connection.from),
+                to: system.port_name(connection.to),
+                unit: unit.map_or_else(String::new, |u| u.name.clone()),
+                source: connection.from.slave,
+                target,
+                input: inputs[target],
+            });
+            inputs[target] += 1;
+        }
+        Self(wires)
+    }
+
+    /// The report of a run of so many steps of the clock, `duration` [s] of simulated time.
+    pub(super) fn report(
+        self,
+        stepper: &Stepper,
+        coupling: &Coupling,
+        clock_steps: u64,
+        duration: f64,
+    ) -> Report {
+        let wired = &stepper.exchange.wired;
+        let steps = match stepper.steps.accepted {
+            0 => Steps::default(),
+            _ => stepper.steps,
+        };
+        let needs_rollback = coupling.algorithm == Algorithm::Strong || coupling.control.is_some();
+        let irrevocable = (wired.iter())
+            .filter(|w| needs_rollback && !w.abilities.rollback && !w.inputs.is_empty());
+        let scale = stepper.sampler.scale(clock_steps);
+        let slaves = wired.iter().map(|w| SlaveReport {
+            name: w.name.clone(),
+            calls: w.calls,
+            seconds: scale * w.watch.seconds,
+        });
+        let slaves: Vec<SlaveReport> = slaves.collect();
+        let in_slaves: f64 = slaves.iter().map(|slave| slave.seconds).sum();
+        Report {
+            steps,
+            slaves,
+            connections: (self.0.iter())
+                .map(|wire| wire.report(stepper, coupling, duration))
+                .collect(),
+            fixed: (wired.iter())
+                .filter(|w| steps.ramps > 0 && !w.abilities.variable_steps)
+                .map(|w| w.name.clone())
+                .collect(),
+            holding: (wired.iter())
+                .filter(|w| stepper.has_courses && !w.inputs.is_empty())
+                .filter(|w| !w.abilities.input_derivatives)
+                .map(|w| w.name.clone())
+                .collect(),
+            irrevocable: irrevocable.map(|w| w.name.clone()).collect(),
+            master_seconds: (stepper.sampler.elapsed() - in_slaves).max(0.0),
+            timed_steps: stepper.sampler.timed,
+        }
+    }
+}
+
+impl Wire {
+    fn report(&self, stepper: &Stepper, coupling: &Coupling, duration: f64) -> ConnectionReport {
+        let transfer = self.transfer(stepper, coupling);
+        let h = match stepper.steps.accepted {
+            0 => 0.0,
+            accepted => duration / accepted as f64,
+        };
+        let target = &stepper.exchange.wired[self.target];
+        let lag = match transfer {
+            Transfer::Held => h / 2.0,
+            Transfer::Ahead => -h / 2.0,
+            // The value at the end of each part of the step is held in it.
+            Transfer::Extrapolated | Transfer::Interpolated if target.is_given_ends() => {
+                -h / (2.0 * f64::from(target.parts))
+            }
+            Transfer::Extrapolated | Transfer::Interpolated => 0.0,
+        };
+        let source = &stepper.exchange.wired[self.source];
+        let is_fed = |&p: &usize| p == target.input_positions[self.input];
+        let change = source.fed_positions.iter().position(is_fed);
+        let change = change.map_or_else(Change::default, |k| source.changes[k].1);
+        // What is held through a step is wrong by half of the change in it.
+        let error = match stepper.is_plain {
+            true => CouplingError {
+                mean: 0.5 * h * change.sum,
+                max: 0.5 * change.largest,
+            },
+            false => target.errors[self.input],
+        };
+        ConnectionReport {
+            from: self.from.clone(),
+            to: self.to.clone(),
+            unit: self.unit.clone(),
+            transfer,
+            lag,
+            error: (duration > 0.0).then(|| CouplingError {
+                mean: error.mean / duration,
+                max: error.max,
+            }),
+            divergence: change.divergence(),
+        }
+    }
+
+    fn transfer(&self, stepper: &Stepper, coupling: &Coupling) -> Transfer {
+        let wired = &stepper.exchange.wired;
+        let place = |slave| stepper.order().iter().position(|&i| i == slave);
+        let is_known = match coupling.algorithm {
+            Algorithm::Jacobi => false,
+            Algorithm::GaussSeidel => place(self.source) < place(self.target),
+            Algorithm::Strong => wired[self.target].abilities.rollback,
+        };
+        let is_polynomial = coupling.algorithm == Algorithm::Strong && is_known
+            || coupling.extrapolation.unwrap_or(0) > 0;
+        match (is_known, is_polynomial) {
+            (false, false) => Transfer::Held,
+            (true, false) => Transfer::Ahead,
+            (false, true) => Transfer::Extrapolated,
+            (true, true) => Transfer::Interpolated,
+        }
+    }
+}

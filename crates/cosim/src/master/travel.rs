@@ -1,0 +1,142 @@
+//! A communication step of one slave whose inputs change within it.
+
+use super::history::Course;
+use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
+use super::{Ending, Stage};
+use crate::slave::Value;
+
+impl Wired {
+    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `courses`, and
+    /// reads the outputs.
+    ///
+    /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
+    /// feedthrough show the inputs' values at the end; where these are others, they come from a last
+    /// part that ends there, before the slave goes back and takes the right one.
+    pub(super) fn travel(
+        &mut self,
+        values: &mut Values,
+        courses: &[Course],
+        (t, h): (f64, f64),
+        parts: u32,
+        is_revocable: bool,
+    ) -> Result<(), Ending> {
+        let failed = |failure: Failure| failure.at(t);
+        let mut own = self.input_positions.iter().map(|&p| &courses[p]);
+        let is_held = own.clone().all(Course::is_held);
+        let is_ramp = self.abilities.input_derivatives && !is_held;
+        let ends_elsewhere = match is_ramp {
+            true => own.any(Course::is_curved),
+            false => !is_held,
+        };
+        let needs_ends = self.has_feedthrough && ends_elsewhere;
+        let has_two_passes = needs_ends && self.abilities.rollback;
+        let only_ends = needs_ends && !has_two_passes && self.feeds_through;
+        let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
+        self.note_used(courses, (2.0 * place - 1.0) / f64::from(parts));
+        let step = h / f64::from(parts);
+        for part in 0..parts {
+            let begin = t + f64::from(part) * step;
+            let at = |place: f64| (f64::from(part) + place) / f64::from(parts);
+            if has_two_passes && part + 1 == parts {
+                self.save(LAST_PART).map_err(failed)?;
+                match is_ramp {
+                    true => self.set_ramps(courses, true, at(0.0), h).map_err(failed)?,
+                    false => self.hold(courses, true, 1.0).map_err(failed)?,
+                }
+                self.step(begin, step, true)?;
+                self.get_outputs(values).map_err(failed)?;
+                self.restore(LAST_PART).map_err(failed)?;
+            }
+            match is_ramp {
+                true => self
+                    .set_ramps(courses, only_ends, at(0.0), h)
+                    .map_err(failed)?,
+                false => self.hold(courses, only_ends, at(place)).map_err(failed)?,
+            }
+            self.step(begin, step, is_revocable)?;
+        }
+        match has_two_passes {
+            true => self.get_settled(values).map_err(failed),
+            false => self.get_outputs(values).map_err(failed),
+        }
+    }
+
+    fn note_used(&mut self, courses: &[Course], shift: f64) {
+        for (used, &p) in self.used.iter_mut().zip(&self.input_positions) {
+            let course = &courses[p];
+            *used = course.mean + shift * (course.end - course.mean);
+        }
+    }
+
+    /// Sets the inputs to where their lines are after a part `at` of the step, the lines to the end
+    /// values if so.
+    pub(super) fn hold(
+        &mut self,
+        courses: &[Course],
+        to_ends: bool,
+        at: f64,
+    ) -> Result<(), Failure> {
+        for (value, &p) in self.input_values.iter_mut().zip(&self.input_positions) {
+            let course = courses[p];
+            *value = match to_ends {
+                true => course.to_end().line(at),
+                false => course.line(at),
+            };
+        }
+        self.set_reals()
+    }
+
+    /// The same with the slopes of the lines in a step of `h` [s].
+    pub(super) fn set_ramps(
+        &mut self,
+        courses: &[Course],
+        to_ends: bool,
+        at: f64,
+        h: f64,
+    ) -> Result<(), Failure> {
+        self.hold(courses, to_ends, at)?;
+        for (slope, &p) in self.slopes.iter_mut().zip(&self.input_positions) {
+            let course = match to_ends {
+                true => courses[p].to_end(),
+                false => courses[p],
+            };
+            *slope = 2.0 * course.lean / h;
+        }
+        for &(position, conversion) in &self.conversions {
+            self.slopes[position] *= conversion.factor;
+        }
+        self.calls.sets += 1;
+        let (inputs, slopes) = (&self.inputs, &self.slopes);
+        let set = self
+            .watch
+            .time(|| self.slave.set_input_derivatives(inputs, slopes));
+        set.map_err(|source| self.failure(Stage::SetInputs, source))
+    }
+
+    /// By how much one step in half as many parts would have changed the fed outputs: what holding the
+    /// inputs within each part does, times 3. `others` are its inputs that are no reals; `room` is for as many values as there are outputs.
+    ///
+    /// The slave stands at the end of the step before and after.
+    pub(super) fn effect_of_stairs(
+        &mut self,
+        values: &mut Values,
+        courses: &[Course],
+        others: &[Value],
+        span: (f64, f64),
+        room: &mut [f64],
+    ) -> Result<(), Ending> {
+        let failed = |failure: Failure| failure.at(span.0);
+        let slots = self.output_slots.clone();
+        let room = &mut room[..slots.len()];
+        self.save(END).map_err(failed)?;
+        room.copy_from_slice(&values.row[slots.clone()]);
+        self.restore(BEGIN).map_err(failed)?;
+        self.set_others(others).map_err(failed)?;
+        self.travel(values, courses, span, self.parts / 2, true)?;
+        self.restore(END).map_err(failed)?;
+        for (fine, coarse) in room.iter_mut().zip(&mut values.row[slots]) {
+            (*fine, *coarse) = (*fine - *coarse, *fine);
+        }
+        self.get_others(values).map_err(failed)
+    }
+}

@@ -1,0 +1,284 @@
+//! Which signals of a run are recorded, and how often.
+
+use super::recorder::{Recorder, Signal};
+use super::slave::{Conversion, Kind, Role};
+use super::system::{Port, System};
+use pilotage_text::nearest::{did_you_mean, nearest};
+use std::collections::{HashMap, HashSet};
+use std::io;
+use thiserror::Error;
+
+/// Why a choice of signals cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum SelectionError {
+    /// A pattern that fits no variable.
+    #[error("no variable is named like `{pattern}`{}", did_you_mean(nearest.as_deref()))]
+    Nothing {
+        /// The pattern.
+        pattern: String,
+        /// The most similar name.
+        nearest: Option<String>,
+    },
+    /// Patterns that fit only variables that no table of numbers can hold.
+    #[error("`{pattern}` is text and cannot be in a table of numbers")]
+    Text {
+        /// The pattern.
+        pattern: String,
+    },
+}
+
+/// Chosen signals, in the order in which they are recorded.
+#[derive(Debug, Clone, Default)]
+pub struct Selection {
+    chosen: Vec<Chosen>,
+}
+
+#[derive(Debug, Clone)]
+struct Chosen {
+    signal: Signal,
+    /// Name of the signal of the run that holds it: its own, or of an input that is fed that of the
+    /// output.
+    source: String,
+    conversion: Conversion,
+}
+
+impl Selection {
+    /// The variables whose `instance.variable`, or whose alias, fits one of the patterns, in which `*` stands for any
+    /// characters and `?` for one; parameters, which do not change, only if nothing else fits it. Tells
+    /// the system to read those that are not read anyway: locals, parameters and inputs that nothing
+    /// feeds. An input that is fed has at each time the value of the output that feeds it, in the input's
+    /// unit.
+    ///
+    /// # Errors
+    /// If a pattern fits nothing that can be recorded.
+    pub fn new(system: &mut System, patterns: &[String]) -> Result<Self, SelectionError> {
+        let names: Vec<(Port, String)> = system.names().collect();
+        let (mut chosen, mut known) = (Vec::new(), HashSet::new());
+        for pattern in patterns {
+            let mut fitting: Vec<&(Port, String)> = (names.iter())
+                .filter(|(_, name)| fits(pattern, name))
+                .collect();
+            // Where a variable's own name fits, its aliases do not count.
+            fitting.retain(|(port, name)| {
+                let own = system.port_name(*port);
+                *name == own || !fits(pattern, &own)
+            });
+            if fitting.is_empty() {
+                let all = names.iter().map(|(_, name)| name.as_str());
+                return Err(SelectionError::Nothing {
+                    pattern: pattern.clone(),
+                    nearest: nearest(pattern, all).map(str::to_owned),
+                });
+            }
+            let is_number = |port: Port| system.variable(port).kind != Kind::String;
+            if !fitting.iter().any(|(port, _)| is_number(*port)) {
+                let pattern = pattern.clone();
+                return Err(SelectionError::Text { pattern });
+            }
+            fitting.retain(|(port, _)| is_number(*port));
+            let is_variable = |port: Port| system.variable(port).role != Role::Parameter;
+            let has_variables = fitting.iter().any(|(port, _)| is_variable(*port));
+            let wanted = (fitting.into_iter())
+                .filter(|(port, _)| is_variable(*port) || !has_variables)
+                .filter(|(_, name)| known.insert(name.clone()));
+            chosen.extend(wanted.cloned());
+        }
+        Ok(Self::of(system, chosen))
+    }
+
+    /// All outputs but those of some slaves, in whose stead the inputs that they feed are recorded:
+    /// what a table feeds is known best by the name of the input.
+    pub fn without(system: &mut System, sources: &[String]) -> Self {
+        let is_source = |port: Port| sources.contains(&system.instances[port.slave].name);
+        let is_wanted = |port: &Port| {
+            let variable = system.variable(*port);
+            let is_fed = |from: Port| is_source(from) && variable.role == Role::Input;
+            variable.kind != Kind::String
+                && match system.feeding(*port) {
+                    Some((from, _)) => is_fed(from),
+                    None => variable.role == Role::Output && !is_source(*port),
+                }
+        };
+        let ports = system.ports().filter(is_wanted);
+        let ports: Vec<_> = ports.map(|port| (port, system.port_name(port))).collect();
+        Self::of(system, ports)
+    }
+
+    fn of(system: &mut System, ports: Vec<(Port, String)>) -> Self {
+        let mut chosen = Vec::new();
+        for (port, name) in ports {
+            let unit = system.variable(port).unit.as_ref();
+            let signal = Signal {
+                name,
+                unit: unit.map_or(String::new(), |unit| unit.name.clone()),
+            };
+            let (from, conversion) = match system.feeding(port) {
+                Some(feeding) => feeding,
+                None => {
+                    system.observe(port);
+                    (port, Conversion::NONE)
+                }
+            };
+            chosen.push(Chosen {
+                signal,
+                source: system.port_name(from),
+                conversion,
+            });
+        }
+        Self { chosen }
+    }
+}
+
+/// Whether a name fits a pattern with `*` and `?`.
+fn fits(pattern: &str, name: &str) -> bool {
+    let mut rest = name.chars();
+    let mut parts = pattern.chars();
+    match parts.next() {
+        None => name.is_empty(),
+        Some('*') => {
+            let after = parts.as_str();
+            let starts = name.char_indices().map(|(at, _)| at);
+            starts
+                .chain([name.len()])
+                .any(|at| fits(after, &name[at..]))
+        }
+        Some(c) => {
+            rest.next().is_some_and(|found| c == '?' || c == found)
+                && fits(parts.as_str(), rest.as_str())
+        }
+    }
+}
+
+/// Records chosen signals at every `every`-th row, the first one included, and at the last.
+#[derive(Debug)]
+pub struct Thinned<R> {
+    /// Where the chosen values go.
+    pub inner: R,
+    selection: Option<Selection>,
+    /// Slot in the run's row and conversion of each chosen signal; empty without a selection.
+    slots: Vec<(usize, Conversion)>,
+    row: Vec<f64>,
+    every: u64,
+    /// Rows until the next one that is kept.
+    wait: u64,
+    /// Time and values of the last row, if it was left out.
+    skipped: Option<f64>,
+    last: Vec<f64>,
+    /// What is recorded.
+    pub signals: Vec<Signal>,
+    /// Rows that were recorded.
+    pub rows: u64,
+}
+
+impl<R> Thinned<R> {
+    /// All signals where nothing is selected.
+    ///
+    /// # Panics
+    /// If `every` is 0.
+    pub fn new(inner: R, selection: Option<Selection>, every: u64) -> Self {
+        assert!(every > 0, "every 0th row cannot be recorded");
+        Self {
+            inner,
+            selection,
+            slots: Vec::new(),
+            row: Vec::new(),
+            every,
+            wait: 0,
+            skipped: None,
+            last: Vec::new(),
+            signals: Vec::new(),
+            rows: 0,
+        }
+    }
+}
+
+impl<R: Recorder> Thinned<R> {
+    fn record(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        self.rows += 1;
+        if self.selection.is_none() {
+            return self.inner.row(time, values);
+        }
+        for (value, (slot, conversion)) in self.row.iter_mut().zip(&self.slots) {
+            *value = conversion.apply(values[*slot]);
+        }
+        self.inner.row(time, &self.row)
+    }
+}
+
+impl<R: Recorder> Recorder for Thinned<R> {
+    fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        self.last = vec![f64::NAN; signals.len()];
+        let Some(selection) = &self.selection else {
+            self.signals = signals.to_vec();
+            return self.inner.begin(signals);
+        };
+        let slots: HashMap<&str, usize> = (signals.iter().enumerate())
+            .map(|(slot, signal)| (signal.name.as_str(), slot))
+            .collect();
+        // Every chosen signal is an output or observed, so that the run has it.
+        let (chosen, found): (Vec<Signal>, Vec<(usize, Conversion)>) = (selection.chosen.iter())
+            .filter_map(|chosen| {
+                let slot = *slots.get(chosen.source.as_str())?;
+                Some((chosen.signal.clone(), (slot, chosen.conversion)))
+            })
+            .unzip();
+        self.row = vec![0.0; found.len()];
+        self.slots = found;
+        self.signals = chosen;
+        self.inner.begin(&self.signals)
+    }
+
+    fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        if self.wait > 0 {
+            self.wait -= 1;
+            self.skipped = Some(time);
+            self.last.copy_from_slice(values);
+            return Ok(());
+        }
+        self.wait = self.every - 1;
+        self.skipped = None;
+        self.record(time, values)
+    }
+
+    fn end_rows(&mut self) -> io::Result<()> {
+        if let Some(time) = self.skipped.take() {
+            let last = std::mem::take(&mut self.last);
+            self.record(time, &last)?;
+        }
+        self.inner.end_rows()
+    }
+
+    fn is_stop_asked(&mut self) -> bool {
+        self.inner.is_stop_asked()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fits;
+
+    #[test]
+    fn patterns() {
+        for (pattern, name) in [
+            ("pilot.stick", "pilot.stick"),
+            ("pilot.*", "pilot.stick"),
+            ("*", ""),
+            ("*.z", "quadcopter.z"),
+            ("*.x?", "pilot.x1"),
+            ("a*b*c", "a.b.b.c"),
+            ("*größe?", "x.größe1"),
+            ("q[1]", "q[1]"),
+        ] {
+            assert!(fits(pattern, name), "{pattern} {name}");
+        }
+        for (pattern, name) in [
+            ("pilot.*", "copilot.stick"),
+            ("*.x?", "pilot.x"),
+            ("a*b", "a.b.c"),
+            ("", "a"),
+            ("pilot", "pilot.stick"),
+        ] {
+            assert!(!fits(pattern, name), "{pattern} {name}");
+        }
+    }
+}

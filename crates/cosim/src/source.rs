@@ -1,0 +1,385 @@
+//! Signals over time, from a table, as a slave that feeds others.
+
+use super::slave::{
+    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+};
+use pilotage_linear::StateSpace;
+use pilotage_series::{Column, Series};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Why a table's column cannot feed an input.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SourceError {
+    /// A column of missing samples only.
+    #[error("column `{column}` has no samples")]
+    Empty {
+        /// The column.
+        column: String,
+    },
+    /// An infinite sample, between which and others there is no straight line.
+    #[error("column `{column}` is {value} at {time} s; expected finite numbers")]
+    Infinite {
+        /// The column.
+        column: String,
+        /// The sample.
+        value: f64,
+        /// Its time [s].
+        time: f64,
+    },
+    /// A sample that is no value of the input's type.
+    #[error("column `{column}` is {value} at {time} s, which is no {kind}")]
+    NotOfKind {
+        /// The column.
+        column: String,
+        /// The sample.
+        value: f64,
+        /// Its time [s].
+        time: f64,
+        /// The type of the input that it shall feed.
+        kind: Kind,
+    },
+    /// Text cannot come from a table of numbers.
+    #[error("column `{column}` holds numbers and cannot feed a String")]
+    Text {
+        /// The column.
+        column: String,
+    },
+}
+
+/// A table whose columns are outputs; a handle is a column's position.
+///
+/// Between samples reals go along straight lines, other types keep the last sample. A time that stands
+/// in several rows is a jump: from it on the last of these rows counts. Before the first and after the
+/// last sample of a column its value is held.
+///
+/// A master sees a table as it sees any slave, at its communication points; so that a jump is one for a master
+/// that interpolates between them, [`next_jump`](Slave::next_jump) tells when it comes.
+#[derive(Debug, Clone)]
+pub struct Source {
+    variables: Vec<Variable>,
+    columns: Vec<Samples>,
+    /// Times at which some column jumps, in order.
+    jumps: Vec<f64>,
+    time: f64,
+    saved: Vec<f64>,
+}
+
+/// The samples of one column, missing ones left out; the times are shared by all columns that miss none.
+#[derive(Debug, Clone, Default)]
+struct Samples {
+    times: Arc<Vec<f64>>,
+    values: Vec<f64>,
+    is_held: bool,
+}
+
+impl Source {
+    /// A table whose columns are reals, in the units of its header. It keeps the values where they are: 8 bytes
+    /// for each, and for each time.
+    ///
+    /// # Errors
+    /// If a column has no samples, or an infinite one.
+    pub fn new(series: Series) -> Result<Self, SourceError> {
+        let mut source = Self {
+            variables: Vec::new(),
+            columns: Vec::new(),
+            jumps: Vec::new(),
+            time: series.time.first().copied().unwrap_or(0.0),
+            saved: Vec::new(),
+        };
+        let times = Arc::new(series.time);
+        for (column, handle) in series.columns.into_iter().zip(0..) {
+            source.variables.push(Variable {
+                unit: (!column.unit.is_empty()).then(|| Unit::named(&column.unit)),
+                ..Variable::new(&column.name, handle, Kind::Real, Role::Output)
+            });
+            source.columns.push(samples(&times, column)?);
+        }
+        source.find_jumps();
+        Ok(source)
+    }
+
+    fn find_jumps(&mut self) {
+        self.jumps = self.columns.iter().flat_map(Samples::jumps).collect();
+        self.jumps.sort_by(f64::total_cmp);
+        self.jumps.dedup();
+    }
+
+    /// Turns a column into one of another type, whose values are held between samples.
+    ///
+    /// # Errors
+    /// If a sample is no value of that type.
+    pub fn hold_as(&mut self, column: usize, kind: Kind) -> Result<(), SourceError> {
+        let variable = &mut self.variables[column];
+        let name = || variable.name.clone();
+        let samples = &mut self.columns[column];
+        let fits = |value: f64| match kind {
+            Kind::Real => true,
+            Kind::Integer | Kind::Enumeration => (value as i64) as f64 == value,
+            Kind::Boolean => value == 0.0 || value == 1.0,
+            Kind::String => false,
+        };
+        if kind == Kind::String {
+            return Err(SourceError::Text { column: name() });
+        }
+        if let Some(k) = samples.values.iter().position(|&value| !fits(value)) {
+            return Err(SourceError::NotOfKind {
+                column: name(),
+                value: samples.values[k],
+                time: samples.times[k],
+                kind,
+            });
+        }
+        samples.is_held = true;
+        variable.kind = kind;
+        variable.unit = variable.unit.take().filter(|_| kind == Kind::Real);
+        self.find_jumps();
+        Ok(())
+    }
+
+    fn value(&self, handle: u32) -> Result<f64, SlaveError> {
+        match self.columns.get(handle as usize) {
+            Some(samples) => Ok(samples.at(self.time)),
+            None => Err(format!("there is no column {handle}").into()),
+        }
+    }
+}
+
+fn samples(times: &Arc<Vec<f64>>, column: Column) -> Result<Samples, SourceError> {
+    if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
+        return Err(SourceError::Infinite {
+            value: column.values[k],
+            time: times[k],
+            column: column.name,
+        });
+    }
+    let (times, values) = match column.values.iter().any(|value| value.is_nan()) {
+        false => (times.clone(), column.values),
+        true => {
+            let all = times.iter().copied().zip(column.values);
+            let (times, values) = all.filter(|(_, value)| !value.is_nan()).unzip();
+            (Arc::new(times), values)
+        }
+    };
+    match times.is_empty() {
+        true => Err(SourceError::Empty {
+            column: column.name,
+        }),
+        false => Ok(Samples {
+            times,
+            values,
+            is_held: false,
+        }),
+    }
+}
+
+impl Samples {
+    /// Where values change at once.
+    fn jumps(&self) -> impl Iterator<Item = f64> {
+        let pairs = self.times.windows(2).zip(self.values.windows(2));
+        let jumping = pairs.filter(|(times, values)| {
+            values[0] != values[1] && (self.is_held || times[0] == times[1])
+        });
+        jumping.map(|(times, _)| times[1])
+    }
+
+    /// The value at a time; at a jump the one after it.
+    fn at(&self, time: f64) -> f64 {
+        let next = self.times.partition_point(|&t| is_reached(t, time));
+        let last = match next {
+            0 => return self.values[0],
+            next => next - 1,
+        };
+        if self.is_held || next == self.times.len() {
+            return self.values[last];
+        }
+        let (t0, t1) = (self.times[last], self.times[next]);
+        let part = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
+        self.values[last] + part * (self.values[next] - self.values[last])
+    }
+}
+
+/// Whether `time` is at a sample or after it. Communication points are counted, samples are decimals:
+/// 3 · 0.3 is a little less than 0.9 and means it.
+fn is_reached(sample: f64, time: f64) -> bool {
+    const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    sample <= time + ROUNDING * time.abs().max(sample.abs())
+}
+
+impl Slave for Source {
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+        self.time = experiment.start;
+        Ok(())
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+        match handles.first() {
+            Some(handle) => Err(format!("column {handle} cannot be set").into()),
+            None => Ok(()),
+        }
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        for (&handle, value) in handles.iter().zip(values) {
+            *value = self.value(handle)?;
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
+        self.set_reals(&[handle], &[])
+    }
+
+    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+        let value = self.value(handle)?;
+        Ok(match kind {
+            Kind::Real => Value::Real(value),
+            Kind::Integer | Kind::Enumeration => Value::Integer(value as i64),
+            Kind::Boolean => Value::Boolean(value != 0.0),
+            Kind::String => return Err("a column of numbers has no text".into()),
+        })
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        self.time = t + h;
+        Ok(Progress::Done)
+    }
+
+    /// All that it is, is a time. It gives no derivatives: at a corner there are two, and without them
+    /// a straight line between communication points is just what the table means.
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: true,
+            variable_steps: true,
+            ..Abilities::default()
+        }
+    }
+
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let next = self.jumps.partition_point(|&jump| is_reached(jump, t));
+        self.jumps.get(next).copied()
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        if self.saved.len() <= place {
+            self.saved.resize(place + 1, self.time);
+        }
+        self.saved[place] = self.time;
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        match self.saved.get(place) {
+            Some(&time) => self.time = time,
+            None => return Err(format!("no time is saved in place {place}").into()),
+        }
+        Ok(())
+    }
+
+    /// Nothing: what it feeds are inputs from outside.
+    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+        Ok(StateSpace::empty().into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a column gives at these times.
+    fn followed(csv: &str, kind: Kind, times: &[f64]) -> Vec<f64> {
+        let after = csv.replace(' ', "\n");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f.csv");
+        std::fs::write(&path, after).unwrap();
+        let series = Series::read_table(&path).unwrap();
+        let mut source = Source::new(series).unwrap();
+        if kind != Kind::Real {
+            source.hold_as(0, kind).unwrap();
+        }
+        let at = |time: &f64| {
+            source.step(*time, 0.0).unwrap();
+            source.get(0, kind).unwrap().as_number()
+        };
+        times.iter().map(at).collect()
+    }
+
+    #[test]
+    fn reals_go_along_straight_lines_and_jump_where_a_time_repeats() {
+        let csv = "time,u 0,1 1,3 1,10 3, 4,7";
+        let times = [-1.0, 0.0, 0.5, 1.0 - 1e-9, 1.0, 2.0, 4.0, 9.0];
+        let found = followed(csv, Kind::Real, &times);
+        let expected = [1.0, 1.0, 2.0, 3.0 - 2e-9, 10.0, 9.0, 7.0, 7.0];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn other_types_are_held() {
+        let csv = "time,u 0,1 1,0 3,1";
+        let times = [0.0, 0.9, 1.0, 2.9, 3.0];
+        for kind in [Kind::Boolean, Kind::Integer, Kind::Enumeration] {
+            assert_eq!(followed(csv, kind, &times), [1.0, 1.0, 0.0, 0.0, 1.0]);
+        }
+    }
+
+    /// Communication points are `k·h`, the samples decimals: for none of these steps a jump comes late.
+    #[test]
+    fn a_jump_at_a_communication_point_is_not_missed_by_rounding() {
+        for (h, k) in [(0.3, 3), (0.1, 7), (0.05, 3), (0.7, 9), (0.001, 9_999)] {
+            let decimal = format!("{:.3}", h * f64::from(k));
+            let csv = format!("time,u 0,0 {decimal},0 {decimal},1");
+            let times = [f64::from(k) * h, f64::from(k - 1) * h];
+            assert_eq!(followed(&csv, Kind::Real, &times), [1.0, 0.0], "{h}");
+        }
+    }
+
+    #[test]
+    fn columns_that_do_not_fit() {
+        let series = Series {
+            time: vec![0.0, 2.0],
+            columns: vec![
+                Column {
+                    name: "a".into(),
+                    unit: String::new(),
+                    values: vec![0.0, 2.5],
+                },
+                Column {
+                    name: "b".into(),
+                    unit: String::new(),
+                    values: vec![f64::NAN; 2],
+                },
+            ],
+            ..Series::default()
+        };
+        let message = Source::new(series.clone()).unwrap_err().to_string();
+        assert_eq!(message, "column `b` has no samples");
+        let mut infinite = series.clone();
+        infinite.columns[0].values[1] = f64::NEG_INFINITY;
+        let message = Source::new(infinite).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "column `a` is -inf at 2 s; expected finite numbers"
+        );
+        let columns = series.columns[..1].to_vec();
+        let mut source = Source::new(Series { columns, ..series }).unwrap();
+        let refused = |source: &mut Source, kind| source.hold_as(0, kind).unwrap_err().to_string();
+        assert_eq!(
+            refused(&mut source, Kind::Integer),
+            "column `a` is 2.5 at 2 s, which is no Integer"
+        );
+        assert_eq!(
+            refused(&mut source, Kind::String),
+            "column `a` holds numbers and cannot feed a String"
+        );
+    }
+}

@@ -1,0 +1,375 @@
+//! Who is wired to whom, checked at the door.
+
+mod error;
+
+pub use error::SystemError;
+
+use super::slave::{Conversion, Kind, Role, Slave, Value, Variable};
+use pilotage_text::nearest::nearest;
+
+/// A variable of one of the slaves, by positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Port {
+    /// Position of the slave.
+    pub slave: usize,
+    /// Position in [`Slave::variables`].
+    pub variable: usize,
+}
+
+/// A wire from an output to an input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Connection {
+    /// The output.
+    pub from: Port,
+    /// The input.
+    pub to: Port,
+    /// From the output's unit to the input's.
+    pub conversion: Conversion,
+}
+
+/// A slave by its name.
+pub(super) struct Instance {
+    pub(super) name: String,
+    pub(super) slave: Box<dyn Slave>,
+    /// Positions of variables that are read at each communication point though they are no outputs.
+    pub(super) observed: Vec<usize>,
+    /// Parts that it takes each communication step in.
+    pub(super) parts: u32,
+}
+
+/// Slaves, connections and start values.
+#[derive(Default)]
+pub struct System {
+    pub(super) instances: Vec<Instance>,
+    pub(super) connections: Vec<Connection>,
+    pub(super) settings: Vec<(Port, Value)>,
+}
+
+impl System {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a slave under a name.
+    ///
+    /// # Errors
+    /// If the name is empty or taken.
+    pub fn add(
+        &mut self,
+        name: impl Into<String>,
+        slave: Box<dyn Slave>,
+    ) -> Result<(), SystemError> {
+        let name = name.into();
+        if name.is_empty() {
+            return Err(SystemError::EmptyInstance { name });
+        }
+        if self.instances.iter().any(|i| i.name == name) {
+            return Err(SystemError::DuplicateInstance { name });
+        }
+        self.instances.push(Instance {
+            name,
+            slave,
+            observed: Vec::new(),
+            parts: 1,
+        });
+        Ok(())
+    }
+
+    /// Has a slave take every communication step in that many equal parts (multi-rate), its inputs
+    /// interpolated where they change within the step.
+    ///
+    /// # Errors
+    /// If there is no such slave, or no part.
+    pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
+        if parts == 0 {
+            let name = name.to_owned();
+            return Err(SystemError::NoParts { name });
+        }
+        match self.instances.iter_mut().find(|i| i.name == name) {
+            Some(instance) => {
+                instance.parts = parts;
+                Ok(())
+            }
+            None => Err(self.unknown_instance(name)),
+        }
+    }
+
+    /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
+    /// of both ends differ but mean the same quantity. Arrays of the same dimensions are wired element by
+    /// element.
+    ///
+    /// # Errors
+    /// If a name is wrong, or causality, type or unit do not fit, or the input is fed already.
+    pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        if self.resolve(from).is_ok() || self.resolve(to).is_ok() {
+            return self.connect_one(from, to);
+        }
+        let (outputs, inputs) = (self.elements(from), self.elements(to));
+        if outputs.is_empty() || inputs.is_empty() {
+            return self.connect_one(from, to);
+        }
+        if outputs != inputs {
+            return Err(SystemError::SizeMismatch {
+                from: from.to_owned(),
+                from_elements: outputs.len(),
+                to: to.to_owned(),
+                to_elements: inputs.len(),
+            });
+        }
+        for element in outputs {
+            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"))?;
+        }
+        Ok(())
+    }
+
+    /// What stands behind the name in those of an array's elements: `[1]`, `[2]`...
+    fn elements(&self, array: &str) -> Vec<String> {
+        let end = |(_, name): (Port, String)| {
+            let end = name.strip_prefix(array)?;
+            (end.starts_with('[') && end.ends_with(']')).then(|| end.to_owned())
+        };
+        self.names().filter_map(end).collect()
+    }
+
+    fn connect_one(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        let (output, input) = (self.resolve(from)?, self.resolve(to)?);
+        self.check_roles(output, input)?;
+        let connection = Connection {
+            from: output,
+            to: input,
+            conversion: self.check_types(output, input)?,
+        };
+        let fed = self.connections.iter().find(|c| c.to == connection.to);
+        if let Some(first) = fed {
+            return Err(SystemError::FedTwice {
+                to: to.to_owned(),
+                first: self.port_name(first.from),
+                second: from.to_owned(),
+            });
+        }
+        if self.settings.iter().any(|(port, _)| *port == connection.to) {
+            return Err(SystemError::SetWhileFed {
+                name: to.to_owned(),
+                from: from.to_owned(),
+            });
+        }
+        self.connections.push(connection);
+        Ok(())
+    }
+
+    /// Gives a parameter or an input its start value, both as text.
+    ///
+    /// # Errors
+    /// If the name or the value is wrong, or the variable cannot be set.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), SystemError> {
+        let port = self.resolve(name)?;
+        let variable = self.variable(port);
+        let (kind, role) = (variable.kind, variable.role);
+        let name = name.to_owned();
+        if !variable.settable {
+            return Err(SystemError::NotSettable { name, role });
+        }
+        if let Some(fed) = self.connections.iter().find(|c| c.to == port) {
+            let from = self.port_name(fed.from);
+            return Err(SystemError::SetWhileFed { name, from });
+        }
+        if self.settings.iter().any(|(other, _)| *other == port) {
+            return Err(SystemError::SetTwice { name });
+        }
+        let value = Value::parse(value, kind).ok_or_else(|| SystemError::BadValue {
+            name,
+            kind,
+            text: value.to_owned(),
+        })?;
+        self.settings.push((port, value));
+        Ok(())
+    }
+
+    /// Connections whose values are converted: output, its unit, input, its unit.
+    pub fn converted(&self) -> Vec<[String; 4]> {
+        let unit = |port| match &self.variable(port).unit {
+            Some(unit) => unit.name.clone(),
+            None => String::new(),
+        };
+        (self.connections.iter())
+            .filter(|c| c.conversion != Conversion::NONE)
+            .map(|c| {
+                let (from, to) = (self.port_name(c.from), self.port_name(c.to));
+                [from, unit(c.from), to, unit(c.to)]
+            })
+            .collect()
+    }
+
+    /// What `instance.variable` is.
+    ///
+    /// # Errors
+    /// If there is no such instance, or it has no such variable.
+    pub fn find(&self, name: &str) -> Result<&Variable, SystemError> {
+        Ok(self.variable(self.resolve(name)?))
+    }
+
+    /// The output that feeds an input, and how its values are converted.
+    pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
+        let connection = self.connections.iter().find(|c| c.to == input)?;
+        Some((connection.from, connection.conversion))
+    }
+
+    /// Has a variable read at each communication point, as outputs are anyway.
+    pub(super) fn observe(&mut self, port: Port) {
+        let is_output = self.variable(port).role == Role::Output;
+        let observed = &mut self.instances[port.slave].observed;
+        if !is_output && !observed.contains(&port.variable) {
+            observed.push(port.variable);
+        }
+    }
+
+    /// When the slaves suggest to end [s]; `None` if none does, or they do not agree.
+    pub fn suggested_stop(&self) -> Option<f64> {
+        let mut stops = (self.instances.iter()).filter_map(|i| i.slave.suggested_stop());
+        let first = stops.next()?;
+        stops.all(|stop| stop == first).then_some(first)
+    }
+
+    /// Names of the slaves, in the order in which they were added.
+    pub fn instance_names(&self) -> impl Iterator<Item = &str> {
+        self.instances.iter().map(|i| i.name.as_str())
+    }
+
+    /// Inputs that nothing feeds and nobody set: they keep their start values.
+    pub fn open_inputs(&self) -> Vec<String> {
+        let is_open = |port: &Port| {
+            self.variable(*port).role == Role::Input
+                && !self.connections.iter().any(|c| c.to == *port)
+                && !self.settings.iter().any(|(set, _)| set == port)
+        };
+        let ports = self.ports().filter(is_open);
+        ports.map(|port| self.port_name(port)).collect()
+    }
+
+    /// `instance.variable` of a port.
+    pub fn port_name(&self, port: Port) -> String {
+        let instance = &self.instances[port.slave].name;
+        format!("{instance}.{}", self.variable(port).name)
+    }
+
+    /// Whether a connection is one of reals.
+    pub(super) fn is_real(&self, connection: &Connection) -> bool {
+        let ends = [connection.from, connection.to];
+        ends.iter()
+            .all(|&port| self.variable(port).kind == Kind::Real)
+    }
+
+    pub(super) fn variable(&self, port: Port) -> &Variable {
+        &self.instances[port.slave].slave.variables()[port.variable]
+    }
+
+    /// `instance.variable` of all ports, their aliases among them.
+    pub(super) fn names(&self) -> impl Iterator<Item = (Port, String)> {
+        self.ports().flat_map(|port| {
+            let instance = &self.instances[port.slave].name;
+            let names = self.variable(port).names();
+            names.map(move |name| (port, format!("{instance}.{name}")))
+        })
+    }
+
+    pub(super) fn ports(&self) -> impl Iterator<Item = Port> {
+        self.instances
+            .iter()
+            .enumerate()
+            .flat_map(|(slave, instance)| {
+                let variables = 0..instance.slave.variables().len();
+                variables.map(move |variable| Port { slave, variable })
+            })
+    }
+
+    /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
+    fn resolve(&self, text: &str) -> Result<Port, SystemError> {
+        let split = |instance: &Instance| {
+            let rest = text.strip_prefix(instance.name.as_str())?;
+            rest.strip_prefix('.').map(str::len)
+        };
+        let candidates = self.instances.iter().enumerate();
+        let found = candidates
+            .filter_map(|(slave, instance)| Some((split(instance)?, slave)))
+            .min();
+        let Some((length, slave)) = found else {
+            return Err(self.unknown_instance(text));
+        };
+        let name = &text[text.len() - length..];
+        let variables = self.instances[slave].slave.variables();
+        match variables
+            .iter()
+            .position(|v| v.names().any(|own| own == name))
+        {
+            Some(variable) => Ok(Port { slave, variable }),
+            None => {
+                let instance = self.instances[slave].name.clone();
+                let names = variables.iter().flat_map(Variable::names);
+                Err(SystemError::UnknownVariable {
+                    text: text.to_owned(),
+                    nearest: nearest(name, names).map(|n| format!("{instance}.{n}")),
+                    instance,
+                    variable: name.to_owned(),
+                })
+            }
+        }
+    }
+
+    fn unknown_instance(&self, text: &str) -> SystemError {
+        let instance = text.split_once('.').map_or(text, |(instance, _)| instance);
+        SystemError::UnknownInstance {
+            text: text.to_owned(),
+            instance: instance.to_owned(),
+            nearest: nearest(instance, self.instance_names()).map(str::to_owned),
+            known: self.instance_names().map(str::to_owned).collect(),
+        }
+    }
+
+    fn check_roles(&self, from: Port, to: Port) -> Result<(), SystemError> {
+        let (from_role, to_role) = (self.variable(from).role, self.variable(to).role);
+        if from_role != Role::Output {
+            return Err(SystemError::NotAnOutput {
+                from: self.port_name(from),
+                to: self.port_name(to),
+                role: from_role,
+                swapped: from_role == Role::Input && to_role == Role::Output,
+            });
+        }
+        if to_role != Role::Input {
+            return Err(SystemError::NotAnInput {
+                from: self.port_name(from),
+                to: self.port_name(to),
+                role: to_role,
+            });
+        }
+        Ok(())
+    }
+
+    fn check_types(&self, output: Port, input: Port) -> Result<Conversion, SystemError> {
+        let (from, to) = (self.variable(output), self.variable(input));
+        let names = || (self.port_name(output), self.port_name(input));
+        if !from.kind.feeds(to.kind) {
+            let (from_name, to_name) = names();
+            return Err(SystemError::KindMismatch {
+                from: from_name,
+                to: to_name,
+                from_kind: from.kind,
+                to_kind: to.kind,
+            });
+        }
+        // A slave that does not say its unit cannot be checked.
+        let (Some(a), Some(b)) = (&from.unit, &to.unit) else {
+            return Ok(Conversion::NONE);
+        };
+        a.conversion(b).ok_or_else(|| {
+            let (from, to) = names();
+            SystemError::UnitMismatch {
+                from,
+                to,
+                from_unit: a.name.clone(),
+                to_unit: b.name.clone(),
+            }
+        })
+    }
+}

@@ -1,0 +1,292 @@
+//! An FMU's shared library, loaded, with the addresses of its functions.
+
+pub(super) mod fmi2;
+pub(super) mod fmi3;
+mod missing;
+mod open;
+
+pub use missing::Missing;
+
+use super::description::FmiVersion;
+use super::version::Kind;
+use libloading::Library;
+use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
+use pilotage_text::causes::with_causes;
+use std::ffi::{CStr, c_char};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a library cannot be used, though its headers are good.
+#[derive(Debug, Error)]
+pub enum BindingError {
+    /// The system cannot load it.
+    #[error("the system cannot load it")]
+    Load {
+        /// Why.
+        source: libloading::Error,
+    },
+    /// The system cannot load it, for want of something.
+    #[error("{missing}")]
+    Missing {
+        /// What is missing.
+        missing: Missing,
+    },
+    /// A function of the standard that this kind of FMU always needs is not in it.
+    #[error("it has no function `{symbol}`")]
+    MissingSymbol {
+        /// Name of the function.
+        symbol: &'static str,
+    },
+    /// It speaks another version of FMI than the description says.
+    #[error("it speaks FMI {found:?}, expected {expected:?}")]
+    Version {
+        /// What `fmi2GetVersion` or `fmi3GetVersion` returns.
+        found: String,
+        /// What it should return.
+        expected: &'static str,
+    },
+    /// Its C types are of other sizes than the standard's.
+    #[error("it is built for the types platform {found:?}, expected {expected:?}")]
+    TypesPlatform {
+        /// What `fmi2GetTypesPlatform` returns.
+        found: String,
+        /// What it should return.
+        expected: &'static str,
+    },
+}
+
+impl BindingError {
+    fn of_loader(source: libloading::Error) -> Self {
+        match Missing::in_message(&with_causes(&source)) {
+            Some(missing) => Self::Missing { missing },
+            None => Self::Load { source },
+        }
+    }
+}
+
+/// Declares the table of a version's function pointers. Any may be absent: real FMUs lack some.
+macro_rules! table {
+    ($($field:ident: $Name:ident,)*) => {
+        /// The functions; valid as long as the library is loaded.
+        pub(crate) struct Functions {
+            $(pub(crate) $field: Option<pointers::$Name>,)*
+        }
+
+        impl Functions {
+            pub(super) fn of(library: &libloading::Library) -> Self {
+                Self {
+                    // SAFETY: the pointer's type is the one that the standard gives to the
+                    // function of this name.
+                    $($field: unsafe { super::symbol(library, Function::$Name.symbol()) },)*
+                }
+            }
+        }
+    };
+}
+use table;
+
+/// The functions of the version that the FMU speaks.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one for each library, behind a pointer"
+)]
+pub(super) enum Functions {
+    /// FMI 2.0.
+    Fmi2(fmi2::Functions),
+    /// FMI 3.0.
+    Fmi3(fmi3::Functions),
+}
+
+/// A loaded library and its functions. The pointers are valid as long as it lives.
+pub struct Binding {
+    pub(super) functions: Functions,
+    kinds: Vec<Kind>,
+    /// Whether some symbol that the library needs could not be found when it was loaded.
+    unresolved: Option<String>,
+    path: PathBuf,
+    /// Kept last, so that it is unloaded after all else is gone.
+    library: Library,
+}
+
+/// Looks a function up.
+///
+/// # Safety
+/// `T` must be the pointer type of this function.
+unsafe fn symbol<T: Copy>(library: &Library, name: &CStr) -> Option<T> {
+    // SAFETY: the caller vouches for the type; the copy of the pointer is kept beside the library.
+    unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
+}
+
+impl Binding {
+    /// Loads a library that is for these kinds of instances, and looks its functions up.
+    ///
+    /// # Errors
+    /// If it cannot be loaded, lacks a function that is always needed, or is of another version.
+    ///
+    /// # Safety
+    /// The library's initialization runs, and its code will run in this process; whoever calls this
+    /// trusts it. [`binary::check`](super::binary::check) tells damaged files first.
+    pub unsafe fn load(
+        path: &Path,
+        version: FmiVersion,
+        kinds: &[Kind],
+    ) -> Result<Self, BindingError> {
+        // SAFETY: handed on to the caller.
+        let (library, unresolved) = unsafe { open::open(path) }.map_err(BindingError::of_loader)?;
+        let functions = match version {
+            FmiVersion::V2 => Functions::Fmi2(fmi2::Functions::of(&library)),
+            FmiVersion::V3 => Functions::Fmi3(fmi3::Functions::of(&library)),
+        };
+        let binding = Self {
+            functions,
+            kinds: kinds.to_owned(),
+            unresolved,
+            path: path.to_owned(),
+            library,
+        };
+        let mut needed = binding.needed().into_iter();
+        if let Some(symbol) = needed.find(|&name| !binding.has(name)) {
+            return Err(BindingError::MissingSymbol {
+                symbol: symbol.to_str().unwrap_or_default(),
+            });
+        }
+        binding.check_version()?;
+        Ok(binding)
+    }
+
+    /// The library.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A symbol that the library needs and that could not be found: calling into it ends the
+    /// process.
+    pub fn unresolved(&self) -> Option<&str> {
+        self.unresolved.as_deref()
+    }
+
+    /// Names of functions of the standard that the library lacks and that only some need.
+    pub fn missing(&self) -> Vec<&'static str> {
+        let is_ours = |part: Part| {
+            let of_kind = |kind: &Kind| kind.part() == part;
+            part == Part::Common || self.kinds.iter().any(of_kind)
+        };
+        let others = Kind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
+        let other_starts: Vec<_> = others.map(|kind| instantiate3(*kind)).collect();
+        let names: Vec<&'static CStr> = match self.functions {
+            Functions::Fmi2(_) => (abi2::Function::ALL.iter())
+                .filter(|f| is_ours(f.part()))
+                .map(|f| f.symbol())
+                .collect(),
+            Functions::Fmi3(_) => (abi3::Function::ALL.iter())
+                .filter(|f| is_ours(f.part()) && !other_starts.contains(f))
+                .map(|f| f.symbol())
+                .collect(),
+        };
+        let missing = names.into_iter().filter(|&name| !self.has(name));
+        missing.filter_map(|name| name.to_str().ok()).collect()
+    }
+
+    fn has(&self, name: &CStr) -> bool {
+        // SAFETY: the address is not used, so that its type does not matter.
+        unsafe { symbol::<*const ()>(&self.library, name) }.is_some()
+    }
+
+    /// The functions without which nothing goes.
+    fn needed(&self) -> Vec<&'static CStr> {
+        let of_kind = |kind: Kind| self.kinds.contains(&kind);
+        let me = of_kind(Kind::ModelExchange);
+        match self.functions {
+            Functions::Fmi2(_) => {
+                use abi2::Function::*;
+                let common = [
+                    Instantiate,
+                    FreeInstance,
+                    SetupExperiment,
+                    EnterInitializationMode,
+                    ExitInitializationMode,
+                    Terminate,
+                ];
+                let cs = of_kind(Kind::CoSimulation).then_some(DoStep);
+                let me = me.then_some([NewDiscreteStates, EnterContinuousTimeMode, SetTime]);
+                let all = common.into_iter().chain(cs).chain(me.into_iter().flatten());
+                all.map(|f| f.symbol()).collect()
+            }
+            Functions::Fmi3(_) => {
+                use abi3::Function::*;
+                let common = [
+                    FreeInstance,
+                    EnterInitializationMode,
+                    ExitInitializationMode,
+                    Terminate,
+                ];
+                let starts = self.kinds.iter().map(|&kind| instantiate3(kind));
+                let cs = of_kind(Kind::CoSimulation).then_some(DoStep);
+                let me = me.then_some([UpdateDiscreteStates, EnterContinuousTimeMode, SetTime]);
+                let se = of_kind(Kind::ScheduledExecution).then_some(ActivateModelPartition);
+                let of_kinds = starts.chain(cs).chain(me.into_iter().flatten()).chain(se);
+                let all = common.into_iter().chain(of_kinds);
+                all.map(|f| f.symbol()).collect()
+            }
+        }
+    }
+
+    fn check_version(&self) -> Result<(), BindingError> {
+        // SAFETY: these take no argument and need no instance (FMI 2.0, section 2.1.4; FMI 3.0,
+        // section 2.2.4).
+        let (version, platform, expected) = unsafe {
+            match &self.functions {
+                Functions::Fmi2(f) => (
+                    f.get_version.and_then(|f| owned(f())),
+                    f.get_types_platform.and_then(|f| owned(f())),
+                    abi2::VERSION,
+                ),
+                Functions::Fmi3(f) => {
+                    let version = f.get_version.and_then(|f| owned(f()));
+                    (version, None, abi3::VERSION)
+                }
+            }
+        };
+        let expected = expected.to_str().unwrap_or_default();
+        // Releases 2.0.1 to 2.0.5 all say "2.0", those of 3.0 likewise; some tools write the release.
+        if let Some(found) = version.filter(|v| !v.starts_with(expected)) {
+            return Err(BindingError::Version { found, expected });
+        }
+        let expected = abi2::TYPES_PLATFORM.to_str().unwrap_or_default();
+        match platform.filter(|p| p != expected) {
+            Some(found) => Err(BindingError::TypesPlatform { found, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The function of FMI 3.0 that makes an instance of a kind.
+fn instantiate3(kind: Kind) -> abi3::Function {
+    match kind {
+        Kind::CoSimulation => abi3::Function::InstantiateCoSimulation,
+        Kind::ModelExchange => abi3::Function::InstantiateModelExchange,
+        Kind::ScheduledExecution => abi3::Function::InstantiateScheduledExecution,
+    }
+}
+
+impl std::fmt::Debug for Binding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Binding").field("path", &self.path).finish()
+    }
+}
+
+/// A copy of a C string; `None` if there is none.
+///
+/// # Safety
+/// `text` is NULL or points to a string that ends with a NUL.
+pub(super) unsafe fn owned(text: *const c_char) -> Option<String> {
+    if text.is_null() {
+        return None;
+    }
+    // SAFETY: not NULL, and the caller vouches for the rest.
+    Some(
+        unsafe { CStr::from_ptr(text) }
+            .to_string_lossy()
+            .into_owned(),
+    )
+}

@@ -1,0 +1,118 @@
+//! An FMU against the standard: archive, description, files, binaries of every platform, and behaviour.
+//!
+//! Nothing stops at the first finding. What needs the binary to run is told apart ([`trial`]): whoever
+//! calls it should do so in a process of its own, since a broken FMU may end it.
+//!
+//! | module | what it checks |
+//! | --- | --- |
+//! | `directory` | the zip directory as it stands in the file, entry by entry |
+//! | `layout` | which files there are, whether they are those that the description names, terminalsAndIcons.xml, buildDescription.xml |
+//! | `binaries` | each platform's library: format, architecture, functions, what it needs |
+//! | [`trial`] | the binary of this machine, run |
+
+mod binaries;
+mod directory;
+mod finding;
+mod layout;
+pub mod trial;
+
+pub use finding::{Finding, Rule};
+
+use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
+use super::description::{self, FmiVersion, ModelDescription, Severity};
+use pilotage_text::causes::with_causes;
+use std::io::Read;
+use std::path::Path;
+
+/// What was found without running anything.
+#[derive(Debug)]
+pub struct Checked {
+    /// The findings: of the archive, then of the description, then of the other files.
+    pub findings: Vec<Finding>,
+    /// The description, where it could be read well enough to use the FMU.
+    pub description: Option<ModelDescription>,
+}
+
+/// Checks an FMU without running anything of it.
+///
+/// # Errors
+/// If the file cannot be opened: that is no finding about an FMU.
+pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
+    let mut bytes = Vec::new();
+    let mut file = folder::open(path, Limits::default())?;
+    file.read_to_end(&mut bytes)
+        .map_err(|source| ArchiveError::Open {
+            path: path.to_owned(),
+            source,
+        })?;
+    let mut archive = match Archive::open(path, Limits::default()) {
+        Err(error @ ArchiveError::Open { .. }) => return Err(error),
+        Err(error) => return Ok(unopened(&bytes, error)),
+        Ok(archive) => archive,
+    };
+    let mut checked = described(&mut archive);
+    let version = checked.description.as_ref().map(|d| d.fmi_version);
+    let mut findings = directory::check(&bytes, version);
+    findings.append(&mut checked.findings);
+    findings.extend(unreadable_entries(&mut archive, version));
+    if let Some(description) = &checked.description {
+        findings.extend(layout::check(&mut archive, description));
+        findings.extend(binaries::check(&mut archive, description));
+    }
+    checked.findings = findings;
+    Ok(checked)
+}
+
+/// The findings of an archive that is refused: all that its directory shows, else why it was refused.
+fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
+    let mut findings = directory::check(bytes, None);
+    if !findings.iter().any(|f| f.severity == Severity::Error) {
+        findings.push(Finding::archive(
+            None,
+            Rule::Refused {
+                why: with_causes(&error),
+            },
+        ));
+    }
+    Checked {
+        findings,
+        description: None,
+    }
+}
+
+/// The findings of the description alone.
+fn described(archive: &mut Archive) -> Checked {
+    let refused = |why: String| Checked {
+        findings: vec![Finding::file(None, DESCRIPTION, Rule::Refused { why })],
+        description: None,
+    };
+    let bytes = match archive.read(DESCRIPTION) {
+        Ok(bytes) => bytes,
+        Err(error) => return refused(with_causes(&error)),
+    };
+    match description::read(&bytes) {
+        Err(error) => refused(with_causes(&error)),
+        Ok(reading) => Checked {
+            findings: (description::validate(&reading).iter())
+                .map(|f| Finding::description(reading.description.fmi_version, f))
+                .collect(),
+            description: reading.into_usable().ok(),
+        },
+    }
+}
+
+/// Entries that cannot be unpacked: damaged, encrypted, or of a method that FMI does not allow.
+fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec<Finding> {
+    let names: Vec<String> = archive.files().map(str::to_owned).collect();
+    let damaged = |name: &String| {
+        let error = archive.read(name).err()?;
+        Some(Finding::file(
+            version,
+            name,
+            Rule::Refused {
+                why: with_causes(&error),
+            },
+        ))
+    };
+    names.iter().filter_map(damaged).collect()
+}

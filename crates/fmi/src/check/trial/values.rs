@@ -1,0 +1,155 @@
+//! Values before the first step: those of the description, and readable.
+
+use super::subject::{Subject, is_double};
+use super::{Stop, Teller};
+use crate::description::{
+    BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, Severity,
+    TypeKind, VariableKind,
+};
+use crate::instance::Number;
+use crate::{CallError, Instance};
+
+/// Relative difference up to which a start value is the description's: some tools print few digits.
+const START_TOLERANCE: f64 = 1e-6;
+
+/// The stage in which such a variable is read.
+pub(super) const BEYOND: &str = "reading a variable that does not exist";
+
+/// A value reference that an FMU is unlikely to have.
+const UNKNOWN: u32 = 0xffff_fff0;
+
+impl Teller<'_> {
+    /// In initialization mode, parameters, inputs and exact values are what the description says.
+    pub(super) fn start_values(&mut self, subject: &mut Subject) -> Result<(), Stop> {
+        self.stage("reading the start values");
+        let description = subject.description.clone();
+        for variable in description.variables.iter().filter(|v| is_double(v)) {
+            let VariableKind::Real(real) = &variable.kind else {
+                continue;
+            };
+            let is_exact = variable.effective_initial() == Some(Initial::Exact)
+                || variable.causality == Causality::Input;
+            let Some(&start) = real.start.first().filter(|_| is_exact) else {
+                continue;
+            };
+            let mut found = [f64::NAN];
+            subject
+                .instance
+                .get_real(&[variable.value_reference], &mut found)?;
+            let difference = (found[0] - start).abs();
+            let is_same = found[0] == start || difference <= START_TOLERANCE * start.abs();
+            if !is_same {
+                let name = &variable.name;
+                let [found, start] = [found[0], start].map(|value| Precision::Double.text(value));
+                let what = format!(
+                    "`{name}` starts with {found} in the binary and with {start} in the description"
+                );
+                self.find(what, Severity::Error, Some(name));
+            }
+        }
+        Ok(())
+    }
+
+    /// Every variable can be read, and what is no variable cannot.
+    pub(super) fn read_all(&mut self, subject: &mut Subject) -> Result<(), Stop> {
+        let description = subject.description.clone();
+        for variable in (description.variables.iter()).filter(|v| v.dimensions.is_empty()) {
+            let name = &variable.name;
+            let value = read(subject, variable).and_then(|()| item(subject, variable));
+            let error = match value {
+                Ok(value) => {
+                    let declared = variable.kind.declared_type();
+                    let items = (description.types.iter())
+                        .filter(|t| Some(t.name.as_str()) == declared)
+                        .find_map(|t| match &t.kind {
+                            TypeKind::Enumeration { items, .. } => Some(items),
+                            _ => None,
+                        });
+                    let is_no_item =
+                        |value: &i64| items.is_some_and(|i| i.iter().all(|i| i.value != *value));
+                    if let Some(value) = value.filter(is_no_item) {
+                        let what = format!("`{name}` is {value}, which is no item of its type");
+                        self.find(what, Severity::Error, Some(name));
+                    }
+                    continue;
+                }
+                Err(error) => error,
+            };
+            self.find(
+                format!("`{name}` cannot be read: {error}"),
+                Severity::Error,
+                Some(name),
+            );
+            // After an error nothing else can be done with the instance; a call that was not made
+            // did no harm.
+            if matches!(error, CallError::Failed { .. }) {
+                return Err(Stop::Told);
+            }
+        }
+        Ok(())
+    }
+
+    /// A value reference that no variable has is refused. The instance is in error afterwards.
+    pub(super) fn unknown_reference(&mut self, subject: &mut Subject) {
+        let variables = &subject.description.variables;
+        if variables.iter().any(|v| v.value_reference == UNKNOWN) {
+            return;
+        }
+        self.stage(BEYOND);
+        if subject.instance.get_real(&[UNKNOWN], &mut [0.0]).is_ok() {
+            self.warn(format!(
+                "it gives a value for the value reference {UNKNOWN}, which no variable has"
+            ));
+        }
+    }
+}
+
+/// Reads a scalar of any type.
+fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallError> {
+    let instance = &mut subject.instance;
+    let reference = variable.value_reference;
+    /// One value, not used.
+    fn number<T: Number>(instance: &mut Instance, reference: u32) -> Result<(), CallError> {
+        instance.get(&[reference], &mut [T::default()])
+    }
+    let read = match variable.kind.base_type() {
+        BaseType::Real(Precision::Double) => number::<f64>,
+        BaseType::Real(Precision::Single) => number::<f32>,
+        BaseType::Boolean => |i: &mut Instance, r| i.get_boolean(r).map(|_| ()),
+        BaseType::String => |i: &mut Instance, r| i.get_string(r).map(|_| ()),
+        BaseType::Integer(integer) => match integer {
+            IntegerType::Int8 => number::<i8>,
+            IntegerType::UInt8 => number::<u8>,
+            IntegerType::Int16 => number::<i16>,
+            IntegerType::UInt16 => number::<u16>,
+            IntegerType::Int32 => number::<i32>,
+            IntegerType::UInt32 => number::<u32>,
+            IntegerType::Int64 => number::<i64>,
+            IntegerType::UInt64 => number::<u64>,
+        },
+        // Enumerations have values to look at, binaries any length, and clocks are for events.
+        BaseType::Enumeration | BaseType::Binary | BaseType::Clock => return Ok(()),
+    };
+    read(instance, reference)
+}
+
+/// The value of an enumeration; `None` for another type.
+fn item(subject: &mut Subject, variable: &ScalarVariable) -> Result<Option<i64>, CallError> {
+    let instance = &mut subject.instance;
+    let reference = [variable.value_reference];
+    if variable.kind.base_type() != BaseType::Enumeration {
+        return Ok(None);
+    }
+    match instance.version() {
+        FmiVersion::V2 => {
+            let mut value = [0_i32];
+            instance.get(&reference, &mut value)?;
+            Ok(Some(value[0].into()))
+        }
+        FmiVersion::V3 => {
+            let mut value = [0_i64];
+            instance.get(&reference, &mut value)?;
+            Ok(Some(value[0]))
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! modelDescription.xml of FMI 2.0 (section 2.2, 3.3.1 and 4.3.1) and of FMI 3.0 (section 2.4, 3.4,
+//! 4.4 and 5.4): typed, for every interface type, of any tool. One type serves both versions.
+//!
+//! A description that this project writes reads back as the same value, field by field.
+
+mod enums;
+mod finding;
+mod interface;
+mod kind;
+mod model;
+mod read;
+mod reading;
+mod rule;
+mod structure;
+mod text;
+mod units;
+mod validate;
+mod variable;
+mod write;
+
+pub use enums::{
+    Causality, DependencyKind, FmiVersion, Initial, IntegerType, IntervalVariability,
+    NamingConvention, Precision, Variability,
+};
+pub use finding::{Finding, Severity};
+pub use interface::{CoSimulation, ModelExchange, ScheduledExecution};
+pub use kind::{
+    BaseType, BinaryAttributes, ClockAttributes, IntegerAttributes, RealAttributes, RealVariable,
+    VariableKind,
+};
+pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
+pub use read::read;
+pub(crate) use read::{build, terminals};
+pub use reading::{Places, ReadError, Reading};
+pub use rule::{Handle, Rule};
+pub use structure::{ModelStructure, Unknown};
+pub use text::Place;
+pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
+pub use validate::{is_date_and_time, validate};
+
+/// Whether XML can be parsed in a time in proportion to its size.
+pub(crate) fn is_within_limits(text: &str) -> bool {
+    read::limits::check(text).is_ok()
+}
+pub use variable::{Alias, Dimension, ScalarVariable};

@@ -1,0 +1,108 @@
+//! One call into an FMU: allowed or not, there or not, and what its status means.
+
+use super::{CallError, Instance};
+use crate::version::{Function, State};
+use pilotage_abi::{fmi2, fmi3};
+
+/// Calls the function that the FMU's version has for this, if the instance's state allows it; an error if
+/// the version has none. Gives a `Result<(), CallError>`.
+///
+/// Like the call itself it is unsafe: pointers and lengths must be what the function expects.
+macro_rules! call {
+    ($self:ident, fmi2 $F2:ident.$f2:ident($($a2:expr),*), fmi3 $F3:ident.$f3:ident($($a3:expr),*)) => {
+        match &$self.loaded.binding.functions {
+            $crate::binding::Functions::Fmi2(f) => {
+                let function = $crate::Function::Fmi2(pilotage_abi::fmi2::Function::$F2);
+                let call = $self.ready(function, f.$f2)?;
+                let status = call($self.component $(, $a2)*);
+                $self.check(function, status)
+            }
+            $crate::binding::Functions::Fmi3(f) => {
+                let function = $crate::Function::Fmi3(pilotage_abi::fmi3::Function::$F3);
+                let call = $self.ready(function, f.$f3)?;
+                let status = call($self.component $(, $a3)*);
+                $self.check(function, pilotage_abi::fmi2::Status(status.0))
+            }
+        }
+    };
+    ($self:ident, fmi2 $F2:ident.$f2:ident($($a2:expr),*)) => {
+        match &$self.loaded.binding.functions {
+            $crate::binding::Functions::Fmi2(f) => {
+                let function = $crate::Function::Fmi2(pilotage_abi::fmi2::Function::$F2);
+                let call = $self.ready(function, f.$f2)?;
+                let status = call($self.component $(, $a2)*);
+                $self.check(function, status)
+            }
+            $crate::binding::Functions::Fmi3(_) => Err($crate::CallError::OtherVersion {
+                function: $crate::Function::Fmi2(pilotage_abi::fmi2::Function::$F2),
+                version: $crate::FmiVersion::V3,
+            }),
+        }
+    };
+    ($self:ident, fmi3 $F3:ident.$f3:ident($($a3:expr),*)) => {
+        match &$self.loaded.binding.functions {
+            $crate::binding::Functions::Fmi2(_) => Err($crate::CallError::OtherVersion {
+                function: $crate::Function::Fmi3(pilotage_abi::fmi3::Function::$F3),
+                version: $crate::FmiVersion::V2,
+            }),
+            $crate::binding::Functions::Fmi3(f) => {
+                let function = $crate::Function::Fmi3(pilotage_abi::fmi3::Function::$F3);
+                let call = $self.ready(function, f.$f3)?;
+                let status = call($self.component $(, $a3)*);
+                $self.check(function, pilotage_abi::fmi2::Status(status.0))
+            }
+        }
+    };
+}
+pub(super) use call;
+
+impl Instance {
+    /// The function's address, if the state allows the call and the binary has the function.
+    #[inline]
+    pub(super) fn ready<T>(&self, function: Function, pointer: Option<T>) -> Result<T, CallError> {
+        if !function.is_legal_in(self.state) {
+            let state = self.state;
+            return Err(CallError::NotAllowed { function, state });
+        }
+        pointer.ok_or(CallError::MissingFunction { function })
+    }
+
+    /// Turns a returned status into a result and, if it is bad, into a state.
+    #[inline]
+    pub(super) fn check(
+        &mut self,
+        function: Function,
+        status: fmi2::Status,
+    ) -> Result<(), CallError> {
+        match status {
+            fmi2::Status::OK | fmi2::Status::WARNING => Ok(()),
+            _ => Err(self.failed(function, status)),
+        }
+    }
+
+    /// Kept out of the way of calls that succeed.
+    #[cold]
+    #[inline(never)]
+    fn failed(&mut self, function: Function, status: fmi2::Status) -> CallError {
+        use fmi2::Status;
+        match status {
+            // The value or the information is not available; the instance lives on.
+            Status::DISCARD => {}
+            Status::FATAL => self.enter(fmi2::State::Fatal, fmi3::State::Fatal),
+            _ => self.enter(fmi2::State::Error, fmi3::State::Error),
+        }
+        CallError::Failed {
+            function,
+            status,
+            messages: self.environment.take(),
+        }
+    }
+
+    /// The instance is now in the state that its version calls so.
+    pub(super) fn enter(&mut self, state2: fmi2::State, state3: fmi3::State) {
+        self.state = match self.state {
+            State::Fmi2(_) => State::Fmi2(state2),
+            State::Fmi3(_) => State::Fmi3(state3),
+        };
+    }
+}

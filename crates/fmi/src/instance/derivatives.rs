@@ -1,0 +1,103 @@
+//! Derivatives: directional, adjoint, and of inputs and outputs with respect to time.
+
+use super::states::capable;
+use super::{CallError, Instance, call};
+use crate::description::FmiVersion;
+
+impl Instance {
+    /// Whether the description offers directional derivatives.
+    pub fn provides_directional_derivatives(&self) -> bool {
+        self.facts.directional
+    }
+
+    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: how much `unknowns` change where
+    /// `knowns` change by `seed`.
+    ///
+    /// # Panics
+    /// FMI 2.0: if `seed` is not as long as `knowns` or `result` not as long as `unknowns`.
+    pub fn directional_derivative(
+        &mut self,
+        unknowns: &[u32],
+        knowns: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), CallError> {
+        let flag = match self.version() {
+            FmiVersion::V2 => "providesDirectionalDerivative",
+            FmiVersion::V3 => "providesDirectionalDerivatives",
+        };
+        capable(self.facts.directional, flag)?;
+        self.check_lengths(knowns.len(), seed.len());
+        self.check_lengths(unknowns.len(), result.len());
+        let (u, n) = (unknowns.as_ptr(), unknowns.len());
+        let (k, m) = (knowns.as_ptr(), knowns.len());
+        let (s, r) = (seed.as_ptr(), result.as_mut_ptr());
+        // SAFETY: the instance is alive and in a state that allows the call; all arrays have as many
+        // elements as is said, here and below.
+        unsafe {
+            call!(self, fmi2 GetDirectionalDerivative.get_directional_derivative(u, n, k, m, s, r),
+                fmi3 GetDirectionalDerivative.get_directional_derivative(
+                    u, n, k, m, s, seed.len(), r, result.len()))
+        }
+    }
+
+    /// `fmi3GetAdjointDerivative`: how much the sum of `unknowns`, weighted by `seed`, changes with each of
+    /// `knowns`.
+    pub fn adjoint_derivative(
+        &mut self,
+        unknowns: &[u32],
+        knowns: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), CallError> {
+        if self.version() == FmiVersion::V3 {
+            capable(self.facts.adjoint, "providesAdjointDerivatives")?;
+        }
+        let (u, n) = (unknowns.as_ptr(), unknowns.len());
+        let (k, m) = (knowns.as_ptr(), knowns.len());
+        let (s, r) = (seed.as_ptr(), result.as_mut_ptr());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi3 GetAdjointDerivative.get_adjoint_derivative(
+                u, n, k, m, s, seed.len(), r, result.len()))
+        }
+    }
+
+    /// `fmi2SetRealInputDerivatives`: derivatives of inputs with respect to time, of these orders (from 1).
+    /// FMI 3.0 has intermediate updates instead.
+    ///
+    /// # Panics
+    /// If there are not as many orders and values as references, here and below.
+    pub fn set_input_derivatives(
+        &mut self,
+        references: &[u32],
+        orders: &[i32],
+        values: &[f64],
+    ) -> Result<(), CallError> {
+        assert_eq!(references.len(), orders.len());
+        assert_eq!(references.len(), values.len());
+        let (r, n) = (references.as_ptr(), references.len());
+        let (o, v) = (orders.as_ptr(), values.as_ptr());
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 SetRealInputDerivatives.set_real_input_derivatives(r, n, o, v)) }
+    }
+
+    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`: derivatives of outputs with respect to
+    /// time, of these orders (from 1).
+    pub fn get_output_derivatives(
+        &mut self,
+        references: &[u32],
+        orders: &[i32],
+        values: &mut [f64],
+    ) -> Result<(), CallError> {
+        assert_eq!(references.len(), orders.len());
+        self.check_lengths(references.len(), values.len());
+        let (r, n) = (references.as_ptr(), references.len());
+        let (o, v) = (orders.as_ptr(), values.as_mut_ptr());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 GetRealOutputDerivatives.get_real_output_derivatives(r, n, o, v),
+                fmi3 GetOutputDerivatives.get_output_derivatives(r, n, o, v, values.len()))
+        }
+    }
+}

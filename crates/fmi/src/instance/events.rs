@@ -1,0 +1,269 @@
+//! Event mode, and model exchange: states, derivatives, event indicators, time.
+
+use super::{CallError, Instance, call};
+use crate::binding::Functions;
+use pilotage_abi::fmi2::{EventInfo, FALSE, TRUE};
+use pilotage_abi::{fmi2, fmi3};
+
+/// What a round of the event iteration tells (`fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct EventUpdate {
+    /// The iteration goes on: call it again.
+    pub needs_another: bool,
+    /// The model wants the simulation to end.
+    pub is_end_requested: bool,
+    /// The nominal values of the states are new.
+    pub nominals_changed: bool,
+    /// The states have jumped.
+    pub states_changed: bool,
+    /// When the next time event comes [s].
+    pub next_time: Option<f64>,
+}
+
+/// What the model says after a step of the solver (`fmi2CompletedIntegratorStep`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct IntegratorStep {
+    /// There is an event: [`Instance::enter_event_mode`].
+    pub is_event: bool,
+    /// The model wants the simulation to end.
+    pub is_end_requested: bool,
+}
+
+/// Rounds after which an event iteration is taken for one without end.
+pub const MAX_EVENT_ROUNDS: u32 = 1000;
+
+impl Instance {
+    /// The event iteration: rounds until none is needed or the end is asked for (`fmi2NewDiscreteStates`: FMI
+    /// 2.0.5, section 3.2.2; `fmi3UpdateDiscreteStates`). Changes in any round count; the next time event is
+    /// the last round's.
+    ///
+    /// `None` if it does not end within [`MAX_EVENT_ROUNDS`].
+    pub fn iterate_event(&mut self) -> Result<Option<EventUpdate>, CallError> {
+        let mut told = EventUpdate::default();
+        for _ in 0..MAX_EVENT_ROUNDS {
+            let update = self.update_discrete_states()?;
+            told = EventUpdate {
+                nominals_changed: told.nominals_changed || update.nominals_changed,
+                states_changed: told.states_changed || update.states_changed,
+                ..update
+            };
+            if update.is_end_requested || !update.needs_another {
+                return Ok(Some(told));
+            }
+        }
+        Ok(None)
+    }
+
+    /// `fmi2EnterEventMode`, `fmi3EnterEventMode`.
+    pub fn enter_event_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: the instance is alive and in a state that allows the call, here and below.
+        unsafe {
+            call!(self, fmi2 EnterEventMode.enter_event_mode(),
+                        fmi3 EnterEventMode.enter_event_mode())?;
+        }
+        self.enter(fmi2::State::EventMode, fmi3::State::EventMode);
+        Ok(())
+    }
+
+    /// `fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`: one round of the event iteration.
+    pub fn update_discrete_states(&mut self) -> Result<EventUpdate, CallError> {
+        let mut info = EventInfo {
+            new_discrete_states_needed: FALSE,
+            terminate_simulation: FALSE,
+            nominals_of_continuous_states_changed: FALSE,
+            values_of_continuous_states_changed: FALSE,
+            next_event_time_defined: FALSE,
+            next_event_time: f64::INFINITY,
+        };
+        // Bytes: only 0 and 1 are a `bool` of Rust; an FMU may write others.
+        let mut flags = [0u8; 5];
+        let mut next = f64::INFINITY;
+        let [again, end, nominals, values, has_next] =
+            flags.each_mut().map(|flag| (&raw mut *flag).cast::<bool>());
+        // SAFETY: as above, and there are places for all that it tells.
+        unsafe {
+            call!(self, fmi2 NewDiscreteStates.new_discrete_states(&raw mut info),
+                        fmi3 UpdateDiscreteStates.update_discrete_states(
+                            again, end, nominals, values, has_next, &raw mut next))?;
+        }
+        Ok(match &self.loaded.binding.functions {
+            Functions::Fmi2(_) => EventUpdate {
+                needs_another: info.new_discrete_states_needed != FALSE,
+                is_end_requested: info.terminate_simulation != FALSE,
+                nominals_changed: info.nominals_of_continuous_states_changed != FALSE,
+                states_changed: info.values_of_continuous_states_changed != FALSE,
+                next_time: (info.next_event_time_defined != FALSE).then_some(info.next_event_time),
+            },
+            Functions::Fmi3(_) => EventUpdate {
+                needs_another: flags[0] != 0,
+                is_end_requested: flags[1] != 0,
+                nominals_changed: flags[2] != 0,
+                states_changed: flags[3] != 0,
+                next_time: (flags[4] != 0).then_some(next),
+            },
+        })
+    }
+
+    /// `fmi3EvaluateDiscreteStates`: discrete states follow the inputs, without an end of the iteration.
+    pub fn evaluate_discrete_states(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 EvaluateDiscreteStates.evaluate_discrete_states()) }
+    }
+
+    /// `fmi3EnterStepMode`: events are handled, steps may follow.
+    pub fn enter_step_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 EnterStepMode.enter_step_mode())? };
+        self.enter(fmi2::State::StepComplete, fmi3::State::StepMode);
+        Ok(())
+    }
+
+    /// `fmi2EnterContinuousTimeMode`, `fmi3EnterContinuousTimeMode`.
+    pub fn enter_continuous_time_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 EnterContinuousTimeMode.enter_continuous_time_mode(),
+                        fmi3 EnterContinuousTimeMode.enter_continuous_time_mode())?;
+        }
+        self.enter(
+            fmi2::State::ContinuousTimeMode,
+            fmi3::State::ContinuousTimeMode,
+        );
+        Ok(())
+    }
+
+    /// `fmi2CompletedIntegratorStep`, `fmi3CompletedIntegratorStep`. `is_final`: nobody will go back
+    /// before this point.
+    pub fn completed_integrator_step(
+        &mut self,
+        is_final: bool,
+    ) -> Result<IntegratorStep, CallError> {
+        let (mut event2, mut end2) = (FALSE, FALSE);
+        let (mut event3, mut end3) = (0u8, 0u8);
+        let is_final2 = if is_final { TRUE } else { FALSE };
+        // SAFETY: as above, and there are places for what it tells.
+        unsafe {
+            call!(self, fmi2 CompletedIntegratorStep.completed_integrator_step(
+                            is_final2, &raw mut event2, &raw mut end2),
+                        fmi3 CompletedIntegratorStep.completed_integrator_step(
+                            is_final, (&raw mut event3).cast(), (&raw mut end3).cast()))?;
+        }
+        Ok(IntegratorStep {
+            is_event: event2 != FALSE || event3 != 0,
+            is_end_requested: end2 != FALSE || end3 != 0,
+        })
+    }
+
+    /// `fmi2SetTime`, `fmi3SetTime` [s].
+    pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 SetTime.set_time(time), fmi3 SetTime.set_time(time)) }
+    }
+
+    /// `fmi2SetContinuousStates`, `fmi3SetContinuousStates`.
+    ///
+    /// # Panics
+    /// If there are not as many values as states, here and in the calls below.
+    pub fn set_continuous_states(&mut self, values: &[f64]) -> Result<(), CallError> {
+        self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (v, n) = (values.as_ptr(), values.len());
+        // SAFETY: as above, and there are `n` values, here and below.
+        unsafe {
+            call!(self, fmi2 SetContinuousStates.set_continuous_states(v, n),
+                        fmi3 SetContinuousStates.set_continuous_states(v, n))
+        }
+    }
+
+    /// `fmi2GetContinuousStates`, `fmi3GetContinuousStates`.
+    pub fn get_continuous_states(&mut self, values: &mut [f64]) -> Result<(), CallError> {
+        self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (v, n) = (values.as_mut_ptr(), values.len());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 GetContinuousStates.get_continuous_states(v, n),
+                        fmi3 GetContinuousStates.get_continuous_states(v, n))
+        }
+    }
+
+    /// `fmi2GetDerivatives`, `fmi3GetContinuousStateDerivatives`.
+    pub fn get_derivatives(&mut self, values: &mut [f64]) -> Result<(), CallError> {
+        self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (v, n) = (values.as_mut_ptr(), values.len());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 GetDerivatives.get_derivatives(v, n),
+                fmi3 GetContinuousStateDerivatives.get_continuous_state_derivatives(v, n))
+        }
+    }
+
+    /// `fmi2GetNominalsOfContinuousStates`, `fmi3GetNominalsOfContinuousStates`.
+    pub fn get_nominals(&mut self, values: &mut [f64]) -> Result<(), CallError> {
+        self.check_states(values.len());
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (v, n) = (values.as_mut_ptr(), values.len());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n),
+                fmi3 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n))
+        }
+    }
+
+    /// `fmi2GetEventIndicators`, `fmi3GetEventIndicators`.
+    ///
+    /// # Panics
+    /// If there are not as many values as indicators.
+    pub fn get_event_indicators(&mut self, values: &mut [f64]) -> Result<(), CallError> {
+        assert_eq!(values.len(), self.facts.indicators, "event indicators");
+        if values.is_empty() {
+            return Ok(());
+        }
+        let (v, n) = (values.as_mut_ptr(), values.len());
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 GetEventIndicators.get_event_indicators(v, n),
+                        fmi3 GetEventIndicators.get_event_indicators(v, n))
+        }
+    }
+
+    /// Number of continuous states: the description's derivatives, or `fmi3GetNumberOfContinuousStates`,
+    /// since structural parameters change it.
+    pub fn number_of_continuous_states(&mut self) -> Result<usize, CallError> {
+        if let Functions::Fmi3(_) = self.loaded.binding.functions {
+            let mut n = 0usize;
+            // SAFETY: as above.
+            unsafe {
+                call!(self, fmi3 GetNumberOfContinuousStates.get_number_of_continuous_states(&raw mut n))?;
+            }
+            self.facts.states = n;
+        }
+        Ok(self.facts.states)
+    }
+
+    /// Number of event indicators: the description's, or `fmi3GetNumberOfEventIndicators`.
+    pub fn number_of_event_indicators(&mut self) -> Result<usize, CallError> {
+        if let Functions::Fmi3(_) = self.loaded.binding.functions {
+            let mut n = 0usize;
+            // SAFETY: as above.
+            unsafe {
+                call!(self, fmi3 GetNumberOfEventIndicators.get_number_of_event_indicators(&raw mut n))?;
+            }
+            self.facts.indicators = n;
+        }
+        Ok(self.facts.indicators)
+    }
+
+    fn check_states(&self, values: usize) {
+        assert_eq!(values, self.facts.states, "continuous states");
+    }
+}

@@ -1,0 +1,265 @@
+//! An instance of an FMU of FMI 2.0 or 3.0, safe to call in any order.
+//!
+//! | file | functions |
+//! | --- | --- |
+//! | `start` | instantiation |
+//! | `mod` | experiment, initialization, termination, reset, configuration mode, debug logging |
+//! | `values` | getting and setting variables |
+//! | `stepping` | `doStep`, asynchronous steps |
+//! | `events` | event mode, continuous-time mode and all else of model exchange |
+//! | `derivatives` | directional, adjoint, of inputs and outputs with respect to time |
+//! | `clocks` | intervals and shifts of clocks, model partitions, dependencies (FMI 3.0) |
+//! | `states` | saving and restoring |
+
+mod call;
+mod clocks;
+mod derivatives;
+mod error;
+mod events;
+mod start;
+mod states;
+mod stepping;
+mod values;
+
+pub use clocks::{Dependency, Fraction, Interval};
+pub use error::CallError;
+pub use events::{EventUpdate, IntegratorStep, MAX_EVENT_ROUNDS};
+pub use start::Options;
+pub use states::{Saved, Serialized};
+pub use stepping::Step;
+pub use values::Number;
+
+use self::call::call;
+use self::start::Facts;
+use super::binding::{Binding, Functions};
+use super::description::FmiVersion;
+use super::environment::Registered;
+use super::logger::Message;
+use super::memory::Spoilt;
+use super::version::{Kind, State};
+use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
+use pilotage_abi::{fmi2, fmi3};
+use std::ffi::{CString, c_char, c_void};
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// A library in use and the folder that it was unpacked into.
+#[derive(Debug)]
+pub(super) struct Loaded {
+    // Unloaded before its folder goes: fields drop in this order.
+    pub(super) binding: Binding,
+    pub(super) folder: Arc<TempDir>,
+}
+
+/// An instance of an FMU.
+///
+/// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0,
+/// sections 2.3, 3.3, 4.3 and 5.3) before they are made. After a fatal error nothing is called any more,
+/// not even the function that frees the instance.
+#[derive(Debug)]
+pub struct Instance {
+    loaded: Arc<Loaded>,
+    component: *mut c_void,
+    /// The FMU may keep the address until it is freed.
+    _callbacks: Option<Box<CallbackFunctions>>,
+    /// Freed after the FMU's instance, which may keep addresses that it should not.
+    _texts: Spoilt,
+    environment: Registered,
+    kind: Kind,
+    state: State,
+    facts: Facts,
+    /// Where initialization and reconfiguration lead to (FMI 3.0).
+    running: fmi3::State,
+    /// For `fmi3EnterInitializationMode`, which takes what `fmi2SetupExperiment` did.
+    experiment: Experiment,
+    saved: Vec<FmuState>,
+}
+
+/// Tolerance, start and stop time.
+#[derive(Debug, Clone, Copy, Default)]
+struct Experiment {
+    tolerance: Option<f64>,
+    start: f64,
+    stop: Option<f64>,
+}
+
+// SAFETY: the standard lets an instance be called from any thread, if not from two at once (FMI 2.0,
+// section 2.1.5; FMI 3.0, section 2.2.3), which `&mut self` forbids; `&self` calls nothing.
+unsafe impl Send for Instance {}
+
+impl Instance {
+    /// The version of FMI that it speaks.
+    #[inline]
+    pub fn version(&self) -> FmiVersion {
+        match self.state {
+            State::Fmi2(_) => FmiVersion::V2,
+            State::Fmi3(_) => FmiVersion::V3,
+        }
+    }
+
+    /// What it was made for.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// The state that it is in.
+    #[inline]
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Takes what the FMU has said since the last time.
+    pub fn take_messages(&self) -> Vec<Message> {
+        self.environment.take()
+    }
+
+    /// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: which categories the FMU shall log; none for all.
+    ///
+    /// # Errors
+    /// See [`CallError`], here and in all calls below.
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
+        let names = categories.iter().map(|name| c_string(name));
+        let names: Vec<CString> = names.collect::<Result<_, _>>()?;
+        let pointers: Vec<*const c_char> = names.iter().map(|n| n.as_ptr()).collect();
+        let (n, p) = (pointers.len(), pointers.as_ptr());
+        let on2 = if on { TRUE } else { FALSE };
+        // SAFETY: the instance is alive; there are `n` strings, which live until the call returns.
+        unsafe {
+            call!(self, fmi2 SetDebugLogging.set_debug_logging(on2, n, p),
+                        fmi3 SetDebugLogging.set_debug_logging(on, n, p))
+        }
+    }
+
+    /// `fmi2SetupExperiment`; FMI 3.0 is told when initialization begins.
+    pub fn setup_experiment(
+        &mut self,
+        tolerance: Option<f64>,
+        start: f64,
+        stop: impl Into<Option<f64>>,
+    ) -> Result<(), CallError> {
+        let stop = stop.into();
+        self.experiment = Experiment {
+            tolerance,
+            start,
+            stop,
+        };
+        if self.version() == FmiVersion::V3 {
+            return Ok(());
+        }
+        let defined = |value: Option<f64>| if value.is_some() { TRUE } else { FALSE };
+        // SAFETY: the instance is alive and in a state that allows the call, here and in the calls
+        // below.
+        unsafe {
+            call!(self, fmi2 SetupExperiment.setup_experiment(
+                defined(tolerance), tolerance.unwrap_or(0.0), start, defined(stop), stop.unwrap_or(0.0)))
+        }
+    }
+
+    /// `fmi2EnterInitializationMode`, `fmi3EnterInitializationMode`.
+    pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
+        let Experiment {
+            tolerance,
+            start,
+            stop,
+        } = self.experiment;
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 EnterInitializationMode.enter_initialization_mode(),
+                fmi3 EnterInitializationMode.enter_initialization_mode(
+                    tolerance.is_some(), tolerance.unwrap_or(0.0), start,
+                    stop.is_some(), stop.unwrap_or(0.0)))?;
+        }
+        self.enter(
+            fmi2::State::InitializationMode,
+            fmi3::State::InitializationMode,
+        );
+        Ok(())
+    }
+
+    /// `fmi2ExitInitializationMode`, `fmi3ExitInitializationMode`. Leads to the first communication point
+    /// (co-simulation), to event mode (model exchange, and co-simulation with
+    /// [`Options::event_mode_used`]) or to clock activation mode.
+    pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe {
+            call!(self, fmi2 ExitInitializationMode.exit_initialization_mode(),
+                        fmi3 ExitInitializationMode.exit_initialization_mode())?;
+        }
+        let state2 = match self.kind {
+            Kind::ModelExchange => fmi2::State::EventMode,
+            Kind::CoSimulation | Kind::ScheduledExecution => fmi2::State::StepComplete,
+        };
+        self.enter(state2, self.running);
+        Ok(())
+    }
+
+    /// `fmi3EnterConfigurationMode`: structural parameters may be set.
+    pub fn enter_configuration_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 EnterConfigurationMode.enter_configuration_mode())? };
+        if let State::Fmi3(state) = self.state {
+            if state == fmi3::State::Instantiated {
+                self.state = State::Fmi3(fmi3::State::ConfigurationMode);
+            } else {
+                self.running = state;
+                self.state = State::Fmi3(fmi3::State::ReconfigurationMode);
+            }
+        }
+        Ok(())
+    }
+
+    /// `fmi3ExitConfigurationMode`: goes back to where it came from.
+    pub fn exit_configuration_mode(&mut self) -> Result<(), CallError> {
+        let is_first = self.state == State::Fmi3(fmi3::State::ConfigurationMode);
+        // SAFETY: as above.
+        unsafe { call!(self, fmi3 ExitConfigurationMode.exit_configuration_mode())? };
+        self.state = State::Fmi3(match is_first {
+            true => fmi3::State::Instantiated,
+            false => self.running,
+        });
+        Ok(())
+    }
+
+    /// `fmi2Terminate`, `fmi3Terminate`.
+    pub fn terminate(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 Terminate.terminate(), fmi3 Terminate.terminate())? };
+        self.enter(fmi2::State::Terminated, fmi3::State::Terminated);
+        Ok(())
+    }
+
+    /// `fmi2Reset`, `fmi3Reset`.
+    pub fn reset(&mut self) -> Result<(), CallError> {
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 Reset.reset(), fmi3 Reset.reset())? };
+        self.enter(fmi2::State::Instantiated, fmi3::State::Instantiated);
+        self.running = start::running(self.kind, self.facts.event_mode_used);
+        Ok(())
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        self.end_pending_step();
+        self.free_saved();
+        // SAFETY: the instance is alive and nobody calls it again.
+        unsafe {
+            match &self.loaded.binding.functions {
+                Functions::Fmi2(f) => {
+                    let free = self.ready(fmi2::Function::FreeInstance.into(), f.free_instance);
+                    let _ = free.map(|free| free(self.component));
+                }
+                Functions::Fmi3(f) => {
+                    let free = self.ready(fmi3::Function::FreeInstance.into(), f.free_instance);
+                    let _ = free.map(|free| free(self.component));
+                }
+            }
+        }
+    }
+}
+
+fn c_string(text: &str) -> Result<CString, CallError> {
+    CString::new(text).map_err(|_| CallError::Nul {
+        text: text.to_owned(),
+    })
+}

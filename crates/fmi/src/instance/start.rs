@@ -1,0 +1,334 @@
+//! Making an instance.
+
+use super::{CallError, Experiment, Instance, Loaded, c_string};
+use crate::binding::Functions;
+use crate::description::ModelDescription;
+use crate::environment::{self, IntermediateUpdate, Registered};
+use crate::logger;
+use crate::memory::{self, Spoilt};
+use crate::version::{Function, Kind, State};
+use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
+use pilotage_abi::{fmi2, fmi3};
+use std::ffi::c_void;
+use std::path::{MAIN_SEPARATOR, Path};
+use std::sync::Arc;
+
+/// What an instance is told when it is made, beside its name. All is off by default.
+#[derive(Debug, Default)]
+pub struct Options {
+    /// It may show a window.
+    pub visible: bool,
+    /// Co-simulation of FMI 3.0: events are handled in event mode, and not hidden in steps.
+    pub event_mode_used: bool,
+    /// Co-simulation of FMI 3.0: a step may end early.
+    pub early_return_allowed: bool,
+    /// Co-simulation of FMI 3.0: the variables that [`Self::intermediate_update`] gets or sets.
+    pub required_intermediate_variables: Vec<u32>,
+    /// Co-simulation of FMI 3.0: called within steps.
+    pub intermediate_update: Option<IntermediateUpdate>,
+}
+
+/// What the calls need to know of the description.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Facts {
+    pub(super) event_mode_used: bool,
+    pub(super) can_save: bool,
+    pub(super) can_serialize: bool,
+    /// Directional derivatives.
+    pub(super) directional: bool,
+    /// Adjoint derivatives (FMI 3.0).
+    pub(super) adjoint: bool,
+    /// Continuous states, as far as the description tells.
+    pub(super) states: usize,
+    /// Event indicators, as far as the description tells.
+    pub(super) indicators: usize,
+}
+
+impl Facts {
+    /// Of an FMU that is for this kind.
+    fn of(description: &ModelDescription, kind: Kind) -> Option<Self> {
+        let common = Self {
+            states: description.structure.derivatives.len(),
+            indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
+            ..Self::default()
+        };
+        macro_rules! facts {
+            ($interface:ident) => {
+                description.$interface.as_ref().map(|x| Self {
+                    can_save: x.can_get_and_set_fmu_state,
+                    can_serialize: x.can_serialize_fmu_state,
+                    directional: x.provides_directional_derivative,
+                    adjoint: x.provides_adjoint_derivatives,
+                    ..common
+                })
+            };
+        }
+        match kind {
+            Kind::CoSimulation => facts!(co_simulation),
+            Kind::ModelExchange => facts!(model_exchange),
+            Kind::ScheduledExecution => facts!(scheduled_execution),
+        }
+    }
+}
+
+/// The state after initialization (FMI 3.0).
+pub(super) fn running(kind: Kind, event_mode_used: bool) -> fmi3::State {
+    match kind {
+        Kind::CoSimulation if !event_mode_used => fmi3::State::StepMode,
+        Kind::CoSimulation | Kind::ModelExchange => fmi3::State::EventMode,
+        Kind::ScheduledExecution => fmi3::State::ClockActivationMode,
+    }
+}
+
+impl Instance {
+    /// Makes an instance.
+    ///
+    /// # Errors
+    /// If the FMU refuses, most often because the GUIDs (instantiation tokens) of description and binary
+    /// differ.
+    pub(crate) fn new(
+        loaded: Arc<Loaded>,
+        description: &ModelDescription,
+        name: &str,
+        kind: Kind,
+        options: Options,
+    ) -> Result<Self, CallError> {
+        let facts = Facts::of(description, kind).ok_or(CallError::OtherKind { kind })?;
+        let environment = Registered::new(name, loaded.clone(), options.intermediate_update);
+        let run = (options.event_mode_used, options.early_return_allowed);
+        let start = Start {
+            loaded: &loaded,
+            environment: environment.pointer(),
+            name,
+            token: &description.guid,
+            kind,
+            visible: options.visible,
+        };
+        let variables = &options.required_intermediate_variables;
+        let (made, callbacks, texts, function, state) = match &loaded.binding.functions {
+            Functions::Fmi2(f) => {
+                let (made, callbacks, texts) = start.fmi2(f.instantiate)?;
+                let function = Function::Fmi2(fmi2::Function::Instantiate);
+                let state = State::Fmi2(fmi2::State::Instantiated);
+                (made, Some(callbacks), texts, function, state)
+            }
+            Functions::Fmi3(f) => {
+                let ((made, function), texts) = start.fmi3(f, run, variables)?;
+                let state = State::Fmi3(fmi3::State::Instantiated);
+                (made, None, texts, Function::Fmi3(function), state)
+            }
+        };
+        if made.is_null() {
+            let messages = environment.take();
+            return Err(CallError::NotInstantiated { function, messages });
+        }
+        environment.made(made);
+        let event_mode_used = options.event_mode_used;
+        let mut instance = Self {
+            loaded,
+            component: made,
+            _callbacks: callbacks,
+            _texts: texts,
+            environment,
+            kind,
+            state,
+            facts: Facts {
+                event_mode_used,
+                ..facts
+            },
+            running: running(kind, event_mode_used),
+            experiment: Experiment::default(),
+            saved: Vec::new(),
+        };
+        instance.log_trouble_only(description);
+        Ok(instance)
+    }
+
+    /// Logging was on while the instance was made, so that a refusal has a reason. From now on, only the
+    /// standard's categories for trouble are asked for, those that the FMU has.
+    fn log_trouble_only(&mut self, description: &ModelDescription) {
+        const TROUBLE: [&str; 4] = [
+            "logStatusWarning",
+            "logStatusDiscard",
+            "logStatusError",
+            "logStatusFatal",
+        ];
+        let declared = description.log_categories.iter().map(|c| c.name.as_str());
+        let wanted: Vec<&str> = declared.filter(|name| TROUBLE.contains(name)).collect();
+        let before = self.state;
+        // Whether the FMU obeys, or has the function at all, is not important.
+        if self.set_debug_logging(!wanted.is_empty(), &wanted).is_err() {
+            self.state = before;
+        }
+    }
+}
+
+/// What both versions need to make an instance.
+struct Start<'a> {
+    loaded: &'a Loaded,
+    environment: *mut c_void,
+    name: &'a str,
+    token: &'a str,
+    kind: Kind,
+    visible: bool,
+}
+
+impl Start<'_> {
+    /// `fmi2Instantiate`, with all callbacks: some FMUs crash where the memory callbacks are NULL.
+    fn fmi2(
+        &self,
+        instantiate: Option<fmi2::functions::pointers::Instantiate>,
+    ) -> Result<(*mut c_void, Box<CallbackFunctions>, Spoilt), CallError> {
+        let function = Function::Fmi2(fmi2::Function::Instantiate);
+        let instantiate = instantiate.ok_or(CallError::MissingFunction { function })?;
+        let (allocate, free) = memory::callbacks();
+        let callbacks = Box::new(CallbackFunctions {
+            logger: Some(logger::fmi2::callback()),
+            allocate_memory: Some(allocate),
+            free_memory: Some(free),
+            step_finished: None,
+            component_environment: self.environment,
+        });
+        let (name, guid) = (c_string(self.name)?, c_string(self.token)?);
+        let resources = c_string(&file_uri(&self.loaded.folder.path().join("resources")))?;
+        let kind = match self.kind {
+            Kind::ModelExchange => Type::MODEL_EXCHANGE,
+            Kind::CoSimulation | Kind::ScheduledExecution => Type::CO_SIMULATION,
+        };
+        let visible = if self.visible { TRUE } else { FALSE };
+        // SAFETY: all strings end with a NUL and live until the call returns; the callbacks live
+        // as long as the instance.
+        let made = unsafe {
+            instantiate(
+                name.as_ptr(),
+                kind,
+                guid.as_ptr(),
+                resources.as_ptr(),
+                &raw const *callbacks,
+                visible,
+                TRUE,
+            )
+        };
+        Ok((made, callbacks, Spoilt::new([name, guid, resources])))
+    }
+
+    /// `fmi3InstantiateXXX`. `run` says whether event mode is used and early return allowed.
+    fn fmi3(
+        &self,
+        f: &crate::binding::fmi3::Functions,
+        run: (bool, bool),
+        variables: &[u32],
+    ) -> Result<((*mut c_void, fmi3::Function), Spoilt), CallError> {
+        use fmi3::Function as F;
+        let missing = |function: F| CallError::MissingFunction {
+            function: Function::Fmi3(function),
+        };
+        let (name, token) = (c_string(self.name)?, c_string(self.token)?);
+        let resources = c_string(&folder_path(&self.loaded.folder.path().join("resources")))?;
+        let given = [name, token, resources];
+        let [name, token, resources] = given.each_ref().map(|text| text.as_ptr());
+        let (visible, environment) = (self.visible, self.environment);
+        let log = Some(logger::fmi3::callback());
+        // SAFETY: all strings end with a NUL and live until the call returns, as do the `len`
+        // variables; the callbacks are functions of this program.
+        let made = unsafe {
+            match self.kind {
+                Kind::ModelExchange => {
+                    let function = F::InstantiateModelExchange;
+                    let call = f.instantiate_model_exchange;
+                    let call = call.ok_or(missing(function))?;
+                    let made = call(name, token, resources, visible, true, environment, log);
+                    (made, function)
+                }
+                Kind::CoSimulation => {
+                    let function = F::InstantiateCoSimulation;
+                    let call = f.instantiate_co_simulation;
+                    let call = call.ok_or(missing(function))?;
+                    let update = Some(environment::intermediate_update());
+                    let (events, early) = run;
+                    let (list, len) = (variables.as_ptr(), variables.len());
+                    let made = call(
+                        name,
+                        token,
+                        resources,
+                        visible,
+                        true,
+                        events,
+                        early,
+                        list,
+                        len,
+                        environment,
+                        log,
+                        update,
+                    );
+                    (made, function)
+                }
+                Kind::ScheduledExecution => {
+                    let function = F::InstantiateScheduledExecution;
+                    let call = f.instantiate_scheduled_execution;
+                    let call = call.ok_or(missing(function))?;
+                    let update = Some(environment::clock_update as _);
+                    let lock = Some(environment::no_preemption as _);
+                    let made = call(
+                        name,
+                        token,
+                        resources,
+                        visible,
+                        true,
+                        environment,
+                        log,
+                        update,
+                        lock,
+                        lock,
+                    );
+                    (made, function)
+                }
+            }
+        };
+        Ok((made, Spoilt::new(given)))
+    }
+}
+
+/// The absolute path of a folder with a separator at its end, as FMI 3.0 wants `resourcePath` (section
+/// 2.2.3).
+fn folder_path(path: &Path) -> String {
+    let mut text = path.to_string_lossy().into_owned();
+    text.push(MAIN_SEPARATOR);
+    text
+}
+
+/// `file:` URI of an absolute path (RFC 8089), everything unusual percent-encoded, as FMI 2.0 wants
+/// `fmuResourceLocation` (section 2.1.5).
+fn file_uri(path: &Path) -> String {
+    let path = path.to_string_lossy().replace('\\', "/");
+    let slash = if path.starts_with('/') { "" } else { "/" };
+    let mut uri = format!("file://{slash}");
+    for byte in path.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'.' | b'_' | b'~' | b':' => {
+                uri.push(char::from(byte));
+            }
+            _ => uri.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    uri
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // FMI rule 19: what an FMU gets as location of its resources.
+    #[test]
+    fn paths_become_uris() {
+        for (path, uri) in [
+            ("/tmp/a b/ä", "file:///tmp/a%20b/%C3%A4"),
+            ("C:\\x\\y", "file:///C:/x/y"),
+            ("/a%20b", "file:///a%2520b"),
+        ] {
+            assert_eq!(file_uri(Path::new(path)), uri);
+        }
+        let folder = folder_path(Path::new("/tmp/a b"));
+        assert_eq!(folder, format!("/tmp/a b{MAIN_SEPARATOR}"));
+    }
+}

@@ -1,0 +1,169 @@
+//! Saving and restoring the complete state.
+
+use super::{CallError, Instance, call};
+use crate::description::FmiVersion;
+use crate::version::State;
+use std::ptr;
+
+/// A copy of an instance's state, held by the FMU; valid for the instance that made it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Saved {
+    slot: usize,
+    owner: usize,
+    state: State,
+}
+
+/// A copy of an instance's state as bytes: valid for every instance of the same FMU and kind.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Serialized {
+    /// The FMU's own format.
+    pub bytes: Vec<u8>,
+    /// The state of the calling sequence in which it was saved.
+    pub state: State,
+}
+
+impl Instance {
+    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state, to be restored any number of times.
+    pub fn save(&mut self) -> Result<Saved, CallError> {
+        let saved = self.empty_slot(self.state);
+        self.save_into(saved)
+    }
+
+    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state in the place of one saved before.
+    ///
+    /// # Panics
+    /// If `saved` belongs to another instance, here and below.
+    pub fn save_into(&mut self, saved: Saved) -> Result<Saved, CallError> {
+        self.can_save()?;
+        let state = self.state;
+        let place = self.place(saved);
+        let slot: *mut _ = &raw mut self.saved[place];
+        // SAFETY: the instance is alive; the place holds NULL or a state that it made.
+        unsafe {
+            call!(self, fmi2 GetFmuState.get_fmu_state(slot), fmi3 GetFmuState.get_fmu_state(slot))?;
+        }
+        Ok(Saved { state, ..saved })
+    }
+
+    /// `fmi2SetFMUstate`, `fmi3SetFMUState`: goes back to a saved state.
+    ///
+    /// # Panics
+    /// If the state was freed, here and below.
+    pub fn restore(&mut self, saved: Saved) -> Result<(), CallError> {
+        self.can_save()?;
+        let kept = self.kept(saved);
+        // SAFETY: the instance is alive and made this state.
+        unsafe {
+            call!(self, fmi2 SetFmuState.set_fmu_state(kept), fmi3 SetFmuState.set_fmu_state(kept))?;
+        }
+        self.state = saved.state;
+        Ok(())
+    }
+
+    /// `fmi2FreeFMUstate`, `fmi3FreeFMUState`. States that are not freed go with the instance.
+    pub fn free(&mut self, saved: Saved) -> Result<(), CallError> {
+        self.can_save()?;
+        let place = self.place(saved);
+        let slot: *mut _ = &raw mut self.saved[place];
+        // SAFETY: the instance is alive and made this state; the FMU writes NULL back.
+        let freed = unsafe {
+            call!(self, fmi2 FreeFmuState.free_fmu_state(slot), fmi3 FreeFmuState.free_fmu_state(slot))
+        };
+        self.saved[place] = ptr::null_mut();
+        freed
+    }
+
+    /// `fmi2SerializedFMUstateSize` and `fmi2SerializeFMUstate`, or their like of FMI 3.0.
+    pub fn serialize(&mut self, saved: Saved) -> Result<Serialized, CallError> {
+        self.can_serialize()?;
+        let kept = self.kept(saved);
+        let mut size = 0usize;
+        let s = &raw mut size;
+        // SAFETY: the instance is alive and made this state; `size` is there to be written.
+        unsafe {
+            call!(self, fmi2 SerializedFmuStateSize.serialized_fmu_state_size(kept, s),
+                        fmi3 SerializedFmuStateSize.serialized_fmu_state_size(kept, s))?;
+        }
+        let mut bytes = vec![0u8; size];
+        let b = bytes.as_mut_ptr();
+        // SAFETY: the same, and there are `size` bytes.
+        unsafe {
+            call!(self, fmi2 SerializeFmuState.serialize_fmu_state(kept, b.cast(), size),
+                        fmi3 SerializeFmuState.serialize_fmu_state(kept, b, size))?;
+        }
+        Ok(Serialized {
+            bytes,
+            state: saved.state,
+        })
+    }
+
+    /// `fmi2DeSerializeFMUstate`, `fmi3DeserializeFMUState`: a state, to be restored, from bytes that this
+    /// or another instance of the same FMU has serialized.
+    pub fn deserialize(&mut self, serialized: &Serialized) -> Result<Saved, CallError> {
+        self.can_serialize()?;
+        let saved = self.empty_slot(serialized.state);
+        let (b, n) = (serialized.bytes.as_ptr(), serialized.bytes.len());
+        let slot: *mut _ = &raw mut self.saved[saved.slot];
+        // SAFETY: the instance is alive; there are `n` bytes, and a place for the state.
+        unsafe {
+            call!(self, fmi2 DeSerializeFmuState.deserialize_fmu_state(b.cast(), n, slot),
+                        fmi3 DeserializeFmuState.deserialize_fmu_state(b, n, slot))?;
+        }
+        Ok(saved)
+    }
+
+    /// Frees what was not freed, before the instance goes.
+    pub(super) fn free_saved(&mut self) {
+        for slot in 0..self.saved.len() {
+            let (owner, state) = (self.environment.number(), self.state);
+            if !self.saved[slot].is_null() {
+                let _ = self.free(Saved { slot, owner, state });
+            }
+        }
+    }
+
+    fn empty_slot(&mut self, state: State) -> Saved {
+        self.saved.push(ptr::null_mut());
+        Saved {
+            slot: self.saved.len() - 1,
+            owner: self.environment.number(),
+            state,
+        }
+    }
+
+    fn place(&self, saved: Saved) -> usize {
+        let is_own = saved.owner == self.environment.number();
+        assert!(is_own, "a state of another instance");
+        saved.slot
+    }
+
+    fn kept(&self, saved: Saved) -> *mut std::ffi::c_void {
+        let kept = self.saved[self.place(saved)];
+        assert!(!kept.is_null(), "a state that was freed");
+        kept
+    }
+
+    fn can_save(&self) -> Result<(), CallError> {
+        let flag = match self.version() {
+            FmiVersion::V2 => "canGetAndSetFMUstate",
+            FmiVersion::V3 => "canGetAndSetFMUState",
+        };
+        capable(self.facts.can_save, flag)
+    }
+
+    fn can_serialize(&self) -> Result<(), CallError> {
+        let flag = match self.version() {
+            FmiVersion::V2 => "canSerializeFMUstate",
+            FmiVersion::V3 => "canSerializeFMUState",
+        };
+        capable(self.facts.can_serialize, flag)
+    }
+}
+
+/// An error if the description says that the FMU cannot do something.
+pub(super) fn capable(is_capable: bool, flag: &'static str) -> Result<(), CallError> {
+    match is_capable {
+        true => Ok(()),
+        false => Err(CallError::NotCapable { flag }),
+    }
+}

@@ -1,0 +1,214 @@
+//! Communication steps.
+
+use super::{CallError, Instance, call};
+use crate::binding::{Functions, owned};
+use crate::version::State;
+use pilotage_abi::fmi2;
+use pilotage_abi::fmi2::{FALSE, Status, StatusKind, TRUE};
+use std::ffi::c_char;
+use std::ptr;
+use std::time::Duration;
+
+/// How a communication step ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Step {
+    /// At its end.
+    Done,
+    /// Before its end (`fmi2Discard`, `fmi3Discard`).
+    Discarded {
+        /// The last successful time [s], if the FMU says.
+        last_successful: Option<f64>,
+        /// The FMU wants the simulation to end.
+        is_end_requested: bool,
+    },
+    /// With something to tell (FMI 3.0, section 4.2.1).
+    Stopped {
+        /// Where the FMU stands [s]: before the end after an early return.
+        reached: f64,
+        /// There is an event to handle: [`Instance::enter_event_mode`].
+        is_event: bool,
+        /// The FMU wants the simulation to end.
+        is_end_requested: bool,
+    },
+}
+
+impl Instance {
+    /// `fmi2DoStep`, `fmi3DoStep`; nobody will go back before `t`. A pending step is waited for.
+    #[inline(always)]
+    pub fn do_step(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
+        match self.step(t, h, true)? {
+            Some(step) => Ok(step),
+            None => self.wait_for_step(),
+        }
+    }
+
+    /// `fmi2DoStep`, `fmi3DoStep`, after which a state [saved](Self::save) before may be restored.
+    pub fn do_step_revocably(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
+        let step = self.step(t, h, false)?;
+        step.map_or_else(|| self.wait_for_step(), Ok)
+    }
+
+    /// `fmi2DoStep`, not waited for: `None` if the step is pending, to be asked for by
+    /// [`Self::poll_step`]. `is_final`: nobody will go back before `t`.
+    pub fn begin_step(
+        &mut self,
+        t: f64,
+        h: f64,
+        is_final: bool,
+    ) -> Result<Option<Step>, CallError> {
+        self.step(t, h, is_final)
+    }
+
+    /// Whether a pending step has ended, and how (`fmi2GetStatus`).
+    pub fn poll_step(&mut self) -> Result<Option<Step>, CallError> {
+        let status = self.status(StatusKind::DO_STEP_STATUS)?;
+        if status == Status::PENDING {
+            return Ok(None);
+        }
+        self.state = State::Fmi2(fmi2::State::StepComplete);
+        self.ended(status).map(Some)
+    }
+
+    /// `fmi2CancelStep`: gives a pending step up. Only reset, free and the like are allowed then.
+    pub fn cancel_step(&mut self) -> Result<(), CallError> {
+        // SAFETY: the instance is alive and in a state that allows the call.
+        unsafe { call!(self, fmi2 CancelStep.cancel_step())? };
+        self.state = State::Fmi2(fmi2::State::StepCanceled);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn step(&mut self, t: f64, h: f64, is_final: bool) -> Result<Option<Step>, CallError> {
+        match &self.loaded.binding.functions {
+            Functions::Fmi2(f) => {
+                let call = self.ready(fmi2::Function::DoStep.into(), f.do_step)?;
+                let no_set_state_prior = if is_final { TRUE } else { FALSE };
+                // SAFETY: the instance is alive and in a state that allows the call.
+                match unsafe { call(self.component, t, h, no_set_state_prior) } {
+                    Status::OK => Ok(Some(Step::Done)),
+                    status => self.not_done(status),
+                }
+            }
+            Functions::Fmi3(_) => self.step3(t, h, is_final).map(Some),
+        }
+    }
+
+    /// Kept out of the way of steps that succeed.
+    #[cold]
+    #[inline(never)]
+    fn not_done(&mut self, status: Status) -> Result<Option<Step>, CallError> {
+        if status == Status::PENDING {
+            self.state = State::Fmi2(fmi2::State::StepInProgress);
+            return Ok(None);
+        }
+        self.ended(status).map(Some)
+    }
+
+    /// A step of FMI 2.0 that ended with a status.
+    fn ended(&mut self, status: Status) -> Result<Step, CallError> {
+        if status == Status::DISCARD {
+            self.state = State::Fmi2(fmi2::State::StepFailed);
+            return Ok(self.discarded());
+        }
+        self.check(fmi2::Function::DoStep.into(), status)
+            .map(|()| Step::Done)
+    }
+
+    #[inline(never)]
+    fn step3(&mut self, t: f64, h: f64, is_final: bool) -> Result<Step, CallError> {
+        // Bytes: only 0 and 1 are a `bool` of Rust; an FMU may write others.
+        let (mut event, mut end, mut early) = (0u8, 0u8, 0u8);
+        let mut last = f64::NAN;
+        // SAFETY: the instance is alive and in a state that allows the call; there are places for all
+        // that it tells.
+        let done = unsafe {
+            call!(self, fmi3 DoStep.do_step(t, h, is_final, (&raw mut event).cast(),
+                (&raw mut end).cast(), (&raw mut early).cast(), &raw mut last))
+        };
+        self.environment.resume_panic();
+        let is_discard = |e: &CallError| matches!(e, CallError::Failed { status, .. } if *status == Status::DISCARD);
+        match done {
+            Err(error) if is_discard(&error) => Ok(Step::Discarded {
+                last_successful: Some(last).filter(|last| last.is_finite()),
+                is_end_requested: end != 0,
+            }),
+            Err(error) => Err(error),
+            Ok(()) if (event, end, early) == (0, 0, 0) => Ok(Step::Done),
+            Ok(()) => Ok(Step::Stopped {
+                reached: if early != 0 { last } else { t + h },
+                is_event: event != 0,
+                is_end_requested: end != 0,
+            }),
+        }
+    }
+
+    /// Asks until a pending step has ended.
+    #[cold]
+    fn wait_for_step(&mut self) -> Result<Step, CallError> {
+        loop {
+            match self.poll_step()? {
+                Some(step) => return Ok(step),
+                None => std::thread::sleep(Duration::from_micros(100)),
+            }
+        }
+    }
+
+    /// Ends a pending step, so that the instance can be freed.
+    pub(super) fn end_pending_step(&mut self) {
+        if self.state == State::Fmi2(fmi2::State::StepInProgress) && self.cancel_step().is_err() {
+            let _ = self.wait_for_step();
+        }
+    }
+
+    /// What the FMU tells about a discarded step.
+    fn discarded(&mut self) -> Step {
+        let last = self.real_status(StatusKind::LAST_SUCCESSFUL_TIME).ok();
+        let is_end_requested = self.boolean_status(StatusKind::TERMINATED).unwrap_or(false);
+        Step::Discarded {
+            last_successful: last.filter(|time| time.is_finite()),
+            is_end_requested,
+        }
+    }
+
+    /// `fmi2GetStatus`.
+    pub fn status(&mut self, kind: StatusKind) -> Result<Status, CallError> {
+        let mut status = Status::PENDING;
+        // SAFETY: the instance is alive and in a state that allows the call; there is a place for the
+        // result, here and below.
+        unsafe { call!(self, fmi2 GetStatus.get_status(kind, &raw mut status)) }.map(|()| status)
+    }
+
+    /// `fmi2GetRealStatus`.
+    pub fn real_status(&mut self, kind: StatusKind) -> Result<f64, CallError> {
+        let mut value = f64::NAN;
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 GetRealStatus.get_real_status(kind, &raw mut value)) }
+            .map(|()| value)
+    }
+
+    /// `fmi2GetIntegerStatus`; the standard has no kind for it yet.
+    pub fn integer_status(&mut self, kind: StatusKind) -> Result<i32, CallError> {
+        let mut value = 0;
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 GetIntegerStatus.get_integer_status(kind, &raw mut value)) }
+            .map(|()| value)
+    }
+
+    /// `fmi2GetBooleanStatus`.
+    pub fn boolean_status(&mut self, kind: StatusKind) -> Result<bool, CallError> {
+        let mut value = FALSE;
+        // SAFETY: as above.
+        unsafe { call!(self, fmi2 GetBooleanStatus.get_boolean_status(kind, &raw mut value)) }
+            .map(|()| value != FALSE)
+    }
+
+    /// `fmi2GetStringStatus`: with [`StatusKind::PENDING_STATUS`], a text about a pending step.
+    pub fn string_status(&mut self, kind: StatusKind) -> Result<String, CallError> {
+        let mut text: *const c_char = ptr::null();
+        // SAFETY: as above; after success it is NULL or a string that lives until the next call.
+        unsafe {
+            call!(self, fmi2 GetStringStatus.get_string_status(kind, &raw mut text))?;
+            Ok(owned(text).unwrap_or_default())
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! What the logger callback of FMI 2.0 receives.
+//!
+//! The message is a `printf` format with values (FMI 2.0, section 2.1.5), so that the callback has a
+//! variable number of arguments. Stable Rust cannot define such a function. On x86-64 with the
+//! System V calling convention (Linux, macOS) an assembly entry makes a `va_list` of the registers and
+//! the C library formats; elsewhere the format is shown as it came, with the values left out.
+
+use super::{Message, printable};
+use crate::binding::owned;
+use crate::environment;
+use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
+use std::ffi::c_void;
+
+/// How long a formatted message may be [bytes].
+#[cfg(all(target_arch = "x86_64", unix))]
+const LONGEST: usize = 4096;
+
+/// Notes a message; `values` is NULL or the `va_list` of the values.
+///
+/// # Safety
+/// Strings are NULL or end with a NUL; `values` fits the format, as the FMU vouches.
+unsafe extern "C" fn receive(
+    environment: ComponentEnvironment,
+    instance_name: *const Char,
+    status: Status,
+    category: *const Char,
+    format: *const Char,
+    values: *mut c_void,
+) {
+    // SAFETY: handed on from the caller.
+    let (instance_name, category, text) = unsafe {
+        let category = owned(category).unwrap_or_default();
+        (owned(instance_name), category, expand(format, values))
+    };
+    environment::deliver(
+        environment,
+        Message {
+            status,
+            instance_name,
+            category,
+            text: printable(&text),
+        },
+    );
+}
+
+#[cfg(all(target_arch = "x86_64", unix))]
+mod sys_v {
+    use super::*;
+
+    unsafe extern "C" {
+        /// C library: formats at most `size` bytes with the values of a `va_list`.
+        fn vsnprintf(to: *mut Char, size: usize, format: *const Char, values: *mut c_void) -> i32;
+    }
+
+    /// The logger callback: spills the registers that may hold values, makes a `va_list` of them
+    /// (System V ABI, AMD64 supplement, section 3.5.7) and calls [`receive`].
+    ///
+    /// Five arguments have names, so that the first value is in the sixth register, r9.
+    #[unsafe(naked)]
+    pub(super) unsafe extern "C" fn entry(
+        environment: ComponentEnvironment,
+        instance_name: *const Char,
+        status: Status,
+        category: *const Char,
+        format: *const Char,
+        first: usize,
+    ) {
+        // Frame: 176 bytes register save area, 24 bytes va_list, 8 bytes to align.
+        std::arch::naked_asm!(
+            "push rbp",
+            "mov rbp, rsp",
+            "sub rsp, 208",
+            "mov [rsp + 40], r9",
+            // al: whether any vector register is in use.
+            "test al, al",
+            "je 2f",
+            "movaps [rsp + 48], xmm0",
+            "movaps [rsp + 64], xmm1",
+            "movaps [rsp + 80], xmm2",
+            "movaps [rsp + 96], xmm3",
+            "movaps [rsp + 112], xmm4",
+            "movaps [rsp + 128], xmm5",
+            "movaps [rsp + 144], xmm6",
+            "movaps [rsp + 160], xmm7",
+            "2:",
+            // gp_offset, fp_offset, overflow_arg_area, reg_save_area.
+            "mov dword ptr [rsp + 176], 40",
+            "mov dword ptr [rsp + 180], 48",
+            "lea rax, [rbp + 16]",
+            "mov [rsp + 184], rax",
+            "mov [rsp + 192], rsp",
+            "lea r9, [rsp + 176]",
+            "call {receive}",
+            "leave",
+            "ret",
+            receive = sym receive,
+        )
+    }
+
+    /// The format with its values.
+    ///
+    /// `%n`, which writes to memory, is not expanded: the format is shown as it is.
+    ///
+    /// # Safety
+    /// `format` is NULL or ends with a NUL; `values` fits it.
+    pub(super) unsafe fn expand(format: *const Char, values: *mut c_void) -> String {
+        // SAFETY: handed on from the caller.
+        let Some(raw) = (unsafe { owned(format) }) else {
+            return String::new();
+        };
+        if !raw.contains('%') || writes_to_memory(&raw) {
+            return raw;
+        }
+        let mut text = vec![0u8; LONGEST];
+        // SAFETY: the buffer has that size, and the caller vouches for the rest.
+        let length = unsafe { vsnprintf(text.as_mut_ptr().cast(), text.len(), format, values) };
+        match usize::try_from(length) {
+            Ok(length) => {
+                text.truncate(length.min(LONGEST - 1));
+                String::from_utf8_lossy(&text).into_owned()
+            }
+            Err(_) => raw,
+        }
+    }
+
+    /// Whether a format has a conversion `n`.
+    fn writes_to_memory(format: &str) -> bool {
+        let mut rest = format;
+        while let Some((_, conversion)) = rest.split_once('%') {
+            let is_modifier = |c: char| "#0- +'I*.$hlqjzt".contains(c) || c.is_ascii_digit();
+            let kind = conversion.trim_start_matches(is_modifier);
+            if kind.starts_with('n') {
+                return true;
+            }
+            rest = kind.get(1..).unwrap_or("");
+        }
+        false
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::writes_to_memory;
+
+        #[test]
+        fn conversions_that_write_are_seen() {
+            for bad in ["%n", "a %d %hhn", "%%%n", "%*.3ln", "%1$n"] {
+                assert!(writes_to_memory(bad), "{bad}");
+            }
+            for good in ["", "%", "n", "%%n", "%d n", "%s%%n", "100 %"] {
+                assert!(!writes_to_memory(good), "{good}");
+            }
+        }
+    }
+}
+
+#[cfg(all(target_arch = "x86_64", unix))]
+use sys_v::{entry, expand};
+
+/// The logger callback where no entry in assembly exists: named arguments alone.
+///
+/// # Safety
+/// Strings are NULL or end with a NUL.
+#[cfg(not(all(target_arch = "x86_64", unix)))]
+unsafe extern "C" fn entry(
+    environment: ComponentEnvironment,
+    instance_name: *const Char,
+    status: Status,
+    category: *const Char,
+    format: *const Char,
+    _first: usize,
+) {
+    let none = std::ptr::null_mut();
+    // SAFETY: handed on from the caller.
+    unsafe { receive(environment, instance_name, status, category, format, none) }
+}
+
+/// The format as it is.
+///
+/// # Safety
+/// `format` is NULL or ends with a NUL.
+#[cfg(not(all(target_arch = "x86_64", unix)))]
+unsafe fn expand(format: *const Char, _values: *mut c_void) -> String {
+    // SAFETY: handed on from the caller.
+    unsafe { owned(format) }.unwrap_or_default()
+}
+
+/// The logger callback with the type that the standard gives it.
+pub(crate) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
+    let entry: unsafe extern "C" fn(
+        ComponentEnvironment,
+        *const Char,
+        Status,
+        *const Char,
+        *const Char,
+        usize,
+    ) = entry;
+    // SAFETY: both are pointers to code. A caller passes the five named arguments just as to a
+    // function of fixed arity on all platforms that we know; the sixth is read only where the
+    // assembly above knows where it stands.
+    unsafe { std::mem::transmute(entry) }
+}

@@ -1,0 +1,38 @@
+//! What the logger callback of FMI 3.0 receives: plain text (section 2.2.3).
+
+use super::{Message, printable};
+use crate::binding::owned;
+use crate::environment;
+use pilotage_abi::fmi2;
+use pilotage_abi::fmi3::{InstanceEnvironment, LogMessageCallback, Status, String as CString};
+
+/// Notes a message.
+///
+/// # Safety
+/// Strings are NULL or end with a NUL.
+unsafe extern "C" fn receive(
+    environment: InstanceEnvironment,
+    status: Status,
+    category: CString,
+    message: CString,
+) {
+    // SAFETY: handed on from the caller.
+    let (category, text) = unsafe {
+        let category = owned(category).unwrap_or_default();
+        (category, owned(message).unwrap_or_default())
+    };
+    environment::deliver(
+        environment,
+        Message {
+            status: fmi2::Status(status.0),
+            instance_name: None,
+            category,
+            text: printable(&text),
+        },
+    );
+}
+
+/// The logger callback.
+pub(crate) fn callback() -> LogMessageCallback {
+    receive
+}

@@ -1,0 +1,390 @@
+//! A model exchange instance integrated in time (FMI 2.0, section 3.2; FMI 3.0, section 3): continuous
+//! states by an error-controlled solver, with state, time and step events.
+//!
+//! ```text
+//! instance in event mode -> ModelExchangeRun::begin -> set inputs, step_to(t), read outputs, ... -> terminate
+//! ```
+
+mod error;
+mod model;
+
+pub use error::RunError;
+
+use self::model::{Inputs, Model};
+use super::description::ModelDescription;
+use super::instance::{Instance, MAX_EVENT_ROUNDS, Saved};
+use super::version::State;
+use pilotage_abi::{fmi2, fmi3};
+use pilotage_ode::{Advance, Method, Solver};
+
+/// How a run is solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunOptions {
+    /// Error that a step of the solver may have, relative to each state; beside that, a hundredth of it
+    /// relative to the state's nominal value.
+    pub tolerance: f64,
+    /// Which method solves.
+    pub method: Method,
+    /// Longest step of the solver [s].
+    pub longest_step: f64,
+}
+
+impl Default for RunOptions {
+    /// A tolerance of 1e-6, steps as long as the error allows, the method as the problem wants it.
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            method: Method::default(),
+            longest_step: f64::INFINITY,
+        }
+    }
+}
+
+/// Where [`ModelExchangeRun::step_to`] ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reached {
+    /// At the time asked for.
+    Target,
+    /// At this time [s], where the model wants the simulation to end.
+    EndRequested(f64),
+}
+
+/// What a run has cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RunWork {
+    /// The solver's work.
+    pub solver: pilotage_ode::Work,
+    /// Events where an indicator changed.
+    pub state_events: u64,
+    /// Events at a time that the model named.
+    pub time_events: u64,
+    /// Events that the model asked for after a step.
+    pub step_events: u64,
+    /// Events where inputs jumped.
+    pub input_events: u64,
+}
+
+/// What [`ModelExchangeRun::save`] keeps; valid for the run that made it.
+#[derive(Debug, Clone)]
+pub struct SavedRun {
+    instance: Saved,
+    time: f64,
+    x: Vec<f64>,
+    inputs: Inputs,
+    next_time: Option<f64>,
+    is_over: bool,
+    cluster: (f64, u32),
+}
+
+/// A model exchange instance on its way through time. Outputs may be read whenever it stands.
+#[derive(Debug)]
+pub struct ModelExchangeRun {
+    model: Model,
+    solver: Solver,
+    options: RunOptions,
+    /// Whether `completedIntegratorStep` is wanted.
+    tells_steps: bool,
+    next_time: Option<f64>,
+    x: Vec<f64>,
+    nominals: Vec<f64>,
+    is_over: bool,
+    /// Beyond this time the instance is not asked [s].
+    stop: f64,
+    /// First event of those that followed each other at once, and their number.
+    cluster: (f64, u32),
+    work: RunWork,
+}
+
+impl ModelExchangeRun {
+    /// For an instance for model exchange that is not initialized yet; [`Self::instance`] is there to do it.
+    pub fn new(instance: Instance, description: &ModelDescription, options: RunOptions) -> Self {
+        let me = description.model_exchange.as_ref();
+        Self {
+            model: Model::new(instance, description),
+            solver: solver(0, &[], options),
+            options,
+            tells_steps: !me.is_some_and(|me| me.completed_integrator_step_not_needed),
+            next_time: None,
+            x: Vec::new(),
+            nominals: Vec::new(),
+            is_over: false,
+            stop: f64::INFINITY,
+            cluster: (f64::NEG_INFINITY, 0),
+            work: RunWork::default(),
+        }
+    }
+
+    /// The instance. Once the run has begun, what is set this way should be set in event mode: see
+    /// [`Self::event_mode`].
+    pub fn instance(&mut self) -> &mut Instance {
+        &mut self.model.instance
+    }
+
+    /// Where it stands [s].
+    pub fn time(&self) -> f64 {
+        self.solver.time()
+    }
+
+    /// The continuous states there.
+    pub fn states(&self) -> &[f64] {
+        self.solver.state()
+    }
+
+    /// What it has cost.
+    pub fn work(&self) -> RunWork {
+        RunWork {
+            solver: self.solver.work(),
+            ..self.work
+        }
+    }
+
+    /// The tolerance, which may be changed until the run begins.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.options.tolerance = tolerance;
+    }
+
+    /// Tells the stop time of the experiment [s], beyond which no instance needs to work.
+    pub fn set_stop(&mut self, stop: Option<f64>) {
+        self.stop = stop.unwrap_or(f64::INFINITY);
+    }
+
+    /// Begins at `start` [s]: the instance has just left initialization mode, and is in event mode.
+    ///
+    /// # Errors
+    /// See [`RunError`], here and below.
+    pub fn begin(&mut self, start: f64) -> Result<(), RunError> {
+        let n = self.model.instance.number_of_continuous_states()?;
+        let indicators = self.model.instance.number_of_event_indicators()?;
+        (self.x, self.nominals) = (vec![0.0; n], vec![1.0; n]);
+        self.solver = solver(indicators, &self.nominals, self.options);
+        self.solver.restart(start, &self.x, true);
+        self.read_nominals()?;
+        self.finish_event(true)
+    }
+
+    /// Real inputs from now on: held, or rising with `slopes` (in their units per second). Where one of them
+    /// jumps, the model is told of an event.
+    ///
+    /// # Panics
+    /// If there are not as many values and slopes as references.
+    pub fn set_inputs(
+        &mut self,
+        references: &[u32],
+        values: &[f64],
+        slopes: Option<&[f64]>,
+    ) -> Result<(), RunError> {
+        assert_eq!(references.len(), values.len());
+        assert!(slopes.is_none_or(|slopes| slopes.len() == references.len()));
+        let t = self.time();
+        if self.model.plan_inputs(t, references, values, slopes) {
+            self.event_mode()?;
+            self.model.set_inputs(t)?;
+        }
+        Ok(())
+    }
+
+    /// Saves all that changes, to go back to any number of times; over `old` if there is one.
+    pub fn save(&mut self, old: Option<SavedRun>) -> Result<SavedRun, RunError> {
+        let (solver, instance) = (&self.solver, &mut self.model.instance);
+        let (mut x, saved) = match old {
+            Some(old) => (old.x, instance.save_into(old.instance)?),
+            None => (Vec::new(), instance.save()?),
+        };
+        x.clear();
+        x.extend_from_slice(solver.state());
+        Ok(SavedRun {
+            instance: saved,
+            time: solver.time(),
+            x,
+            inputs: self.model.inputs(),
+            next_time: self.next_time,
+            is_over: self.is_over,
+            cluster: self.cluster,
+        })
+    }
+
+    /// Goes back to where it was saved.
+    pub fn restore(&mut self, saved: &SavedRun) -> Result<(), RunError> {
+        self.model.instance.restore(saved.instance)?;
+        self.model.set_back(&saved.inputs);
+        self.x.copy_from_slice(&saved.x);
+        self.solver.restart(saved.time, &self.x, false);
+        (self.next_time, self.is_over) = (saved.next_time, saved.is_over);
+        self.cluster = saved.cluster;
+        Ok(())
+    }
+
+    /// Goes to event mode, to set what is discrete; the event is handled when time goes on.
+    pub fn event_mode(&mut self) -> Result<&mut Instance, RunError> {
+        if !self.is_in_event_mode() {
+            self.model.instance.enter_event_mode()?;
+            self.work.input_events += 1;
+        }
+        Ok(&mut self.model.instance)
+    }
+
+    /// Time derivatives of real outputs where it stands, with the inputs going on as they do [their units per
+    /// second]: by differences of second order over `span` [s] ahead, as if no event came, the states along their
+    /// derivatives. 0 once the model has asked for the end.
+    ///
+    /// # Panics
+    /// If there are not as many slopes as references.
+    pub fn output_slopes(
+        &mut self,
+        references: &[u32],
+        span: f64,
+        slopes: &mut [f64],
+    ) -> Result<(), RunError> {
+        assert_eq!(references.len(), slopes.len());
+        slopes.fill(0.0);
+        if self.is_in_event_mode() {
+            return Ok(());
+        }
+        let (t, x) = (self.time(), self.states().to_vec());
+        let mut rates = vec![0.0; x.len()];
+        self.model.put(t, &x)?;
+        if !x.is_empty() {
+            self.model.instance.get_derivatives(&mut rates)?;
+        }
+        let mut values = vec![0.0; references.len()];
+        for (part, weight) in [(0.0, -1.5), (1.0, 2.0), (2.0, -0.5)] {
+            let ahead = part * span;
+            let states = x.iter().zip(&rates).map(|(x, rate)| x + ahead * rate);
+            let states: Vec<f64> = states.collect();
+            self.model.put_ahead(t, ahead, self.stop, &states)?;
+            self.model.instance.get_real(references, &mut values)?;
+            for (slope, value) in slopes.iter_mut().zip(&values) {
+                *slope += weight / span * value;
+            }
+        }
+        Ok(self.model.put(t, &x)?)
+    }
+
+    fn is_in_event_mode(&self) -> bool {
+        let state = self.model.instance.state();
+        state == State::Fmi2(fmi2::State::EventMode) || state == State::Fmi3(fmi3::State::EventMode)
+    }
+
+    /// Integrates to `target` [s], all events on the way and there handled.
+    pub fn step_to(&mut self, target: f64) -> Result<Reached, RunError> {
+        if self.is_in_event_mode() {
+            self.finish_event(false)?;
+        }
+        while !self.is_over && self.time() < target {
+            self.advance(target)?;
+        }
+        Ok(match self.is_over {
+            true => Reached::EndRequested(self.time()),
+            false => Reached::Target,
+        })
+    }
+
+    /// One step of the solver, and the event at its end if there is one.
+    fn advance(&mut self, target: f64) -> Result<(), RunError> {
+        let limit = self.next_time.map_or(target, |next| next.min(target));
+        let mut is_state_event = false;
+        let mut is_step_event = false;
+        // The model may have named a time that is already here.
+        if limit > self.time() {
+            let advance = self.solver.advance(&mut self.model, limit)?;
+            is_state_event = advance == Advance::Event;
+            self.model.put(self.solver.time(), self.solver.state())?;
+            if self.tells_steps {
+                let said = self.model.instance.completed_integrator_step(true)?;
+                self.is_over |= said.is_end_requested;
+                is_step_event = said.is_event;
+            }
+        }
+        let is_time_event = self.next_time.is_some_and(|next| self.time() >= next);
+        self.work.state_events += u64::from(is_state_event);
+        self.work.step_events += u64::from(is_step_event);
+        self.work.time_events += u64::from(is_time_event);
+        if self.is_over || !(is_state_event || is_step_event || is_time_event) {
+            return Ok(());
+        }
+        self.check_chattering()?;
+        self.model.instance.enter_event_mode()?;
+        self.finish_event(is_state_event || is_time_event)
+    }
+
+    /// The event iteration, and back to continuous-time mode. `is_new`: the equations may have become others,
+    /// so that the solver finds the length of its steps anew.
+    fn finish_event(&mut self, is_new: bool) -> Result<(), RunError> {
+        let Some(update) = self.model.instance.iterate_event()? else {
+            let (time, rounds) = (self.time(), MAX_EVENT_ROUNDS);
+            return Err(RunError::EventIteration { time, rounds });
+        };
+        self.next_time = update.next_time;
+        if update.is_end_requested {
+            self.is_over = true;
+            return Ok(());
+        }
+        self.model.instance.enter_continuous_time_mode()?;
+        if update.nominals_changed {
+            self.read_nominals()?;
+        }
+        if !self.x.is_empty() {
+            self.model.instance.get_continuous_states(&mut self.x)?;
+        }
+        let t = self.time();
+        self.solver
+            .restart(t, &self.x, is_new || update.states_changed);
+        Ok(())
+    }
+
+    /// Absolute tolerances from the nominal values of the states.
+    fn read_nominals(&mut self) -> Result<(), RunError> {
+        if self.nominals.is_empty() {
+            return Ok(());
+        }
+        self.model.instance.get_nominals(&mut self.nominals)?;
+        let absolute = absolute(&self.nominals, self.options.tolerance);
+        self.solver.set_absolute(&absolute);
+        Ok(())
+    }
+
+    /// An error if too many events come at once: the model would never come further.
+    fn check_chattering(&mut self) -> Result<(), RunError> {
+        const EVENTS: u32 = 200;
+        let (t, span) = (self.time(), 1e-10 * (1.0 + self.time().abs()));
+        let (first, count) = self.cluster;
+        self.cluster = if t - first > span {
+            (t, 1)
+        } else {
+            (first, count + 1)
+        };
+        match self.cluster.1 > EVENTS {
+            true => Err(RunError::Chattering {
+                time: t,
+                events: EVENTS,
+                span,
+            }),
+            false => Ok(()),
+        }
+    }
+}
+
+fn solver(indicators: usize, nominals: &[f64], options: RunOptions) -> Solver {
+    let options = pilotage_ode::Options {
+        relative: options.tolerance,
+        absolute: absolute(nominals, options.tolerance),
+        method: options.method,
+        longest_step: options.longest_step,
+    };
+    Solver::new(indicators, options)
+}
+
+/// A state's nominal value may be wrong in an FMU: zero or negative counts as 1.
+fn absolute(nominals: &[f64], tolerance: f64) -> Vec<f64> {
+    let usable = |nominal: f64| {
+        if nominal > 0.0 && nominal.is_finite() {
+            nominal
+        } else {
+            1.0
+        }
+    };
+    nominals
+        .iter()
+        .map(|&n| 0.01 * tolerance * usable(n))
+        .collect()
+}

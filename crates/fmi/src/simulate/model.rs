@@ -1,0 +1,205 @@
+//! A model exchange instance as equations for the solver.
+
+use crate::description::{ModelDescription, VariableKind};
+use crate::{CallError, Instance};
+use nalgebra::DMatrix;
+use pilotage_abi::fmi2::Status;
+use pilotage_ode::Dynamics;
+use std::collections::HashMap;
+
+/// An instance in continuous-time mode, with its inputs as functions of time.
+#[derive(Debug)]
+pub(super) struct Model {
+    pub(super) instance: Instance,
+    inputs: Inputs,
+    /// Value references of the derivatives and of their states, where the FMU offers the Jacobian.
+    jacobian: Option<(Vec<u32>, Vec<u32>)>,
+}
+
+/// Real inputs: `value + slope·(t - since)`.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Inputs {
+    positions: HashMap<u32, usize>,
+    references: Vec<u32>,
+    values: Vec<f64>,
+    slopes: Vec<f64>,
+    since: f64,
+    now: Vec<f64>,
+    is_sloped: bool,
+}
+
+impl Inputs {
+    fn at(&self, position: usize, t: f64) -> f64 {
+        self.values[position] + self.slopes[position] * (t - self.since)
+    }
+
+    fn position(&mut self, reference: u32) -> usize {
+        let new = self.references.len();
+        let position = *self.positions.entry(reference).or_insert(new);
+        if position == new {
+            self.references.push(reference);
+            self.values.push(f64::NAN);
+            self.slopes.push(0.0);
+            self.now.push(f64::NAN);
+        }
+        position
+    }
+
+    /// Moves the time that slopes count from to `t`; the inputs stay the same functions.
+    fn rebase(&mut self, t: f64) {
+        for position in 0..self.values.len() {
+            self.values[position] = self.at(position, t);
+        }
+        self.since = t;
+    }
+}
+
+impl Model {
+    pub(super) fn new(instance: Instance, description: &ModelDescription) -> Self {
+        let jacobian = (instance.provides_directional_derivatives())
+            .then(|| derivatives_and_states(description))
+            .flatten();
+        Self {
+            instance,
+            inputs: Inputs::default(),
+            jacobian,
+        }
+    }
+
+    /// The inputs as functions of time.
+    pub(super) fn inputs(&self) -> Inputs {
+        self.inputs.clone()
+    }
+
+    pub(super) fn set_back(&mut self, inputs: &Inputs) {
+        self.inputs.clone_from(inputs);
+    }
+
+    /// Takes inputs from time `t` on. Says whether one of them jumps.
+    pub(super) fn plan_inputs(
+        &mut self,
+        t: f64,
+        references: &[u32],
+        values: &[f64],
+        slopes: Option<&[f64]>,
+    ) -> bool {
+        self.inputs.rebase(t);
+        let mut jumps = false;
+        for (i, (&reference, &value)) in references.iter().zip(values).enumerate() {
+            let position = self.inputs.position(reference);
+            let before = self.inputs.values[position];
+            // What goes on as it did, but for rounding, is no jump; what was never set is one.
+            let is_same = (value - before).abs() <= 1e-12 * value.abs().max(before.abs());
+            jumps |= !is_same && value != before;
+            self.inputs.values[position] = value;
+            self.inputs.slopes[position] = slopes.map_or(0.0, |slopes| slopes[i]);
+        }
+        self.inputs.is_sloped = self.inputs.slopes.iter().any(|&slope| slope != 0.0);
+        jumps
+    }
+
+    /// Sets all planned inputs to their values at `t`.
+    pub(super) fn set_inputs(&mut self, t: f64) -> Result<(), CallError> {
+        let inputs = &mut self.inputs;
+        for position in 0..inputs.now.len() {
+            inputs.now[position] = inputs.at(position, t);
+        }
+        match inputs.references.is_empty() {
+            true => Ok(()),
+            false => self.instance.set_real(&inputs.references, &inputs.now),
+        }
+    }
+
+    /// Puts the instance at `(t, x)`.
+    pub(super) fn put(&mut self, t: f64, x: &[f64]) -> Result<(), CallError> {
+        self.put_ahead(t, 0.0, f64::INFINITY, x)
+    }
+
+    /// Puts the instance at `x` and `ahead` [s] after `t`, its time not beyond `stop`.
+    pub(super) fn put_ahead(
+        &mut self,
+        t: f64,
+        ahead: f64,
+        stop: f64,
+        x: &[f64],
+    ) -> Result<(), CallError> {
+        self.instance.set_time((t + ahead).min(stop.max(t)))?;
+        if self.inputs.is_sloped {
+            self.set_inputs(t + ahead)?;
+        }
+        match x.is_empty() {
+            true => Ok(()),
+            false => self.instance.set_continuous_states(x),
+        }
+    }
+}
+
+/// Value references of the derivatives and of their states; `None` if there are none, or arrays among them.
+fn derivatives_and_states(description: &ModelDescription) -> Option<(Vec<u32>, Vec<u32>)> {
+    let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
+    let pair = |index: u32| {
+        let derivative = variable(index)?;
+        let VariableKind::Real(real) = &derivative.kind else {
+            return None;
+        };
+        let state = variable(real.derivative?)?;
+        let are_scalars = derivative.dimensions.is_empty() && state.dimensions.is_empty();
+        are_scalars.then_some((derivative.value_reference, state.value_reference))
+    };
+    let listed = &description.structure.derivatives;
+    let pairs: Option<Vec<_>> = listed.iter().map(|unknown| pair(unknown.index)).collect();
+    Some(pairs?.into_iter().unzip())
+}
+
+/// `false` for a call that the FMU discarded: the values are not defined there.
+fn defined(result: Result<(), CallError>) -> Result<bool, CallError> {
+    match result {
+        Ok(()) => Ok(true),
+        Err(CallError::Failed { status, .. }) if status == Status::DISCARD => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+impl Dynamics for Model {
+    type Error = CallError;
+
+    fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, CallError> {
+        if x.is_empty() {
+            return Ok(true);
+        }
+        let put = self.put(t, x);
+        defined(put.and_then(|()| self.instance.get_derivatives(dx)))
+    }
+
+    fn indicators(&mut self, t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, CallError> {
+        let put = self.put(t, x);
+        defined(put.and_then(|()| self.instance.get_event_indicators(z)))
+    }
+
+    fn jacobian(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        jacobian: &mut DMatrix<f64>,
+    ) -> Result<bool, CallError> {
+        let Some((derivatives, states)) = &self.jacobian else {
+            return Ok(false);
+        };
+        if states.len() != x.len() {
+            return Ok(false);
+        }
+        let (derivatives, states) = (derivatives.clone(), states.clone());
+        self.put(t, x)?;
+        let mut column = vec![0.0; x.len()];
+        for j in 0..x.len() {
+            let (unknowns, known) = (&derivatives, &states[j..=j]);
+            let instance = &mut self.instance;
+            let found = instance.directional_derivative(unknowns, known, &[1.0], &mut column);
+            if !defined(found)? {
+                return Ok(false);
+            }
+            jacobian.column_mut(j).copy_from_slice(&column);
+        }
+        Ok(true)
+    }
+}

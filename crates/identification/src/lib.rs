@@ -1,0 +1,31 @@
+//! The pilot from recorded flights: the paper's multi-run problem (its eq. 5). With the vehicle that was
+//! flown ([`vehicle`]), and a human who is not the fitted model ([`synthetic`]).
+
+pub mod closed_loop;
+pub mod constraints;
+pub mod doubts;
+mod linearised;
+pub mod multi_start;
+mod names;
+pub mod options;
+pub mod pilot_file;
+pub mod problem;
+mod projection;
+pub mod random_starts;
+pub mod result;
+pub mod simulate;
+pub mod solve;
+pub mod start;
+pub mod synthetic;
+pub mod trials;
+pub mod vehicle;
+
+pub use closed_loop::ClosedLoop;
+pub use doubts::{Doubt, doubts};
+pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
+pub use pilot_file::PilotFileError;
+pub use pilotage_collocation::Scheme;
+pub use result::{Fit, PilotDoubt, PilotFile, RunFit};
+pub use simulate::{simulate, simulate_from};
+pub use solve::{FitError, Progress, fit};
+pub use trials::{Trial, TrialError, TrialSet};

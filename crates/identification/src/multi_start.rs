@@ -1,0 +1,377 @@
+//! The SQP from several starts: losers stop early, the most promising is finished.
+
+use super::result::{AGREE, FEASIBLE, StartReport, agree};
+use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
+use super::{Fit, Options, RunFit};
+use pilotage_collocation::{Collocation, Condensed, ParameterConstraints};
+use pilotage_models::Dynamics;
+use pilotage_sqp::{Iteration, Solution, Status};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// SQP iterations from each start before the most promising is finished.
+const SCOUT_ITERATIONS: usize = 60;
+/// Iterations over which a start must gain half of what it lies behind.
+const RACE_WINDOW: usize = 10;
+/// Iterations over which a start beside the best must gain something, and the relative gain that counts.
+const TIE_WINDOW: usize = 2;
+const TIE: f64 = 1e-5;
+/// Relative difference below which two objectives are equal.
+const ROUNDING: f64 = 1e-8;
+/// Scaled violation of the constraints below which the states are nearly consistent, so that the objective
+/// tells how promising a start is.
+const NEAR: f64 = 1e-2;
+
+/// Where a solve starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// θ.
+    pub theta: Vec<f64>,
+    /// States of each run at its samples; none: those that follow from the data.
+    pub states: Option<Vec<Vec<Vec<f64>>>>,
+    /// How many descents of the linearised problem ended here; 1 where it comes from elsewhere.
+    pub descents: usize,
+}
+
+impl From<Vec<f64>> for Start {
+    fn from(theta: Vec<f64>) -> Self {
+        Self {
+            theta,
+            states: None,
+            descents: 1,
+        }
+    }
+}
+
+/// Where the SQP starts.
+#[derive(Debug, Clone, Default)]
+pub struct Starts {
+    /// Those that all run.
+    pub all: Vec<Start>,
+    /// Those that join, one after another, while one start alone leads to the best objective.
+    pub spare: Vec<Start>,
+    /// Descents of the linearised problem that ended elsewhere.
+    pub lost: usize,
+    /// SQP iterations that finding them took.
+    pub iterations: usize,
+}
+
+/// Makes the runs of a solution.
+pub(super) type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit> + 'a;
+
+/// Runs the SQP from each start for some iterations, then goes on with the most promising until none is
+/// ahead of the best that has converged.
+pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
+    starts: &Starts,
+    from: &impl Fn(&Start) -> (Collocation<D, C>, Vec<f64>),
+    options: &Options,
+    observer: &mut Observer<'_>,
+    runs: &Runs<'_, D, C>,
+) -> Fit {
+    let scout = match starts.all.len() {
+        1 => options.max_iterations,
+        _ => SCOUT_ITERATIONS.min(options.max_iterations),
+    };
+    let mut watched = Watched {
+        observer,
+        order: options.pilot.order,
+        starts: starts.all.len(),
+        stopped: None,
+    };
+    let scouted = |attempts: &mut Vec<Attempt<D, C>>, start: &Start, best, watched: &mut _| {
+        let (number, race) = (attempts.len(), (scout, best));
+        attempts.push(Attempt::scout(
+            (number, start.descents),
+            from(start),
+            race,
+            options,
+            watched,
+        ));
+    };
+    let mut attempts: Vec<Attempt<D, C>> = Vec::new();
+    for start in &starts.all {
+        let nearest = attempts.iter().map(|a| a.course.near);
+        let best = nearest.fold(f64::INFINITY, f64::min);
+        scouted(&mut attempts, start, best, &mut watched);
+        if watched.stopped.is_some() {
+            break;
+        }
+    }
+    finish(&mut attempts, options, &mut watched);
+    for start in &starts.spare {
+        let Some(best) = lone(&attempts).filter(|_| watched.stopped.is_none()) else {
+            break;
+        };
+        watched.starts += 1;
+        scouted(&mut attempts, start, best, &mut watched);
+        finish(&mut attempts, options, &mut watched);
+    }
+    let skipped = starts.all.len().saturating_sub(attempts.len());
+    let mut fit = report(&attempts, watched.stopped, skipped, runs);
+    fit.iterations += starts.iterations;
+    fit.tried += starts.lost;
+    fit
+}
+
+/// Goes on with the start that is most ahead of the best converged one, until there is none, and sorts
+/// them, best first.
+fn finish<D: Dynamics, C: ParameterConstraints>(
+    attempts: &mut [Attempt<D, C>],
+    options: &Options,
+    watched: &mut Watched<'_, '_>,
+) {
+    loop {
+        attempts.sort_by(|a, b| {
+            let violations = || a.solution.kkt.primal.total_cmp(&b.solution.kkt.primal);
+            (a.course.near.total_cmp(&b.course.near)).then_with(violations)
+        });
+        let best = best_converged(attempts).unwrap_or(f64::INFINITY);
+        let ahead = |a: &&mut Attempt<D, C>| {
+            let gains = best.is_infinite() || a.course.near < best * (1.0 - TIE);
+            gains && a.may_go_on(options)
+        };
+        match attempts.iter_mut().find(ahead) {
+            Some(attempt) if watched.stopped.is_none() => attempt.go_on(best, options, watched),
+            _ => return,
+        }
+    }
+}
+
+/// The least objective of the converged starts.
+fn best_converged<D, C>(attempts: &[Attempt<D, C>]) -> Option<f64> {
+    let converged = attempts.iter().filter(|a| a.has_converged());
+    converged.map(|a| a.course.near).min_by(f64::total_cmp)
+}
+
+/// The best objective, if one start alone leads to it.
+fn lone<D, C>(attempts: &[Attempt<D, C>]) -> Option<f64> {
+    let best = best_converged(attempts)?;
+    let agreeing = attempts.iter().filter(|a| agree(a.course.near, best));
+    (agreeing.count() == 1).then_some(best)
+}
+
+/// The caller's observer, and whether it has ended the fit.
+struct Watched<'a, 'b> {
+    observer: &'a mut Observer<'b>,
+    order: usize,
+    starts: usize,
+    stopped: Option<Status>,
+}
+
+impl Watched<'_, '_> {
+    /// Shows an iteration of a solve that had `before` iterations earlier.
+    fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
+        let flow = (self.observer)(&Progress::Iterate(Iterate {
+            order: self.order,
+            start,
+            starts: self.starts,
+            iteration: &Iteration {
+                number: before + iteration.number,
+                ..*iteration
+            },
+        }));
+        self.stopped = flow.break_value();
+        flow
+    }
+}
+
+/// How a solve goes.
+#[derive(Debug, Clone, Copy)]
+struct Course {
+    /// Which start, from 0.
+    number: usize,
+    /// Objective of the last iterate whose states are nearly consistent ([`NEAR`]): what the starts are
+    /// compared by. A solve may be cut short after a long step, away from such an iterate.
+    near: f64,
+    /// Least objective of a feasible iterate ([`FEASIBLE`]).
+    feasible: f64,
+    iterations: usize,
+    seconds: f64,
+}
+
+impl Course {
+    fn see(&mut self, iteration: &Iteration) {
+        let (f, violation) = (iteration.objective, iteration.kkt.primal);
+        if violation < NEAR && f.is_finite() {
+            self.near = f;
+        }
+        if violation < FEASIBLE {
+            self.feasible = self.feasible.min(f);
+        }
+    }
+
+    /// Runs the SQP from `z` for at most `limit` iterations, or until it loses against `best`.
+    fn run<D: Dynamics, C: ParameterConstraints>(
+        &mut self,
+        problem: &Collocation<D, C>,
+        z: Vec<f64>,
+        (limit, best): (usize, f64),
+        options: &Options,
+        watched: &mut Watched<'_, '_>,
+    ) -> Solution {
+        let clock = Instant::now();
+        let (number, before) = (self.number, self.iterations);
+        let mut race = Race {
+            best,
+            window: Vec::new(),
+        };
+        let mut watch = |iteration: &Iteration| {
+            self.see(iteration);
+            let flow = watched.show(number, before, iteration);
+            if flow.is_continue() && race.is_lost(iteration) {
+                ControlFlow::Break(Status::Stopped)
+            } else {
+                flow
+            }
+        };
+        let sqp_options = pilotage_sqp::Options {
+            tolerance: options.tolerance,
+            max_iterations: limit,
+            short_step: SHORT_STEP,
+            ..pilotage_sqp::Options::default()
+        };
+        let condensed = &mut Condensed::default();
+        let solution = pilotage_sqp::solve(problem, condensed, z, &sqp_options, &mut watch);
+        self.iterations += solution.work.iterations;
+        self.seconds += clock.elapsed().as_secs_f64();
+        solution
+    }
+}
+
+/// A solve that may go on.
+struct Attempt<D, C> {
+    problem: Collocation<D, C>,
+    solution: Solution,
+    course: Course,
+    descents: usize,
+}
+
+impl<D, C> Attempt<D, C> {
+    fn has_converged(&self) -> bool {
+        self.solution.status == Status::Converged
+    }
+
+    /// True when it ended for its limit on iterations or a lost race.
+    fn may_go_on(&self, options: &Options) -> bool {
+        let cut_short = [Status::IterationLimit, Status::Stopped].contains(&self.solution.status);
+        cut_short && self.course.iterations < options.max_iterations
+    }
+
+    fn report(&self) -> StartReport {
+        StartReport {
+            number: self.course.number + 1,
+            status: self.solution.status.to_string(),
+            objective: self.solution.iterate.f,
+            feasible: Some(self.course.feasible).filter(|f| f.is_finite()),
+            kkt: self.solution.kkt.residual(),
+            curvature: self.solution.curvature,
+            iterations: self.course.iterations,
+            seconds: self.course.seconds,
+            descents: self.descents,
+        }
+    }
+}
+
+impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
+    /// The first iterations.
+    fn scout(
+        (number, descents): (usize, usize),
+        (problem, z): (Collocation<D, C>, Vec<f64>),
+        race: (usize, f64),
+        options: &Options,
+        watched: &mut Watched<'_, '_>,
+    ) -> Self {
+        let mut course = Course {
+            number,
+            near: f64::INFINITY,
+            feasible: f64::INFINITY,
+            iterations: 0,
+            seconds: 0.0,
+        };
+        let solution = course.run(&problem, z, race, options, watched);
+        Self {
+            problem,
+            solution,
+            course,
+            descents,
+        }
+    }
+
+    /// The iterations that are left.
+    fn go_on(&mut self, best: f64, options: &Options, watched: &mut Watched<'_, '_>) {
+        let left = options.max_iterations - self.course.iterations;
+        let z = self.solution.iterate.z.clone();
+        self.solution = (self.course).run(&self.problem, z, (left, best), options, watched);
+    }
+}
+
+/// Whether a start still may beat the best so far.
+struct Race {
+    best: f64,
+    window: Vec<f64>,
+}
+
+impl Race {
+    /// True when the states are consistent and the objective is behind the best and hardly moves: it
+    /// gained less than half of what is left over [`RACE_WINDOW`] iterations, or nothing that counts
+    /// over [`TIE_WINDOW`] and ends where the best is.
+    fn is_lost(&mut self, iteration: &Iteration) -> bool {
+        let f = iteration.objective;
+        self.window.push(f);
+        let gained = |window: usize| {
+            let earlier = self.window.len().checked_sub(window + 1);
+            earlier.map_or(f64::INFINITY, |k| (self.window[k] - f).abs())
+        };
+        let behind = f - self.best;
+        match behind > AGREE * self.best {
+            true => iteration.kkt.primal < NEAR && gained(RACE_WINDOW) < 0.5 * behind,
+            false => {
+                iteration.kkt.primal < 1e-4
+                    && behind > -ROUNDING * self.best
+                    && gained(TIE_WINDOW) < TIE * self.best
+            }
+        }
+    }
+}
+
+/// Of the best that has converged, or the most promising. `stopped` is why the observer ended the fit, if it
+/// did.
+fn report<D: Dynamics, C: ParameterConstraints>(
+    attempts: &[Attempt<D, C>],
+    stopped: Option<Status>,
+    skipped: usize,
+    runs: &Runs<'_, D, C>,
+) -> Fit {
+    let converged = attempts.iter().find(|a| a.has_converged());
+    let best = converged.unwrap_or(&attempts[0]);
+    let Solution {
+        iterate,
+        status,
+        kkt,
+        curvature,
+        ..
+    } = &best.solution;
+    let status = match stopped {
+        Some(stopped) if converged.is_none() => stopped,
+        _ => *status,
+    };
+    Fit {
+        theta: best.problem.physical_theta(&iterate.z),
+        objective: iterate.f,
+        converged: converged.is_some(),
+        status: status.to_string(),
+        kkt: kkt.residual(),
+        violation: kkt.primal,
+        curvature: *curvature,
+        iterations: attempts.iter().map(|a| a.course.iterations).sum(),
+        unknowns: iterate.z.len(),
+        seconds: 0.0,
+        starts: attempts.iter().map(Attempt::report).collect(),
+        tried: attempts.iter().map(|a| a.descents).sum(),
+        skipped,
+        runs: runs(&best.problem, &iterate.z),
+        closed_loop: None,
+        unbounded: None,
+        doubts: Vec::new(),
+    }
+}

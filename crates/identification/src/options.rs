@@ -1,0 +1,117 @@
+//! What a user may choose about a fit.
+
+use pilotage_collocation::Scheme;
+use pilotage_models::{Pilot, Quadcopter};
+
+/// The mesh on which the states are solved; residuals stay at the samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mesh {
+    /// The samples (the paper's).
+    Samples,
+    /// Equal intervals of about this length [s], finer or coarser than the samples.
+    Step(f64),
+}
+
+/// What is known of the states at the first sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InitialState {
+    /// Nothing: every state of every run is free (the paper's implicit states).
+    Free,
+    /// The vehicle hovers, where [`InitialPosition`] says; the pilot's states are free.
+    VehicleAtRest,
+    /// The vehicle hovers, where [`InitialPosition`] says, and the pilot's states are zero.
+    AtRest,
+}
+
+/// What is known of the vehicle's position at the first sample, where the vehicle is at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InitialPosition {
+    /// It is measured as at every other sample, and estimated.
+    Estimated,
+    /// It is the first recorded one exactly, as where a simulator sets it.
+    Known,
+}
+
+/// What is compared with the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Objective {
+    /// The vehicle's response: sum of squared position residuals [m²] (the paper's).
+    Response,
+    /// The stick, with the pilot driven by the recorded error: sum of squared stick residuals [1].
+    Stick,
+}
+
+/// Options of a fit, with their defaults.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Collocation scheme. Default: Hermite–Simpson, whose bias at 20 Hz is the smallest for its
+    /// cost (docs/schemes.md); the paper's is forward Euler.
+    pub scheme: Scheme,
+    /// Mesh. Default: the samples.
+    pub mesh: Mesh,
+    /// Initial states. Default: at rest, as an exported pilot begins; the paper's are free.
+    pub initial_state: InitialState,
+    /// Position at the start. Default: estimated.
+    pub initial_position: InitialPosition,
+    /// True, the default, where a fit of the response keeps the closed loop with [`Self::vehicle`] stable
+    /// ([`super::closed_loop::LOOP_MARGIN`]).
+    pub stable_loop: bool,
+    /// Objective. Default: the vehicle's response.
+    pub objective: Objective,
+    /// The pilot's structure. Default: third order.
+    pub pilot: Pilot,
+    /// The vehicle. Default: the project's own quadcopter.
+    pub vehicle: Quadcopter,
+    /// True where nobody said which vehicle was flown, and [`Self::vehicle`] is the default one: a fit of the
+    /// stick then knows no closed loop. Default: false.
+    pub vehicle_assumed: bool,
+    /// A start for θ; none: estimated from the data.
+    pub start: Option<Vec<f64>>,
+    /// Random starts beside the others ([`super::random_starts`]). None, the default: where runs begin at rest
+    /// up to [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another,
+    /// as long as one start alone leads to the best objective; [`super::solve::FREE_STARTS`] where all initial
+    /// states are free; none beside a start of the user's.
+    pub random_starts: Option<usize>,
+    /// Limit on |y_p|, dimensionless. Default: 1.
+    pub stick_limit: f64,
+    /// Scaled KKT residual at which a solve counts as converged. Default: 1e-8.
+    pub tolerance: f64,
+    /// Iteration limit of one solve. Default: 200.
+    pub max_iterations: usize,
+}
+
+impl Options {
+    /// The vehicle with which the pilot closes a loop: none in a fit of the stick where nobody said which one
+    /// was flown.
+    pub fn loop_vehicle(&self) -> Option<&Quadcopter> {
+        let known = self.objective == Objective::Response || !self.vehicle_assumed;
+        known.then_some(&self.vehicle)
+    }
+
+    /// The vehicle with which a fit keeps the closed loop stable: none in a fit of the stick.
+    pub fn kept_vehicle(&self) -> Option<&Quadcopter> {
+        let kept = self.stable_loop && self.objective == Objective::Response;
+        kept.then_some(&self.vehicle)
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            scheme: Scheme::HermiteSimpson,
+            mesh: Mesh::Samples,
+            initial_state: InitialState::AtRest,
+            initial_position: InitialPosition::Estimated,
+            stable_loop: true,
+            objective: Objective::Response,
+            pilot: Pilot::default(),
+            vehicle: Quadcopter::default(),
+            vehicle_assumed: false,
+            start: None,
+            random_starts: None,
+            stick_limit: 1.0,
+            tolerance: 1e-8,
+            max_iterations: 200,
+        }
+    }
+}

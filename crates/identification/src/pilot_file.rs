@@ -1,0 +1,454 @@
+//! The result file `pilot.toml`: θ and where it comes from.
+
+use super::result::PilotDoubt;
+use super::{ClosedLoop, Doubt, Fit, Mesh, Options, PilotFile, Trial};
+use crate::vehicle::{self, Mode, VehicleError};
+use nalgebra::Complex;
+use pilotage_models::{COEFFICIENTS, Pilot, Unit};
+use pilotage_text::document::{self, Document, DocumentError, number};
+use std::path::Path;
+
+/// What can be wrong with a pilot file.
+#[derive(Debug, thiserror::Error)]
+pub enum PilotFileError {
+    /// Not a TOML file with the fields of a pilot.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// A vehicle that is none.
+    #[error(transparent)]
+    Vehicle(#[from] VehicleError),
+    /// A number of parameters that no pilot has.
+    #[error(
+        "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
+    )]
+    Count {
+        /// The file.
+        file: String,
+        /// Line of the table.
+        line: usize,
+        /// Number of parameters.
+        found: usize,
+    },
+    /// A parameter that is not a finite number.
+    #[error("{file}:{line}: {field} = {value}; expected a finite number")]
+    NotFinite {
+        /// The file.
+        file: String,
+        /// Line of the value.
+        line: usize,
+        /// The parameter.
+        field: String,
+        /// Its value.
+        value: f64,
+    },
+    /// A stick limit that is not positive.
+    #[error("{file}:{line}: stick_limit = {value}; expected a finite number above 0")]
+    StickLimit {
+        /// The file.
+        file: String,
+        /// Line of the value.
+        line: usize,
+        /// The value.
+        value: f64,
+    },
+}
+
+/// The code of a loop that was allowed to be unstable.
+const UNSTABLE: &str = "unstable-loop";
+
+/// Fields of the file's top level. Those that only tell where θ comes from may be missing.
+const FIELDS: [&str; 11] = [
+    "tool",
+    "status",
+    "converged",
+    "stick_limit",
+    "theta",
+    "pole",
+    "closed_loop",
+    "doubt",
+    "fit",
+    "vehicle",
+    "data",
+];
+
+impl PilotFile {
+    /// Reads a pilot file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or θ is missing or not made of numbers.
+    pub fn read(path: &Path) -> Result<Self, PilotFileError> {
+        Self::parse(&document::read(path)?, &path.display().to_string())
+    }
+
+    /// Parses the text of a pilot file; `file` is its name in messages. A file without `converged` or
+    /// `stick_limit`, as somebody may write by hand, means `true` and 1.
+    ///
+    /// # Errors
+    /// As [`PilotFile::read`].
+    pub fn parse(text: &str, file: &str) -> Result<Self, PilotFileError> {
+        let document = Document::parse(text, file)?;
+        let root = document.root();
+        root.only(&FIELDS)?;
+        let stick_limit = root.number("stick_limit")?.unwrap_or(1.0);
+        if !(stick_limit.is_finite() && stick_limit > 0.0) {
+            return Err(PilotFileError::StickLimit {
+                file: file.into(),
+                line: root.line("stick_limit"),
+                value: stick_limit,
+            });
+        }
+        let vehicle = match (root.table("closed_loop")?, root.table("vehicle")?) {
+            (Some(_), Some(table)) => Some(vehicle::of_table(&table)?),
+            _ => None,
+        };
+        Ok(Self {
+            theta: theta(&root.required("theta", root.table("theta")?)?)?,
+            stick_limit,
+            converged: root.boolean("converged")?.unwrap_or(true),
+            vehicle,
+            doubts: (root.tables("doubt")?.iter())
+                .map(PilotDoubt::read)
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// What speaks against the pilot so that it is no answer, none where it is one.
+    pub fn objection(&self) -> Option<String> {
+        if !self.converged {
+            return Some("did not converge".into());
+        }
+        if let Some(doubt) = self.doubts.iter().find(|doubt| doubt.fatal) {
+            return Some(format!("is no answer: {}", doubt.words));
+        }
+        let told = self.doubts.iter().any(|doubt| doubt.code == UNSTABLE);
+        let unstable = self.is_stable_loop() == Some(false);
+        (unstable && !told).then(|| {
+            "is no answer: the closed loop of [theta] with [vehicle] is unstable, and the file does not say so; it \
+             may have been edited"
+                .into()
+        })
+    }
+
+    /// The closed loop with the vehicle of the fit, from θ as it stands in the file; none where the file does not say
+    /// what was flown.
+    pub fn closed_loop(&self) -> Option<ClosedLoop> {
+        let pilot = Pilot {
+            order: self.theta.len() / 2,
+        };
+        self.vehicle
+            .map(|vehicle| ClosedLoop::of(vehicle, pilot, &self.theta))
+    }
+
+    /// Whether [`Self::closed_loop`] is stable.
+    pub fn is_stable_loop(&self) -> Option<bool> {
+        self.closed_loop().map(|known| known.is_stable())
+    }
+
+    /// What a user must know before trusting the pilot; what the file says of its loop only where θ says so too.
+    pub fn caveat(&self) -> Option<String> {
+        let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
+        let unconverged = (!self.converged).then(|| unconverged.to_owned());
+        let is_true = |doubt: &&PilotDoubt| match (doubt.code.as_str(), self.is_stable_loop()) {
+            (UNSTABLE, Some(stable)) => !stable,
+            ("loop-on-bound" | "slow-loop" | "leaves-target", Some(stable)) => stable,
+            _ => true,
+        };
+        let doubts =
+            (self.doubts.iter().filter(is_true)).map(|doubt| format!("Doubt: {}.", doubt.words));
+        let all: Vec<String> = unconverged.into_iter().chain(doubts).collect();
+        (!all.is_empty()).then(|| all.join(" "))
+    }
+}
+
+impl PilotDoubt {
+    fn read(table: &document::Table) -> Result<Self, DocumentError> {
+        Ok(Self {
+            code: table.required("code", table.string("code")?)?.into(),
+            words: table.required("words", table.string("words")?)?.into(),
+            fatal: table.boolean("fatal")?.unwrap_or(false),
+        })
+    }
+}
+
+/// θ from its table.
+fn theta(table: &document::Table) -> Result<Vec<f64>, PilotFileError> {
+    let (file, found) = (table.file().to_owned(), table.count());
+    if found == 0 || found % 2 == 1 {
+        let line = table.line("");
+        return Err(PilotFileError::Count { file, line, found });
+    }
+    let names: Vec<String> = (1..=found).map(|i| format!("theta{i}")).collect();
+    table.only(&names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    let value = |name: &String| {
+        let value = table.required(name, table.number(name)?)?;
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(PilotFileError::NotFinite {
+                file: file.clone(),
+                line: table.line(name),
+                field: name.clone(),
+                value,
+            }),
+        }
+    };
+    names.iter().map(value).collect()
+}
+
+/// The text of a pilot file. A fit that is no answer is marked as such, first thing.
+pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+    let mut text = String::from(
+        "# A pilot: y_p/u_p = (θ2n s^(n-1) + ... + θn+1) / (s^n + θn s^(n-1) + ... + θ1),\n\
+         # from the error u_p [m] to the stick y_p [-1 to 1].\n",
+    );
+    if !fit.converged {
+        text += "# NOT CONVERGED: this is the best iterate of a solve that did not reach its tolerance.\n";
+    }
+    for doubt in fit.doubts.iter().filter(|doubt| doubt.is_fatal()) {
+        // A comment ends with its line; the name of a run may hold what breaks it.
+        let words = doubt.to_string().replace(char::is_control, " ");
+        text += &format!("# NO ANSWER: {words}.\n");
+    }
+    text += &format!(
+        "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {}\n\n[theta]\n",
+        env!("CARGO_PKG_VERSION"),
+        quoted(&fit.status),
+        fit.converged,
+        number(options.stick_limit)
+    );
+    for (i, (value, unit)) in fit.theta.iter().zip(units(options.pilot)).enumerate() {
+        let assignment = format!("theta{} = {}", i + 1, number(*value));
+        text += &format!("{assignment:<34} # [{unit}]\n");
+    }
+    let closed_loop = fit
+        .closed_loop
+        .as_ref()
+        .map_or_else(String::new, closed_loop);
+    let doubts: String = fit.doubts.iter().map(doubt).collect();
+    let pilot = poles("pole", &options.pilot.poles(&fit.theta));
+    text + &doubts + &closed_loop + &pilot + &solve(fit, options) + &data(options, trials)
+}
+
+/// Units of the components of θ, in order (see [`pilotage_models::pilot`]), as people write them.
+pub fn units(pilot: Pilot) -> Vec<String> {
+    let n = pilot.order;
+    let denominator = (0..n).map(|i| Unit::per_second(n - i));
+    let numerator = (0..n).map(|i| Unit::per_metre_second(n - i));
+    (denominator.chain(numerator))
+        .map(|unit| unit.symbol())
+        .collect()
+}
+
+fn doubt(doubt: &Doubt) -> String {
+    format!(
+        "\n[[doubt]]\ncode = \"{}\"\nwords = {}\nfatal = {}\n",
+        doubt.code(),
+        quoted(&doubt.to_string()),
+        doubt.is_fatal()
+    )
+}
+
+fn closed_loop(closed_loop: &ClosedLoop) -> String {
+    format!(
+        "\n[closed_loop]                      # with the vehicle below, linearised about hover\nstable = {}\n{}",
+        closed_loop.is_stable(),
+        poles("closed_loop.pole", &closed_loop.poles)
+    )
+}
+
+fn poles(table: &str, poles: &[Complex<f64>]) -> String {
+    let mut text = String::new();
+    for mode in Mode::of_poles(poles) {
+        text += &format!(
+            "\n[[{table}]] # with its conjugate where im is not 0\n\
+             re = {} # [1/s]\nim = {} # [1/s]\nfrequency = {} # [rad/s]\ndamping = {}\n",
+            number(mode.pole.re),
+            number(mode.pole.im),
+            number(mode.frequency),
+            number(mode.damping)
+        );
+    }
+    text
+}
+
+fn solve(fit: &Fit, options: &Options) -> String {
+    let unit = match options.objective.unit() {
+        "1" => "1",
+        _ => "m²",
+    };
+    let mesh = match options.mesh {
+        Mesh::Samples => "mesh = \"samples\"".into(),
+        Mesh::Step(step) => format!("mesh_step = {} # [s]", number(step)),
+    };
+    format!(
+        "\n[fit]\nobjective = \"{}\"\nscheme = \"{}\"\n{mesh}\ninitial_state = \"{}\"\ninitial_position = \"{}\"\n\
+         stable_loop = {} # asked for\n\
+         sum_of_squares = {} # [{unit}]\nkkt = {}\ntolerance = {}\niterations = {}\nseconds = {}\n",
+        options.objective.as_str(),
+        options.scheme,
+        options.initial_state.as_str(),
+        options.initial_position.as_str(),
+        options.stable_loop,
+        number(fit.objective),
+        number(fit.kkt),
+        number(options.tolerance),
+        fit.iterations,
+        number((1e3 * fit.seconds).round() / 1e3)
+    )
+}
+
+fn data(options: &Options, trials: &[Trial]) -> String {
+    let mut text = String::from("\n[vehicle]\n");
+    for field in &COEFFICIENTS {
+        text += &format!(
+            "{} = {} # [{}]\n",
+            field.name,
+            number((field.get)(&options.vehicle)),
+            (field.unit)().symbol()
+        );
+    }
+    for trial in trials {
+        text += &format!(
+            "\n[[data]]\nfile = {}\nsha256 = \"{}\"\nsamples = {}\nweight = {}\n",
+            quoted(&trial.origin),
+            trial.sha256,
+            trial.time.len(),
+            number(trial.weight)
+        );
+    }
+    text
+}
+
+/// A TOML string.
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn fit() -> Fit {
+        Fit {
+            theta: vec![0.1 + 0.2, 1.0, 1e-9, -0.5, 0.0, -1.0 / 3.0],
+            objective: 6.5,
+            converged: false,
+            status: "iteration-limit".into(),
+            kkt: 1e-3,
+            iterations: 7,
+            seconds: 0.25,
+            unknowns: 16_260,
+            starts: Vec::new(),
+            tried: 0,
+            skipped: 0,
+            curvature: None,
+            violation: 0.0,
+            runs: Vec::new(),
+            closed_loop: Some(ClosedLoop {
+                poles: vec![
+                    Complex::new(-1.0, 2.0),
+                    Complex::new(-1.0, -2.0),
+                    Complex::new(1e-3, 0.0),
+                ],
+            }),
+            unbounded: None,
+            doubts: vec![Doubt::ConstantData],
+        }
+    }
+
+    fn trial() -> Trial {
+        Trial {
+            name: "a".into(),
+            origin: "C:\\data\\\"a\"\n.csv".into(),
+            sha256: "00".into(),
+            time: vec![0.0],
+            target: vec![1.0],
+            position: vec![0.0],
+            stick: None,
+            weight: 1.0,
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back_to_the_same_bits_and_keeps_the_mark() {
+        let text = to_toml(&fit(), &Options::default(), &[trial()]);
+        assert!(text.contains("# NOT CONVERGED"));
+        let read = PilotFile::parse(&text, "pilot.toml").unwrap();
+        assert_eq!(
+            read,
+            PilotFile {
+                theta: fit().theta,
+                stick_limit: 1.0,
+                converged: false,
+                vehicle: Some(Options::default().vehicle),
+                doubts: vec![PilotDoubt {
+                    code: "constant-data".into(),
+                    words: Doubt::ConstantData.to_string(),
+                    fatal: true,
+                }],
+            }
+        );
+        let table: toml::Table = text.parse().unwrap();
+        assert_eq!(
+            table["data"][0]["file"].as_str(),
+            Some(trial().origin.as_str())
+        );
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 256,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(6),
+            ..ProptestConfig::default()
+        })]
+        /// Whatever a solve ends with: θ, its limit and the mark come back, and the rest is TOML.
+        #[test]
+        fn whatever_is_written_is_read_again(
+            theta in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 6),
+            [objective, kkt, seconds, tolerance] in prop::array::uniform4(prop::num::f64::ANY),
+            stick_limit in f64::MIN_POSITIVE..f64::MAX,
+            converged: bool,
+            status in ".*",
+            origins in prop::collection::vec("(?s).*", 0..3),
+            step in prop::option::of(prop::num::f64::POSITIVE),
+        ) {
+            let doubts = vec![Doubt::Outlier {
+                run: origins.first().cloned().unwrap_or_default(),
+                time: kkt,
+                value: objective,
+                unit: "m",
+                count: 1,
+                share: Some(1.0),
+            }];
+            let written = Fit { theta, objective, converged, status, kkt, seconds, doubts, ..fit() };
+            let mesh = step.map_or(Mesh::Samples, Mesh::Step);
+            let options = Options { stick_limit, tolerance, mesh, ..Options::default() };
+            let trials: Vec<Trial> = (origins.iter())
+                .map(|origin| Trial { origin: origin.clone(), weight: objective, ..trial() })
+                .collect();
+            let text = to_toml(&written, &options, &trials);
+            let read = PilotFile::parse(&text, "pilot.toml").unwrap();
+            let doubts = vec![PilotDoubt {
+                code: "outlier".into(),
+                words: written.doubts[0].to_string(),
+                fatal: true,
+            }];
+            let vehicle = Some(options.vehicle);
+            prop_assert_eq!(read, PilotFile { theta: written.theta, stick_limit, converged, vehicle, doubts });
+            let table: toml::Table = text.parse().unwrap();
+            prop_assert_eq!(table["status"].as_str(), Some(written.status.as_str()));
+            let found = table["fit"]["kkt"].as_float().unwrap();
+            prop_assert!(found == kkt || (found.is_nan() && kkt.is_nan()));
+            for (k, origin) in origins.iter().enumerate() {
+                prop_assert_eq!(table["data"][k]["file"].as_str(), Some(origin.as_str()));
+            }
+        }
+    }
+
+    #[test]
+    fn units_of_theta_follow_from_metres_in_and_stick_out() {
+        let expected = ["1/s³", "1/s²", "1/s", "1/(m·s³)", "1/(m·s²)", "1/(m·s)"];
+        assert_eq!(units(Pilot { order: 3 }), expected);
+        assert_eq!(units(Pilot { order: 12 })[12], "1/(m·s¹²)");
+    }
+}

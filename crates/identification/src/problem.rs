@@ -1,0 +1,169 @@
+//! The paper's problem from trials and options.
+
+use super::closed_loop::LinearVehicle;
+use super::constraints::{RouthHurwitz, Stability};
+use super::{InitialPosition, InitialState, Mesh, Options, Trial};
+use pilotage_collocation::{Collocation, Run, Scales};
+use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter};
+
+/// The problem of the response fit: pilot and vehicle in closed loop.
+pub type ResponseProblem = Collocation<Joint, Stability>;
+/// The problem of the stick fit: the pilot alone, driven by the recorded error.
+pub type StickProblem = Collocation<OpenLoopPilot, Stability>;
+
+impl Mesh {
+    /// Interval boundaries [s] for samples at these times.
+    pub fn boundaries(self, time: &[f64]) -> Vec<f64> {
+        let (start, end) = (time[0], time[time.len() - 1]);
+        match self {
+            Self::Samples => time.to_vec(),
+            Self::Step(h) => {
+                let intervals = Self::intervals(time, h) as usize;
+                let at = |k: usize| start + (end - start) * (k as f64 / intervals as f64);
+                (0..intervals).map(at).chain([end]).collect()
+            }
+        }
+    }
+
+    /// How many intervals of about `step` seconds lie between the first and the last sample.
+    pub fn intervals(time: &[f64], step: f64) -> f64 {
+        ((time[time.len() - 1] - time[0]) / step).round().max(1.0)
+    }
+}
+
+/// What is to be fitted, before it is discretised.
+pub struct Posed<D> {
+    /// The model.
+    pub dynamics: D,
+    /// What θ must fulfil.
+    pub constraints: Stability,
+    /// The runs.
+    pub runs: Vec<Run>,
+}
+
+impl<D: Dynamics + Clone> Posed<D> {
+    /// The nonlinear program.
+    pub fn discretised(&self, options: &Options, scales: Scales) -> Collocation<D, Stability> {
+        Collocation::new(
+            self.dynamics.clone(),
+            self.constraints,
+            options.scheme,
+            self.runs.clone(),
+            scales,
+            options.stick_limit,
+        )
+    }
+}
+
+/// The response problem (paper, eq. 5), discretised.
+pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> ResponseProblem {
+    pose_response(trials, options).discretised(options, scales)
+}
+
+/// The stick problem, discretised: stick residuals of the pilot that sees the recorded error.
+pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProblem {
+    pose_stick(trials, options).discretised(options, scales)
+}
+
+/// The response problem (paper, eq. 5).
+pub fn pose_response(trials: &[Trial], options: &Options) -> Posed<Joint> {
+    let dynamics = Joint {
+        vehicle: options.vehicle,
+        pilot: options.pilot,
+    };
+    let runs = trials.iter().map(|trial| Run {
+        mesh: options.mesh.boundaries(&trial.time),
+        time: trial.time.clone(),
+        inputs: trial.target.iter().map(|t| vec![*t]).collect(),
+        measured: trial.position.clone(),
+        weight: trial.weight,
+        initial: known_states(trial, options),
+    });
+    Posed {
+        dynamics,
+        constraints: Stability {
+            pilot: RouthHurwitz {
+                pilot: options.pilot,
+            },
+            vehicle: options.kept_vehicle().map(LinearVehicle::of),
+        },
+        runs: runs.collect(),
+    }
+}
+
+/// What is known of pilot and vehicle at the first sample.
+fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
+    let mut recorded = trial.position.iter().copied().filter(|z| z.is_finite());
+    let vehicle = Quadcopter::hover(recorded.next().unwrap_or(0.0));
+    let vehicle_known = options.initial_state != InitialState::Free;
+    let pilot_known = options.initial_state == InitialState::AtRest;
+    let pilot = std::iter::repeat_n(pilot_known.then_some(0.0), options.pilot.order);
+    let mut known: Vec<Option<f64>> = vehicle.map(|x| vehicle_known.then_some(x)).to_vec();
+    if options.initial_position == InitialPosition::Estimated {
+        known[0] = None;
+    }
+    known.into_iter().chain(pilot).collect()
+}
+
+/// The stick problem.
+pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed<OpenLoopPilot> {
+    let dynamics = OpenLoopPilot {
+        pilot: options.pilot,
+    };
+    let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
+    let runs = trials.iter().map(|trial| Run {
+        mesh: options.mesh.boundaries(&trial.time),
+        time: trial.time.clone(),
+        inputs: recorded_error(trial).into_iter().map(|e| vec![e]).collect(),
+        measured: trial
+            .stick
+            .clone()
+            .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
+        weight: trial.weight,
+        initial: vec![known; dynamics.n_states()],
+    });
+    Posed {
+        dynamics,
+        constraints: Stability {
+            pilot: RouthHurwitz {
+                pilot: options.pilot,
+            },
+            vehicle: None,
+        },
+        runs: runs.collect(),
+    }
+}
+
+/// The error ŷ - y_v that the pilot saw at each sample [m], gaps filled.
+pub fn recorded_error(trial: &Trial) -> Vec<f64> {
+    let position = fill_gaps(&trial.time, &trial.position);
+    trial
+        .target
+        .iter()
+        .zip(position)
+        .map(|(t, z)| t - z)
+        .collect()
+}
+
+/// The signal with missing samples (NaN) filled by linear interpolation, constant at the ends.
+pub fn fill_gaps(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let known: Vec<usize> = (0..values.len())
+        .filter(|&k| values[k].is_finite())
+        .collect();
+    let fill = |k: usize| {
+        let after = known.partition_point(|&i| i < k);
+        match (
+            after.checked_sub(1).map(|i| known[i]),
+            known.get(after).copied(),
+        ) {
+            (_, Some(b)) if b == k => values[k],
+            (Some(a), Some(b)) => {
+                values[a] + (values[b] - values[a]) * (time[k] - time[a]) / (time[b] - time[a])
+            }
+            (Some(a), None) => values[a],
+            (None, Some(b)) => values[b],
+            (None, None) => 0.0,
+        }
+    };
+    (0..values.len()).map(fill).collect()
+}

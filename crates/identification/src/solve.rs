@@ -1,0 +1,581 @@
+//! The fit: starts from the data, the SQP from each, the best.
+
+use super::constraints::Stability;
+use super::multi_start::{Start, Starts, multi_start};
+use super::problem::{self, Posed, fill_gaps};
+use super::projection::Search;
+use super::{
+    ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
+    start,
+};
+use pilotage_collocation::{Collocation, ParameterConstraints};
+use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Pilot};
+use pilotage_sqp::{Iteration, Status};
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// What can be wrong with the data or the options of a fit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// No trial was given.
+    #[error("no trial to fit")]
+    NoTrials,
+    /// A start of the wrong length.
+    #[error("the start has {found} parameters; a pilot of order {order} has {expected}")]
+    StartLength {
+        /// Parameters given.
+        found: usize,
+        /// Parameters needed.
+        expected: usize,
+        /// The pilot's order.
+        order: usize,
+    },
+    /// A start that is not finite, or with every parameter zero.
+    #[error("start parameter theta{index} = {value}; expected finite numbers, not all zero")]
+    StartValue {
+        /// Which, from 1.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A pilot without states or with more than fit a node.
+    #[error("pilot order {order}; expected {low} to {high}")]
+    Order {
+        /// The order asked for.
+        order: usize,
+        /// Lowest.
+        low: usize,
+        /// Highest.
+        high: usize,
+    },
+    /// A mesh step that is no length of time.
+    #[error("mesh step {step} s; expected a finite number above 0")]
+    MeshStep {
+        /// The step asked for [s].
+        step: f64,
+    },
+    /// A mesh step so small that the states would not fit into memory.
+    #[error(
+        "trial {trial}: a mesh step of {step:?} s makes {intervals:.0} intervals, and a run may have {limit}; \
+         take at least {least:?} s, or a scheme of higher order on a coarser mesh"
+    )]
+    MeshIntervals {
+        /// Name of the trial.
+        trial: String,
+        /// The step asked for [s].
+        step: f64,
+        /// Intervals that it makes.
+        intervals: f64,
+        /// Most intervals of a run.
+        limit: usize,
+        /// A step that the trial allows [s].
+        least: f64,
+    },
+    /// A position that no vehicle was ever at.
+    #[error(
+        "trial {trial}: position = {position:e} m at {time} s; expected less than {limit:e} m in magnitude: \
+         empty the cell if it is an error, or give the column its unit, as in `position [mm]`"
+    )]
+    Position {
+        /// Name of the trial.
+        trial: String,
+        /// Time of the sample [s].
+        time: f64,
+        /// The value [m].
+        position: f64,
+        /// The limit [m].
+        limit: f64,
+    },
+    /// A trial without a stick, for the stick objective.
+    #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
+    NoStick {
+        /// Name of the trial.
+        trial: String,
+    },
+}
+
+/// Trials to which a fit that only gives a start is made; of more, so many are taken
+/// ([`start::spread`]).
+pub const MANY_TRIALS: usize = 24;
+
+/// Random starts that join at most, without being asked for: see [`Options::random_starts`].
+pub const SPARE_STARTS: usize = 8;
+
+/// Random starts where every initial state is free.
+pub const FREE_STARTS: usize = 8;
+
+/// Pilots drawn for the search where initial states are free .
+const DRAWS: usize = 2000;
+
+/// Seed of the random starts.
+const SEED: u64 = 0;
+
+/// [`pilotage_sqp::Options::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable
+/// fail.
+pub const SHORT_STEP: f64 = 0.01;
+
+/// Scaled KKT residual of a fit that only gives a start.
+const ROUGH_TOLERANCE: f64 = 1e-4;
+
+/// Highest order of an identified pilot.
+pub const MAX_ORDER: usize = 6;
+
+/// Most mesh intervals of a run where the mesh is not its samples: some 1 GB of derivatives.
+pub const MAX_INTERVALS: usize = 200_000;
+
+/// Positions and targets of a larger magnitude are refused [m]: more than the way to the Moon and back.
+pub const FARTHEST: f64 = 1e9;
+
+/// What an observer of a fit sees.
+#[derive(Debug, Clone, Copy)]
+pub enum Progress<'a> {
+    /// Pilots are looked at in the linearised problem, for starts.
+    Search {
+        /// Their order.
+        order: usize,
+        /// Part of the work that is done, 0 to 1.
+        done: f64,
+    },
+    /// An iterate of the solver.
+    Iterate(Iterate<'a>),
+}
+
+/// An iterate of the solver, and whose it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Iterate<'a> {
+    /// Order of the pilot that is fitted: lower ones come first, for their optimum as a start.
+    pub order: usize,
+    /// Which start, from 0.
+    pub start: usize,
+    /// Of how many so far: random ones may join.
+    pub starts: usize,
+    /// The iterate.
+    pub iteration: &'a Iteration,
+}
+
+/// Sees the search's progress and each iterate; `Break` ends the fit with the best iterate so far and that status, or with the
+/// start that had converged before.
+pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
+
+/// Fits one pilot to all trials (paper, eq. 5).
+///
+/// Where a run begins at rest, a pilot of second order is fitted first, from starts estimated from the
+/// data ([`start::low_order`]), unless the user gives a start; each order above that starts from the one
+/// below, with a pole and a zero more ([`start::with_pair`]), so that its objective is never above. Of
+/// several starts the SQP runs some iterations from each and finishes the best. Of many trials some suffice
+/// for the order below. They would not for the order asked for: what all trials tell of the last pole, a few
+/// may not, and it runs away to −∞.
+///
+/// Where initial states are free, the starts are the optima of the linearised problem
+/// (variable projection).
+///
+/// # Errors
+/// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
+/// result, with its status.
+pub fn fit(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Fit, FitError> {
+    let mut fit = solve(trials, options, observer)?;
+    let vehicle = options.loop_vehicle();
+    fit.closed_loop = vehicle.map(|&v| ClosedLoop::of(v, options.pilot, &fit.theta));
+    fit.unbounded = unbounded(&fit, trials, options)?;
+    fit.doubts = doubts(&fit, options, trials);
+    Ok(fit)
+}
+
+/// The objective without the bound on the closed loop, where a solution lies on it: of the optimum to which that
+/// solution leads then. Of few trials alone, since it is another solve.
+fn unbounded(fit: &Fit, trials: &[Trial], options: &Options) -> Result<Option<f64>, FitError> {
+    let on_bound = fit.closed_loop.as_ref().and_then(ClosedLoop::on_bound);
+    if !(fit.converged && on_bound.is_some() && options.kept_vehicle().is_some())
+        || trials.len() > MANY_TRIALS
+    {
+        return Ok(None);
+    }
+    let free = Options {
+        stable_loop: false,
+        start: Some(fit.theta.clone()),
+        random_starts: Some(0),
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    let free = solve(trials, &free, &mut |_| ControlFlow::Continue(()))?;
+    Ok(free.converged.then(|| free.objective.min(fit.objective)))
+}
+
+/// The fit, without what is said of it.
+fn solve(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Fit, FitError> {
+    check(trials, options)?;
+    let clock = Instant::now();
+    let sticks: Vec<Vec<f64>> = trials
+        .par_iter()
+        .map(|t| start::implied_stick(t, &options.vehicle))
+        .collect();
+    // An observer that has ended the fit is not asked again.
+    let mut ended = None;
+    let mut latched = |progress: &Progress<'_>| match ended {
+        Some(status) => ControlFlow::Break(status),
+        None => {
+            let flow = observer(progress);
+            ended = flow.break_value();
+            flow
+        }
+    };
+    let observer: &mut Observer<'_> = &mut latched;
+    let starts = candidates(trials, &sticks, options, observer)?;
+    let mut fit = match options.objective {
+        Objective::Response => {
+            let posed = problem::pose_response(trials, options);
+            solve_response(&posed, trials, options, &starts, observer)
+        }
+        Objective::Stick => {
+            let posed = problem::pose_stick(trials, options);
+            solve_stick(&posed, trials, options, &starts, observer)
+        }
+    };
+    fit.seconds = clock.elapsed().as_secs_f64();
+    Ok(fit)
+}
+
+/// The response problem from these starts.
+fn solve_response(
+    posed: &Posed<Joint>,
+    trials: &[Trial],
+    options: &Options,
+    starts: &Starts,
+    observer: &mut Observer<'_>,
+) -> Fit {
+    let from = |start: &Start| {
+        let from_data = |trial: &Trial| start::joint_states(trial, options, &start.theta);
+        begin(posed, trials, options, start, from_data)
+    };
+    let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
+    multi_start(starts, &from, options, observer, &runs)
+}
+
+/// The stick problem from these starts.
+fn solve_stick(
+    posed: &Posed<OpenLoopPilot>,
+    trials: &[Trial],
+    options: &Options,
+    starts: &Starts,
+    observer: &mut Observer<'_>,
+) -> Fit {
+    let from = |start: &Start| {
+        let from_data = |trial: &Trial| start::stick_states(trial, options, &start.theta);
+        begin(posed, trials, options, start, from_data)
+    };
+    let runs = |problem: &Collocation<_, _>, z: &[f64]| {
+        let mut runs = runs(problem, z, trials);
+        for (run, trial) in runs.iter_mut().zip(trials) {
+            // The pilot alone moves no vehicle: the position stays the recorded one.
+            run.position = fill_gaps(&trial.time, &trial.position);
+        }
+        runs
+    };
+    multi_start(starts, &from, options, observer, &runs)
+}
+
+/// The discretised problem, scaled for a start, and its variables there.
+fn begin<D: Dynamics + Clone>(
+    posed: &Posed<D>,
+    trials: &[Trial],
+    options: &Options,
+    start: &Start,
+    from_data: impl Fn(&Trial) -> Vec<Vec<f64>> + Send + Sync,
+) -> (Collocation<D, Stability>, Vec<f64>) {
+    let states = match &start.states {
+        Some(states) => states.clone(),
+        None => trials.par_iter().map(from_data).collect(),
+    };
+    let problem = posed.discretised(options, start::scales(&states, &start.theta));
+    let z = start::variables(&problem, &states, &start.theta);
+    (problem, z)
+}
+
+/// True where initial states make many optima.
+fn is_free(options: &Options) -> bool {
+    options.initial_state != InitialState::AtRest
+}
+
+/// Starts for θ from the data and the trials' sticks ([`start::implied_stick`]).
+///
+/// # Errors
+/// As [`fit`].
+pub fn candidates(
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<Starts, FitError> {
+    let order = options.pilot.order;
+    let mut starts = Starts::default();
+    if let Some(theta) = &options.start {
+        starts.all.push(theta.clone().into());
+    } else if is_free(options) {
+        starts = optima(trials, sticks, options, observer);
+    } else if order <= 2 {
+        let low = start::low_order(trials, sticks, options);
+        starts.all.extend(low.into_iter().map(Start::from));
+    } else {
+        let lower = Options {
+            pilot: Pilot { order: order - 1 },
+            random_starts: Some(0),
+            ..options.clone()
+        };
+        let (theta, iterations) = rough(trials, &lower, observer)?;
+        let pairs = start::with_pair(&theta, trials, sticks, options);
+        starts.all.extend(pairs.into_iter().map(Start::from));
+        starts.iterations = iterations;
+    }
+    if starts.all.is_empty() {
+        // No pilot that was looked at fulfils the conditions: the solver may find one.
+        let regressions = start::regressions(trials, sticks, options);
+        starts.all.extend(regressions.into_iter().map(Start::from));
+    }
+    let (joining, spare) = random(options);
+    starts.all.extend(joining.into_iter().map(Start::from));
+    if trials.len() <= MANY_TRIALS {
+        starts.spare = spare.into_iter().map(Start::from).collect();
+    }
+    Ok(starts)
+}
+
+/// Optima of the linearised problem, from drawn pilots and those that the sticks suggest; of many trials some
+/// suffice.
+///
+/// The vehicle is at rest there even where its states are free: free ones make the vehicle tumble in the first
+/// tenths of a second, which no linearisation follows.
+fn optima(
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Starts {
+    if trials.len() > MANY_TRIALS {
+        let some = start::spread(trials, MANY_TRIALS);
+        let sticks: Vec<_> = (some.iter())
+            .map(|t| start::implied_stick(t, &options.vehicle))
+            .collect();
+        let mut starts = optima(&some, &sticks, options, observer);
+        starts.all.iter_mut().for_each(|start| start.states = None);
+        return starts;
+    }
+    let mut draws = random_starts::draw(options, SEED, DRAWS);
+    draws.extend(start::regressions(trials, sticks, options));
+    let order = options.pilot.order;
+    let mut watch = |done: f64| observer(&Progress::Search { order, done }).is_break();
+    let free = match options.objective {
+        Objective::Response => InitialState::VehicleAtRest,
+        Objective::Stick => InitialState::Free,
+    };
+    let options = &Options {
+        initial_state: free,
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    match options.objective {
+        Objective::Stick => {
+            let posed = problem::pose_stick(trials, options);
+            let search = Search::of(&posed);
+            search.starts(search.descents(draws, &mut watch))
+        }
+        Objective::Response => {
+            let posed = problem::pose_response(trials, options);
+            let search = Search::of(&posed);
+            let descents = search.descents(draws, &mut watch);
+            let ends: Vec<_> = descents
+                .iter()
+                .map(|descent| descent.theta.clone())
+                .collect();
+            let mut first = search.starts(descents);
+            first.all.truncate(1);
+            if first.all.is_empty() {
+                return first;
+            }
+            let fit = solve_response(&posed, trials, options, &first, observer);
+            let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
+            let search = Search::about(&posed, &fit.theta, &states);
+            let mut watch = |done: f64| observer(&Progress::Search { order, done }).is_break();
+            let mut starts = search.starts(search.descents(ends, &mut watch));
+            starts.all.push(Start {
+                theta: fit.theta,
+                states: Some(states),
+                descents: 1,
+            });
+            starts.iterations = fit.iterations;
+            starts
+        }
+    }
+}
+
+/// The random starts that [`Options::random_starts`] tells of: those that all run, and those that may join.
+fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let (count, sure) = match (options.random_starts, &options.start) {
+        (Some(count), _) => (count, count),
+        (None, Some(_)) => (0, 0),
+        // Free states of the vehicle make optima that no search of the linearised problem sees.
+        (None, None) if options.initial_state == InitialState::Free => (FREE_STARTS, FREE_STARTS),
+        (None, None) if is_free(options) => (0, 0),
+        (None, None) => (SPARE_STARTS, 0),
+    };
+    let mut all = random_starts::draw(options, SEED, count);
+    let spare = all.split_off(sure);
+    (all, spare)
+}
+
+/// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
+fn rough(
+    trials: &[Trial],
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<(Vec<f64>, usize), FitError> {
+    let options = Options {
+        tolerance: options.tolerance.max(ROUGH_TOLERANCE),
+        ..options.clone()
+    };
+    if trials.len() <= MANY_TRIALS {
+        let fit = solve(trials, &options, observer)?;
+        return Ok((fit.theta, fit.iterations));
+    }
+    let fit = solve(&start::spread(trials, MANY_TRIALS), &options, observer)?;
+    let theta = start::restrained(options.pilot, &fit.theta);
+    Ok((theta, fit.iterations))
+}
+
+fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
+    let order = options.pilot.order;
+    if trials.is_empty() {
+        return Err(FitError::NoTrials);
+    }
+    if !(1..=MAX_ORDER).contains(&order) {
+        return Err(FitError::Order {
+            order,
+            low: 1,
+            high: MAX_ORDER,
+        });
+    }
+    if let Some(theta) = &options.start {
+        if theta.len() != 2 * order {
+            return Err(FitError::StartLength {
+                found: theta.len(),
+                expected: 2 * order,
+                order,
+            });
+        }
+        let all_zero = theta.iter().all(|v| *v == 0.0);
+        if let Some(index) = theta.iter().position(|v| !v.is_finite() || all_zero) {
+            return Err(FitError::StartValue {
+                index: index + 1,
+                value: theta[index],
+            });
+        }
+    }
+    for trial in trials {
+        check_positions(trial)?;
+        check_mesh(trial, options.mesh)?;
+    }
+    let has_stick = |t: &Trial| {
+        t.stick
+            .as_ref()
+            .is_some_and(|s| s.iter().any(|u| u.is_finite()))
+    };
+    match trials
+        .iter()
+        .find(|t| options.objective == Objective::Stick && !has_stick(t))
+    {
+        Some(trial) => Err(FitError::NoStick {
+            trial: trial.name.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_positions(trial: &Trial) -> Result<(), FitError> {
+    let all = [&trial.position, &trial.target].map(|values| trial.time.iter().zip(values));
+    let far = |(_, value): &(&f64, &f64)| value.abs() > FARTHEST;
+    match all.into_iter().flatten().find(far) {
+        Some((&time, &position)) => Err(FitError::Position {
+            trial: trial.name.clone(),
+            time,
+            position,
+            limit: FARTHEST,
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_mesh(trial: &Trial, mesh: Mesh) -> Result<(), FitError> {
+    let Mesh::Step(step) = mesh else {
+        return Ok(());
+    };
+    if !(step.is_finite() && step > 0.0) {
+        return Err(FitError::MeshStep { step });
+    }
+    let intervals = Mesh::intervals(&trial.time, step);
+    if intervals <= MAX_INTERVALS as f64 {
+        return Ok(());
+    }
+    let (first, last) = (trial.time[0], trial.time[trial.time.len() - 1]);
+    Err(FitError::MeshIntervals {
+        trial: trial.name.clone(),
+        step,
+        intervals,
+        limit: MAX_INTERVALS,
+        least: rounded_up((last - first) / MAX_INTERVALS as f64),
+    })
+}
+
+/// The next number of two significant digits.
+fn rounded_up(x: f64) -> f64 {
+    let unit = 10_f64.powi(x.log10().floor() as i32 - 1);
+    let up = (x / unit).ceil() * unit;
+    // The decimal that is meant, without the digits that the product left.
+    format!("{up:.1e}").parse().unwrap_or(up)
+}
+
+/// The runs of a solution at the samples.
+fn runs<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    z: &[f64],
+    trials: &[Trial],
+) -> Vec<RunFit> {
+    let theta = problem.physical_theta(z);
+    let one = |(j, trial): (usize, &Trial)| {
+        let run = &problem.runs[j];
+        let states = problem.states_at_samples(z, j);
+        let model = &problem.model.dynamics;
+        let at = |f: &dyn Fn(&[f64], &[f64]) -> f64| -> Vec<f64> {
+            states
+                .iter()
+                .zip(&run.inputs)
+                .map(|(x, w)| f(x, w))
+                .collect()
+        };
+        let measured = at(&|x, w| model.measured(x, w, &theta));
+        let stick = at(&|x, w| model.bounded(x, w, &theta));
+        let residual = run
+            .measured
+            .iter()
+            .zip(&measured)
+            .map(|(y, m)| y - m)
+            .collect();
+        RunFit {
+            name: trial.name.clone(),
+            time: run.time.clone(),
+            target: trial.target.clone(),
+            position: measured,
+            stick,
+            residual,
+            states,
+        }
+    };
+    trials.iter().enumerate().map(one).collect()
+}

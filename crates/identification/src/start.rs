@@ -1,0 +1,493 @@
+//! Starts, so that none is asked of the user.
+
+use super::problem::{fill_gaps, recorded_error};
+use super::{Options, Trial};
+use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
+use pilotage_collocation::{Collocation, ParameterConstraints, Scales};
+use pilotage_models::lti::Transition;
+use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
+
+/// Half width of the window of local polynomials that smooth a recorded position [s].
+const WINDOW: f64 = 0.35;
+
+/// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
+const FILTERS: [f64; 2] = [0.5, 1.0];
+/// Places of a pole and a zero on each other, over the corner frequency.
+const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
+/// Relative difference below which two steps between samples are one.
+const SAME_STEP: f64 = 1e-9;
+/// Magnitude of the fastest pole of a start [1/s].
+const FASTEST: f64 = 30.0;
+/// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
+const REACTION: f64 = 0.2;
+
+/// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
+#[derive(Debug, Clone)]
+pub struct Smoothed {
+    /// Position [m].
+    pub z: Vec<f64>,
+    /// Velocity [m/s].
+    pub v: Vec<f64>,
+    /// Acceleration [m/s²].
+    pub a: Vec<f64>,
+}
+
+/// Local cubic polynomials through the samples within 0.35 s (Savitzky & Golay 1964).
+pub fn smooth(trial: &Trial) -> Smoothed {
+    let (time, position) = (&trial.time, fill_gaps(&trial.time, &trial.position));
+    let n = time.len();
+    let mut out = Smoothed {
+        z: position.clone(),
+        v: vec![0.0; n],
+        a: vec![0.0; n],
+    };
+    for k in 0..n {
+        let t0 = time[k];
+        let first = time.partition_point(|t| *t < t0 - WINDOW);
+        let end = time.partition_point(|t| *t <= t0 + WINDOW);
+        let near = match end - first < 5 {
+            true => k.saturating_sub(2)..(k + 3).min(n),
+            false => first..end,
+        };
+        if let Some(c) = local_cubic(&time[near.clone()], &position[near], t0) {
+            out.z[k] = c[0];
+            out.v[k] = c[1] / WINDOW;
+            out.a[k] = 2.0 * c[2] / (WINDOW * WINDOW);
+        }
+    }
+    out
+}
+
+/// Coefficients of the cubic in `(t - t0)/WINDOW` nearest to the values, of lower degree where there are
+/// too few; the others are zero.
+fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
+    let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    for (t, value) in time.iter().zip(values) {
+        let x = (t - t0) / WINDOW;
+        let mut row = Vector4::new(1.0, x, x * x, x * x * x);
+        (time.len()..4).for_each(|unused| row[unused] = 0.0);
+        normal += row * row.transpose();
+        right += row * *value;
+    }
+    (time.len()..4).for_each(|unused| normal[(unused, unused)] = 1.0);
+    normal.cholesky().map(|factor| factor.solve(&right))
+}
+
+/// The stick of a run: recorded where it was, else what the inverted vehicle implies,
+/// `sin φ = -v̇/g` on an attitude loop that follows the stick at once.
+pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
+    match &trial.stick {
+        Some(stick) if stick.iter().any(|u| u.is_finite()) => fill_gaps(&trial.time, stick),
+        _ => {
+            let pitch = |a: &f64| -(a / vehicle.gravity).clamp(-0.95, 0.95).asin();
+            smooth(trial)
+                .a
+                .iter()
+                .map(|a| (pitch(a) / vehicle.max_pitch).clamp(-1.0, 1.0))
+                .collect()
+        }
+    }
+}
+
+/// So many of the trials, from the smallest to the largest error at equal distances, so that they show
+/// what all of them show, in whatever order these came.
+pub fn spread(trials: &[Trial], count: usize) -> Vec<Trial> {
+    let size = |trial: &Trial| {
+        let errors = recorded_error(trial).into_iter();
+        errors.fold(0.0, |most: f64, error| most.max(error.abs()))
+    };
+    let mut sorted: Vec<(f64, &Trial)> = trials.iter().map(|t| (size(t), t)).collect();
+    sorted.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    (0..count)
+        .map(|i| sorted[i * trials.len() / count].1.clone())
+        .collect()
+}
+
+/// θ by linear regression of stick on error: the transfer function times its denominator, every
+/// signal through the filter `1/(s + ω)^n` (Young, *Recursive Estimation and Time-Series Analysis*,
+/// 2nd ed. 2011, ch. 8: state-variable filters), ridge-regularised, then made stable.
+pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f64) -> Vec<f64> {
+    let n = pilot.order;
+    let mut normal = DMatrix::<f64>::zeros(2 * n, 2 * n);
+    let mut right = DVector::<f64>::zeros(2 * n);
+    for (trial, stick) in trials.iter().zip(sticks) {
+        let error = recorded_error(trial);
+        let u = filtered_derivatives(&trial.time, stick, n, filter);
+        let e = filtered_derivatives(&trial.time, &error, n, filter);
+        for k in 0..trial.time.len() {
+            let row = DVector::from_fn(2 * n, |i, _| if i < n { -u[k][i] } else { e[k][i - n] });
+            normal += &row * row.transpose() * trial.weight;
+            right += row * (u[k][n] * trial.weight);
+        }
+    }
+    let scale = DVector::from_fn(2 * n, |i, _| normal[(i, i)].sqrt().max(1e-12));
+    let scaled = DMatrix::from_fn(2 * n, 2 * n, |i, j| {
+        normal[(i, j)] / (scale[i] * scale[j]) + f64::from(i == j) * 1e-8
+    });
+    let solution = scaled.lu().solve(&right.component_div(&scale));
+    let theta: Vec<f64> = solution.map_or(vec![0.0; 2 * n], |s| {
+        s.component_div(&scale).as_slice().to_vec()
+    });
+    stabilised(pilot, &theta)
+}
+
+/// Starts for a pilot of first or second order: one with the gain and the lead that the stick shows,
+/// and a regression of the stick on the error for each filter.
+///
+/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the poles of the
+/// first are twice as fast, and it has a tenth of the gain: people who flew there lean on the rate.
+pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    let (k_p, k_d) = proportional_derivative(trials, sticks);
+    let w = corner(k_p, options);
+    let shape = match options.pilot.order {
+        1 => vec![w, k_p * w],
+        _ => vec![w * w, 1.4 * w, 0.1 * k_p * w * w, k_d * w * w],
+    };
+    [shape]
+        .into_iter()
+        .chain(regressions(trials, sticks, options))
+        .collect()
+}
+
+/// Regressions of the stick on the error, one for each filter.
+pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+    FILTERS
+        .iter()
+        .map(|filter| regression(trials, sticks, options.pilot, *filter))
+        .collect()
+}
+
+/// Starts for a pilot of one order more than `theta`, which was fitted: the same transfer function with
+/// a pole and a zero on each other, slow, in the middle, or fast. All of them fly as `theta` does, and
+/// moving the pair apart can only gain.
+///
+/// A pair that is nowhere tells the solver nothing about where it belongs, and each of the three places
+/// leads to optima that the others miss: an integrating pilot, an interior one, and one whose fastest
+/// pole runs away.
+pub fn with_pair(
+    theta: &[f64],
+    trials: &[Trial],
+    sticks: &[Vec<f64>],
+    options: &Options,
+) -> Vec<Vec<f64>> {
+    let w = corner(proportional_derivative(trials, sticks).0, options);
+    let (den, num) = theta.split_at(theta.len() / 2);
+    let monic: Vec<f64> = den.iter().copied().chain([1.0]).collect();
+    let pair = |place: &f64| -> Vec<f64> {
+        let mut raised = times(&monic, place * w);
+        raised.pop();
+        raised.into_iter().chain(times(num, place * w)).collect()
+    };
+    PAIRS.iter().map(pair).collect()
+}
+
+/// Coefficients, in ascending order, of a polynomial times `(s + root)`.
+fn times(c: &[f64], root: f64) -> Vec<f64> {
+    let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
+    (0..=c.len())
+        .map(|i| root * at(i) + if i > 0 { at(i - 1) } else { 0.0 })
+        .collect()
+}
+
+/// Twice the closed loop's bandwidth with the gain `k_p` [1/s].
+fn corner(k_p: f64, options: &Options) -> f64 {
+    let plant = options.vehicle.gravity * options.vehicle.max_pitch;
+    (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0)
+}
+
+/// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ of [`REACTION`].
+fn proportional_derivative(trials: &[Trial], sticks: &[Vec<f64>]) -> (f64, f64) {
+    let (mut normal, mut right) = (
+        nalgebra::Matrix2::<f64>::zeros(),
+        nalgebra::Vector2::<f64>::zeros(),
+    );
+    for (trial, stick) in trials.iter().zip(sticks) {
+        let smoothed = smooth(trial);
+        for (k, t) in trial.time.iter().enumerate() {
+            let seen = trial.time.partition_point(|s| *s < t - REACTION);
+            let row =
+                nalgebra::Vector2::new(trial.target[seen] - smoothed.z[seen], -smoothed.v[seen]);
+            normal += row * row.transpose() * trial.weight;
+            right += row * (stick[k] * trial.weight);
+        }
+    }
+    normal.try_inverse().map_or((0.0, 0.0), |inverse| {
+        let gains = inverse * right;
+        (gains[0], gains[1])
+    })
+}
+
+/// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.
+fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> Vec<Vec<f64>> {
+    // Controllable canonical form: x_1 is the filtered signal, x_{i+1} its i-th derivative.
+    let binomial = |i: usize| (0..i).fold(1.0, |b, j| b * (n - j) as f64 / (j + 1) as f64);
+    let coefficients: Vec<f64> = (0..n)
+        .map(|i| binomial(i) * omega.powi((n - i) as i32))
+        .collect();
+    let derivative = |x: &[f64], u: f64| -> Vec<f64> {
+        let top = u - x.iter().zip(&coefficients).map(|(x, c)| x * c).sum::<f64>();
+        x[1..].iter().copied().chain([top]).collect()
+    };
+    let mut x = vec![0.0; n];
+    let mut out = Vec::with_capacity(time.len());
+    for k in 0..time.len() {
+        let top = *derivative(&x, signal[k]).last().unwrap_or(&0.0);
+        out.push(x.iter().copied().chain([top]).collect());
+        if k + 1 < time.len() {
+            rk4(&mut x, time[k + 1] - time[k], 8, |x, c| {
+                derivative(x, signal[k] + c * (signal[k + 1] - signal[k]))
+            });
+        }
+    }
+    out
+}
+
+/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
+fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f64>) {
+    let dt = h / substeps as f64;
+    let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
+        x.iter().zip(k).map(|(x, k)| x + s * k).collect()
+    };
+    for step in 0..substeps {
+        let c = |part: f64| (step as f64 + part) / substeps as f64;
+        let k1 = f(x, c(0.0));
+        let k2 = f(&shifted(x, &k1, dt / 2.0), c(0.5));
+        let k3 = f(&shifted(x, &k2, dt / 2.0), c(0.5));
+        let k4 = f(&shifted(x, &k3, dt), c(1.0));
+        for (i, x) in x.iter_mut().enumerate() {
+            *x += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+        }
+    }
+}
+
+/// θ with its unstable poles mirrored into the left half plane, and none slower than 0.05 1/s or
+/// faster than 30 1/s.
+pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
+    let damped = |pole: Complex<f64>| {
+        let re = -pole.re.abs().clamp(0.05, FASTEST);
+        Complex::new(re, pole.im.clamp(-FASTEST, FASTEST))
+    };
+    let denominator = denominator(pilot.poles(theta).into_iter().map(damped));
+    (denominator.into_iter())
+        .chain(theta[pilot.order..].iter().copied())
+        .collect()
+}
+
+/// θ with its poles that are faster than 30 1/s at 30 1/s, and the same gain for what is slow.
+///
+/// Some of the trials may drive a pole to infinity where all together would not, and a start out there
+/// gives the problem scales in which its solution cannot be told from others.
+pub fn restrained(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
+    let slowed = |pole: Complex<f64>| pole * (FASTEST / pole.norm()).min(1.0);
+    let denominator = denominator(pilot.poles(theta).into_iter().map(slowed));
+    let gain = denominator[0] / theta[0];
+    let numerator = theta[pilot.order..].iter().map(|c| gain * c);
+    denominator.iter().copied().chain(numerator).collect()
+}
+
+/// Coefficients, in ascending order and without the leading one, of the polynomial with these roots.
+pub(super) fn denominator(poles: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
+    let mut polynomial = vec![Complex::new(1.0, 0.0)];
+    for pole in poles {
+        let mut next = vec![Complex::new(0.0, 0.0); polynomial.len() + 1];
+        for (i, c) in polynomial.iter().enumerate() {
+            next[i + 1] += c;
+            next[i] -= c * pole;
+        }
+        polynomial = next;
+    }
+    polynomial.pop();
+    polynomial.iter().map(|c| c.re).collect()
+}
+
+/// The pilot's states when it sees the recorded error from rest, by exact steps, however fast its poles
+/// are; zero from where they cannot be computed.
+fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
+    let (time, error) = (&trial.time, recorded_error(trial));
+    let mut out = vec![vec![0.0; pilot.order]; time.len()];
+    let mut last: Option<(f64, Transition)> = None;
+    for k in 1..time.len() {
+        let h = time[k] - time[k - 1];
+        let known = last.take_if(|(step, _)| (*step - h).abs() < SAME_STEP * h);
+        let step = known.map(|(_, step)| step).or_else(|| {
+            let derivative = |x: &[f64], u: &[f64], dx: &mut [f64]| {
+                pilot.derivative(x, u[0], theta, dx);
+            };
+            Transition::new([pilot.order, 1], h, derivative).ok()
+        });
+        let Some(step) = step else {
+            break;
+        };
+        let (done, next) = out.split_at_mut(k);
+        step.apply(
+            &done[k - 1],
+            &[error[k - 1]],
+            &[(error[k] - error[k - 1]) / h],
+            &mut next[0],
+        );
+        last = Some((h, step));
+    }
+    out
+}
+
+/// States of the closed loop at the samples, from the data: position and velocity as recorded, the
+/// attitude loop and the pilot simulated (both are stable by themselves), the pilot on the recorded
+/// error.
+pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+    let smoothed = smooth(trial);
+    let pilot = pilot_states(trial, options.pilot, theta);
+    let stick = |k: usize| {
+        options
+            .pilot
+            .output(&pilot[k], theta)
+            .clamp(-options.stick_limit, options.stick_limit)
+    };
+    let mut x = Quadcopter::hover(0.0);
+    let mut out = Vec::with_capacity(trial.time.len());
+    for (k, pilot_state) in pilot.iter().enumerate() {
+        x[0] = smoothed.z[k];
+        x[2] = smoothed.v[k];
+        out.push(x.iter().chain(pilot_state).copied().collect());
+        if k + 1 < trial.time.len() {
+            let (u0, u1) = (stick(k), stick(k + 1));
+            rk4(&mut x, trial.time[k + 1] - trial.time[k], 8, |x, c| {
+                let mut dx = vec![0.0; quadcopter::N_STATES];
+                options.vehicle.derivative(x, u0 + c * (u1 - u0), &mut dx);
+                dx
+            });
+        }
+    }
+    out
+}
+
+/// States of the pilot alone at the samples.
+pub fn stick_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+    pilot_states(trial, options.pilot, theta)
+}
+
+/// Scales: the largest magnitude of each state over all runs, and of each parameter.
+pub fn scales(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Scales {
+    let n = states[0][0].len();
+    let largest = |i: usize| {
+        states
+            .iter()
+            .flatten()
+            .fold(1e-3_f64, |m, x| m.max(x[i].abs()))
+    };
+    let typical = theta.iter().map(|t| t.abs()).fold(0.0, f64::max);
+    Scales {
+        states: (0..n).map(largest).collect(),
+        parameters: theta
+            .iter()
+            .map(|t| t.abs().max(1e-6 * typical).max(1e-9))
+            .collect(),
+    }
+}
+
+/// The NLP's variables from states at the samples (linear in between) and θ.
+pub fn variables<D: Dynamics, C: ParameterConstraints>(
+    problem: &Collocation<D, C>,
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+) -> Vec<f64> {
+    let scales = &problem.model.scales;
+    let mut z = Vec::with_capacity(problem.layout.theta + theta.len());
+    for (j, states) in states.iter().enumerate() {
+        let time = &problem.runs[j].time;
+        for t in &problem.grids[j].times {
+            let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
+            let c = (t - time[to - 1]) / (time[to] - time[to - 1]);
+            let (from, to) = (&states[to - 1], &states[to]);
+            let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
+            z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
+        }
+        let start = problem.layout.runs[j].z;
+        for (i, known) in problem.runs[j].initial.iter().enumerate() {
+            if let Some(value) = known {
+                z[start + i] = value / scales.states[i];
+            }
+        }
+    }
+    z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
+    z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trial(time: Vec<f64>, position: impl Fn(f64) -> f64) -> Trial {
+        Trial {
+            name: "run".into(),
+            origin: String::new(),
+            sha256: String::new(),
+            target: vec![0.0; time.len()],
+            position: time.iter().map(|t| position(*t)).collect(),
+            time,
+            stick: None,
+            weight: 1.0,
+        }
+    }
+
+    /// Runs to two targets by turns, as an experiment may record them: an equal step would see one alone.
+    #[test]
+    fn some_of_the_trials_show_what_all_show() {
+        let run = |k: u8| {
+            let mut trial = trial(vec![0.0, 1.0, 2.0], |t| t);
+            trial.target = vec![if k.is_multiple_of(2) { 10.0 } else { 20.0 }; 3];
+            trial.name = k.to_string();
+            trial
+        };
+        let trials: Vec<Trial> = (0..48).map(run).collect();
+        let some = spread(&trials, 24);
+        let far = some.iter().filter(|t| t.target[0] == 20.0).count();
+        assert_eq!((some.len(), far), (24, 12));
+        let names: std::collections::BTreeSet<&str> = some.iter().map(|t| &*t.name).collect();
+        assert_eq!(names.len(), 24, "no trial twice");
+        assert_eq!(spread(&trials[..30], 24).len(), 24);
+    }
+
+    #[test]
+    fn a_restrained_pilot_keeps_its_slow_poles_and_its_gain() {
+        let pilot = Pilot { order: 3 };
+        // Poles at -1, -2 and -1e6; gain 0.03.
+        let (theta, gain) = ([2e6, 3e6 + 2.0, 1e6 + 3.0, 6e4, 5e4, 1e4], 0.03);
+        let restrained = restrained(pilot, &theta);
+        let mut poles: Vec<f64> = pilot.poles(&restrained).iter().map(|p| p.re).collect();
+        poles.sort_by(f64::total_cmp);
+        for (pole, expected) in poles.iter().zip([-30.0, -2.0, -1.0]) {
+            assert!((pole - expected).abs() < 1e-6, "{poles:?}");
+        }
+        assert!((restrained[3] / restrained[0] - gain).abs() < 1e-12);
+        assert!((restrained[4] / restrained[3] - theta[4] / theta[3]).abs() < 1e-12);
+    }
+
+    /// Poles at -3 and -1 ± 2i.
+    #[test]
+    fn a_slow_pilot_needs_no_restraint() {
+        let theta = [15.0, 11.0, 5.0, -0.4, -1.1, -0.1];
+        let restrained = restrained(Pilot { order: 3 }, &theta);
+        for (a, b) in restrained.iter().zip(&theta) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{restrained:?}");
+        }
+    }
+
+    #[test]
+    fn a_cubic_keeps_its_derivatives() {
+        let time = (0..40).map(|k| 0.05 * f64::from(k)).collect();
+        let smoothed = smooth(&trial(time, |t| 1.0 + 2.0 * t - t * t + 0.5 * t.powi(3)));
+        for (k, t) in (0..40).map(|k| (k, 0.05 * k as f64)) {
+            assert!((smoothed.z[k] - (1.0 + 2.0 * t - t * t + 0.5 * t.powi(3))).abs() < 1e-9);
+            assert!((smoothed.v[k] - (2.0 - 2.0 * t + 1.5 * t * t)).abs() < 1e-9);
+            assert!((smoothed.a[k] - (-2.0 + 3.0 * t)).abs() < 1e-9);
+        }
+    }
+
+    /// Samples so far apart that only two are near: a line, and no acceleration.
+    #[test]
+    fn two_samples_make_a_line() {
+        let smoothed = smooth(&trial(vec![0.0, 1.0], |t| 3.0 * t));
+        assert!((smoothed.z[1] - 3.0).abs() < 1e-9 && (smoothed.v[0] - 3.0).abs() < 1e-9);
+        assert_eq!(smoothed.a, [0.0, 0.0]);
+    }
+}

@@ -1,0 +1,221 @@
+//! A trial from its file.
+
+use super::summary::median_step;
+use super::{ColumnNames, Trial, TrialError};
+use pilotage_series::{Column, Series};
+use pilotage_text::nearest::nearest;
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// Least number of recorded positions: below that six parameters mean nothing.
+const MIN_SAMPLES: usize = 10;
+
+/// Lengths that are converted to metres; no unit means metres.
+const LENGTHS: &[(&str, f64)] = &[
+    ("m", 1.0),
+    ("", 1.0),
+    ("mm", 1e-3),
+    ("cm", 1e-2),
+    ("km", 1e3),
+    ("ft", 0.3048),
+];
+
+/// Units of the stick; full deflection is 1.
+const STICKS: &[(&str, f64)] = &[("1", 1.0), ("", 1.0), ("-", 1.0), ("%", 1e-2)];
+
+/// How far a stick may be beyond its stops, by rounding and calibration, and still be taken for full: 1 % of
+/// the way from stop to stop.
+const STICK_TOLERANCE: f64 = 0.02;
+
+/// Least time between samples [s] that makes one doubt that a time without a unit is in seconds: nobody
+/// records a human's hand once a second.
+const SLOW: f64 = 1.0;
+
+impl Trial {
+    /// Reads one run from its CSV file. What may be wrong with it is told by
+    /// [`TrialSet::read`](super::TrialSet::read) alone.
+    ///
+    /// # Errors
+    /// When the file cannot be read, is not a time series, or lacks what a trial must have.
+    pub fn read(path: &Path) -> Result<Self, TrialError> {
+        Self::read_with_notes(path, &ColumnNames::default()).map(|(trial, _)| trial)
+    }
+
+    /// The same, with what the user may not have meant or not know.
+    pub(super) fn read_with_notes(
+        path: &Path,
+        columns: &ColumnNames,
+    ) -> Result<(Self, Vec<String>), TrialError> {
+        let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
+            file: path.to_owned(),
+            source,
+        })?;
+        Self::parse_with_notes(&bytes, &path.display().to_string(), columns)
+    }
+
+    /// Parses the bytes of a CSV file; `origin` is its name, and the trial is named after its stem.
+    ///
+    /// # Errors
+    /// As [`Trial::read`].
+    pub fn parse(bytes: &[u8], origin: &str) -> Result<Self, TrialError> {
+        Self::parse_with_notes(bytes, origin, &ColumnNames::default()).map(|(trial, _)| trial)
+    }
+
+    fn parse_with_notes(
+        bytes: &[u8],
+        origin: &str,
+        columns: &ColumnNames,
+    ) -> Result<(Self, Vec<String>), TrialError> {
+        let series = Series::parse_with_time(bytes, origin, columns.of("time"))?;
+        let stem = Path::new(origin).file_stem();
+        let target = values(
+            required(&series, columns.of("target"), origin)?,
+            "target",
+            LENGTHS,
+            origin,
+        )?;
+        let position = required(&series, columns.of("position"), origin)?;
+        let position = values(position, "position", LENGTHS, origin)?;
+        let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
+        let stick = match columns.given("stick") {
+            Some(name) => Some(required(&series, name, origin)?),
+            None => named(&series, "stick"),
+        };
+        let mut stick = (stick.filter(recorded))
+            .map(|column| values(column, "stick", STICKS, origin))
+            .transpose()?;
+        let clipped = stick.as_mut().and_then(|stick| clip(stick));
+        let notes = [doubtful_times(&series), clipped];
+        let trial = Self {
+            name: stem.map_or_else(|| origin.into(), |stem| stem.to_string_lossy().into_owned()),
+            origin: origin.into(),
+            sha256: sha256(bytes),
+            time: series.time,
+            target,
+            position,
+            stick,
+            weight: 1.0,
+        };
+        trial.check()?;
+        let notes = notes.into_iter().flatten();
+        Ok((
+            trial,
+            notes.map(|note| format!("{origin}: {note}")).collect(),
+        ))
+    }
+
+    fn check(&self) -> Result<(), TrialError> {
+        let file = || self.origin.clone();
+        if let Some(k) = self.target.iter().position(|target| target.is_nan()) {
+            return Err(TrialError::NoTarget {
+                file: file(),
+                time: self.time[k],
+            });
+        }
+        let found = self.position.iter().filter(|p| !p.is_nan()).count();
+        if found < MIN_SAMPLES {
+            return Err(TrialError::TooFew {
+                file: file(),
+                found,
+                expected: MIN_SAMPLES,
+            });
+        }
+        let stick = self.stick.iter().flatten();
+        match stick.enumerate().find(|(_, stick)| stick.abs() > 1.0) {
+            Some((k, &value)) => Err(TrialError::Stick {
+                file: file(),
+                time: self.time[k],
+                value,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Puts a stick that is a little beyond its stops on them, and tells so.
+fn clip(stick: &mut [f64]) -> Option<String> {
+    let near = |value: f64| (1.0..=1.0 + STICK_TOLERANCE).contains(&value.abs());
+    let beyond = stick
+        .iter_mut()
+        .filter(|value| near(**value) && value.abs() != 1.0);
+    let (mut count, mut worst) = (0, 0.0_f64);
+    for value in beyond {
+        count += 1;
+        if value.abs() > worst.abs() {
+            worst = *value;
+        }
+        *value = value.signum();
+    }
+    let all = stick.len();
+    (count > 0).then(|| {
+        format!(
+            "{count} of {all} samples of the stick are beyond its stops, the farthest at {worst:.4}; they are \
+             taken for full"
+        )
+    })
+}
+
+/// Times that are probably not in seconds, where the header does not say in what they are.
+fn doubtful_times(series: &Series) -> Option<String> {
+    let step = median_step(&series.time).filter(|step| *step >= SLOW)?;
+    let duration = series.time[series.time.len() - 1] - series.time[0];
+    let rounded = |value: f64| (1e3 * value).round() / 1e3;
+    series.time_unit.is_empty().then(|| {
+        format!(
+            "the times have no unit and are taken for seconds: {} samples in {} s, one every {} s; head the \
+             column `time [ms]` if they are milliseconds, and `time [s]` if they are not",
+            series.time.len(),
+            rounded(duration),
+            rounded(step)
+        )
+    })
+}
+
+/// The column of that name, or else of that name in other letters, small or capital.
+fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
+    let alike = |c: &&Column| c.name.eq_ignore_ascii_case(column);
+    series
+        .column(column)
+        .or_else(|| series.columns.iter().find(alike))
+}
+
+/// The column that must be there.
+fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Column, TrialError> {
+    named(series, column).ok_or_else(|| {
+        let names = || series.columns.iter().map(|c| c.name.as_str());
+        TrialError::NoColumn {
+            file: file.into(),
+            column: column.into(),
+            nearest: nearest(column, names()).map(str::to_owned),
+            found: names().map(str::to_owned).collect(),
+        }
+    })
+}
+
+/// The column's values in the unit of factor 1.
+fn values(
+    column: &Column,
+    name: &'static str,
+    units: &[(&'static str, f64)],
+    file: &str,
+) -> Result<Vec<f64>, TrialError> {
+    match units.iter().find(|(unit, _)| *unit == column.unit) {
+        Some((_, factor)) => Ok(column.values.iter().map(|value| value * factor).collect()),
+        None => Err(TrialError::Unit {
+            file: file.into(),
+            column: name,
+            found: column.unit.clone(),
+            known: units
+                .iter()
+                .map(|(unit, _)| *unit)
+                .filter(|unit| !unit.is_empty())
+                .collect(),
+        }),
+    }
+}
+
+/// SHA-256 of a file's bytes in lower-case hexadecimal: by which a result names what it came from.
+pub fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,404 @@
+//! A linear system from what it does: the eigensystem realization algorithm.
+
+use super::modes::exponential;
+use super::state_space::StateSpace;
+use nalgebra::DMatrix;
+use thiserror::Error;
+
+/// A system found from responses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Realization {
+    /// The system in continuous time, in coordinates of its own.
+    pub system: StateSpace,
+    /// The Hankel matrix's singular values, relative to the largest: those of the order, and the next one,
+    /// which counts as noise.
+    pub singular_values: Vec<f64>,
+}
+
+/// Why no system in continuous time has such responses.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum RealizationError {
+    /// A response is no number.
+    #[error(
+        "its `{output}` is {value} after a pulse of `{input}`, so that nothing can be found of its states; run \
+         it to a time at which it is finite"
+    )]
+    NotFinite {
+        /// The output.
+        output: String,
+        /// The input with the pulse.
+        input: String,
+        /// What came.
+        value: f64,
+    },
+    /// The responses do not end to bring news.
+    #[error(
+        "its responses over {steps} steps look like more than {order} states, or are too noisy to tell; \
+         try another step"
+    )]
+    Order {
+        /// Steps of each response.
+        steps: usize,
+        /// Largest order that can be told from noise in so many.
+        order: usize,
+    },
+    /// A pole in discrete time has no logarithm.
+    #[error(
+        "in steps of {step} s it has modes that die within one or turn by half a turn in one, so that \
+         nothing is known of them between the steps; take a shorter step"
+    )]
+    Logarithm {
+        /// The step [s].
+        step: f64,
+    },
+}
+
+/// Singular values below this part of the largest are never taken for states.
+const ROUNDING: f64 = 1e-11;
+
+/// States stand out of the noise, which is seen at the middle of the singular values, by this factor.
+const ABOVE_NOISE: f64 = 100.0;
+
+/// Iterations of the singular value decomposition for each row or column at most.
+const MAX_ITERATIONS: usize = 100;
+
+/// Largest number of rows and columns of the Hankel matrix.
+const LARGEST: usize = 240;
+
+/// Responses need not be longer than this many steps.
+const LONGEST: usize = 80;
+
+/// Steps for which the response to each pulse is needed.
+pub fn steps_needed(inputs: usize, outputs: usize) -> usize {
+    let blocks = (LARGEST / inputs.max(outputs).max(1)).clamp(2, LONGEST / 2);
+    2 * blocks + 1
+}
+
+/// Outputs after each step, in the columns for a pulse of one input, which has the height 1 in the first step
+/// and is 0 from then on. An output shows the input of the step before it:
+/// `y_1 = (C Γ + D) u`, `y_i = C Φ^(i-1) Γ u`.
+///
+/// The minimal `Φ`, `Γ`, `C` of the sequence by the singular values of its Hankel matrix (J.-N. Juang,
+/// R. S. Pappa, "An eigensystem realization algorithm for modal parameter identification and model
+/// reduction", J. Guidance 8(5), 1985), its order by where these end to stand out of the noise; then
+/// continuous time by the matrix logarithm, for inputs that are held during a step of `step` [s].
+///
+/// # Errors
+/// If a response is not finite, the order cannot be told, or there is no logarithm.
+///
+/// # Panics
+/// If there are fewer than [`steps_needed`] steps.
+pub fn realize(
+    pulses: &[DMatrix<f64>],
+    step: f64,
+    inputs: Vec<String>,
+    outputs: Vec<String>,
+) -> Result<Realization, RealizationError> {
+    let (p, m) = (outputs.len(), inputs.len());
+    assert!(pulses.len() >= steps_needed(m, p));
+    check_finite(pulses, &inputs, &outputs)?;
+    let scales = Scales::of(pulses);
+    let scaled: Vec<DMatrix<f64>> = pulses.iter().map(|y| scales.apply(y)).collect();
+    let blocks = (pulses.len() - 1) / 2;
+    let hankel = |first: usize| {
+        DMatrix::from_fn(blocks * p, blocks * m, |i, j| {
+            scaled[first + i / p + j / m][(i % p, j % m)]
+        })
+    };
+    // From the second step on: the first one shows direct feedthrough too.
+    let (rows, columns) = (blocks * p, blocks * m);
+    let limit = MAX_ITERATIONS * rows.max(columns);
+    let svd = hankel(1).try_svd(true, true, 5.0 * f64::EPSILON, limit);
+    // Where the iteration does not end, it is noise.
+    let unclear = RealizationError::Order {
+        steps: pulses.len(),
+        order: rows.min(columns) / 2,
+    };
+    let Some((Some(u), Some(v_t), singular)) = svd.map(|svd| (svd.u, svd.v_t, svd.singular_values))
+    else {
+        return Err(unclear);
+    };
+    let largest = singular.iter().copied().fold(0.0, f64::max);
+    let most = singular.len() / 2;
+    let noise = singular.get(most).copied().unwrap_or(0.0);
+    let floor = (ABOVE_NOISE * noise).max(ROUNDING * largest);
+    let n = singular.iter().filter(|&&value| value > floor).count();
+    if n >= most && n > 0 || n == 0 && noise > 0.0 {
+        return Err(unclear);
+    }
+    let root = DMatrix::from_diagonal(&singular.rows(0, n).map(f64::sqrt));
+    let inverse = DMatrix::from_diagonal(&singular.rows(0, n).map(|value| 1.0 / value.sqrt()));
+    let (u, v_t) = (u.columns(0, n), v_t.rows(0, n));
+    let phi = &inverse * u.transpose() * hankel(2) * v_t.transpose() * &inverse;
+    let c = (u.rows(0, p) * &root).into_owned();
+    // The sequence begins with C Φ Γ.
+    let phi_gamma = (&root * v_t.columns(0, m)).into_owned();
+    let no_logarithm = RealizationError::Logarithm { step };
+    let (a, b, gamma) = match n {
+        0 => (phi, phi_gamma.clone(), phi_gamma),
+        _ => {
+            let gamma = phi.clone().lu().solve(&phi_gamma);
+            let gamma = gamma.ok_or_else(|| no_logarithm.clone())?;
+            let (a, b) = continuous(&phi, &gamma, step).ok_or(no_logarithm)?;
+            (a, b, gamma)
+        }
+    };
+    let d = &scaled[0] - &c * &gamma;
+    let rounding = 1e-7 * scaled[0].amax();
+    let d = d.map(|value| if value.abs() > rounding { value } else { 0.0 });
+    Ok(Realization {
+        system: StateSpace {
+            b: scales.undo_inputs(&b),
+            c: scales.undo_outputs(&c),
+            d: scales.undo_inputs(&scales.undo_outputs(&d)),
+            a,
+            states: (1..=n).map(|k| format!("found{k}")).collect(),
+            inputs,
+            outputs,
+        },
+        singular_values: (singular.iter().take(n + 1))
+            .map(|value| value / largest.max(f64::MIN_POSITIVE))
+            .collect(),
+    })
+}
+
+fn check_finite(
+    pulses: &[DMatrix<f64>],
+    inputs: &[String],
+    outputs: &[String],
+) -> Result<(), RealizationError> {
+    let entries = pulses.iter().flat_map(|y| y.iter().enumerate());
+    let mut strange = entries.filter(|(_, value)| !value.is_finite());
+    // Entries come column by column.
+    match strange.next() {
+        None => Ok(()),
+        Some((at, &value)) => Err(RealizationError::NotFinite {
+            output: outputs[at % outputs.len()].clone(),
+            input: inputs[at / outputs.len()].clone(),
+            value,
+        }),
+    }
+}
+
+/// Largest response of each output, then of each input: units shall not decide what is noise.
+struct Scales {
+    outputs: Vec<f64>,
+    inputs: Vec<f64>,
+}
+
+impl Scales {
+    fn of(pulses: &[DMatrix<f64>]) -> Self {
+        let (p, m) = pulses[0].shape();
+        let positive = |value: f64| if value > 0.0 { value } else { 1.0 };
+        let largest = |of: &dyn Fn(&DMatrix<f64>) -> f64| pulses.iter().map(of).fold(0.0, f64::max);
+        let outputs: Vec<f64> = (0..p)
+            .map(|i| positive(largest(&|y| y.row(i).amax())))
+            .collect();
+        let of_column = |j: usize| {
+            largest(&|y| {
+                let column = y.column(j);
+                let relative = column
+                    .iter()
+                    .zip(&outputs)
+                    .map(|(value, scale)| value.abs() / scale);
+                relative.fold(0.0, f64::max)
+            })
+        };
+        let inputs = (0..m).map(|j| positive(of_column(j))).collect();
+        Self { outputs, inputs }
+    }
+
+    fn apply(&self, y: &DMatrix<f64>) -> DMatrix<f64> {
+        let scaled = |i, j| y[(i, j)] / (self.outputs[i] * self.inputs[j]);
+        DMatrix::from_fn(y.nrows(), y.ncols(), scaled)
+    }
+
+    fn undo_outputs(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
+            matrix[(i, j)] * self.outputs[i]
+        })
+    }
+
+    fn undo_inputs(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
+            matrix[(i, j)] * self.inputs[j]
+        })
+    }
+}
+
+/// `A` and `B` of `Φ = e^(A h)`, `Γ = ∫ e^(A t) dt B`: the logarithm of `[Φ Γ; 0 I]`.
+fn continuous(
+    phi: &DMatrix<f64>,
+    gamma: &DMatrix<f64>,
+    step: f64,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let (n, m) = gamma.shape();
+    let mut all = DMatrix::identity(n + m, n + m);
+    all.view_mut((0, 0), (n, n)).copy_from(phi);
+    all.view_mut((0, n), (n, m)).copy_from(gamma);
+    let logarithm = logarithm(all.clone())?;
+    // A logarithm that is not the one is none.
+    let back = (exponential(&logarithm)? - &all).amax();
+    let is_right = back <= 1e-9 * all.amax();
+    is_right.then(|| {
+        let part = |column, width| logarithm.view((0, column), (n, width)) / step;
+        (part(0, n), part(n, m))
+    })
+}
+
+/// The principal logarithm by inverse scaling and squaring: square roots (E. D. Denman, A. N. Beavers, "The
+/// matrix sign function and computations in systems", Appl. Math. Comput. 2(1), 1976) until the matrix is near
+/// the identity, then the series of `2 artanh((X - I)(X + I)⁻¹)`. `None` where an eigenvalue is not positive
+/// or complex.
+fn logarithm(mut x: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const MAX_ROOTS: i32 = 40;
+    const NEAR: f64 = 0.1;
+    const TERMS: i32 = 12;
+    let one = DMatrix::identity(x.nrows(), x.ncols());
+    let mut roots = 0;
+    while (&x - &one).amax() > NEAR {
+        roots += 1;
+        if roots > MAX_ROOTS {
+            return None;
+        }
+        x = square_root(x)?;
+    }
+    let z = (&x + &one).lu().solve(&(&x - &one))?;
+    let square = &z * &z;
+    let (mut power, mut sum) = (z.clone(), z);
+    for k in 1..TERMS {
+        power = &power * &square;
+        sum += &power / f64::from(2 * k + 1);
+    }
+    Some(sum * 2.0_f64.powi(roots + 1))
+}
+
+fn square_root(x: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const MAX_STEPS: usize = 60;
+    let (mut y, mut z) = (x.clone(), DMatrix::identity(x.nrows(), x.ncols()));
+    for _ in 0..MAX_STEPS {
+        let next = 0.5 * (&y + z.clone().try_inverse()?);
+        z = 0.5 * (&z + y.clone().try_inverse()?);
+        let change = (&next - &y).amax();
+        y = next;
+        if change <= 4.0 * f64::EPSILON * y.amax() {
+            break;
+        }
+    }
+    // Where there is no root, the iteration wanders.
+    let is_root = (&y * &y - &x).amax() <= 1e-10 * x.amax();
+    is_root.then_some(y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An unstable oscillation, an integrator chain and a fast mode, two inputs, two outputs, feedthrough.
+    fn system() -> StateSpace {
+        let rows = [
+            [0.1, 3.0, 0.0, 0.0, 0.5],
+            [-3.0, 0.1, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0],
+            [0.0, 0.0, 0.0, 0.0, -8.0],
+        ];
+        let names = |prefix: &str, n: usize| (1..=n).map(|k| format!("{prefix}{k}")).collect();
+        StateSpace {
+            a: DMatrix::from_fn(5, 5, |i, j| rows[i][j]),
+            b: DMatrix::from_row_slice(5, 2, &[0.0, 1.0, 0.0, 0.0, 0.0, 0.2, 0.3, 0.0, 100.0, 0.0]),
+            c: DMatrix::from_row_slice(2, 5, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.001, 2.0, 0.0, 0.0]),
+            d: DMatrix::from_row_slice(2, 2, &[0.0, 0.7, 0.0, 0.0]),
+            states: names("x", 5),
+            inputs: names("u", 2),
+            outputs: names("y", 2),
+        }
+    }
+
+    /// Responses by the exponential of the whole system, input and all.
+    fn pulses(system: &StateSpace, step: f64) -> Vec<DMatrix<f64>> {
+        let (n, m) = system.b.shape();
+        let mut all = DMatrix::zeros(n + m, n + m);
+        all.view_mut((0, 0), (n, n)).copy_from(&system.a);
+        all.view_mut((0, n), (n, m)).copy_from(&system.b);
+        let exponential = (all * step).exp();
+        let phi = exponential.view((0, 0), (n, n)).into_owned();
+        let mut x = exponential.view((0, n), (n, m)).into_owned();
+        (0..steps_needed(m, system.outputs.len()))
+            .map(|k| {
+                let mut y = &system.c * &x;
+                if k == 0 {
+                    y += &system.d;
+                }
+                x = &phi * &x;
+                y
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_system_comes_back_from_its_responses() {
+        let exact = system();
+        let names = (exact.inputs.clone(), exact.outputs.clone());
+        let found = realize(&pulses(&exact, 0.05), 0.05, names.0, names.1).unwrap();
+        assert_eq!(found.system.states.len(), 5, "{:?}", found.singular_values);
+        assert!(
+            (&found.system.d - &exact.d).amax() < 1e-8,
+            "{}",
+            found.system.d
+        );
+        for omega in [0.1, 1.0, 3.0, 10.0, 40.0] {
+            let s = nalgebra::Complex::new(0.0, omega);
+            for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let of = |system: &StateSpace| crate::state_space::transfer(system, i, j, s);
+                let (found, exact) = (of(&found.system), of(&exact));
+                assert!(
+                    (found - exact).norm() < 1e-6 * exact.norm(),
+                    "{omega} {i} {j}: {found} {exact}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_found_is_said() {
+        let names = |prefix: &str, n: usize| (1..=n).map(|k| format!("{prefix}{k}")).collect();
+        // A delay of one step: it has no logarithm.
+        let mut delay = vec![DMatrix::zeros(1, 1); steps_needed(1, 1)];
+        delay[1][(0, 0)] = 1.0;
+        let error = realize(&delay, 0.1, names("u", 1), names("y", 1)).unwrap_err();
+        assert_eq!(error, RealizationError::Logarithm { step: 0.1 });
+        // Noise.
+        let noise: Vec<DMatrix<f64>> = (0..steps_needed(1, 1))
+            .map(|k| DMatrix::from_element(1, 1, (1e5 * f64::from(k as u32).sin()).fract()))
+            .collect();
+        let error = realize(&noise, 0.1, names("u", 1), names("y", 1)).unwrap_err();
+        assert!(matches!(error, RealizationError::Order { .. }), "{error}");
+    }
+
+    /// The decomposition would not end on what is no number.
+    #[test]
+    fn a_response_that_is_no_number_is_named() {
+        let exact = system();
+        let mut pulses = pulses(&exact, 0.05);
+        pulses[7][(1, 0)] = f64::NAN;
+        let error = realize(&pulses, 0.05, exact.inputs, exact.outputs).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "its `y2` is NaN after a pulse of `u1`, so that nothing can be found of its states; run it to a \
+             time at which it is finite"
+        );
+    }
+
+    /// Without any state there is nothing but feedthrough.
+    #[test]
+    fn a_gain_has_no_states() {
+        let mut gain = vec![DMatrix::zeros(1, 1); steps_needed(1, 1)];
+        gain[0][(0, 0)] = 3.0;
+        let found = realize(&gain, 0.1, vec!["u".into()], vec!["y".into()]).unwrap();
+        assert_eq!(
+            (found.system.states.len(), found.system.d[(0, 0)]),
+            (0, 3.0)
+        );
+    }
+}

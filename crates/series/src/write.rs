@@ -1,0 +1,100 @@
+//! CSV out.
+
+use super::Series;
+use super::read::name_and_unit;
+
+impl Series {
+    /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, then a
+    /// header with units, then one row for each time.
+    pub fn to_csv(&self) -> String {
+        let comment = |text: &String| format!("# {}\n", text.replace(['\n', '\r'], " "));
+        let mut text: String = self.comments.iter().map(comment).collect();
+        text += "time [s]";
+        for column in &self.columns {
+            text.push(',');
+            text += &head(&column.name, &column.unit);
+        }
+        text.push('\n');
+        for (k, time) in self.time.iter().enumerate() {
+            text += &number(*time);
+            for column in &self.columns {
+                text.push(',');
+                text += &number(column.values[k]);
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// `name [unit]` as a cell of a header row, that reads back as this name and this unit; quoted where it holds
+/// a comma or a quote.
+pub fn head(name: &str, unit: &str) -> String {
+    let cell = match unit {
+        // A name that ends like a unit, or with half of one: an empty one says that it is none.
+        "" if name_and_unit(name).is_none_or(|(read, _)| read != name) => format!("{name} []"),
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
+    };
+    match cell.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell,
+    }
+}
+
+/// The shortest text that reads back to the same bits; empty for a missing sample.
+fn number(value: f64) -> String {
+    match value.is_nan() {
+        true => String::new(),
+        // `{:?}` turns to exponents where `{}` would write hundreds of zeros; a whole number needs no `.0`.
+        false => format!("{value:?}").trim_end_matches(".0").to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Column;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 512,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(3),
+            ..ProptestConfig::default()
+        })]
+        #[test]
+        fn what_is_written_reads_back_to_the_same_bits(
+            values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
+            name in "[^\\s\\pC]([^\\pC]{0,8}[^\\s\\pC])?|[a-z]{1,2} ?\\[[0-9,m\\]]{0,3}",
+            unit in "|1|m|rad/s|µs/rad|\"|m,s|°",
+        ) {
+            let series = Series {
+                time_unit: "s".into(),
+                comments: vec!["pilot: A".into(), String::new()],
+                time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
+                columns: vec![Column { name, unit, values }],
+            };
+            let read = Series::parse(series.to_csv().as_bytes(), "f.csv").unwrap();
+            prop_assert_eq!(&read, &series);
+        }
+    }
+
+    #[test]
+    fn missing_samples_are_empty_cells() {
+        let series = Series {
+            time_unit: "s".into(),
+            comments: vec!["x".into()],
+            time: vec![0.0, 0.5],
+            columns: vec![Column {
+                name: "pilot.stick".into(),
+                unit: "1".into(),
+                values: vec![f64::NAN, -1e-12],
+            }],
+        };
+        assert_eq!(
+            series.to_csv(),
+            "# x\ntime [s],pilot.stick [1]\n0,\n0.5,-1e-12\n"
+        );
+    }
+}
