@@ -258,6 +258,66 @@ fn a_jump_in_one_run_is_told() {
     assert!(!codes(&fit).contains(&"outlier"));
 }
 
+/// A recording in steps of 0.25 m, and one of 0.01 m of a single flight.
+#[test]
+fn rounded_recordings_have_no_outliers() {
+    for (runs, step) in [(2, 0.25), (1, 0.01)] {
+        let mut trials = changed(|trial| {
+            (trial.position.iter_mut()).for_each(|z| *z = (*z / step).round() * step);
+        });
+        trials.truncate(runs);
+        let found = codes_of(&trials);
+        assert!(
+            !found.contains(&"outlier") && !found.contains(&"jump"),
+            "{found:?}"
+        );
+    }
+}
+
+#[test]
+fn a_run_of_another_origin_is_told() {
+    let told = |offset: f64| {
+        let mut trials = shipped();
+        (trials[1].position.iter_mut().skip(1)).for_each(|z| *z += offset);
+        codes_of(&trials).contains(&"misfit")
+    };
+    assert!(told(5.0) && !told(0.0));
+}
+
+#[test]
+fn a_stick_that_was_never_recorded_is_told() {
+    let trials = changed(|trial| trial.stick.as_mut().unwrap().fill(0.0));
+    assert!(codes_of(&trials).contains(&"dead-stick"));
+    assert!(!codes(shipped_fit()).contains(&"dead-stick"));
+}
+
+/// In a fit that comes to nothing, here since it is ended at once.
+#[test]
+fn a_long_time_without_rows_is_told() {
+    let trials = changed(|trial| {
+        for values in [&mut trial.time, &mut trial.target, &mut trial.position] {
+            values.drain(20..200);
+        }
+        trial.stick = None;
+    });
+    let options = Options {
+        max_iterations: 1,
+        ..Options::default()
+    };
+    let fit = fitted(&trials, &options);
+    let gap = fit.doubts.iter().find_map(|doubt| match doubt {
+        Doubt::Gap { from, to, .. } => Some((*from, *to)),
+        _ => None,
+    });
+    assert_eq!(
+        gap,
+        Some((0.95, 10.0)),
+        "{}: {:?}",
+        fit.violation,
+        codes(&fit)
+    );
+}
+
 #[test]
 fn a_target_that_flickers_is_told_and_a_doublet_is_not() {
     let with = |count: usize| {
