@@ -3,10 +3,47 @@
 use crate::Equations;
 use crate::checkpoint::Checkpoint;
 use crate::guard::{Component, Version, array, array_mut, call, place};
+use crate::instance::check_number;
 use crate::problem::Problem;
 use std::ffi::c_void;
 
 type Pointer = *mut c_void;
+
+/// The references of scalar variables, and the value of each.
+///
+/// # Safety
+/// As [`array`].
+unsafe fn to_read<'a, T>(
+    references: *const u32,
+    count: usize,
+    values: *const T,
+    n_values: usize,
+) -> Result<(&'a [u32], &'a [T]), Problem> {
+    // SAFETY: by the caller's promise.
+    let references = unsafe { array(references, count, "valueReferences")? };
+    // SAFETY: as above.
+    let values = unsafe { array(values, n_values, "values")? };
+    check_number("nValues", n_values, count)?;
+    Ok((references, values))
+}
+
+/// As [`to_read`], with values to be written.
+///
+/// # Safety
+/// As [`array`], and [`array_mut`] for the values.
+unsafe fn to_write<'a, T>(
+    references: *const u32,
+    count: usize,
+    values: *mut T,
+    n_values: usize,
+) -> Result<(&'a [u32], &'a mut [T]), Problem> {
+    // SAFETY: by the caller's promise.
+    let references = unsafe { array(references, count, "valueReferences")? };
+    // SAFETY: as above.
+    let values = unsafe { array_mut(values, n_values, "values")? };
+    check_number("nValues", n_values, count)?;
+    Ok((references, values))
+}
 
 /// Values of real variables.
 ///
@@ -22,13 +59,7 @@ pub unsafe fn get<E: Equations, V: Version>(
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
         // SAFETY: by the caller's promise.
-        let (references, values) = unsafe {
-            (
-                array(references, count, "valueReferences")?,
-                array_mut(values, n_values, "values")?,
-            )
-        };
-        crate::instance::check_number("nValues", n_values, count)?;
+        let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         c.instance.get(references, values)
     };
     // SAFETY: by the caller's promise.
@@ -49,13 +80,7 @@ pub unsafe fn set<E: Equations, V: Version>(
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
         // SAFETY: by the caller's promise.
-        let (references, values) = unsafe {
-            (
-                array(references, count, "valueReferences")?,
-                array(values, n_values, "values")?,
-            )
-        };
-        crate::instance::check_number("nValues", n_values, count)?;
+        let (references, values) = unsafe { to_read(references, count, values, n_values)? };
         let (phase, state) = c.phase();
         c.instance.set(references, values, phase, state)
     };
@@ -77,13 +102,7 @@ pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
         // SAFETY: by the caller's promise.
-        let (references, values) = unsafe {
-            (
-                array(references, count, "valueReferences")?,
-                array_mut(values, n_values, "values")?,
-            )
-        };
-        crate::instance::check_number("nValues", n_values, count)?;
+        let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         for (reference, value) in references.iter().zip(values) {
             *value = c.instance.get_boolean(*reference)?.into();
         }
@@ -107,13 +126,7 @@ pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + Partial
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
         // SAFETY: by the caller's promise.
-        let (references, values) = unsafe {
-            (
-                array(references, count, "valueReferences")?,
-                array(values, n_values, "values")?,
-            )
-        };
-        crate::instance::check_number("nValues", n_values, count)?;
+        let (references, values) = unsafe { to_read(references, count, values, n_values)? };
         let (phase, state) = c.phase();
         for (reference, value) in references.iter().zip(values) {
             let value = *value != B::default();
@@ -232,8 +245,8 @@ pub unsafe fn derivative<E: Equations, V: Version>(
             Direction::Forward => (knowns.len(), unknowns.len()),
             Direction::Adjoint => (unknowns.len(), knowns.len()),
         };
-        crate::instance::check_number("nSeed", seed.len(), n_seed)?;
-        crate::instance::check_number("nSensitivity", result.len(), n_result)?;
+        check_number("nSeed", seed.len(), n_seed)?;
+        check_number("nSensitivity", result.len(), n_result)?;
         let (i, at) = (&c.instance, c.phase());
         match direction {
             Direction::Forward => i.directional_derivative(unknowns, knowns, seed, result, at),
