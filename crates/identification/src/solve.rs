@@ -252,12 +252,14 @@ fn solve_response(
     starts: &Starts,
     observer: &mut Observer<'_>,
 ) -> Fit {
-    let from = |start: &Start| {
-        let from_data = |trial: &Trial| start::joint_states(trial, options, &start.theta);
-        begin(posed, trials, options, start, from_data)
-    };
-    let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
-    multi_start(starts, &from, options, observer, &runs)
+    solve_posed(
+        posed,
+        trials,
+        options,
+        starts,
+        observer,
+        start::joint_states,
+    )
 }
 
 /// The stick problem from these starts.
@@ -268,18 +270,38 @@ fn solve_stick(
     starts: &Starts,
     observer: &mut Observer<'_>,
 ) -> Fit {
+    let mut fit = solve_posed(
+        posed,
+        trials,
+        options,
+        starts,
+        observer,
+        start::stick_states,
+    );
+    for (run, trial) in fit.runs.iter_mut().zip(trials) {
+        // The pilot alone moves no vehicle: the position stays the recorded one.
+        run.position = fill_gaps(&trial.time, &trial.position);
+    }
+    fit
+}
+
+/// States of a trial from its data, for a pilot.
+type FromData = fn(&Trial, &Options, &[f64]) -> Vec<Vec<f64>>;
+
+/// A problem from these starts.
+fn solve_posed<D: Dynamics + Clone + Sync>(
+    posed: &Posed<D>,
+    trials: &[Trial],
+    options: &Options,
+    starts: &Starts,
+    observer: &mut Observer<'_>,
+    from_data: FromData,
+) -> Fit {
     let from = |start: &Start| {
-        let from_data = |trial: &Trial| start::stick_states(trial, options, &start.theta);
+        let from_data = |trial: &Trial| from_data(trial, options, &start.theta);
         begin(posed, trials, options, start, from_data)
     };
-    let runs = |problem: &Collocation<_, _>, z: &[f64]| {
-        let mut runs = runs(problem, z, trials);
-        for (run, trial) in runs.iter_mut().zip(trials) {
-            // The pilot alone moves no vehicle: the position stays the recorded one.
-            run.position = fill_gaps(&trial.time, &trial.position);
-        }
-        runs
-    };
+    let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
     multi_start(starts, &from, options, observer, &runs)
 }
 
