@@ -19,4 +19,4 @@ pub use number::{short, significant};
 pub use page::{Report, page};
 pub use plot::{Axes, Line, Mark, Plot};
 pub use simulation::{Simulation, simulation_page};
-pub use tables::{rms, target_of};
+pub use tables::target_of;

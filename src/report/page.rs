@@ -4,6 +4,7 @@ use super::figures::{self, ClosedLoop, Targets};
 use super::html::{Made, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::tables;
+use crate::identification::statistics::rms;
 use crate::identification::{Doubt, Fit, Objective, Options, RunFit, Trial};
 use crate::models::Pilot;
 
@@ -120,7 +121,7 @@ fn head(report: &Report) -> String {
         (
             "rms residual",
             match fit.is_feasible() {
-                true => significant(tables::rms(residuals()), 3) + &unit,
+                true => significant(rms(residuals()), 3) + &unit,
                 false => "none: the last iterate violates the equations".into(),
             },
         ),

@@ -5,6 +5,7 @@ use super::number::{self, significant};
 use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
+use crate::identification::statistics::rms;
 use crate::identification::trials::Summary;
 use crate::identification::{Fit, InitialState, Mesh, Objective, Options};
 use crate::models::{COEFFICIENTS, Pilot};
@@ -21,13 +22,6 @@ fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
         (0..pilot.order).map(move |i| format!("{part}, coefficient of {}", term(i)))
     };
     part("denominator").chain(part("numerator"))
-}
-
-/// Root mean square of the values that are numbers.
-pub fn rms<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
-    let finite = values.into_iter().filter(|value| value.is_finite());
-    let (sum, count) = finite.fold((0.0, 0), |(sum, count), v| (sum + v * v, count + 1));
-    (sum / f64::from(count)).sqrt()
 }
 
 /// Text for a cell: escaped, with a true minus sign.

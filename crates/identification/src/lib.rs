@@ -16,6 +16,7 @@ pub mod result;
 pub mod simulate;
 pub mod solve;
 pub mod start;
+pub mod statistics;
 pub mod synthetic;
 pub mod trials;
 pub mod vehicle;

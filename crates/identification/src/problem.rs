@@ -93,8 +93,7 @@ pub fn pose_response(trials: &[Trial], options: &Options) -> Posed<Joint> {
 
 /// What is known of pilot and vehicle at the first sample.
 fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
-    let mut recorded = trial.position.iter().copied().filter(|z| z.is_finite());
-    let vehicle = Quadcopter::hover(recorded.next().unwrap_or(0.0));
+    let vehicle = Quadcopter::hover(trial.origin());
     let vehicle_known = options.initial_state != InitialState::Free;
     let pilot_known = options.initial_state == InitialState::AtRest;
     let pilot = std::iter::repeat_n(pilot_known.then_some(0.0), options.pilot.order);

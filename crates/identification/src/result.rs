@@ -22,6 +22,13 @@ pub struct RunFit {
     pub states: Vec<Vec<f64>>,
 }
 
+impl RunFit {
+    /// From the first node to the last [s].
+    pub fn duration(&self) -> f64 {
+        self.time[self.time.len() - 1] - self.time[0]
+    }
+}
+
 /// What became of one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StartReport {
@@ -98,6 +105,11 @@ pub(super) fn agree(objective: f64, best: f64) -> bool {
 }
 
 impl Fit {
+    /// The residuals of all runs; NaN where no sample is.
+    pub fn residuals(&self) -> impl Iterator<Item = &f64> {
+        self.runs.iter().flat_map(|run| &run.residual)
+    }
+
     /// True when it converged and no doubt makes it meaningless.
     pub fn is_answer(&self) -> bool {
         self.converged && !self.doubts.iter().any(Doubt::is_fatal)

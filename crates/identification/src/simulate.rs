@@ -33,8 +33,7 @@ const GONE: f64 = 10.0;
 /// # Errors
 /// When the pilot is so fast that its exponential has no digits left.
 pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> Result<RunFit, TransitionError> {
-    let start = trial.position.iter().copied().find(|z| z.is_finite());
-    simulate_from(joint, theta, trial, &at_rest(joint, start.unwrap_or(0.0)))
+    simulate_from(joint, theta, trial, &at_rest(joint, trial.origin()))
 }
 
 /// The states of a vehicle that hovers at `position` [m], and of a pilot at zero.

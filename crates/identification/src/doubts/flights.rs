@@ -3,6 +3,7 @@
 use super::{Doubt, Fit, Options, Trial};
 use crate::Mesh;
 use crate::start::implied_stick;
+use crate::statistics::range;
 use crate::trials::median_step;
 use crate::vehicle::PitchLoop;
 
@@ -51,16 +52,8 @@ fn finite(values: &[f64]) -> impl Iterator<Item = f64> {
 }
 
 fn is_still(trial: &Trial) -> bool {
-    let (least, most) = finite(&trial.position)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| {
-            (a.min(z), b.max(z))
-        });
+    let [least, most] = range(&trial.position);
     most - least <= STILL
-}
-
-/// Where a run begins [m].
-fn origin(trial: &Trial) -> f64 {
-    finite(&trial.position).next().unwrap_or(0.0)
 }
 
 /// What is wrong with how the vehicle moves, of one run or of all.
@@ -72,11 +65,8 @@ fn movement(trials: &[Trial]) -> Option<Doubt> {
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |m: f64, v| m.max(v.abs()));
     let of_run = |trial: &Trial| {
         let errors = trial.target.iter().zip(&trial.position).map(|(w, z)| w - z);
-        let origin = origin(trial);
-        (
-            largest(&mut trial.target.iter().map(|target| target - origin)),
-            largest(&mut errors.filter(|e| e.is_finite())),
-        )
+        let error = largest(&mut errors.filter(|e| e.is_finite()));
+        (trial.forcing(), error)
     };
     let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
     let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;
@@ -94,7 +84,7 @@ fn movement(trials: &[Trial]) -> Option<Doubt> {
 fn wrong_scale(trials: &[Trial]) -> Option<f64> {
     let (mut product, mut targets, mut positions) = (0.0, 0.0, 0.0);
     for trial in trials {
-        let origin = origin(trial);
+        let origin = trial.origin();
         for (target, z) in trial.target.iter().zip(&trial.position) {
             let (target, z) = (target - origin, z - origin);
             if z.is_finite() {

@@ -2,6 +2,7 @@
 
 use super::{Doubt, Fit, Options, Trial};
 use crate::simulate::{LONGEST, departure, simulate_from};
+use crate::statistics::{range, rms};
 use crate::{Objective, RunFit};
 use pilotage_models::Joint;
 use rayon::prelude::*;
@@ -41,16 +42,13 @@ fn mesh_error(fit: &Fit, options: &Options, joint: &Joint, trials: &[Trial]) -> 
     let runs = fit.runs.par_iter().zip(trials);
     let off: Vec<f64> = runs.map(off).collect::<Option<_>>()?;
     let samples = fit.runs.iter().map(|run| run.time.len()).sum::<usize>() as f64;
-    let residuals = fit.runs.iter().flat_map(|run| &run.residual);
-    let known = residuals.filter(|r| r.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), r| (sum + r * r, count + 1.0));
-    let residual = f64::sqrt(sum / count);
+    let residual = rms(fit.residuals());
     let error = (off.iter().sum::<f64>() / samples).sqrt();
-    let moved = fit
-        .runs
-        .iter()
-        .map(|run| range(&run.position))
-        .fold(0.0, f64::max);
+    let moved = fit.runs.iter().map(|run| {
+        let [least, most] = range(&run.position);
+        most - least
+    });
+    let moved = moved.fold(0.0, f64::max);
     let worst = (0..off.len()).max_by(|a, b| off[*a].total_cmp(&off[*b]))?;
     let boundaries = options.mesh.boundaries(&fit.runs[worst].time);
     let intervals = boundaries.windows(2).map(|pair| pair[1] - pair[0]);
@@ -60,13 +58,6 @@ fn mesh_error(fit: &Fit, options: &Options, joint: &Joint, trials: &[Trial]) -> 
         residual,
         interval: intervals.fold(0.0, f64::max),
     })
-}
-
-fn range(values: &[f64]) -> f64 {
-    let (least, most) = (values.iter()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| {
-        (a.min(*z), b.max(*z))
-    });
-    most - least
 }
 
 /// The farthest target of all runs, flown to from rest and held.

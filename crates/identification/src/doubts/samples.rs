@@ -2,6 +2,7 @@
 
 use super::{Doubt, Fit, Options, Trial};
 use crate::simulate::at_full_stick;
+use crate::statistics::{self, rms};
 use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
 
@@ -50,11 +51,9 @@ pub fn doubts(fit: &Fit, options: &Options, trials: &[Trial]) -> Vec<Doubt> {
     all.into_iter().flatten().collect()
 }
 
-/// The middle one of these values; 0 of none.
+/// The median; 0 of nothing.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    statistics::median(values).unwrap_or(0.0)
 }
 
 /// A run and what is looked at: its residuals, or what was recorded where the fit has none.
@@ -147,8 +146,11 @@ impl<'a> Breaks<'a> {
         let size = |(run, k): &(&Course, usize)| run.values[*k].abs();
         let (run, k) = samples().max_by(|a, b| size(a).total_cmp(&size(b)))?;
         let squares = samples().map(|sample| size(&sample).powi(2)).sum::<f64>();
-        let all = fit.runs.iter().flat_map(|run| &run.residual);
-        let total: f64 = all.filter(|r| r.is_finite()).map(|r| r * r).sum();
+        let total: f64 = fit
+            .residuals()
+            .filter(|r| r.is_finite())
+            .map(|r| r * r)
+            .sum();
         Some(Doubt::Outlier {
             run: run.trial.name.clone(),
             time: run.trial.time[k],
@@ -247,14 +249,9 @@ fn target_outlier(trial: &Trial) -> Option<Doubt> {
 
 /// The run that is fitted worst, where it is far worse than the others in metres and by the size of its task.
 fn misfit(courses: &[Course]) -> Option<Doubt> {
-    let rms = |course: &Course| {
-        let known = course.values.iter().filter(|r| r.is_finite());
-        let (sum, count) = known.fold((0.0, 0.0), |(sum, count), r| (sum + r * r, count + 1.0));
-        f64::sqrt(sum / count)
-    };
-    let sizes: Vec<f64> = courses.iter().map(rms).collect();
+    let sizes: Vec<f64> = (courses.iter().map(|course| rms(course.values))).collect();
     let parts: Vec<f64> = (courses.iter().zip(&sizes))
-        .map(|(course, rms)| rms / task(course.trial))
+        .map(|(course, rms)| rms / course.trial.forcing())
         .collect();
     let worst = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]))?;
     let others = |values: &[f64]| median(values.iter().copied());
@@ -263,13 +260,6 @@ fn misfit(courses: &[Course]) -> Option<Doubt> {
         run: courses[worst].trial.name.clone(),
         ratio: sizes[worst] / others(&sizes),
     })
-}
-
-/// The farthest that a run's target is from its first position [m].
-fn task(trial: &Trial) -> f64 {
-    let first = trial.position.iter().find(|z| z.is_finite());
-    let first = first.copied().unwrap_or(0.0);
-    (trial.target.iter()).fold(0.0, |most: f64, target| most.max((target - first).abs()))
 }
 
 /// The longest time without a row, where the samples are the mesh's nodes: one interval, over which no scheme is right.

@@ -3,6 +3,7 @@
 use super::{Doubt, Fit, Options};
 use crate::constraints::{RouthHurwitz, STABILITY_MARGIN};
 use crate::result::{AGREE, RunFit, StartReport};
+use crate::statistics::rms;
 use crate::{InitialState, Objective};
 use nalgebra::Complex;
 use pilotage_collocation::ParameterConstraints;
@@ -59,11 +60,7 @@ fn closed_loop(fit: &Fit, options: &Options) -> Option<Doubt> {
         let allowed = !options.stable_loop;
         return Some(Doubt::UnstableLoop { pole, allowed });
     }
-    let durations = fit
-        .runs
-        .iter()
-        .map(|run| run.time[run.time.len() - 1] - run.time[0]);
-    let duration = durations.fold(0.0, f64::max);
+    let duration = fit.runs.iter().map(RunFit::duration).fold(0.0, f64::max);
     if let Some(pole) = closed_loop.on_bound() {
         // Two equal real poles are a slow pair, by rounding.
         let swings = (pole.im * duration > SWINGS).then_some(pole.im);
@@ -81,14 +78,11 @@ fn closed_loop(fit: &Fit, options: &Options) -> Option<Doubt> {
 
 /// Rms of all residuals over how far the vehicle moves in a run.
 fn unexplained(fit: &Fit) -> f64 {
-    let all = fit.runs.iter().flat_map(|run| &run.residual);
-    let known = all.filter(|r| r.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), r| (sum + r * r, count + 1.0));
     let moved = fit.runs.iter().flat_map(|run| {
         let begin = run.position.first().copied().unwrap_or(0.0);
         run.position.iter().map(move |z| (z - begin).abs())
     });
-    f64::sqrt(sum / count) / moved.fold(0.0, f64::max)
+    rms(fit.residuals()) / moved.fold(0.0, f64::max)
 }
 
 fn is_idle(fit: &Fit) -> bool {

@@ -44,6 +44,19 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// Where the run begins: its first recorded position [m].
+    pub fn origin(&self) -> f64 {
+        let recorded = self.position.iter().find(|z| z.is_finite());
+        recorded.copied().unwrap_or(0.0)
+    }
+
+    /// The farthest that the target is from there [m].
+    pub fn forcing(&self) -> f64 {
+        let origin = self.origin();
+        let ways = self.target.iter().map(|target| (target - origin).abs());
+        ways.fold(0.0, f64::max)
+    }
+
     /// From the first sample to the last [s].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]

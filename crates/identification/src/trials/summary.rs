@@ -1,6 +1,7 @@
 //! A trial in a few numbers, to see at a glance whether it is what it should be.
 
 use super::Trial;
+use crate::statistics::{median, range, rms};
 
 /// A few numbers about one run.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,18 +44,17 @@ impl Trial {
             .map(|(position, target)| position - target)
             .filter(|error| !error.is_nan())
             .collect();
-        let squares: f64 = errors.iter().map(|error| error * error).sum();
         let peak = |stick: &Vec<f64>| stick.iter().fold(0.0, |peak: f64, s| peak.max(s.abs()));
         Summary {
             samples: self.time.len(),
             missing: self.time.len() - errors.len(),
-            duration: self.time[self.time.len() - 1] - self.time[0],
+            duration: self.duration(),
             rate: 1.0 / step,
             largest_gap: steps[steps.len() - 1] / step,
             target: self.target[self.target.len() - 1],
             target_range: range(&self.target),
             final_error: errors.last().copied().unwrap_or(f64::NAN),
-            rms_error: (squares / errors.len() as f64).sqrt(),
+            rms_error: rms(&errors),
             overshoot: self.overshoot(),
             peak_stick: self.stick.as_ref().map(peak),
         }
@@ -83,15 +83,5 @@ fn steps(time: &[f64]) -> Vec<f64> {
 
 /// The usual time from a sample to the next [s]; none where there are no two.
 pub fn median_step(time: &[f64]) -> Option<f64> {
-    let steps = steps(time);
-    steps.get(steps.len() / 2).copied()
-}
-
-/// Least and greatest of the values that are not missing.
-fn range(values: &[f64]) -> [f64; 2] {
-    let present = || values.iter().copied();
-    [
-        present().fold(f64::INFINITY, f64::min),
-        present().fold(f64::NEG_INFINITY, f64::max),
-    ]
+    median(time.windows(2).map(|pair| pair[1] - pair[0]))
 }
