@@ -8,11 +8,11 @@
 //! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`. With `log` true it has
 //! every iteration too, but then the seconds are those of a solve that writes it.
 
-use pilotage::identification::problem::{self, ResponseProblem};
+use pilotage::identification::problem;
 use pilotage::identification::solve::{SHORT_STEP, candidates};
 use pilotage::identification::{InitialState, Options, Progress, TrialSet, start};
 use pilotage::sqp::{self, Iteration, Solution, Status};
-use pilotage::transcription::{Condensed, Scales};
+use pilotage::transcription::{Collocation, Condensed, Scales};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -132,7 +132,7 @@ fn race(
 }
 
 fn solve(
-    problem: &ResponseProblem,
+    problem: &Collocation,
     start: Vec<f64>,
     options: &sqp::Options,
     limit: Duration,

@@ -51,7 +51,12 @@ impl Collocation {
             let time = &self.runs[j].time;
             for t in &self.grids[j].times {
                 let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
-                let c = (t - time[to - 1]) / (time[to] - time[to - 1]);
+                let span = time[to] - time[to - 1];
+                let c = if span > 0.0 {
+                    (t - time[to - 1]) / span
+                } else {
+                    0.0
+                };
                 let (from, to) = (&states[to - 1], &states[to]);
                 let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
                 z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
