@@ -96,7 +96,7 @@ fn measured(
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "seconds": fit.seconds,
-        "status": fit.status,
+        "status": fit.status.as_str(),
         "memory_before": before,
         "memory": peak_memory(),
     }))

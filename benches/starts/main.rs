@@ -272,7 +272,7 @@ impl Outcome<'_> {
 
     fn to_json(&self, args: &Args) -> Value {
         let starts: Vec<Value> = (self.fit.starts.iter())
-            .map(|s| json!([s.objective, s.status, s.iterations]))
+            .map(|s| json!([s.objective, s.status.as_str(), s.iterations]))
             .collect();
         json!({
             "initial_state": args.initial_state,
@@ -282,7 +282,7 @@ impl Outcome<'_> {
             "best": self.best,
             "default": {
                 "objective": self.fit.objective,
-                "status": self.fit.status,
+                "status": self.fit.status.as_str(),
                 "iterations": self.fit.iterations,
                 "seconds": self.fit.seconds,
                 "theta": self.fit.theta,

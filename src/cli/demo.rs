@@ -6,11 +6,8 @@ use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
 use crate::export::{self, Provenance};
-use crate::identification::joint::Joint;
 use crate::identification::statistics::rms;
-use crate::identification::{
-    Fit, Options, PilotFile, RunFit, Trial, TrialSet, fit, pilot_file, simulate,
-};
+use crate::identification::{Fit, Identification, Options, PilotFile, Trial, TrialSet, pilot_file};
 use crate::report::{self, ClosedLoop, Report, significant};
 use crate::series::Series;
 use crate::{output, vehicle};
@@ -56,13 +53,13 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         options: Options::default(),
     };
     let trials = demo.trials()?;
-    let fit = demo.fit(&trials)?;
-    demo.export(&fit)?;
+    let found = demo.fit(trials)?;
+    demo.export(&found.fit)?;
     let valid = demo.validate()?;
-    let loops = demo.co_simulate(&trials)?;
-    demo.report(&fit, &trials, &loops)?;
+    let loops = demo.co_simulate(&found.trials.fit)?;
+    demo.report(&found, &loops)?;
     terminal::print(&demo.what_lies_where(&loops))?;
-    Ok(match fit.is_answer() && valid {
+    Ok(match found.fit.is_answer() && valid {
         true => Outcome::Done,
         false => Outcome::No,
     })
@@ -92,31 +89,32 @@ impl Demo {
     }
 
     /// Writes the example trials out and reads them as any user's.
-    fn trials(&self) -> Result<Vec<Trial>, Failure> {
+    fn trials(&self) -> Result<TrialSet, Failure> {
         folder::create_new(&self.path("trials"), true)?;
         for (file, content) in TRIALS {
             self.save(&format!("trials/{file}"), content)?;
         }
-        let trials = TrialSet::read(&[self.path("trials/trials.toml")])?.fit;
-        say("trials", &format!("{} recorded flights", trials.len()))?;
+        let trials = TrialSet::read(&[self.path("trials/trials.toml")])?;
+        say("trials", &format!("{} recorded flights", trials.fit.len()))?;
         Ok(trials)
     }
 
-    fn fit(&self, trials: &[Trial]) -> Result<Fit, Failure> {
+    fn fit(&self, trials: TrialSet) -> Result<Identification, Failure> {
         let mut progress = Progress::new();
-        let fitted = fit(trials, &self.options, &mut |iteration| {
+        let found = Identification::new(trials, self.options.clone(), &mut |iteration| {
             progress.show(iteration);
             ControlFlow::Continue(())
         });
         progress.clear();
-        let fitted = fitted?;
-        let text = pilot_file::to_toml(&fitted, &self.options, trials);
+        let found = found?;
+        let fitted = &found.fit;
+        let text = pilot_file::to_toml(&found);
         self.save("pilot.toml", text.as_bytes())?;
         self.save(
             "vehicle.toml",
             vehicle::to_toml(&self.options.vehicle).as_bytes(),
         )?;
-        let verdict = summary::verdict(&fitted);
+        let verdict = summary::verdict(fitted);
         let residual = rms(fitted.runs.iter().flat_map(|run| &run.residual));
         say(
             "fit",
@@ -131,7 +129,7 @@ impl Demo {
         for doubt in &fitted.doubts {
             say("", &format!("doubt ({}): {doubt}", doubt.code()))?;
         }
-        Ok(fitted)
+        Ok(found)
     }
 
     fn export(&self, fit: &Fit) -> Result<(), Failure> {
@@ -215,14 +213,7 @@ impl Demo {
         (recorder.finish()).map_err(|error| Failure::new(format!("cannot write a row: {error}")))
     }
 
-    fn report(&self, fit: &Fit, trials: &[Trial], flights: &[Flight]) -> Result<(), Failure> {
-        let joint = Joint {
-            vehicle: self.options.vehicle,
-            pilot: self.options.pilot,
-        };
-        let flown = (trials.iter())
-            .map(|trial| simulate(&joint, &fit.theta, trial))
-            .collect::<Result<Vec<RunFit>, _>>()?;
+    fn report(&self, found: &Identification, flights: &[Flight]) -> Result<(), Failure> {
         let loops: Vec<ClosedLoop> = (flights.iter())
             .map(|flight| ClosedLoop {
                 target: flight.target,
@@ -232,10 +223,7 @@ impl Demo {
             })
             .collect();
         let page = report::page(&Report {
-            fit,
-            options: &self.options,
-            trials,
-            flown: &flown,
+            found,
             loops: &loops,
             made: &made(),
         });

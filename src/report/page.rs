@@ -5,21 +5,14 @@ use super::html::{Made, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::tables;
 use crate::identification::statistics::rms;
-use crate::identification::{Doubt, Fit, Objective, Options, RunFit, Trial};
+use crate::identification::{Doubt, Fit, Identification, Objective, RunFit};
 use crate::models::Pilot;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
 pub struct Report<'a> {
-    /// The fit.
-    pub fit: &'a Fit,
-    /// What it was asked to do.
-    pub options: &'a Options,
-    /// The trials that it was fitted to, in the order of the fit's runs.
-    pub trials: &'a [Trial],
-    /// Each trial flown by the pilot alone, from rest ([`crate::identification::simulate()`]); none where nobody
-    /// said which vehicle was flown.
-    pub flown: &'a [RunFit],
+    /// The fit, and all that belongs to it.
+    pub found: &'a Identification,
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
     /// What made it.
@@ -28,12 +21,8 @@ pub struct Report<'a> {
 
 /// The report as one HTML file that needs nothing beside it.
 pub fn page(report: &Report) -> String {
-    let Report {
-        fit,
-        options,
-        trials,
-        ..
-    } = report;
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
     let targets = Targets::of(trials);
     let mut body = head(report);
     body += &response(report, &targets);
@@ -62,17 +51,23 @@ pub fn page(report: &Report) -> String {
 /// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
 /// shown as it flies alone.
 fn response(report: &Report, targets: &Targets) -> String {
-    if report.options.loop_vehicle().is_none() {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    if options.loop_vehicle().is_none() {
         return String::new();
     }
-    let (runs, caption) = match report.options.objective {
+    let alone = || -> Option<Vec<RunFit>> {
+        let fitted = report.found.outcomes().take(trials.len());
+        fitted.map(|run| run.alone.cloned()).collect()
+    };
+    let (runs, caption) = match options.objective {
         Objective::Response => (
-            &report.fit.runs[..],
+            fit.runs.clone(),
             "Every run as it was recorded, its goal, and the same run in the optimiser's solution: \
              one pilot θ for all of them.",
         ),
         Objective::Stick => (
-            report.flown,
+            alone().unwrap_or_default(),
             "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it \
              flies alone, from rest: it was fitted to the stick and may miss the goal.",
         ),
@@ -80,18 +75,14 @@ fn response(report: &Report, targets: &Targets) -> String {
     figure(
         "Response",
         caption,
-        &figures::response(runs, report.trials, targets),
+        &figures::response(&runs, trials, targets),
     )
 }
 
 /// Title, verdict, and the result in one formula and three numbers.
 fn head(report: &Report) -> String {
-    let Report {
-        fit,
-        options,
-        trials,
-        ..
-    } = report;
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
     let (class, verdict) = match (fit.converged, fit.doubts.first()) {
         (false, _) => ("bad", format!("not converged: {}", fit.status)),
         (true, Some(doubt)) if doubt.is_fatal() => ("bad", format!("no answer: {}", doubt.code())),
@@ -181,6 +172,7 @@ fn polynomial(c: &[f64]) -> String {
 }
 
 fn closed_loops(report: &Report, targets: &Targets) -> String {
+    let trials = &report.found.trials.fit;
     match report.loops.is_empty() {
         true => String::new(),
         false => {
@@ -188,28 +180,24 @@ fn closed_loops(report: &Report, targets: &Targets) -> String {
                 "The exported FMUs in closed loop",
                 "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: \
                  nothing is left of the optimiser here.",
-                &figures::loop_response(report.loops, report.trials, targets),
+                &figures::loop_response(report.loops, trials, targets),
             ) + &figure(
                 "Their stick",
                 "The same co-simulations, and the stick as it was recorded.",
-                &figures::loop_stick(report.loops, report.trials, targets),
+                &figures::loop_stick(report.loops, trials, targets),
             )
         }
     }
 }
 
 fn numbers(report: &Report) -> String {
-    let Report {
-        fit,
-        options,
-        trials,
-        ..
-    } = report;
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
     let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
     section("Parameters", &tables::theta(fit, options.pilot))
         + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
         + &section("Poles of the closed loop", &tables::closed_loop(fit))
-        + &section("Runs", &tables::runs(report))
+        + &section("Runs", &tables::runs(report.found))
         + &section("Solve", &tables::solve(fit, options))
         + &section("Vehicle", &tables::vehicle(options))
         + &section("Data", &tables::files(files))
@@ -219,7 +207,7 @@ fn numbers(report: &Report) -> String {
 mod tests {
     use super::*;
     use crate::identification::joint::Joint;
-    use crate::identification::simulate;
+    use crate::identification::{Options, Trial, TrialSet, simulate};
     use crate::synthetic::{Flights, Human};
 
     /// A fit as it could be: the trials flown in closed loop.
@@ -235,7 +223,7 @@ mod tests {
             theta: theta.to_vec(),
             objective: 1234.5,
             converged: false,
-            status: "iteration-limit".into(),
+            status: crate::sqp::Status::IterationLimit,
             kkt: 1e-3,
             iterations: 200,
             seconds: 1.5,
@@ -275,11 +263,15 @@ mod tests {
             position: "position",
             stick: "stick",
         }];
+        let trials = TrialSet {
+            fit: trials,
+            validation: Vec::new(),
+            notes: Vec::new(),
+            files: Vec::new(),
+        };
+        let found = Identification::of(fit, options, trials);
         let report = Report {
-            fit: &fit,
-            options: &options,
-            trials: &trials,
-            flown: &fit.runs,
+            found: &found,
             loops: &loops,
             made: &Made {
                 command: "pilotage fit <x>".into(),

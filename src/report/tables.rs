@@ -2,12 +2,11 @@
 
 use super::html::{escape, table};
 use super::number::{self, significant};
-use super::page::Report;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::statistics::rms;
 use crate::identification::trials::Summary;
-use crate::identification::{Fit, InitialState, Mesh, Objective, Options};
+use crate::identification::{Fit, Identification, InitialState, Mesh, Objective, Options};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
 
@@ -95,16 +94,16 @@ pub fn target_of(summary: &Summary) -> String {
     }
 }
 
-pub fn runs(report: &Report) -> String {
-    let unit = report.options.objective.unit();
-    let flown = report.flown.iter().map(Some).chain(std::iter::repeat(None));
-    let rows: Vec<_> = (report.fit.runs.iter().zip(report.trials).zip(flown))
-        .map(|((run, trial), flown)| {
+pub fn runs(found: &Identification) -> String {
+    let unit = found.options.objective.unit();
+    let rows: Vec<_> = (found.outcomes())
+        .filter_map(|outcome| {
+            let (run, trial, flown) = (outcome.solution?, outcome.trial, outcome.alone);
             let summary = trial.summary();
             let finite = run.residual.iter().filter(|r| r.is_finite());
             let largest = finite.fold(0.0, |largest: f64, r| largest.max(r.abs()));
             let peak = summary.peak_stick;
-            vec![
+            Some(vec![
                 escape(&run.name),
                 cell(target_of(&summary)),
                 (summary.samples - summary.missing).to_string(),
@@ -115,7 +114,7 @@ pub fn runs(report: &Report) -> String {
                 number::html(rms(&run.residual), 3),
                 number::html(largest, 3),
                 flown.map_or("–".into(), |flown| number::html(rms(&flown.residual), 3)),
-            ]
+            ])
         })
         .collect();
     let (rms, largest) = (
@@ -151,7 +150,7 @@ pub fn solve(fit: &Fit, options: &Options) -> String {
             .join(", "),
     };
     let rows = [
-        ("status", escape(&fit.status)),
+        ("status", escape(fit.status.as_str())),
         (
             "sum of squared residuals",
             number::html(fit.objective, 6) + unit,
@@ -201,7 +200,7 @@ fn starts(fit: &Fit) -> String {
     let line = |start: &StartReport| {
         format!(
             "{} after {} iterations: {}",
-            escape(&start.status),
+            escape(start.status.as_str()),
             start.iterations,
             number::html(start.objective, 6)
         )

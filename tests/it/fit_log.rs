@@ -243,7 +243,10 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         ControlFlow::Continue(())
     })
     .unwrap();
-    let converged = whole.starts.iter().filter(|s| s.status == "converged");
+    let converged = whole
+        .starts
+        .iter()
+        .filter(|s| s.status == pilotage::sqp::Status::Converged);
     let first = converged.min_by_key(|start| start.number).unwrap();
     let starts = whole.starts.len();
     assert!(
@@ -272,7 +275,7 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         .starts
         .iter()
         .find(|start| start.number == first.number + 1);
-    assert_eq!(next.unwrap().status, "interrupted");
+    assert_eq!(next.unwrap().status, pilotage::sqp::Status::Interrupted);
     assert_eq!(stopped.skipped, starts - stopped.starts.len());
     let told = |doubt: &Doubt| doubt.code() == "stopped-early";
     assert_eq!(stopped.doubts.iter().any(told), stopped.skipped > 0);

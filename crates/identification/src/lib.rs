@@ -4,6 +4,7 @@
 pub mod closed_loop;
 pub mod constraints;
 pub mod doubts;
+pub mod identification;
 pub mod joint;
 mod linearised;
 pub mod multi_start;
@@ -24,6 +25,7 @@ pub mod vehicle;
 
 pub use closed_loop::ClosedLoop;
 pub use doubts::{Doubt, doubts};
+pub use identification::Identification;
 pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
 pub use pilot_file::PilotFileError;
 pub use pilotage_collocation::Scheme;

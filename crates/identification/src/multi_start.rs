@@ -254,7 +254,7 @@ impl Attempt {
     fn report(&self) -> StartReport {
         StartReport {
             number: self.course.number + 1,
-            status: self.solution.status.to_string(),
+            status: self.solution.status,
             objective: self.solution.iterate.f,
             feasible: Some(self.course.feasible).filter(|f| f.is_finite()),
             kkt: self.solution.kkt.residual(),
@@ -348,7 +348,7 @@ fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &
         theta: best.problem.physical_theta(&iterate.z),
         objective: iterate.f,
         converged: converged.is_some(),
-        status: status.to_string(),
+        status,
         kkt: kkt.residual(),
         violation: kkt.primal,
         curvature: *curvature,

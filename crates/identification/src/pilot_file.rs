@@ -1,7 +1,7 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
 use super::result::PilotDoubt;
-use super::{ClosedLoop, Doubt, Fit, Mesh, Options, PilotFile, Trial};
+use super::{ClosedLoop, Doubt, Fit, Identification, Mesh, Options, PilotFile, Trial};
 use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
 use pilotage_models::{COEFFICIENTS, Pilot, Unit};
@@ -195,7 +195,9 @@ fn theta(table: &document::Table) -> Result<Vec<f64>, PilotFileError> {
 }
 
 /// The text of a pilot file. A fit that is no answer is marked as such, first thing.
-pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
+pub fn to_toml(found: &Identification) -> String {
+    let Identification { fit, options, .. } = found;
+    let trials = &found.trials.fit;
     let mut text = String::from(
         "# A pilot: y_p/u_p = (θ2n s^(n-1) + ... + θn+1) / (s^n + θn s^(n-1) + ... + θ1),\n\
          # from the error u_p [m] to the stick y_p [-1 to 1].\n",
@@ -211,7 +213,7 @@ pub fn to_toml(fit: &Fit, options: &Options, trials: &[Trial]) -> String {
     text += &format!(
         "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {}\n\n[theta]\n",
         env!("CARGO_PKG_VERSION"),
-        quoted(&fit.status),
+        quoted(fit.status.as_str()),
         fit.converged,
         number(options.stick_limit)
     );
@@ -326,6 +328,8 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::TrialSet;
+    use pilotage_sqp::Status;
     use proptest::prelude::*;
 
     fn fit() -> Fit {
@@ -333,7 +337,7 @@ mod tests {
             theta: vec![0.1 + 0.2, 1.0, 1e-9, -0.5, 0.0, -1.0 / 3.0],
             objective: 6.5,
             converged: false,
-            status: "iteration-limit".into(),
+            status: Status::IterationLimit,
             kkt: 1e-3,
             iterations: 7,
             seconds: 0.25,
@@ -356,6 +360,17 @@ mod tests {
         }
     }
 
+    /// The text for a fit of these trials.
+    fn written(fit: Fit, options: Options, trials: Vec<Trial>) -> String {
+        let trials = TrialSet {
+            fit: trials,
+            validation: Vec::new(),
+            notes: Vec::new(),
+            files: Vec::new(),
+        };
+        to_toml(&Identification::of(fit, options, trials))
+    }
+
     fn trial() -> Trial {
         Trial {
             name: "a".into(),
@@ -371,7 +386,7 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back_to_the_same_bits_and_keeps_the_mark() {
-        let text = to_toml(&fit(), &Options::default(), &[trial()]);
+        let text = written(fit(), Options::default(), vec![trial()]);
         assert!(text.contains("# NOT CONVERGED"));
         let read = PilotFile::parse(&text, "pilot.toml").unwrap();
         assert_eq!(
@@ -408,7 +423,7 @@ mod tests {
             [objective, kkt, seconds, tolerance] in prop::array::uniform4(prop::num::f64::ANY),
             stick_limit in f64::MIN_POSITIVE..f64::MAX,
             converged: bool,
-            status in ".*",
+            status in prop::sample::select(vec![Status::Converged, Status::Infeasible, Status::TimeLimit]),
             origins in prop::collection::vec("(?s).*", 0..3),
             step in prop::option::of(prop::num::f64::POSITIVE),
         ) {
@@ -420,23 +435,23 @@ mod tests {
                 count: 1,
                 share: Some(1.0),
             }];
-            let written = Fit { theta, objective, converged, status, kkt, seconds, doubts, ..fit() };
+            let ended = Fit { theta, objective, converged, status, kkt, seconds, doubts, ..fit() };
             let mesh = step.map_or(Mesh::Samples, Mesh::Step);
             let options = Options { stick_limit, tolerance, mesh, ..Options::default() };
             let trials: Vec<Trial> = (origins.iter())
                 .map(|origin| Trial { origin: origin.clone(), weight: objective, ..trial() })
                 .collect();
-            let text = to_toml(&written, &options, &trials);
+            let text = written(ended.clone(), options.clone(), trials);
             let read = PilotFile::parse(&text, "pilot.toml").unwrap();
             let doubts = vec![PilotDoubt {
                 code: "outlier".into(),
-                words: written.doubts[0].to_string(),
+                words: ended.doubts[0].to_string(),
                 fatal: true,
             }];
             let vehicle = Some(options.vehicle);
-            prop_assert_eq!(read, PilotFile { theta: written.theta, stick_limit, converged, vehicle, doubts });
+            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, doubts });
             let table: toml::Table = text.parse().unwrap();
-            prop_assert_eq!(table["status"].as_str(), Some(written.status.as_str()));
+            prop_assert_eq!(table["status"].as_str(), Some(ended.status.as_str()));
             let found = table["fit"]["kkt"].as_float().unwrap();
             prop_assert!(found == kkt || (found.is_nan() && kkt.is_nan()));
             for (k, origin) in origins.iter().enumerate() {

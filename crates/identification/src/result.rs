@@ -2,6 +2,7 @@
 
 use super::{ClosedLoop, Doubt};
 use pilotage_models::Quadcopter;
+use pilotage_sqp::Status;
 
 /// One run as the identified pilot flies it in the optimiser's solution.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +36,7 @@ pub struct StartReport {
     /// Which start, from 1, in the order in which they began.
     pub number: usize,
     /// How its solve ended.
-    pub status: String,
+    pub status: Status,
     /// Its objective.
     pub objective: f64,
     /// The least objective of its iterates that fulfil the constraints; none if there was none.
@@ -61,8 +62,8 @@ pub struct Fit {
     pub objective: f64,
     /// True when the scaled KKT residual reached the tolerance and the second-order condition holds.
     pub converged: bool,
-    /// One word for how the solve ended, such as `converged` or `iteration-limit`.
-    pub status: String,
+    /// How the solve ended.
+    pub status: Status,
     /// Scaled KKT residual of the returned iterate.
     pub kkt: f64,
     /// Its scaled violation of the constraints: above [`FEASIBLE`] its runs are no flights of its pilot.

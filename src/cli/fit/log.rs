@@ -67,7 +67,7 @@ impl Log {
             self.line(&json!({
                 "event": "start",
                 "start": start.number,
-                "status": start.status,
+                "status": start.status.as_str(),
                 "iterations": start.iterations,
                 "objective": start.objective,
                 "feasible": start.feasible,
@@ -78,7 +78,7 @@ impl Log {
         }
         self.line(&json!({
             "event": "fit",
-            "status": fit.status,
+            "status": fit.status.as_str(),
             "iterations": fit.iterations,
             "objective": fit.objective,
             "kkt": fit.kkt,

@@ -13,8 +13,8 @@ use super::trials::Columns;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Fit, InitialPosition, InitialState, Mesh, Objective, Options, RunFit, Scheme, Trial, TrialSet,
-    fit, pilot_file,
+    Identification, InitialPosition, InitialState, Mesh, Objective, Options, Scheme, TrialSet,
+    pilot_file,
 };
 use crate::models::Pilot;
 use crate::output::Output;
@@ -22,7 +22,7 @@ use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
 use std::path::{Path, PathBuf};
-use summary::{Flown, to_json, to_text};
+use summary::{to_json, to_text};
 use watch::Watch;
 
 const EXAMPLES: &str = "\
@@ -161,24 +161,19 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     interrupt::listen("stopping at the next iteration")?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let mut watch = Watch::new(args.time_limit, log, args.verbose);
-    let fitted = fit(&set.fit, &options, &mut |iteration| watch.see(iteration));
+    let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
     let log = watch.end();
-    let fitted = fitted?;
+    let found = found?;
 
-    save(
-        pilot_output,
-        &args.output,
-        &pilot_file::to_toml(&fitted, &options, &set.fit),
-    )?;
-    let flown = Flown::all(&fitted, &options, &set)?;
+    save(pilot_output, &args.output, &pilot_file::to_toml(&found))?;
     if let (Some(output), Some(path)) = (report_output, &args.report) {
-        save(output, path, &page(&fitted, &options, &set.fit, &flown))?;
+        save(output, path, &page(&found))?;
     }
-    args.tell(&fitted, &options, &flown)?;
+    args.tell(&found)?;
     if let Some(log) = log {
-        log.close(&fitted)?;
+        log.close(&found.fit)?;
     }
-    Ok(match fitted.is_answer() {
+    Ok(match found.fit.is_answer() {
         true => Outcome::Done,
         false => Outcome::No,
     })
@@ -220,10 +215,10 @@ impl Args {
     }
 
     /// The summary, away from the log.
-    fn tell(&self, fit: &Fit, options: &Options, flown: &[Flown]) -> Result<(), Failure> {
+    fn tell(&self, found: &Identification) -> Result<(), Failure> {
         let text = match self.json {
-            true => format!("{:#}\n", to_json(fit, options, flown)),
-            false => to_text(fit, options, flown) + &self.next(fit, options),
+            true => format!("{:#}\n", to_json(found)),
+            false => to_text(found) + &self.next(found),
         };
         match self.logs_to_stdout() {
             true => terminal::tell(&text),
@@ -238,15 +233,9 @@ impl Args {
 }
 
 /// The report page of a fit alone.
-fn page(fit: &Fit, options: &Options, trials: &[Trial], flown: &[Flown]) -> String {
-    // All or none: the page tells them by their places.
-    let flown: Option<Vec<RunFit>> = flown.iter().map(|flown| flown.run.clone()).collect();
-    let flown = flown.unwrap_or_default();
+fn page(found: &Identification) -> String {
     report::page(&Report {
-        fit,
-        options,
-        trials,
-        flown: &flown,
+        found,
         loops: &[],
         made: &made(),
     })

@@ -2,12 +2,13 @@
 
 use super::Args;
 use crate::cli::made::{program, quoted};
-use crate::identification::{Fit, InitialState, Options};
+use crate::identification::{Fit, Identification, InitialState, Options};
 use crate::sqp::Status;
 
 impl Args {
     /// The end of the summary.
-    pub(super) fn next(&self, fit: &Fit, options: &Options) -> String {
+    pub(super) fn next(&self, found: &Identification) -> String {
+        let Identification { fit, options, .. } = found;
         let pilot = self.output.display();
         let mut text = format!("\nwrote {pilot}\n");
         if let Some(report) = &self.report {
@@ -32,7 +33,7 @@ impl Args {
             text +=
                 "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
         }
-        let ended_by = |status: Status| fit.status == status.as_str();
+        let ended_by = |status: Status| fit.status == status;
         let was_cut_short = [
             Status::IterationLimit,
             Status::TimeLimit,

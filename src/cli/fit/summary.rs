@@ -1,76 +1,26 @@
 //! What a fit gave, for people and for scripts.
 
-use crate::cli::{Failure, format};
-use crate::identification::joint::Joint;
-use crate::identification::simulate::{LONGEST, at_rest};
+use crate::cli::format;
 use crate::identification::statistics::rms;
 use crate::identification::{
-    ClosedLoop, Doubt, Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file,
-    simulate, simulate_from,
+    ClosedLoop, Doubt, Fit, Identification, InitialState, Objective, Options, pilot_file,
 };
 use crate::report::significant;
 use crate::vehicle::Mode;
 use serde_json::{Value, json};
 
-/// A run as the identified pilot flies it alone, from rest.
-pub struct Flown<'a> {
-    trial: &'a Trial,
-    /// That run, from where the solution begins; none where nobody said which vehicle was flown, or it is longer
-    /// than [`LONGEST`].
-    pub run: Option<RunFit>,
-    /// The run in the optimiser's solution; none for a validation run.
-    solution: Option<&'a RunFit>,
-}
-
-impl<'a> Flown<'a> {
-    /// All trials of a set, with the runs of its fit.
-    pub fn all(fit: &'a Fit, options: &Options, set: &'a TrialSet) -> Result<Vec<Self>, Failure> {
-        let joint = options.loop_vehicle().map(|&vehicle| Joint {
-            vehicle,
-            pilot: options.pilot,
-        });
-        let begin = |joint: &Joint, trial: &Trial, solution: Option<&RunFit>| match solution {
-            // The first sample is a measurement like the others.
-            Some(run) if options.objective == Objective::Response => {
-                let states = at_rest(joint, run.position[0]);
-                simulate_from(joint, &fit.theta, trial, &states)
-            }
-            _ => simulate(joint, &fit.theta, trial),
-        };
-        let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
-        (set.all().zip(solutions))
-            .map(|(trial, solution)| {
-                Ok(Self {
-                    trial,
-                    run: (joint.as_ref())
-                        .filter(|_| trial.duration() <= LONGEST)
-                        .map(|joint| begin(joint, trial, solution))
-                        .transpose()?,
-                    solution,
-                })
-            })
-            .collect()
-    }
-
-    /// Its rms distance from the recording, and where it ends, from the last target [m].
-    fn errors(&self) -> Option<(f64, f64)> {
-        let run = self.run.as_ref()?;
-        let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
-        Some((rms(&run.residual), last(&run.position) - last(&run.target)))
-    }
-}
-
 /// The one object of `--json`.
-pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
+pub fn to_json(found: &Identification) -> Value {
+    let Identification { fit, options, .. } = found;
     let modes = Mode::of_poles(&options.pilot.poles(&fit.theta));
-    let runs: Vec<Value> = (flown.iter())
-        .map(|flown| {
+    let runs: Vec<Value> = (found.outcomes())
+        .map(|run| {
             json!({
-                "name": flown.trial.name,
-                "use": if flown.solution.is_some() { "fit" } else { "validation" },
-                "rms_residual": flown.solution.filter(|_| fit.is_feasible()).map(|run| rms(&run.residual)),
-                "closed_loop_rms_m": flown.errors().map(|(rms, _)| rms),
-                "closed_loop_final_error_m": flown.errors().map(|(_, last)| last),
+                "name": run.trial.name,
+                "use": if run.solution.is_some() { "fit" } else { "validation" },
+                "rms_residual": run.solution.filter(|_| fit.is_feasible()).map(|run| rms(&run.residual)),
+                "closed_loop_rms_m": run.errors().map(|(rms, _)| rms),
+                "closed_loop_final_error_m": run.errors().map(|(_, last)| last),
             })
         })
         .collect();
@@ -78,7 +28,7 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         .map(|start| {
             json!({
                 "start": start.number,
-                "status": start.status,
+                "status": start.status.as_str(),
                 "objective": start.objective,
                 "feasible": start.feasible,
                 "kkt": start.kkt,
@@ -89,7 +39,7 @@ pub fn to_json(fit: &Fit, options: &Options, flown: &[Flown]) -> Value {
         })
         .collect();
     json!({
-        "status": fit.status,
+        "status": fit.status.as_str(),
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
@@ -150,7 +100,8 @@ pub fn verdict(fit: &Fit) -> String {
 }
 
 /// The summary for people.
-pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
+pub fn to_text(found: &Identification) -> String {
+    let Identification { fit, options, .. } = found;
     let unit = match options.objective {
         Objective::Response => " m",
         Objective::Stick => "",
@@ -196,10 +147,7 @@ pub fn to_text(fit: &Fit, options: &Options, flown: &[Flown]) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &loop_poles(fit)
-        + &runs(fit, flown, options)
-        + &agreement(fit)
-        + &carried(flown, options)
+    text + &loop_poles(fit) + &runs(found) + &agreement(fit) + &carried(found)
 }
 
 /// The modes of the closed loop.
@@ -251,8 +199,9 @@ fn skipped(fit: &Fit) -> String {
 }
 
 /// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.
-fn carried(flown: &[Flown], options: &Options) -> String {
-    let fitted = || (flown.iter()).filter_map(|f| Some((f.solution?, f.run.as_ref()?)));
+fn carried(found: &Identification) -> String {
+    let options = &found.options;
+    let fitted = || (found.outcomes()).filter_map(|run| Some((run.solution?, run.alone?)));
     let solved = rms(fitted().flat_map(|(solution, _)| &solution.residual));
     let alone = rms(fitted().flat_map(|(_, run)| &run.residual));
     let comparable = options.objective == Objective::Response;
@@ -269,31 +218,30 @@ fn carried(flown: &[Flown], options: &Options) -> String {
 }
 
 /// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
-fn runs(fit: &Fit, flown: &[Flown], options: &Options) -> String {
-    let width = flown
-        .iter()
-        .map(|flown| flown.trial.name.chars().count())
-        .max();
+fn runs(found: &Identification) -> String {
+    let Identification { fit, options, .. } = found;
+    let names = found.outcomes();
+    let width = names.map(|run| run.trial.name.chars().count()).max();
     let width = width.unwrap_or(0).max(10);
     let unit = options.objective.unit();
     let mut text = format!(
         "\n  {:<width$}  rms residual [{unit}]  flown alone from rest: rms [m]  final error [m]\n",
         "run"
     );
-    for flown in flown {
-        let residual = match flown.solution {
+    for run in found.outcomes() {
+        let residual = match run.solution {
             Some(run) if fit.is_feasible() => significant(rms(&run.residual), 3),
             Some(_) => "-".into(),
             None => "validation".into(),
         };
-        let (alone, last) = flown
+        let (alone, last) = run
             .errors()
             .map_or(("-".into(), "-".into()), |(rms, last)| {
                 (significant(rms, 3), significant(last, 3))
             });
         text += &format!(
             "  {:<width$}  {residual:>16}  {alone:>30}  {last:>15}\n",
-            flown.trial.name,
+            run.trial.name,
         );
     }
     text
