@@ -84,11 +84,11 @@ pub enum IntegrationError {
          without bound or the tolerance is too strict"
     )]
     StepTooSmall {
-        /// Where, from the interval's beginning [s].
+        /// Where, from the interval's beginning \[s\].
         time: f64,
-        /// Length of the interval [s].
+        /// Length of the interval \[s\].
         interval: f64,
-        /// Step size at which it was given up [s].
+        /// Step size at which it was given up \[s\].
         smallest: f64,
     },
     /// Too many steps.
@@ -97,9 +97,9 @@ pub enum IntegrationError {
          slower coefficients"
     )]
     TooManySteps {
-        /// Where, from the interval's beginning [s].
+        /// Where, from the interval's beginning \[s\].
         time: f64,
-        /// Length of the interval [s].
+        /// Length of the interval \[s\].
         interval: f64,
         /// The limit.
         limit: usize,
@@ -107,7 +107,7 @@ pub enum IntegrationError {
 }
 
 impl IntegrationError {
-    /// How far it came, from the interval's beginning [s].
+    /// How far it came, from the interval's beginning \[s\].
     pub fn reached(&self) -> f64 {
         match self {
             Self::StepTooSmall { time, .. } | Self::TooManySteps { time, .. } => *time,
@@ -117,7 +117,7 @@ impl IntegrationError {
 
 /// What is integrated, `ẋ = f(τ, x)`.
 pub trait Ode {
-    /// Writes `f(τ, x)` into `dx`; `time` is τ, from the interval's beginning [s].
+    /// Writes `f(τ, x)` into `dx`; `time` is τ, from the interval's beginning \[s\].
     fn derivative(&mut self, time: f64, x: &[f64], dx: &mut [f64]);
 
     /// Whether there are events at all.
@@ -132,7 +132,7 @@ pub trait Ode {
 pub enum End {
     /// At the end of the interval.
     Interval,
-    /// Just after an event, so long after the interval's beginning [s].
+    /// Just after an event, so long after the interval's beginning \[s\].
     Event(f64),
 }
 
