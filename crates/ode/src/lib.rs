@@ -42,7 +42,7 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`solver`] | steps of the right length, each up to the first event in it |
-//! | `dormand_prince` | the explicit method, for most problems |
+//! | `dormand_prince` | the explicit method, for most problems; its coefficients are [`tableau`] |
 //! | `radau` | the implicit method, for stiff problems |
 //! | `root` | where in a step an event is |
 
@@ -51,6 +51,7 @@ mod error;
 mod radau;
 mod root;
 pub mod solver;
+pub mod tableau;
 #[cfg(test)]
 mod tests;
 
