@@ -23,7 +23,6 @@ fn main() {
         "Cargo.toml",
         "Cargo.lock",
         "fmu",
-        "crates/ode",
     ] {
         println!("cargo::rerun-if-changed={input}");
     }

@@ -3,8 +3,8 @@
 //! stiffness, both after Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, sections
 //! II.6 and IV.2 of volume II.
 
-use super::tableau::{A, C, E};
 use super::{Attempt, Dynamics, Scale};
+use pilotage_kit::integrate::{A, C, E};
 
 const STAGES: usize = 7;
 

@@ -1,48 +1,13 @@
 //! Ordinary differential equations with events, solved with error control.
 //!
 //! ```text
-//! ẋ = f(t, x),   an event wherever a component of z(t, x) becomes positive or ceases to be
-//! ```
-//!
-//! It is for right-hand sides that may fail, may be undefined in places and may turn stiff on the way, such as
-//! FMUs for model exchange: [`Solver::advance`] does one step, up to the first event in it, and the caller
-//! handles the event. States are `f64`; there is no mass matrix and no delay.
-//!
-//! A ball that falls from 1 m reaches the ground after `√(2/g)`:
-//!
-//! ```
-//! use pilotage_ode::{Advance, Dynamics, Method, Options, Solver};
-//!
-//! struct Ball;
-//!
-//! impl Dynamics for Ball {
-//!     type Error = std::convert::Infallible;
-//!
-//!     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Self::Error> {
-//!         (dx[0], dx[1]) = (x[1], -9.81);
-//!         Ok(true)
-//!     }
-//!
-//!     fn indicators(&mut self, _t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Self::Error> {
-//!         z[0] = x[0];
-//!         Ok(true)
-//!     }
-//! }
-//!
-//! let options = Options { relative: 1e-9, absolute: vec![1e-12; 2], method: Method::Automatic, longest_step: f64::INFINITY };
-//! let mut solver = Solver::new(1, options);
-//! solver.restart(0.0, &[1.0, 0.0], true);
-//! while solver.advance(&mut Ball, 10.0)? != Advance::Event {}
-//! let speed = (2.0 * 9.81f64).sqrt();
-//! assert!((solver.time() - speed / 9.81).abs() < 1e-9);
-//! assert!((solver.state()[1] + speed).abs() < 1e-8);
-//! # Ok::<(), pilotage_ode::IntegrationError<std::convert::Infallible>>(())
+//! ẋ = f(t, x),   an event wherever a component of z(t, x) comes to be positive or ceases to be
 //! ```
 //!
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`solver`] | steps of the right length, each up to the first event in it |
-//! | `dormand_prince` | the explicit method, for most problems; its coefficients are [`tableau`] |
+//! | `dormand_prince` | the explicit method, for most problems |
 //! | `radau` | the implicit method, for stiff problems |
 //! | `root` | where in a step an event is |
 
@@ -51,7 +16,6 @@ mod error;
 mod radau;
 mod root;
 pub mod solver;
-pub mod tableau;
 #[cfg(test)]
 mod tests;
 

@@ -27,7 +27,7 @@ pub struct Options {
     pub absolute: Vec<f64>,
     /// Which method solves.
     pub method: Method,
-    /// Longest step \[s\].
+    /// Longest step [s].
     pub longest_step: f64,
 }
 
@@ -127,7 +127,7 @@ impl Solver {
         self.scale.absolute.copy_from_slice(absolute);
     }
 
-    /// Where it stands \[s\].
+    /// Where it stands [s].
     pub fn time(&self) -> f64 {
         self.t
     }
@@ -152,7 +152,7 @@ impl Solver {
         }
     }
 
-    /// One step, at most to `limit` \[s\], which is hit exactly, and no further than to an event.
+    /// One step, at most to `limit` [s], which is hit exactly, and no further than to an event.
     ///
     /// # Errors
     /// If an evaluation fails, or no step is short enough.

@@ -10,7 +10,51 @@
 //! rejection. The first trial is the whole interval: a call depends on its arguments alone, so equal
 //! calls give equal bits, and there is no memory to save with an FMU state.
 
-use pilotage_ode::tableau::{A, C, E};
+/// Nodes `c` of the seven stages.
+pub const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
+
+/// Rows of `A`; the last one is also the fifth-order solution (first same as last).
+pub const A: [[f64; 6]; 7] = [
+    [0.0; 6],
+    [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
+    [
+        19372.0 / 6561.0,
+        -25360.0 / 2187.0,
+        64448.0 / 6561.0,
+        -212.0 / 729.0,
+        0.0,
+        0.0,
+    ],
+    [
+        9017.0 / 3168.0,
+        -355.0 / 33.0,
+        46732.0 / 5247.0,
+        49.0 / 176.0,
+        -5103.0 / 18656.0,
+        0.0,
+    ],
+    [
+        35.0 / 384.0,
+        0.0,
+        500.0 / 1113.0,
+        125.0 / 192.0,
+        -2187.0 / 6784.0,
+        11.0 / 84.0,
+    ],
+];
+
+/// Weights of the error: fifth-order minus fourth-order solution.
+pub const E: [f64; 7] = [
+    71.0 / 57600.0,
+    0.0,
+    -71.0 / 16695.0,
+    71.0 / 1920.0,
+    -17253.0 / 339200.0,
+    22.0 / 525.0,
+    -1.0 / 40.0,
+];
 
 const SAFETY: f64 = 0.9;
 const SHRINK_LIMIT: f64 = 0.2;
@@ -40,11 +84,11 @@ pub enum IntegrationError {
          without bound or the tolerance is too strict"
     )]
     StepTooSmall {
-        /// Where, from the interval's beginning \[s\].
+        /// Where, from the interval's beginning [s].
         time: f64,
-        /// Length of the interval \[s\].
+        /// Length of the interval [s].
         interval: f64,
-        /// Step size at which it was given up \[s\].
+        /// Step size at which it was given up [s].
         smallest: f64,
     },
     /// Too many steps.
@@ -53,9 +97,9 @@ pub enum IntegrationError {
          slower coefficients"
     )]
     TooManySteps {
-        /// Where, from the interval's beginning \[s\].
+        /// Where, from the interval's beginning [s].
         time: f64,
-        /// Length of the interval \[s\].
+        /// Length of the interval [s].
         interval: f64,
         /// The limit.
         limit: usize,
@@ -63,7 +107,7 @@ pub enum IntegrationError {
 }
 
 impl IntegrationError {
-    /// How far it came, from the interval's beginning \[s\].
+    /// How far it came, from the interval's beginning [s].
     pub fn reached(&self) -> f64 {
         match self {
             Self::StepTooSmall { time, .. } | Self::TooManySteps { time, .. } => *time,
@@ -73,7 +117,7 @@ impl IntegrationError {
 
 /// What is integrated, `ẋ = f(τ, x)`.
 pub trait Ode {
-    /// Writes `f(τ, x)` into `dx`; `time` is τ, from the interval's beginning \[s\].
+    /// Writes `f(τ, x)` into `dx`; `time` is τ, from the interval's beginning [s].
     fn derivative(&mut self, time: f64, x: &[f64], dx: &mut [f64]);
 
     /// Whether there are events at all.
@@ -88,7 +132,7 @@ pub trait Ode {
 pub enum End {
     /// At the end of the interval.
     Interval,
-    /// Just after an event, so long after the interval's beginning \[s\].
+    /// Just after an event, so long after the interval's beginning [s].
     Event(f64),
 }
 
