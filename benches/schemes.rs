@@ -6,8 +6,9 @@
 //! cargo bench --bench schemes -- --write docs/schemes.md  puts it into that page
 //! ```
 
+use pilotage::identification::joint::Joint;
 use pilotage::identification::{Fit, FitError, InitialPosition, Mesh, Options, Trial, fit};
-use pilotage::models::{Dynamics, Joint};
+use pilotage::transcription::Differentiated;
 use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
 use std::error::Error;
@@ -160,15 +161,15 @@ fn percent(value: f64, sign: bool) -> String {
 /// A flight of the continuous-time model from rest, by the classical Runge–Kutta method.
 fn flight(target: f64) -> Trial {
     let Options { vehicle, pilot, .. } = Options::default();
-    let joint = Joint { vehicle, pilot };
+    let model = Differentiated::new(&Joint { vehicle, pilot }.system());
     let substeps = (1.0 / (RATE * STEP)).round() as usize;
     let samples = (DURATION * RATE).round() as usize + 1;
-    let mut x = vec![0.0; joint.n_states()];
+    let mut x = vec![0.0; model.n_states()];
     let (mut position, mut stick) = (Vec::new(), Vec::new());
     for _ in 0..samples {
         position.push(x[0]);
-        stick.push(joint.bounded(&x, &[target], &THETA));
-        (0..substeps).for_each(|_| advance(&joint, target, &mut x));
+        stick.push(model.evaluate(0.0, &x, &[target], &THETA)[x.len() + 1]);
+        (0..substeps).for_each(|_| advance(&model, target, &mut x));
     }
     let largest = stick.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
     assert!(
@@ -188,12 +189,8 @@ fn flight(target: f64) -> Trial {
 }
 
 /// One step of [`STEP`] seconds.
-fn advance(joint: &Joint, target: f64, x: &mut [f64]) {
-    let slope = |x: &[f64]| {
-        let mut dx = vec![0.0; x.len()];
-        joint.derivative(x, &[target], &THETA, &mut dx);
-        dx
-    };
+fn advance(model: &Differentiated, target: f64, x: &mut [f64]) {
+    let slope = |x: &[f64]| model.evaluate(0.0, x, &[target], &THETA);
     let along = |x: &[f64], k: &[f64], h: f64| -> Vec<f64> {
         x.iter().zip(k).map(|(x, k)| x + h * k).collect()
     };

@@ -6,8 +6,9 @@
 //! step of 50 ms at which people are recorded, the choice of algorithm shows.
 
 use pilotage::cosim::{Algorithm, Clock, NativeSlave, SeriesRecorder, System, run};
+use pilotage::identification::joint::Joint;
 use pilotage::identification::{Trial, simulate};
-use pilotage::models::{Joint, Model, Pilot, Quadcopter};
+use pilotage::models::{Model, Pilot, Quadcopter};
 use std::error::Error;
 
 /// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot who looks ahead by 2.5 s and lags by half a second.

@@ -6,9 +6,9 @@
 //! is the one that brings the vehicle nearest to where it was recorded; how much the second misses
 //! depends on the flights (in the paper's Fig. 2 it never reaches the target).
 
+use pilotage::identification::joint::Joint;
 use pilotage::identification::statistics::rms;
 use pilotage::identification::{Objective, Options, TrialSet, fit, simulate};
-use pilotage::models::Joint;
 use std::error::Error;
 use std::ops::ControlFlow;
 

@@ -60,7 +60,8 @@ pub mod output;
 pub mod report;
 #[doc(hidden)]
 pub use {
-    pilotage_collocation as transcription, pilotage_cosim as cosim, pilotage_fmi as fmi,
+    pilotage_collocation as transcription, pilotage_cosim as cosim,
+    pilotage_expression as expression, pilotage_fmi as fmi,
     pilotage_identification as identification,
     pilotage_identification::{synthetic, vehicle},
     pilotage_linear as linear, pilotage_models as models, pilotage_ode as integrate,

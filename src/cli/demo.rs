@@ -6,11 +6,11 @@ use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
 use crate::export::{self, Provenance};
+use crate::identification::joint::Joint;
 use crate::identification::statistics::rms;
 use crate::identification::{
     Fit, Options, PilotFile, RunFit, Trial, TrialSet, fit, pilot_file, simulate,
 };
-use crate::models::Joint;
 use crate::report::{self, ClosedLoop, Report, significant};
 use crate::series::Series;
 use crate::{output, vehicle};

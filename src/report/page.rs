@@ -218,8 +218,8 @@ fn numbers(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identification::joint::Joint;
     use crate::identification::simulate;
-    use crate::models::Joint;
     use crate::synthetic::{Flights, Human};
 
     /// A fit as it could be: the trials flown in closed loop.

@@ -308,7 +308,7 @@ fn trials() -> Vec<Trial> {
 const BUTTERWORTH: [f64; 6] = [1.0, 2.0, 2.0, -0.03, -0.1, 0.0];
 
 /// The identification problem from that pilot: problem, variables.
-fn identification(options: &Options) -> (fit::ResponseProblem, Vec<f64>) {
+fn identification(options: &Options) -> (Random, Vec<f64>) {
     let trials = trials();
     let theta = BUTTERWORTH;
     let states: Vec<_> = trials
@@ -381,23 +381,23 @@ struct Checked {
     steps: usize,
 }
 
-impl QpSolver<fit::ResponseProblem> for Checked {
-    fn linearise(&mut self, problem: &fit::ResponseProblem, at: &Iterate, exact: bool) {
+impl QpSolver<Random> for Checked {
+    fn linearise(&mut self, problem: &Random, at: &Iterate, exact: bool) {
         self.at = Some(at.clone());
         self.qp.linearise(problem, at, exact);
     }
 
     fn gradient(&self) -> &[f64] {
-        QpSolver::<fit::ResponseProblem>::gradient(&self.qp)
+        QpSolver::<Random>::gradient(&self.qp)
     }
 
     fn lagrangian_gradient(&self) -> &[f64] {
-        QpSolver::<fit::ResponseProblem>::lagrangian_gradient(&self.qp)
+        QpSolver::<Random>::lagrangian_gradient(&self.qp)
     }
 
     fn solve(
         &mut self,
-        problem: &fit::ResponseProblem,
+        problem: &Random,
         hessian: Hessian,
         damping: f64,
         step: &mut Step,
@@ -414,14 +414,14 @@ impl QpSolver<fit::ResponseProblem> for Checked {
 
     fn correct(
         &mut self,
-        problem: &fit::ResponseProblem,
+        problem: &Random,
         trial: &Iterate,
         d: &mut [f64],
     ) -> Result<(), QpFailure> {
         self.qp.correct(problem, trial, d)
     }
 
-    fn curvature(&mut self, problem: &fit::ResponseProblem, at: &Iterate) -> Option<Curvature> {
+    fn curvature(&mut self, problem: &Random, at: &Iterate) -> Option<Curvature> {
         self.qp.curvature(problem, at)
     }
 }

@@ -1,15 +1,16 @@
 //! The second-order condition of a collocation problem: on the reduced variables and on all of them.
 
-use crate::random_collocation::{Constraints, Draw, Random, iterate, problem};
-use pilotage::models::{Dynamics, Scalar};
+use crate::random_collocation::{Draw, Random, constraints, iterate, problem};
+use pilotage::expression::System;
 use pilotage::sqp::curvature::{Activity, activities};
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{
     self, Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, Status,
 };
 use pilotage::transcription::Scheme;
-use pilotage::transcription::{Collocation, Condensed, Run, Scales};
+use pilotage::transcription::{Collocation, Condensed, Differentiated, Recording, Run, Scales};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A random point, with values at their limits, with and without a multiplier.
 fn with_active_rows(problem: &Random, seed: u64) -> Iterate {
@@ -108,47 +109,28 @@ fn both_paths_find_the_same_smallest_curvature() {
     assert!(negative > 20 && vertices > 4, "{negative} {vertices}");
 }
 
-/// `ẋ = θ² w`, x measured: θ and -θ do the same, so θ = 0 is a KKT point whatever was measured.
-#[derive(Debug, Clone)]
-struct Squared;
-
-impl Dynamics for Squared {
-    fn n_states(&self) -> usize {
-        1
-    }
-
-    fn n_parameters(&self) -> usize {
-        1
-    }
-
-    fn n_inputs(&self) -> usize {
-        1
-    }
-
-    fn derivative<T: Scalar>(&self, _: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
-        dx[0] = theta[0] * theta[0] * w[0];
-    }
-
-    fn measured<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
-        x[0]
-    }
-
-    fn bounded<T: Scalar>(&self, x: &[T], _: &[T], _: &[T]) -> T {
-        x[0]
-    }
+/// `ẋ = θ² w`, x measured and bounded: θ and -θ do the same, so θ = 0 is a KKT point whatever was measured.
+fn squared() -> System {
+    let equations = |at: pilotage::expression::Point<'_>| {
+        let rate = at.p[0] * at.p[0] * at.u[0];
+        [vec![rate], vec![at.x[0]; 2]]
+    };
+    System::trace([1, 1, 1], equations).unwrap()
 }
 
 /// From θ = 0 to the θ that explains `x = slope t`, with `|x| ≤ limit`.
 fn from_the_saddle<Q>(slope: f64, limit: f64) -> Solution
 where
-    Q: QpSolver<Collocation<Squared, Constraints>> + Default,
+    Q: QpSolver<Collocation> + Default,
 {
     let time: Vec<f64> = (0..6).map(|k| 0.2 * f64::from(k)).collect();
     let run = Run {
         mesh: time.clone(),
         inputs: vec![vec![1.0]; time.len()],
-        measured: time.iter().map(|t| slope * t).collect(),
-        weight: 1.0,
+        measured: vec![Recording {
+            values: time.iter().map(|t| slope * t).collect(),
+            weight: 1.0,
+        }],
         initial: vec![Some(0.0)],
         time,
     };
@@ -157,12 +139,12 @@ where
         parameters: vec![1.0],
     };
     let problem = Collocation::new(
-        Squared,
-        Constraints,
+        Arc::new(Differentiated::new(&squared())),
+        constraints(1),
         Scheme::Trapezoid,
         vec![run],
         scales,
-        limit,
+        &[(-limit, limit)],
     );
     let start = vec![0.0; problem.n_variables()];
     let options = sqp::Options::default();

@@ -1,14 +1,17 @@
 //! Every derivative against central differences.
 
 use crate::random_collocation::{Draw, Random, SCHEMES, iterate, problem};
+use pilotage::expression::System;
 use pilotage::identification::constraints::RouthHurwitz;
+use pilotage::identification::joint::{Joint, open_loop};
 use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
-use pilotage::models::{Dynamics, Joint, OpenLoopPilot, Pilot, Quadcopter};
+use pilotage::models::{Pilot, Quadcopter};
 use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
 use pilotage::transcription::lanes::{LANES, Lanes};
-use pilotage::transcription::node::{NodeModel, Output, Weights};
-use pilotage::transcription::{Condensed, ParameterConstraints, Scales};
+use pilotage::transcription::node::NodeModel;
+use pilotage::transcription::{Condensed, Differentiated, Scales};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 /// Step of the differences: the cube root of rounding.
 const STEP: f64 = 6e-6;
@@ -59,46 +62,43 @@ fn alike(group: &[Lanes]) -> Vec<f64> {
 /// What first derivatives are written to.
 struct First {
     jacobian: Vec<f64>,
-    measured_gradient: Vec<f64>,
-    bounded_gradient: Vec<f64>,
-    outputs: (f64, f64),
+    gradients: [Vec<f64>; 2],
+    outputs: Vec<f64>,
 }
 
 /// Scaled derivatives of a model at one point: its Jacobian and gradients, and the Hessian of a
 /// weighted sum, against differences of values and of first derivatives.
-fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
+fn check_node(system: &System, seed: u64) {
     let mut draw = Draw::new(seed);
-    let (n, p) = (dynamics.n_states(), dynamics.n_parameters());
+    let (n, p) = (system.states, system.parameters);
     let scales = Scales {
         states: draw.vector(n).iter().map(|v| 1.2 + v).collect(),
         parameters: draw.vector(p).iter().map(|v| 1.2 + v).collect(),
     };
-    let model = NodeModel::new(dynamics, scales);
-    let (point, input, weight) = (draw.vector(n + p), draw.vector(1), draw.vector(n + 2));
+    let model = NodeModel::new(Arc::new(Differentiated::new(system)), scales);
+    let (point, input, weight) = (draw.vector(n + p), draw.vector(2), draw.vector(n + 2));
     let values = |v: &[f64]| {
-        let mut f = vec![[0.0; LANES]; n];
+        let (mut f, mut outputs) = (vec![[0.0; LANES]; n], vec![[0.0; LANES]; 2]);
         let at = ([&v[..n]; LANES], [&input[..]; LANES]);
-        let (measured, bounded) = model.values(&v[n..]).evaluate(at.0, at.1, &mut f);
-        f.extend([measured, bounded]);
+        let mut values = model.values(&v[n..]);
+        values.evaluate(at.0, at.1, &mut f, &mut outputs);
+        f.extend(outputs);
         alike(&f)
     };
-    let first_of = |v: &[f64], exact: bool| {
+    let first = |v: &[f64]| {
         let mut first = First {
             jacobian: Vec::new(),
-            measured_gradient: vec![0.0; n + p],
-            bounded_gradient: vec![0.0; n + p],
-            outputs: (0.0, 0.0),
+            gradients: [vec![0.0; n + p], vec![0.0; n + p]],
+            outputs: Vec::new(),
         };
-        let mut derivatives = model.derivatives(&v[n..], exact);
-        let (measured, bounded) = derivatives.evaluate([&v[..n]; LANES], [&input[..]; LANES]);
-        first.outputs = (measured[0], bounded[0]);
+        let mut derivatives = model.derivatives(&v[n..]);
+        let mut outputs = vec![[0.0; LANES]; 2];
+        derivatives.evaluate([&v[..n]; LANES], [&input[..]; LANES], &mut outputs);
+        first.outputs = alike(&outputs);
         let mut jacobian = vec![[0.0; LANES]; model.entries.len()];
         derivatives.jacobian(&mut jacobian);
         first.jacobian = alike(&jacobian);
-        for (output, gradient) in [
-            (Output::Measured, &mut first.measured_gradient),
-            (Output::Bounded, &mut first.bounded_gradient),
-        ] {
+        for (output, gradient) in first.gradients.iter_mut().enumerate() {
             let columns = model.columns(output);
             let mut values = vec![[0.0; LANES]; columns.len()];
             derivatives.gradient(output, &mut values);
@@ -107,27 +107,13 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
         }
         first
     };
-    let first = |v: &[f64]| first_of(v, false);
     let at = first(&point);
-    // Those that come with the second derivatives are the same.
-    let exact = first_of(&point, true);
-    assert_eq!(at.outputs, exact.outputs);
-    for (one, other) in [
-        (&at.jacobian, &exact.jacobian),
-        (&at.measured_gradient, &exact.measured_gradient),
-        (&at.bounded_gradient, &exact.bounded_gradient),
-    ] {
-        let pairs = one.iter().zip(other).enumerate();
-        pairs.for_each(|(k, (a, b))| {
-            assert_near(*a, *b, 1e-6 * largest(one), &format!("place {k}"))
-        });
-    }
-    assert_eq!([at.outputs.0, at.outputs.1], values(&point)[n..]);
+    assert_eq!(at.outputs, values(&point)[n..]);
     let mut rows = vec![vec![0.0; n + p]; n];
     for (value, &(i, j)) in at.jacobian.iter().zip(&model.entries) {
         rows[i][j] = *value;
     }
-    rows.extend([at.measured_gradient.clone(), at.bounded_gradient.clone()]);
+    rows.extend(at.gradients.clone());
     let scale = largest(&values(&point)) + rows.iter().map(|row| largest(row)).fold(0.0, f64::max);
     for j in 0..n + p {
         for (i, (row, expected)) in rows.iter().zip(difference(&values, &point, j)).enumerate() {
@@ -143,21 +129,17 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
             out[j] += weight[i] * value;
         }
         for (j, out) in out.iter_mut().enumerate() {
-            *out +=
-                weight[n] * first.measured_gradient[j] + weight[n + 1] * first.bounded_gradient[j];
+            *out += weight[n] * first.gradients[0][j] + weight[n + 1] * first.gradients[1][j];
         }
         out
     };
     let f: Vec<_> = weight[..n].iter().map(|v| [*v; LANES]).collect();
-    let weights = Weights {
-        f: &f,
-        measured: [weight[n]; LANES],
-        bounded: [weight[n + 1]; LANES],
-    };
+    let weights = [[weight[n]; LANES], [weight[n + 1]; LANES]];
     let mut second = vec![[0.0; LANES]; model.pairs.len()];
-    let mut derivatives = model.derivatives(&point[n..], true);
-    derivatives.evaluate([&point[..n]; LANES], [&input[..]; LANES]);
-    derivatives.second_order(weights, &mut second);
+    let mut derivatives = model.derivatives(&point[n..]);
+    let outputs = &mut [[0.0; LANES]; 2];
+    derivatives.evaluate([&point[..n]; LANES], [&input[..]; LANES], outputs);
+    derivatives.second_order(&f, &weights, &mut second);
     let second = alike(&second);
     let scale = largest(&gradient(&point)) + largest(&second);
     for j in 0..n + p {
@@ -179,10 +161,7 @@ fn check_node<D: Dynamics>(dynamics: D, seed: u64) {
 }
 
 /// Gradient, Jacobians and Hessian of a problem, and the Lagrangian's gradient of the condensed path.
-fn check_problem<D: Dynamics, C: ParameterConstraints>(
-    problem: &pilotage::transcription::Collocation<D, C>,
-    at: &Iterate,
-) {
+fn check_problem(problem: &Random, at: &Iterate) {
     let (m, k) = (at.c.len(), at.g.len());
     let values = |z: &[f64]| {
         let (mut c, mut g) = (vec![0.0; m], vec![0.0; k]);
@@ -240,8 +219,7 @@ fn check_problem<D: Dynamics, C: ParameterConstraints>(
     }
     let mut condensed = Condensed::default();
     condensed.linearise(problem, at, true);
-    let found =
-        QpSolver::<pilotage::transcription::Collocation<D, C>>::lagrangian_gradient(&condensed);
+    let found = QpSolver::<Random>::lagrangian_gradient(&condensed);
     for (i, (found, expected)) in found.iter().zip(lagrangian(&at.z)).enumerate() {
         assert_near(
             *found,
@@ -257,12 +235,12 @@ proptest! {
 
     #[test]
     fn the_closed_loops_derivatives_are_exact(order in 1_usize..=4, seed: u64) {
-        check_node(Joint { vehicle: Quadcopter::default(), pilot: Pilot { order } }, seed);
+        check_node(&Joint { vehicle: Quadcopter::default(), pilot: Pilot { order } }.system(), seed);
     }
 
     #[test]
     fn the_pilots_derivatives_are_exact(order in 1_usize..=5, seed: u64) {
-        check_node(OpenLoopPilot { pilot: Pilot { order } }, seed);
+        check_node(&open_loop(Pilot { order }), seed);
     }
 
     #[test]

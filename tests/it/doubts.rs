@@ -3,11 +3,12 @@
 
 use crate::command::{Folder, example};
 use pilotage::identification::closed_loop::LOOP_MARGIN;
+use pilotage::identification::joint::Joint;
 use pilotage::identification::{
     ClosedLoop, Doubt, Fit, InitialState, Mesh, Objective, Options, Scheme, Trial, TrialSet, fit,
     simulate,
 };
-use pilotage::models::{Joint, Pilot, Quadcopter};
+use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flights, Human};
 use std::ops::ControlFlow;
 use std::sync::OnceLock;

@@ -1,9 +1,37 @@
 //! Pilot and quadcopter as one system of differential equations, solved by an implicit method to many digits:
 //! what every co-simulation of the two is measured by.
 
+use pilotage::identification::joint::Joint;
 use pilotage::integrate::{Dynamics as _, Method, Options, Solver};
-use pilotage::models::{Dynamics, Joint, Pilot, Quadcopter};
+use pilotage::models::quadcopter::N_STATES;
+use pilotage::models::{Pilot, Quadcopter, Scalar};
 use std::convert::Infallible;
+
+/// The joint equations as the paper writes them (its eq. 3), put together by hand.
+pub trait ByHand {
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]);
+    fn measured(&self, x: &[f64]) -> f64;
+    fn bounded(&self, x: &[f64], theta: &[f64]) -> f64;
+}
+
+impl ByHand for Joint {
+    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
+        let (x_v, x_p) = x.split_at(N_STATES);
+        let (dx_v, dx_p) = dx.split_at_mut(N_STATES);
+        let error = w[0] - self.vehicle.output(x_v);
+        self.vehicle
+            .derivative(x_v, self.pilot.output(x_p, theta), dx_v);
+        self.pilot.derivative(x_p, error, theta, dx_p);
+    }
+
+    fn measured(&self, x: &[f64]) -> f64 {
+        self.vehicle.output(x)
+    }
+
+    fn bounded(&self, x: &[f64], theta: &[f64]) -> f64 {
+        self.pilot.output(&x[N_STATES..], theta)
+    }
+}
 
 /// A pilot of any order, how far his stick goes, and his target [m].
 pub struct Loop {
@@ -26,14 +54,14 @@ impl pilotage::integrate::Dynamics for Loop {
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         let (joint, n) = (self.joint(), self.n_states());
         let (states, w) = (&x[..n], [self.target]);
-        let stick = joint.bounded(states, &w, &self.theta);
+        let stick = joint.bounded(states, &self.theta);
         let limited = stick.clamp(-self.limit, self.limit);
         joint.derivative(states, &w, &self.theta, &mut dx[..n]);
         if limited != stick {
             let vehicle = n - joint.pilot.order;
             (joint.vehicle).derivative(&states[..vehicle], limited, &mut dx[..vehicle]);
         }
-        dx[n] = joint.measured(states, &w, &self.theta);
+        dx[n] = joint.measured(states);
         dx[n + 1] = limited;
         Ok(true)
     }
@@ -107,10 +135,10 @@ impl Loop {
     fn point(&mut self, x: &[f64]) -> Point {
         let mut dx = vec![0.0; x.len()];
         self.derivatives(0.0, x, &mut dx).unwrap();
-        let (joint, w, n) = (self.joint(), [self.target], self.n_states());
+        let (joint, n) = (self.joint(), self.n_states());
         Point {
-            z: [x, &dx].map(|x| joint.measured(&x[..n], &w, &self.theta)),
-            stick: [x, &dx].map(|x| joint.bounded(&x[..n], &w, &self.theta)),
+            z: [x, &dx].map(|x| joint.measured(&x[..n])),
+            stick: [x, &dx].map(|x| joint.bounded(&x[..n], &self.theta)),
         }
     }
 }

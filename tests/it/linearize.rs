@@ -3,14 +3,16 @@
 
 use crate::command::{Ended, Folder};
 use crate::foreign;
+use crate::joint_ode::ByHand;
 use num_dual::Dual64;
 use pilotage::cosim::slave::{Linear, SlaveError, Value as Given};
 use pilotage::cosim::{
     Algorithm, Clock, Ending, Kind, Linearization, NativeSlave, Progress, Role, SeriesRecorder,
     Slave, System, Variable, linearize,
 };
+use pilotage::identification::joint::Joint;
 use pilotage::linear::StateSpace;
-use pilotage::models::{Dynamics, Joint, Model, Pilot, Quadcopter};
+use pilotage::models::{Model, Pilot, Quadcopter};
 use serde_json::{Value, json};
 use std::io::{Cursor, Read};
 

@@ -1,12 +1,16 @@
-//! Small random collocation problems: models with linear, bilinear and transcendental terms, every
-//! family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
+//! Small random collocation problems: models with linear, bilinear and transcendental terms, one or two
+//! measured outputs, none to two bounded ones, every family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
 //! of initial state.
 
-use pilotage::models::{Dynamics, Scalar};
+use num_dual::DualNum;
+use pilotage::expression::{Point, System};
 use pilotage::sqp::{Iterate, Problem};
-use pilotage::transcription::{Collocation, ParameterConstraints, Run, Scales, Scheme};
+use pilotage::transcription::{
+    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::sync::Arc;
 
 /// Uniform numbers in `[-1, 1]` from a seed.
 pub struct Draw(ChaCha8Rng);
@@ -31,7 +35,8 @@ impl Draw {
 }
 
 /// `ẋ_i = Σ_l a_il x_l + b_i w + θ_{i mod p} x_{(i+1) mod n} + e sin(θ_0 x_i)`, a measured output with
-/// a square in it, and a bounded signal bilinear in states and parameters.
+/// a square in it, and a bounded signal bilinear in states and parameters; another measured output that
+/// depends on time, and another bounded one, where there are two.
 #[derive(Debug, Clone)]
 pub struct Model {
     pub n: usize,
@@ -40,54 +45,44 @@ pub struct Model {
     b: Vec<f64>,
     c: Vec<f64>,
     nonlinear: f64,
+    measured: usize,
+    bounded: usize,
 }
 
-impl Dynamics for Model {
-    fn n_states(&self) -> usize {
-        self.n
-    }
-
-    fn n_parameters(&self) -> usize {
-        self.p
-    }
-
-    fn n_inputs(&self) -> usize {
-        1
-    }
-
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
-        let n = self.n;
-        for i in 0..n {
-            let linear = (0..n).fold(w[0] * self.b[i], |sum, l| sum + x[l] * self.a[i * n + l]);
-            dx[i] = linear
-                + theta[i % self.p] * x[(i + 1) % n]
-                + (theta[0] * x[i]).sin() * self.nonlinear;
-        }
-    }
-
-    fn measured<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T]) -> T {
-        x[0] + x[self.n - 1] * x[self.n - 1] * self.nonlinear + theta[0] * w[0] * 0.3
-    }
-
-    fn bounded<T: Scalar>(&self, x: &[T], _w: &[T], theta: &[T]) -> T {
-        let signal = (0..self.n).fold(T::from(0.0), |sum, l| sum + x[l] * self.c[l]);
-        signal + theta[self.p - 1] * x[0]
+impl Model {
+    fn system(&self) -> System {
+        let (n, p) = (self.n, self.p);
+        let equations = |Point {
+                             time,
+                             x,
+                             u,
+                             p: theta,
+                         }: Point<'_>| {
+            let rate = |i: usize| {
+                let linear = (0..n).fold(u[0] * self.b[i], |sum, l| sum + x[l] * self.a[i * n + l]);
+                linear + theta[i % p] * x[(i + 1) % n] + (theta[0] * x[i]).sin() * self.nonlinear
+            };
+            let measured = [
+                x[0] + x[n - 1] * x[n - 1] * self.nonlinear + theta[0] * u[0] * 0.3,
+                x[n - 1] * (time * 0.9).cos() - theta[p - 1] * time,
+            ];
+            let signal = (1..n).fold(x[0] * self.c[0], |sum, l| sum + x[l] * self.c[l]);
+            let bounded = [signal + theta[p - 1] * x[0], x[n - 1] * x[0] - time * 0.2];
+            let outputs = measured[..self.measured]
+                .iter()
+                .chain(&bounded[..self.bounded]);
+            [(0..n).map(rate).collect(), outputs.copied().collect()]
+        };
+        System::trace([n, 1, p], equations).unwrap()
     }
 }
 
 /// `θ_0 + 2 ≥ 0` and `θ_0 θ_{p-1} + 1.5 ≥ 0`.
-#[derive(Debug, Clone)]
-pub struct Constraints;
-
-impl ParameterConstraints for Constraints {
-    fn count(&self) -> usize {
-        2
-    }
-
-    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
-        out[0] = theta[0] + 2.0;
-        out[1] = theta[0] * theta[theta.len() - 1] + 1.5;
-    }
+pub fn constraints(p: usize) -> ParameterConstraints {
+    let values = ParameterConstraints::trace(p, |theta| {
+        vec![theta[0] + 2.0, theta[0] * theta[p - 1] + 1.5]
+    });
+    values.unwrap()
 }
 
 /// One of each kind of scheme: explicit, implicit, with inner nodes, without a derivative at the start, with
@@ -104,7 +99,7 @@ pub const SCHEMES: [Scheme; 9] = [
     Scheme::FiniteDifference(3),
 ];
 
-pub type Random = Collocation<Model, Constraints>;
+pub type Random = Collocation;
 
 /// A random problem.
 pub fn problem(seed: u64) -> Random {
@@ -127,8 +122,17 @@ fn with_mesh(seed: u64, on_samples: bool) -> Random {
         b: draw.vector(n),
         c: draw.vector(n),
         nonlinear: [0.0, 0.7][draw.below(2)],
+        measured: 1 + (seed % 2) as usize,
+        bounded: [1, 2, 1, 0, 1][(seed % 5) as usize],
     };
     let mut runs: Vec<Run> = (0..draw.below(4)).map(|_| run(&mut draw, n)).collect();
+    let mut others = Draw::new(!seed);
+    for run in runs.iter_mut().filter(|_| model.measured == 2) {
+        run.measured.push(Recording {
+            values: others.vector(run.time.len()),
+            weight: 1.3 + others.one(),
+        });
+    }
     if on_samples {
         runs.iter_mut()
             .for_each(|run| run.mesh.clone_from(&run.time));
@@ -140,12 +144,12 @@ fn with_mesh(seed: u64, on_samples: bool) -> Random {
     };
     let limit = [0.4, 1.0, 50.0][draw.below(3)];
     Collocation::new(
-        model,
-        Constraints,
+        Arc::new(Differentiated::new(&model.system())),
+        constraints(p),
         SCHEMES[draw.below(SCHEMES.len())],
         runs,
         scales,
-        limit,
+        &[(-limit, limit), (-0.7 * limit, 1.2 * limit)][..model.bounded],
     )
 }
 
@@ -171,12 +175,14 @@ fn run(draw: &mut Draw, n: usize) -> Run {
     Run {
         mesh,
         inputs: (0..boundaries).map(|_| draw.vector(1)).collect(),
-        measured: draw
-            .vector(boundaries)
-            .into_iter()
-            .map(|v| if v > 0.8 { f64::NAN } else { v })
-            .collect(),
-        weight: 1.1 + draw.one(),
+        measured: vec![Recording {
+            values: draw
+                .vector(boundaries)
+                .into_iter()
+                .map(|v| if v > 0.8 { f64::NAN } else { v })
+                .collect(),
+            weight: 1.1 + draw.one(),
+        }],
         initial,
         time,
     }

@@ -1,7 +1,8 @@
 //! A pilot that is known is found again. The trajectories are integrated here, by code of its own.
 
+use crate::joint_ode::ByHand;
+use pilotage::identification::joint::Joint;
 use pilotage::identification::{Fit, Options, Trial, fit};
-use pilotage::models::{Dynamics, Joint};
 use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
@@ -103,10 +104,7 @@ fn trial(
     for k in 0..n {
         states.push(step(&joint, &states[k], target, h));
     }
-    let stick: Vec<f64> = states
-        .iter()
-        .map(|x| joint.bounded(x, &[target], &THETA))
-        .collect();
+    let stick: Vec<f64> = states.iter().map(|x| joint.bounded(x, &THETA)).collect();
     assert!(
         stick.iter().all(|u| u.abs() < 0.99),
         "the stick stays off its limits"

@@ -2,15 +2,15 @@
 
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
-use super::lanes::{self, LANES, Task};
+use super::lanes::{self, LANES, Lanes, Task};
 use super::layout::Layout;
 use super::mesh::Run;
-use super::node::{MAX_SIZE, NodeModel, Scales};
+use super::node::{Differentiated, NodeModel, Scales};
 use super::parallel;
 use super::tableau::Scheme;
 use num_dual::HyperDual64;
-use pilotage_models::Dynamics;
 use pilotage_sqp::Problem;
+use std::sync::Arc;
 
 /// Least scaled value of a constraint on θ: above the tolerance of a solve, so that a converged one is never on the
 /// wrong side. Conditions such as Routh's hold strictly, and the next one divides by the last.
@@ -18,14 +18,16 @@ pub const CLEARANCE: f64 = 1e-7;
 
 /// Collocation of runs of one model with shared parameters θ.
 ///
-/// Variables and defects are scaled by [`Scales`]; the objective is `Σ_j w_j Σ_k (y_k - h(x(t_k)))²` in
-/// the output's unit squared, over the samples `t_k` of run `j`.
+/// Variables and defects are scaled by [`Scales`]; the objective is `Σ w (y_k - h(x(t_k)))²` over the runs,
+/// their measured outputs and the samples `t_k`, with the weight of each [recording](super::Recording).
 #[derive(Debug, Clone)]
-pub struct Collocation<D, C> {
-    /// The model at a point.
-    pub model: NodeModel<D>,
+pub struct Collocation {
+    /// The model at a point: its first outputs are measured, the others bounded.
+    pub model: NodeModel,
+    /// Number of measured outputs.
+    pub measured: usize,
     /// Constraints on θ.
-    pub constraints: C,
+    pub constraints: ParameterConstraints,
     /// The scheme.
     pub scheme: Scheme,
     /// The runs.
@@ -39,30 +41,39 @@ pub struct Collocation<D, C> {
     damping_weights: Vec<f64>,
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
-    /// The NLP of these runs, with the model's bounded signal within `± limit` at every sample.
+impl Collocation {
+    /// The NLP of these runs of a model whose last outputs are within these bounds, lower and upper, at every
+    /// sample; those before are measured.
+    ///
+    /// # Panics
+    /// Where a run has not as many inputs, recordings or initial states as the model.
     pub fn new(
-        dynamics: D,
-        constraints: C,
+        tapes: Arc<Differentiated>,
+        constraints: ParameterConstraints,
         scheme: Scheme,
         runs: Vec<Run>,
         scales: Scales,
-        limit: f64,
+        bounds: &[(f64, f64)],
     ) -> Self {
-        let model = NodeModel::new(dynamics, scales);
-        let (n, p, inputs) = (
-            model.n_states(),
-            model.n_parameters(),
-            model.dynamics.n_inputs(),
-        );
+        let model = NodeModel::new(tapes, scales);
+        let (n, p, inputs) = (model.n_states(), model.n_parameters(), model.n_inputs());
+        let measured = model.n_outputs() - bounds.len();
+        for run in &runs {
+            let sizes = [run.initial.len(), run.inputs[0].len(), run.measured.len()];
+            assert_eq!(sizes, [n, inputs, measured], "states, inputs, recordings");
+        }
         let grids: Vec<Grid> = runs
             .iter()
             .map(|run| Grid::new(scheme, run, inputs))
             .collect();
-        let layout = Layout::new(&runs, &grids, n);
-        let path = layout.parameter_constraints;
-        let mut lower = vec![-limit; path];
-        let mut upper = vec![limit; path];
+        let layout = Layout::new(&runs, &grids, n, bounds.len());
+        let (mut lower, mut upper) = (Vec::new(), Vec::new());
+        for run in &runs {
+            for &(least, most) in bounds {
+                lower.extend(vec![least; run.time.len()]);
+                upper.extend(vec![most; run.time.len()]);
+            }
+        }
         lower.extend(vec![CLEARANCE; constraints.count()]);
         upper.extend(vec![f64::INFINITY; constraints.count()]);
         let mut damping_weights = vec![0.0; layout.theta];
@@ -72,13 +83,13 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             }
         }
         damping_weights.extend(vec![1.0; p]);
-        let mut reference = vec![0.0; constraints.count()];
-        constraints.values(&model.scales.parameters, &mut reference);
+        let reference = constraints.values(&model.scales.parameters);
         Self {
             constraint_scales: reference.iter().map(|v| v.abs().max(1e-3)).collect(),
             limits: (lower, upper),
             damping_weights,
             model,
+            measured,
             constraints,
             scheme,
             runs,
@@ -115,7 +126,7 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
 
     /// States of run `j` at its samples, in their units, by the scheme's interpolant.
     pub fn states_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
-        let values = self.evaluate_points(z, j, |_, _| {});
+        let values = self.evaluate_points(z, j, |_, _, _| {});
         let grid = &self.grids[j];
         let v = self.coefficients(z, j);
         let state = |&i: &usize| {
@@ -126,19 +137,31 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         grid.observed.iter().map(state).collect()
     }
 
-    /// The recorded value of a sample of run `j`; None where it is missing.
-    pub fn recorded(&self, j: usize, sample: u32) -> Option<f64> {
-        let value = self.runs[j].measured[sample as usize];
+    /// Outputs of run `j` at its samples, each output by itself.
+    pub fn outputs_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
+        let samples = self.runs[j].time.len();
+        let mut all = vec![vec![f64::NAN; samples]; self.model.n_outputs()];
+        self.evaluate_points(z, j, |sample, outputs, lane| {
+            for (own, output) in all.iter_mut().zip(outputs) {
+                own[sample as usize] = output[lane];
+            }
+        });
+        all
+    }
+
+    /// The recorded value of a measured output at a sample of run `j`; None where it is missing.
+    pub fn recorded(&self, j: usize, output: usize, sample: u32) -> Option<f64> {
+        let value = self.runs[j].measured[output].values[sample as usize];
         value.is_finite().then_some(value)
     }
 
-    /// The model at every point of run `j`; calls `observe` with each observed point's sample and its
-    /// measured output and bounded signal.
+    /// The model at every point of run `j`; calls `observe` with each observed point's sample, its group's
+    /// outputs and its lane among them.
     pub(super) fn evaluate_points(
         &self,
         z: &[f64],
         j: usize,
-        observe: impl FnMut(u32, (f64, f64)),
+        observe: impl FnMut(u32, &[Lanes], usize),
     ) -> PointValues {
         lanes::vectorised(Evaluate {
             problem: self,
@@ -148,17 +171,17 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         })
     }
 
-    /// Exogenous inputs at a point of run `j`.
+    /// Inputs at a point of run `j`, and the time.
     pub(super) fn inputs_at(&self, j: usize, point: usize) -> &[f64] {
-        let inputs = self.model.dynamics.n_inputs();
-        &self.grids[j].inputs[point * inputs..(point + 1) * inputs]
+        let size = self.model.n_inputs() + 1;
+        &self.grids[j].inputs[point * size..(point + 1) * size]
     }
 
     /// States of run `j`'s points; the model is evaluated only where some point is a combination.
     pub(super) fn point_states(&self, z: &[f64], j: usize) -> PointValues {
         match self.grids[j].combinations {
             0 => PointValues::default(),
-            _ => self.evaluate_points(z, j, |_, _| {}),
+            _ => self.evaluate_points(z, j, |_, _, _| {}),
         }
     }
 
@@ -172,12 +195,17 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         for ((i, value), c) in known.zip(first) {
             *c = v[i] - value / self.model.scales.states[i];
         }
+        let samples = run.time.len();
         let mut squares = 0.0;
-        let values = self.evaluate_points(z, j, |sample, (measured, bounded)| {
-            if let Some(recorded) = self.recorded(j, sample) {
-                squares += (recorded - measured).powi(2);
+        let values = self.evaluate_points(z, j, |sample, outputs, lane| {
+            for (k, own) in run.measured.iter().enumerate() {
+                if let Some(recorded) = self.recorded(j, k, sample) {
+                    squares += own.weight * (recorded - outputs[k][lane]).powi(2);
+                }
             }
-            g[sample as usize] = bounded;
+            for (k, output) in outputs[self.measured..].iter().enumerate() {
+                g[k * samples + sample as usize] = output[lane];
+            }
         });
         lanes::vectorised(Defects {
             grid,
@@ -186,17 +214,18 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             f: &values.f,
             c,
         });
-        run.weight * squares
+        squares
     }
 
     /// Scaled values of the constraints on θ.
     pub(super) fn constraint_values(&self, theta: &[f64], out: &mut [f64]) {
         let theta = theta.iter().zip(&self.model.scales.parameters);
         let physical: Vec<f64> = theta.map(|(t, s)| t * s).collect();
-        self.constraints.values(&physical, out);
+        let values = self.constraints.values(&physical);
+        let scaled = values.iter().zip(&self.constraint_scales);
         out.iter_mut()
-            .zip(&self.constraint_scales)
-            .for_each(|(v, s)| *v /= s);
+            .zip(scaled)
+            .for_each(|(out, (v, s))| *out = v / s);
     }
 
     /// Scaled first and second derivatives of the constraints on θ with respect to θ̄_i and θ̄_j.
@@ -214,9 +243,9 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
             .collect();
         physical[i].eps1 = scales[i];
         physical[j].eps2 = scales[j];
-        let mut out = vec![HyperDual64::from(0.0); self.constraints.count()];
-        self.constraints.values(&physical, &mut out);
-        out.iter()
+        let values = self.constraints.values(&physical);
+        values
+            .iter()
             .zip(&self.constraint_scales)
             .map(|(v, s)| *v / *s)
             .collect()
@@ -273,16 +302,14 @@ impl Task for Defects<'_> {
 }
 
 /// [`Collocation::evaluate_points`].
-struct Evaluate<'a, D, C, F> {
-    problem: &'a Collocation<D, C>,
+struct Evaluate<'a, F> {
+    problem: &'a Collocation,
     z: &'a [f64],
     j: usize,
     observe: F,
 }
 
-impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
-    for Evaluate<'_, D, C, F>
-{
+impl<F: FnMut(u32, &[Lanes], usize)> Task for Evaluate<'_, F> {
     type Output = PointValues;
 
     #[inline(always)]
@@ -299,7 +326,8 @@ impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
         let mut model = problem.model.values(problem.theta(z));
         // Where points take derivatives of those before, one after the other.
         let step = if grid.has_nested() { 1 } else { LANES };
-        let mut f = [[0.0; LANES]; MAX_SIZE];
+        let mut f = vec![[0.0; LANES]; n];
+        let mut outputs = vec![[0.0; LANES]; problem.model.n_outputs()];
         for first in (0..grid.points.len()).step_by(step) {
             let (members, count) = lanes::group(first, step, grid.points.len());
             for i in &members[..count] {
@@ -307,12 +335,12 @@ impl<D: Dynamics, C: ParameterConstraints, F: FnMut(u32, (f64, f64))> Task
             }
             let x = members.map(|i| values.states(grid, v, i, n));
             let input = members.map(|i| problem.inputs_at(j, i));
-            let (measured, bounded) = model.evaluate(x, input, &mut f[..n]);
+            model.evaluate(x, input, &mut f, &mut outputs);
             let own = values.f[first * n..].chunks_exact_mut(n);
             for ((lane, i), own) in members[..count].iter().enumerate().zip(own) {
                 own.iter_mut().zip(&f).for_each(|(own, f)| *own = f[lane]);
                 if let Some(sample) = grid.points[*i].sample {
-                    observe(sample, (measured[lane], bounded[lane]));
+                    observe(sample, &outputs, lane);
                 }
             }
         }
@@ -328,7 +356,7 @@ pub(super) struct PointValues {
 }
 
 impl PointValues {
-    fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>, j: usize) -> Self {
+    fn new(problem: &Collocation, j: usize) -> Self {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         Self {
             f: vec![0.0; grid.points.len() * n],
@@ -363,7 +391,7 @@ impl PointValues {
     }
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Problem for Collocation<D, C> {
+impl Problem for Collocation {
     fn n_variables(&self) -> usize {
         self.layout.theta + self.n_parameters()
     }

@@ -1,12 +1,41 @@
 //! Constraints on the parameters alone.
 
-use pilotage_models::Scalar;
+use num_dual::DualNum;
+use pilotage_expression::{Obstacle, Tape, Traced, trace};
 
 /// Constraints `values(θ) ≥ 0`, such as the stability of an identified model.
-pub trait ParameterConstraints: Sync {
-    /// Number of constraints.
-    fn count(&self) -> usize;
+#[derive(Debug, Clone, Default)]
+pub struct ParameterConstraints {
+    tape: Tape,
+    count: usize,
+}
 
-    /// Writes their values; each must be at least zero.
-    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]);
+impl ParameterConstraints {
+    /// The constraints of equations on so many parameters.
+    ///
+    /// # Errors
+    /// Where the equations do what no graph says.
+    pub fn trace(
+        parameters: usize,
+        values: impl FnOnce(&[Traced]) -> Vec<Traced>,
+    ) -> Result<Self, Obstacle> {
+        let (graph, values) = trace(parameters, values)?;
+        Ok(Self {
+            tape: Tape::new(&graph, parameters, |_| true, &[&values]),
+            count: values.len(),
+        })
+    }
+
+    /// Number of constraints.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Their values; each must be at least zero.
+    pub fn values<T: DualNum<Primitive = f64> + Copy>(&self, theta: &[T]) -> Vec<T> {
+        match self.count {
+            0 => Vec::new(),
+            _ => self.tape.evaluate(theta),
+        }
+    }
 }

@@ -22,7 +22,7 @@ pub struct Grid {
     pub times: Vec<f64>,
     /// Points; combinations refer to earlier ones.
     pub points: Vec<Point>,
-    /// Exogenous inputs at the points, `n_inputs` each.
+    /// Inputs at the points, `n_inputs` each, and the time [s] behind them.
     pub inputs: Vec<f64>,
     /// Elements in time order.
     pub elements: Vec<Element>,
@@ -107,12 +107,11 @@ impl Grid {
             grid.add_element(start, h, part.tableau, &mut point_times);
         }
         grid.observe(run, &mut point_times);
-        grid.inputs = vec![0.0; n_inputs * grid.points.len()];
-        if n_inputs > 0 {
-            let inputs = grid.inputs.chunks_exact_mut(n_inputs);
-            inputs
-                .zip(&point_times)
-                .for_each(|(out, t)| run.inputs_at(*t, out));
+        grid.inputs = vec![0.0; (n_inputs + 1) * grid.points.len()];
+        let inputs = grid.inputs.chunks_exact_mut(n_inputs + 1);
+        for (out, time) in inputs.zip(&point_times) {
+            run.inputs_at(*time, &mut out[..n_inputs]);
+            out[n_inputs] = *time;
         }
         grid
     }
@@ -195,7 +194,9 @@ impl Grid {
                 (&[(j, 1.0)], []) => Some(element.first + j),
                 _ => None,
             };
-            let found = node.and_then(|k| point_of[k]);
+            // Another sample of the same instant has a point of its own.
+            let is_open = |i: &usize| self.points[*i].sample.is_none();
+            let found = node.and_then(|k| point_of[k]).filter(is_open);
             let index = found.unwrap_or_else(|| {
                 let own = &self.element_points[element.points..];
                 let state = match node {

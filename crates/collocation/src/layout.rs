@@ -3,7 +3,7 @@
 //! ```text
 //! z = [V¹ | V² | ... | V^M | θ]     V^j: the run's coefficient vectors in time order, n numbers each
 //! c = [run 1 | run 2 | ...]         a run: its known initial states, then the defects of each element
-//! g = [run 1 | run 2 | ... | g(θ)]  a run: the bounded signal at each sample
+//! g = [run 1 | run 2 | ... | g(θ)]  a run: each bounded output at all samples
 //! ```
 
 use super::grid::Grid;
@@ -25,6 +25,8 @@ pub struct RunLayout {
     pub nodes: usize,
     /// Number of samples.
     pub samples: usize,
+    /// Number of bounded outputs.
+    pub bounded: usize,
     /// Number of states.
     pub n: usize,
 }
@@ -45,7 +47,7 @@ impl RunLayout {
     /// Its inequalities.
     #[inline]
     pub fn inequalities(&self) -> Range<usize> {
-        self.g..self.g + self.samples
+        self.g..self.g + self.samples * self.bounded
     }
 }
 
@@ -63,8 +65,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Layout of runs with `n` states.
-    pub fn new(runs: &[Run], grids: &[Grid], n: usize) -> Self {
+    /// Layout of runs with `n` states and this number of bounded outputs.
+    pub fn new(runs: &[Run], grids: &[Grid], n: usize, bounded: usize) -> Self {
         let (mut z, mut c, mut g) = (0, 0, 0);
         let one = |(run, grid): (&Run, &Grid)| {
             let layout = RunLayout {
@@ -74,6 +76,7 @@ impl Layout {
                 known: run.initial.iter().flatten().count(),
                 nodes: grid.nodes(),
                 samples: run.time.len(),
+                bounded,
                 n,
             };
             z = layout.variables().end;

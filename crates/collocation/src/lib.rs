@@ -15,6 +15,6 @@ pub mod tableau;
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
-pub use mesh::Run;
-pub use node::Scales;
+pub use mesh::{Recording, Run};
+pub use node::{Differentiated, Scales};
 pub use tableau::Scheme;

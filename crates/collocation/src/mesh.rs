@@ -8,16 +8,23 @@
 pub struct Run {
     /// Interval boundaries \[s\], strictly increasing, at least two; from the first sample to the last.
     pub mesh: Vec<f64>,
-    /// Times of the samples \[s\], strictly increasing, within the mesh.
+    /// Times of the samples \[s\], increasing, within the mesh.
     pub time: Vec<f64>,
-    /// Exogenous inputs at each sample; linear in between.
+    /// Inputs at each sample; linear in between.
     pub inputs: Vec<Vec<f64>>,
-    /// Recorded output at each sample; NaN where it is missing.
-    pub measured: Vec<f64>,
-    /// Weight of this run's squared residuals.
-    pub weight: f64,
+    /// What was recorded of each measured output.
+    pub measured: Vec<Recording>,
     /// Known initial states; None where free.
     pub initial: Vec<Option<f64>>,
+}
+
+/// What a run recorded of one output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// Its value at each sample; NaN where it is missing.
+    pub values: Vec<f64>,
+    /// Weight of its squared residuals.
+    pub weight: f64,
 }
 
 impl Run {

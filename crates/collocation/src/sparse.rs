@@ -4,12 +4,10 @@
 //! of [`Condensed`](super::Condensed), so that each checks the other.
 
 use super::Collocation;
-use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
 use super::lanes::LANES;
-use super::node::{Output, Weights};
+use super::mesh::Recording;
 use nalgebra::{DMatrix, DVector};
-use pilotage_models::Dynamics;
 use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, SparseProblem};
 use std::collections::BTreeMap;
@@ -18,11 +16,10 @@ use std::collections::BTreeMap;
 struct PointDerivatives {
     /// `∂f̄/∂[x̄; θ̄]`, n × (n + p).
     f: DMatrix<f64>,
-    /// Over `[x̄; θ̄]`.
-    measured: DVector<f64>,
-    bounded: DVector<f64>,
-    /// The measured output.
-    output: f64,
+    /// Gradients of the outputs over `[x̄; θ̄]`.
+    gradients: Vec<DVector<f64>>,
+    /// The outputs.
+    outputs: Vec<f64>,
 }
 
 /// A matrix with blocks of `n` columns for some of a run's unknowns, and `p` for θ: rows of derivatives
@@ -95,12 +92,12 @@ struct RunDerivatives {
     pattern: bool,
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
+impl Collocation {
     /// Derivatives at all points of a run; at `None` their patterns, with weights as magnitudes so that
     /// nothing cancels.
     fn run_derivatives(&self, z: Option<&[f64]>, j: usize) -> RunDerivatives {
         let (n, p, grid) = (self.n_states(), self.n_parameters(), &self.grids[j]);
-        let values = z.map(|z| self.evaluate_points(z, j, |_, _| {}));
+        let values = z.map(|z| self.evaluate_points(z, j, |_, _, _| {}));
         let weight = |v: f64| if z.is_some() { v } else { v.abs() };
         let mut tangents: Vec<Tangent> = Vec::new();
         let mut points: Vec<PointDerivatives> = Vec::new();
@@ -135,11 +132,12 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
     fn point_derivatives(&self, x: &[f64], j: usize, i: usize, theta: &[f64]) -> PointDerivatives {
         let v = self.n_states() + self.n_parameters();
         let mut jacobian = vec![[0.0; LANES]; self.model.entries.len()];
-        let mut derivatives = self.model.derivatives(theta, false);
+        let mut derivatives = self.model.derivatives(theta);
+        let mut outputs = vec![[0.0; LANES]; self.model.n_outputs()];
         // A group of points that are all this one.
-        let (output, _) = derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES]);
+        derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES], &mut outputs);
         derivatives.jacobian(&mut jacobian);
-        let gradient = |output: Output| {
+        let gradient = |output: usize| {
             let columns = self.model.columns(output);
             let mut values = vec![[0.0; LANES]; columns.len()];
             derivatives.gradient(output, &mut values);
@@ -153,9 +151,8 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         entries.for_each(|(at, value)| f[*at] = value[0]);
         PointDerivatives {
             f,
-            measured: gradient(Output::Measured),
-            bounded: gradient(Output::Bounded),
-            output: output[0],
+            gradients: (0..outputs.len()).map(gradient).collect(),
+            outputs: outputs.iter().map(|output| output[0]).collect(),
         }
     }
 
@@ -165,9 +162,8 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         self.model.entries.iter().for_each(|at| f[*at] = 1.0);
         PointDerivatives {
             f,
-            measured: DVector::from_element(v, 1.0),
-            bounded: DVector::from_element(v, 1.0),
-            output: 0.0,
+            gradients: vec![DVector::from_element(v, 1.0); self.model.n_outputs()],
+            outputs: vec![0.0; self.model.n_outputs()],
         }
     }
 
@@ -205,21 +201,24 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         }
     }
 
-    /// Derivative of the objective by the measured output at a sample: `-2 w (y - h)`, zero where none
-    /// is recorded.
-    fn pull(&self, j: usize, sample: u32, output: f64) -> f64 {
-        let residual = self.recorded(j, sample).map_or(0.0, |value| value - output);
-        -2.0 * self.runs[j].weight * residual
+    /// Derivatives of the objective by the measured outputs at a sample: `-2 w (y - h)`, zero where none is
+    /// recorded.
+    fn pull(&self, j: usize, sample: u32, outputs: &[f64]) -> Vec<f64> {
+        let of = |(k, own): (usize, &Recording)| {
+            let recorded = self.recorded(j, k, sample);
+            -2.0 * own.weight * recorded.map_or(0.0, |value| value - outputs[k])
+        };
+        self.runs[j].measured.iter().enumerate().map(of).collect()
     }
 
     /// Weights of every point's `f̄` in the Lagrangian, as matrices of one column, given the weights of
-    /// the measured outputs and bounded signals of the samples.
+    /// the outputs at the samples.
     fn derivative_weights(
         &self,
         j: usize,
         at: &RunDerivatives,
         lambda: &[f64],
-        outputs: &dyn Fn(&Grid, usize) -> (f64, f64),
+        outputs: &dyn Fn(&Grid, usize) -> Vec<f64>,
     ) -> Vec<DVector<f64>> {
         let (n, grid) = (self.n_states(), &self.grids[j]);
         let place = self.layout.runs[j];
@@ -236,11 +235,11 @@ impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
         }
         for (i, point) in grid.points.iter().enumerate().rev() {
             if let PointState::Combination(c) = &point.state {
-                let (measured, bounded) = outputs(grid, i);
                 let own = &at.points[i];
-                let by_state = own.f.columns(0, n).transpose() * &omega[i]
-                    + own.measured.rows(0, n) * measured
-                    + own.bounded.rows(0, n) * bounded;
+                let mut by_state = own.f.columns(0, n).transpose() * &omega[i];
+                for (gradient, weight) in own.gradients.iter().zip(outputs(grid, i)) {
+                    by_state += gradient.rows(0, n) * weight;
+                }
                 c.q.iter().for_each(|&(l, q)| omega[l] += &by_state * q);
             }
         }
@@ -299,7 +298,7 @@ fn kept<'a>(
     pairs.map(|((_, _, value), _)| value)
 }
 
-impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
+impl SparseProblem for Collocation {
     fn gradient(&self, z: &[f64], gradient: &mut [f64]) {
         gradient.fill(0.0);
         let runs: Vec<_> = (0..self.runs.len())
@@ -307,12 +306,16 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
             .collect();
         self.each_sample(|j, i, sample| {
             let own = &runs[j].points[i];
-            let pull = self.pull(j, sample, own.output);
-            let row = DMatrix::from_row_slice(1, own.measured.len(), own.measured.as_slice());
-            let derivatives = runs[j].tangents[i].chain(&row);
-            for (_, column, value) in derivatives.entries(self.layout.runs[j].z, self.layout.theta)
+            for (pull, output) in self
+                .pull(j, sample, &own.outputs)
+                .iter()
+                .zip(&own.gradients)
             {
-                gradient[column] += pull * value;
+                let row = DMatrix::from_row_slice(1, output.len(), output.as_slice());
+                let by = runs[j].tangents[i].chain(&row);
+                for (_, column, value) in by.entries(self.layout.runs[j].z, self.layout.theta) {
+                    gradient[column] += pull * value;
+                }
             }
         });
     }
@@ -337,11 +340,14 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
         let runs: Vec<_> = (0..self.runs.len())
             .map(|j| self.run_derivatives(None, j))
             .collect();
-        self.each_sample(|j, i, sample| {
-            let row = self.layout.runs[j].g + sample as usize;
-            let (columns, _) = self.local(j, &runs[j].tangents[i]);
-            pattern.extend(columns.into_iter().map(|column| (row, column)));
-        });
+        for (j, at) in self.layout.runs.iter().enumerate() {
+            let points = || self.grids[j].observed.iter();
+            let rows = (0..at.bounded).flat_map(|_| points());
+            for (row, i) in rows.enumerate() {
+                let (columns, _) = self.local(j, &runs[j].tangents[*i]);
+                pattern.extend(columns.into_iter().map(|column| (at.g + row, column)));
+            }
+        }
         for i in 0..self.constraints.count() {
             let row = self.layout.parameter_constraints + i;
             pattern.extend((0..p).map(|v| (row, self.layout.theta + v)));
@@ -362,10 +368,12 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
                 let values = tangent.entries(at.z, self.layout.theta);
                 kept(values, pattern.entries(at.z, self.layout.theta)).for_each(&mut put);
             }
-            for i in &self.grids[j].observed {
-                let (_, t) = self.local(j, &run.tangents[*i]);
-                let row = run.points[*i].bounded.transpose() * t;
-                row.iter().for_each(|value| put_g(*value));
+            for bounded in self.measured..self.model.n_outputs() {
+                for i in &self.grids[j].observed {
+                    let (_, t) = self.local(j, &run.tangents[*i]);
+                    let row = run.points[*i].gradients[bounded].transpose() * t;
+                    row.iter().for_each(|value| put_g(*value));
+                }
             }
         }
         let theta = self.theta(z);
@@ -410,36 +418,41 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
                 self.run_derivatives(None, j),
             );
             let outputs = |grid: &Grid, i: usize| {
-                let sample = grid.points[i].sample;
-                let pull = sample.map_or(0.0, |k| self.pull(j, k, run.points[i].output));
-                (pull, sample.map_or(0.0, |k| eta[place.g + k as usize]))
+                let Some(sample) = grid.points[i].sample else {
+                    return vec![0.0; self.model.n_outputs()];
+                };
+                let mut weights = self.pull(j, sample, &run.points[i].outputs);
+                let first = place.g + sample as usize;
+                let rows = (0..place.bounded).map(|k| eta[first + k * place.samples]);
+                weights.extend(rows);
+                weights
             };
             let omega = self.derivative_weights(j, &run, lambda, &outputs);
             let grid = &self.grids[j];
-            let states = self.evaluate_points(z, j, |_, _| {});
+            let states = self.evaluate_points(z, j, |_, _, _| {});
             for (i, point) in grid.points.iter().enumerate() {
                 let mut w = DMatrix::zeros(v, v);
                 let mut used = self.curvature_pattern();
                 if point.sample.is_some() {
                     used.fill(1.0);
                 }
-                if point.sample.is_some_and(|k| self.recorded(j, k).is_some()) {
-                    let h = &run.points[i].measured;
-                    w += h * h.transpose() * (2.0 * self.runs[j].weight);
+                for (k, own) in self.runs[j].measured.iter().enumerate() {
+                    let is_recorded = |sample| self.recorded(j, k, sample).is_some();
+                    if point.sample.is_some_and(is_recorded) {
+                        let h = &run.points[i].gradients[k];
+                        w += h * h.transpose() * (2.0 * own.weight);
+                    }
                 }
                 if exact {
-                    let (measured, bounded) = outputs(grid, i);
                     let f: Vec<_> = omega[i].iter().map(|v| [*v; LANES]).collect();
-                    let weights = Weights {
-                        f: &f,
-                        measured: [measured; LANES],
-                        bounded: [bounded; LANES],
-                    };
+                    let weights = outputs(grid, i);
+                    let weights: Vec<_> = weights.into_iter().map(|v| [v; LANES]).collect();
                     let x = states.states(grid, self.coefficients(z, j), i, self.n_states());
                     let mut second = vec![[0.0; LANES]; self.model.pairs.len()];
-                    let mut derivatives = self.model.derivatives(self.theta(z), true);
-                    derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES]);
-                    derivatives.second_order(weights, &mut second);
+                    let mut derivatives = self.model.derivatives(self.theta(z));
+                    let mut values = vec![[0.0; LANES]; self.model.n_outputs()];
+                    derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES], &mut values);
+                    derivatives.second_order(&f, &weights, &mut second);
                     for ([value, ..], &(a, b)) in second.iter().zip(&self.model.pairs) {
                         w[(a, b)] += value;
                         if a != b {
@@ -468,7 +481,7 @@ impl<D: Dynamics, C: ParameterConstraints> SparseProblem for Collocation<D, C> {
     }
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Collocation<D, C> {
+impl Collocation {
     /// Ones where a point that is not observed may have second derivatives.
     fn curvature_pattern(&self) -> DMatrix<f64> {
         let v = self.n_states() + self.n_parameters();

@@ -1,10 +1,12 @@
 //! The closed loop of pilot and vehicle, linearised about hover: its poles, and its characteristic
 //! polynomial, which a fit keeps stable.
 
+use super::joint::Joint;
 use super::linearised::Linear;
 use nalgebra::Complex;
+use pilotage_collocation::Differentiated;
 use pilotage_linear::eigenvalues;
-use pilotage_models::{Joint, Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
+use pilotage_models::{Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
 
 /// Slowest decay of a closed loop that a fit may have [1/s]: each pole's real part is at most minus this.
 /// What is left of a slow mode then fades within a thousand seconds; flights of seconds cannot tell more.
@@ -23,7 +25,8 @@ impl ClosedLoop {
     /// Of the pilot `theta` with that vehicle: eigenvalues of the Jacobian of the joint equations; infinite where
     /// they cannot be found.
     pub fn of(vehicle: Quadcopter, pilot: Pilot, theta: &[f64]) -> Self {
-        let linear = Linear::of(&Joint { vehicle, pilot }, theta);
+        let joint = Joint { vehicle, pilot };
+        let linear = Linear::of(&Differentiated::new(&joint.system()), theta);
         Self {
             poles: eigenvalues(&linear.a),
         }

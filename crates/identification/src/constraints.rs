@@ -27,12 +27,14 @@ impl RouthHurwitz {
     }
 }
 
-impl ParameterConstraints for RouthHurwitz {
-    fn count(&self) -> usize {
+impl RouthHurwitz {
+    /// Number of constraints.
+    pub fn count(&self) -> usize {
         self.pilot.order + self.minors().count()
     }
 
-    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
+    /// Writes their values; each must be at least zero.
+    pub fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
         let n = self.pilot.order;
         for (out, theta) in out.iter_mut().zip(&theta[..n]) {
             *out = *theta - STABILITY_MARGIN;
@@ -53,6 +55,17 @@ pub struct Stability {
 }
 
 impl Stability {
+    /// The conditions as constraints of a nonlinear program.
+    pub fn constraints(&self) -> ParameterConstraints {
+        let parameters = self.pilot.pilot.n_parameters();
+        let traced = ParameterConstraints::trace(parameters, |theta| {
+            let mut values = vec![theta[0]; self.count()];
+            self.values(theta, &mut values);
+            values
+        });
+        traced.expect("the conditions are expressions")
+    }
+
     /// True where θ fulfils every condition.
     pub fn holds(&self, theta: &[f64]) -> bool {
         let mut values = vec![0.0; self.count()];
@@ -61,13 +74,15 @@ impl Stability {
     }
 }
 
-impl ParameterConstraints for Stability {
-    fn count(&self) -> usize {
+impl Stability {
+    /// Number of conditions.
+    pub fn count(&self) -> usize {
         let closed_loop = self.vehicle.map_or(0, |v| v.degree(self.pilot.pilot));
         self.pilot.count() + closed_loop
     }
 
-    fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
+    /// Writes their values; each must be at least zero.
+    pub fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
         let (own, closed_loop) = out.split_at_mut(self.pilot.count());
         self.pilot.values(theta, own);
         if let Some(vehicle) = self.vehicle {

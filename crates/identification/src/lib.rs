@@ -4,6 +4,7 @@
 pub mod closed_loop;
 pub mod constraints;
 pub mod doubts;
+pub mod joint;
 mod linearised;
 pub mod multi_start;
 mod names;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
-use pilotage_models::Dynamics;
+use pilotage_collocation::Differentiated;
 use pilotage_models::lti::Transition;
 
 /// The linear system.
@@ -17,23 +17,22 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// Of a model at zero states and inputs, by dual numbers.
-    pub fn of<D: Dynamics>(dynamics: &D, theta: &[f64]) -> Self {
-        let (n, m) = (dynamics.n_states(), dynamics.n_inputs());
+    /// Of a model and its first output, at zero time, states and inputs, by dual numbers.
+    pub fn of(model: &Differentiated, theta: &[f64]) -> Self {
+        let (n, m) = (model.n_states(), model.n_inputs());
         let theta: Vec<Dual64> = theta.iter().map(|&t| t.into()).collect();
         let (mut a, mut b, mut c) = (DMatrix::zeros(n, n), DMatrix::zeros(n, m), vec![0.0; n]);
         for column in 0..n + m {
             let mut at = vec![Dual64::from(0.0); n + m];
             at[column].eps = 1.0;
             let (x, w) = at.split_at(n);
-            let mut dx = vec![Dual64::from(0.0); n];
-            dynamics.derivative(x, w, &theta, &mut dx);
-            let dx = dx.iter().map(|dx| dx.eps);
+            let all = model.evaluate(Dual64::from(0.0), x, w, &theta);
+            let dx = all[..n].iter().map(|dx| dx.eps);
             match column.checked_sub(n) {
                 Some(input) => b.set_column(input, &DVector::from_iterator(n, dx)),
                 None => {
                     a.set_column(column, &DVector::from_iterator(n, dx));
-                    c[column] = dynamics.measured(x, w, &theta).eps;
+                    c[column] = all[n].eps;
                 }
             }
         }

@@ -3,8 +3,7 @@
 use super::result::{AGREE, FEASIBLE, StartReport, agree};
 use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
 use super::{Fit, Options, RunFit};
-use pilotage_collocation::{Collocation, Condensed, ParameterConstraints};
-use pilotage_models::Dynamics;
+use pilotage_collocation::{Collocation, Condensed};
 use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -57,16 +56,16 @@ pub struct Starts {
 }
 
 /// Makes the runs of a solution.
-pub(super) type Runs<'a, D, C> = dyn Fn(&Collocation<D, C>, &[f64]) -> Vec<RunFit> + 'a;
+pub(super) type Runs<'a> = dyn Fn(&Collocation, &[f64]) -> Vec<RunFit> + 'a;
 
 /// Runs the SQP from each start for some iterations, then goes on with the most promising until none is
 /// ahead of the best that has converged.
-pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
+pub(super) fn multi_start(
     starts: &Starts,
-    from: &impl Fn(&Start) -> (Collocation<D, C>, Vec<f64>),
+    from: &impl Fn(&Start) -> (Collocation, Vec<f64>),
     options: &Options,
     observer: &mut Observer<'_>,
-    runs: &Runs<'_, D, C>,
+    runs: &Runs<'_>,
 ) -> Fit {
     let scout = match starts.all.len() {
         1 => options.max_iterations,
@@ -78,7 +77,7 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
         starts: starts.all.len(),
         stopped: None,
     };
-    let scouted = |attempts: &mut Vec<Attempt<D, C>>, start: &Start, best, watched: &mut _| {
+    let scouted = |attempts: &mut Vec<Attempt>, start: &Start, best, watched: &mut _| {
         let (number, race) = (attempts.len(), (scout, best));
         attempts.push(Attempt::scout(
             (number, start.descents),
@@ -88,7 +87,7 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
             watched,
         ));
     };
-    let mut attempts: Vec<Attempt<D, C>> = Vec::new();
+    let mut attempts: Vec<Attempt> = Vec::new();
     for start in &starts.all {
         let nearest = attempts.iter().map(|a| a.course.near);
         let best = nearest.fold(f64::INFINITY, f64::min);
@@ -115,18 +114,14 @@ pub(super) fn multi_start<D: Dynamics, C: ParameterConstraints>(
 
 /// Goes on with the start that is most ahead of the best converged one, until there is none, and sorts
 /// them, best first.
-fn finish<D: Dynamics, C: ParameterConstraints>(
-    attempts: &mut [Attempt<D, C>],
-    options: &Options,
-    watched: &mut Watched<'_, '_>,
-) {
+fn finish(attempts: &mut [Attempt], options: &Options, watched: &mut Watched<'_, '_>) {
     loop {
         attempts.sort_by(|a, b| {
             let violations = || a.solution.kkt.primal.total_cmp(&b.solution.kkt.primal);
             (a.course.near.total_cmp(&b.course.near)).then_with(violations)
         });
         let best = best_converged(attempts).unwrap_or(f64::INFINITY);
-        let ahead = |a: &&mut Attempt<D, C>| {
+        let ahead = |a: &&mut Attempt| {
             let gains = best.is_infinite() || a.course.near < best * (1.0 - TIE);
             gains && a.may_go_on(options)
         };
@@ -138,13 +133,13 @@ fn finish<D: Dynamics, C: ParameterConstraints>(
 }
 
 /// The least objective of the converged starts.
-fn best_converged<D, C>(attempts: &[Attempt<D, C>]) -> Option<f64> {
+fn best_converged(attempts: &[Attempt]) -> Option<f64> {
     let converged = attempts.iter().filter(|a| a.has_converged());
     converged.map(|a| a.course.near).min_by(f64::total_cmp)
 }
 
 /// The best objective, if one start alone leads to it.
-fn lone<D, C>(attempts: &[Attempt<D, C>]) -> Option<f64> {
+fn lone(attempts: &[Attempt]) -> Option<f64> {
     let best = best_converged(attempts)?;
     let agreeing = attempts.iter().filter(|a| agree(a.course.near, best));
     (agreeing.count() == 1).then_some(best)
@@ -201,9 +196,9 @@ impl Course {
     }
 
     /// Runs the SQP from `z` for at most `limit` iterations, or until it loses against `best`.
-    fn run<D: Dynamics, C: ParameterConstraints>(
+    fn run(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         z: Vec<f64>,
         (limit, best): (usize, f64),
         options: &Options,
@@ -239,14 +234,14 @@ impl Course {
 }
 
 /// A solve that may go on.
-struct Attempt<D, C> {
-    problem: Collocation<D, C>,
+struct Attempt {
+    problem: Collocation,
     solution: Solution,
     course: Course,
     descents: usize,
 }
 
-impl<D, C> Attempt<D, C> {
+impl Attempt {
     fn has_converged(&self) -> bool {
         self.solution.status == Status::Converged
     }
@@ -272,11 +267,11 @@ impl<D, C> Attempt<D, C> {
     }
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Attempt<D, C> {
+impl Attempt {
     /// The first iterations.
     fn scout(
         (number, descents): (usize, usize),
-        (problem, z): (Collocation<D, C>, Vec<f64>),
+        (problem, z): (Collocation, Vec<f64>),
         race: (usize, f64),
         options: &Options,
         watched: &mut Watched<'_, '_>,
@@ -336,12 +331,7 @@ impl Race {
 
 /// Of the best that has converged, or the most promising. `stopped` is why the observer ended the fit, if it
 /// did.
-fn report<D: Dynamics, C: ParameterConstraints>(
-    attempts: &[Attempt<D, C>],
-    stopped: Option<Status>,
-    skipped: usize,
-    runs: &Runs<'_, D, C>,
-) -> Fit {
+fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &Runs<'_>) -> Fit {
     let converged = attempts.iter().find(|a| a.has_converged());
     let best = converged.unwrap_or(&attempts[0]);
     let Solution {

@@ -2,14 +2,13 @@
 
 use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
+use super::joint::{Joint, open_loop};
 use super::{InitialPosition, InitialState, Mesh, Options, Trial};
-use pilotage_collocation::{Collocation, Run, Scales};
-use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Quadcopter};
-
-/// The problem of the response fit: pilot and vehicle in closed loop.
-pub type ResponseProblem = Collocation<Joint, Stability>;
-/// The problem of the stick fit: the pilot alone, driven by the recorded error.
-pub type StickProblem = Collocation<OpenLoopPilot, Stability>;
+use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints};
+use pilotage_collocation::{Recording, Run, Scales};
+use pilotage_expression::System;
+use pilotage_models::Quadcopter;
+use std::sync::Arc;
 
 impl Mesh {
     /// Interval boundaries [s] for samples at these times.
@@ -32,42 +31,52 @@ impl Mesh {
 }
 
 /// What is to be fitted, before it is discretised.
-pub struct Posed<D> {
-    /// The model.
-    pub dynamics: D,
+pub struct Posed {
+    /// The model: its first output is measured, the second bounded.
+    pub model: Arc<Differentiated>,
     /// What θ must fulfil.
-    pub constraints: Stability,
+    pub stability: Stability,
+    constraints: ParameterConstraints,
     /// The runs.
     pub runs: Vec<Run>,
 }
 
-impl<D: Dynamics + Clone> Posed<D> {
+impl Posed {
+    fn new(system: &System, stability: Stability, runs: Vec<Run>) -> Self {
+        Self {
+            model: Arc::new(Differentiated::new(system)),
+            constraints: stability.constraints(),
+            stability,
+            runs,
+        }
+    }
+
     /// The nonlinear program.
-    pub fn discretised(&self, options: &Options, scales: Scales) -> Collocation<D, Stability> {
+    pub fn discretised(&self, options: &Options, scales: Scales) -> Collocation {
         Collocation::new(
-            self.dynamics.clone(),
-            self.constraints,
+            self.model.clone(),
+            self.constraints.clone(),
             options.scheme,
             self.runs.clone(),
             scales,
-            options.stick_limit,
+            &[(-options.stick_limit, options.stick_limit)],
         )
     }
 }
 
 /// The response problem (paper, eq. 5), discretised.
-pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> ResponseProblem {
+pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Collocation {
     pose_response(trials, options).discretised(options, scales)
 }
 
 /// The stick problem, discretised: stick residuals of the pilot that sees the recorded error.
-pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> StickProblem {
+pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> Collocation {
     pose_stick(trials, options).discretised(options, scales)
 }
 
 /// The response problem (paper, eq. 5).
-pub fn pose_response(trials: &[Trial], options: &Options) -> Posed<Joint> {
-    let dynamics = Joint {
+pub fn pose_response(trials: &[Trial], options: &Options) -> Posed {
+    let joint = Joint {
         vehicle: options.vehicle,
         pilot: options.pilot,
     };
@@ -75,20 +84,22 @@ pub fn pose_response(trials: &[Trial], options: &Options) -> Posed<Joint> {
         mesh: options.mesh.boundaries(&trial.time),
         time: trial.time.clone(),
         inputs: trial.target.iter().map(|t| vec![*t]).collect(),
-        measured: trial.position.clone(),
-        weight: trial.weight,
+        measured: recording(trial, trial.position.clone()),
         initial: known_states(trial, options),
     });
-    Posed {
-        dynamics,
-        constraints: Stability {
-            pilot: RouthHurwitz {
-                pilot: options.pilot,
-            },
-            vehicle: options.kept_vehicle().map(LinearVehicle::of),
+    let stability = Stability {
+        pilot: RouthHurwitz {
+            pilot: options.pilot,
         },
-        runs: runs.collect(),
-    }
+        vehicle: options.kept_vehicle().map(LinearVehicle::of),
+    };
+    Posed::new(&joint.system(), stability, runs.collect())
+}
+
+/// What a trial recorded of the one measured output.
+fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
+    let weight = trial.weight;
+    vec![Recording { values, weight }]
 }
 
 /// What is known of pilot and vehicle at the first sample.
@@ -105,32 +116,25 @@ fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
 }
 
 /// The stick problem.
-pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed<OpenLoopPilot> {
-    let dynamics = OpenLoopPilot {
-        pilot: options.pilot,
-    };
+pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed {
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
     let runs = trials.iter().map(|trial| Run {
         mesh: options.mesh.boundaries(&trial.time),
         time: trial.time.clone(),
         inputs: recorded_error(trial).into_iter().map(|e| vec![e]).collect(),
-        measured: trial
-            .stick
-            .clone()
-            .unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
-        weight: trial.weight,
-        initial: vec![known; dynamics.n_states()],
+        measured: recording(
+            trial,
+            (trial.stick.clone()).unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
+        ),
+        initial: vec![known; options.pilot.order],
     });
-    Posed {
-        dynamics,
-        constraints: Stability {
-            pilot: RouthHurwitz {
-                pilot: options.pilot,
-            },
-            vehicle: None,
+    let stability = Stability {
+        pilot: RouthHurwitz {
+            pilot: options.pilot,
         },
-        runs: runs.collect(),
-    }
+        vehicle: None,
+    };
+    Posed::new(&open_loop(options.pilot), stability, runs.collect())
 }
 
 /// The error ŷ - y_v that the pilot saw at each sample [m], gaps filled.

@@ -13,8 +13,7 @@ use super::linearised::{Linear, dot};
 use super::multi_start::{Start, Starts};
 use super::problem::Posed;
 use nalgebra::{DMatrix, DVector};
-use pilotage_collocation::Run;
-use pilotage_models::Dynamics;
+use pilotage_collocation::{Differentiated, Run};
 use pilotage_models::lti::Transition;
 use rayon::prelude::*;
 
@@ -45,9 +44,9 @@ const NEAR_BEST: f64 = 1.5;
 const STARTS: usize = 6;
 
 /// A model and its runs, as the linearised problem sees them.
-pub struct Search<'a, D> {
-    dynamics: &'a D,
-    constraints: &'a Stability,
+pub struct Search<'a> {
+    model: &'a Differentiated,
+    stability: &'a Stability,
     /// States whose equations have a correction, which stands behind the inputs of each run.
     corrected: Vec<usize>,
     runs: Vec<Run>,
@@ -66,23 +65,22 @@ struct Sampled {
     free: Vec<usize>,
 }
 
-impl<'a, D: Dynamics> Search<'a, D> {
+impl<'a> Search<'a> {
     /// Of a problem.
-    pub fn of(posed: &'a Posed<D>) -> Self {
+    pub fn of(posed: &'a Posed) -> Self {
         Self::with(posed, Vec::new(), posed.runs.clone())
     }
 
     /// Of a problem of which the solution at some other θ is known, with the states of each run at its
     /// samples: what the linearisation leaves out along them is kept as a known function of time. Since all
     /// pilots that fit move the vehicle as it was recorded, it is nearly the same for all of them.
-    pub fn about(posed: &'a Posed<D>, theta: &[f64], states: &[Vec<Vec<f64>>]) -> Self {
-        let linear = Linear::of(&posed.dynamics, theta);
-        let n = posed.dynamics.n_states();
-        let mut dx = vec![0.0; n];
-        let mut left_out = |x: &Vec<f64>, w: &Vec<f64>| -> Vec<f64> {
-            posed.dynamics.derivative(x, w, theta, &mut dx);
+    pub fn about(posed: &'a Posed, theta: &[f64], states: &[Vec<Vec<f64>>]) -> Self {
+        let linear = Linear::of(&posed.model, theta);
+        let n = posed.model.n_states();
+        let left_out = |x: &Vec<f64>, w: &Vec<f64>| -> Vec<f64> {
+            let all = posed.model.evaluate(0.0, x, w, theta);
             let linear = linear.derivative(x, w);
-            dx.iter().zip(linear).map(|(f, l)| f - l).collect()
+            all.iter().zip(linear).map(|(f, l)| f - l).collect()
         };
         let of_run = |(states, run): (&Vec<Vec<f64>>, &Run)| -> Vec<Vec<f64>> {
             let samples = states.iter().zip(&run.inputs);
@@ -101,12 +99,12 @@ impl<'a, D: Dynamics> Search<'a, D> {
         Self::with(posed, corrected, runs)
     }
 
-    fn with(posed: &'a Posed<D>, corrected: Vec<usize>, runs: Vec<Run>) -> Self {
+    fn with(posed: &'a Posed, corrected: Vec<usize>, runs: Vec<Run>) -> Self {
         let even = |run: &Run| duration(run) / (run.time.len() - 1).min(MOST_SAMPLES) as f64;
         let step = runs.iter().map(even).fold(0.0, f64::max);
         Self {
-            dynamics: &posed.dynamics,
-            constraints: &posed.constraints,
+            model: &posed.model,
+            stability: &posed.stability,
             corrected,
             step,
             sampled: runs.iter().map(|run| Sampled::of(run, step)).collect(),
@@ -116,7 +114,7 @@ impl<'a, D: Dynamics> Search<'a, D> {
 
     /// The linearised model, with an input for each correction.
     fn linear(&self, theta: &[f64]) -> Linear {
-        Linear::of(self.dynamics, theta).driven(&self.corrected)
+        Linear::of(self.model, theta).driven(&self.corrected)
     }
 
     /// Where descents from the most promising of `draws` end, best first; `watch` sees the part of the work that is
@@ -202,7 +200,7 @@ impl<'a, D: Dynamics> Search<'a, D> {
 
     /// The residuals that no initial states remove, all runs after each other; none outside the constraints.
     fn residuals(&self, theta: &[f64]) -> Option<Vec<f64>> {
-        if !self.constraints.holds(theta) {
+        if !self.stability.holds(theta) {
             return None;
         }
         let linear = self.linear(theta);
@@ -259,10 +257,10 @@ impl Sampled {
     fn of(run: &Run, step: f64) -> Self {
         let count = (duration(run) / step + 1e-6).floor() as usize + 1;
         let known: Vec<usize> = (0..run.time.len())
-            .filter(|&k| run.measured[k].is_finite())
+            .filter(|&k| run.measured[0].values[k].is_finite())
             .collect();
         let times: Vec<f64> = known.iter().map(|&k| run.time[k]).collect();
-        let values: Vec<f64> = known.iter().map(|&k| run.measured[k]).collect();
+        let values: Vec<f64> = known.iter().map(|&k| run.measured[0].values[k]).collect();
         let at = |k: usize| run.time[0] + k as f64 * step;
         let input = |i: usize| -> Vec<f64> { run.inputs.iter().map(|w| w[i]).collect() };
         let inputs: Vec<Vec<f64>> = (0..run.inputs[0].len()).map(input).collect();
@@ -278,7 +276,7 @@ impl Sampled {
             measured: (0..count)
                 .map(|k| between(&times, &values, at(k)))
                 .collect(),
-            weight: run.weight,
+            weight: run.measured[0].weight,
             initial: run
                 .initial
                 .iter()
@@ -400,7 +398,7 @@ pub struct Descent {
 }
 
 impl Descent {
-    fn at<D: Dynamics>(search: &Search<D>, theta: Vec<f64>) -> Option<Self> {
+    fn at(search: &Search<'_>, theta: Vec<f64>) -> Option<Self> {
         let residuals = search.residuals(&theta)?;
         Some(Self {
             objective: dot(&residuals, &residuals),
@@ -410,7 +408,7 @@ impl Descent {
         })
     }
 
-    fn go_down<D: Dynamics>(&mut self, search: &Search<D>, steps: usize) {
+    fn go_down(&mut self, search: &Search<'_>, steps: usize) {
         for _ in 0..steps {
             let before = self.objective;
             if !self.step(search) || before - self.objective <= FLAT * before {
@@ -420,7 +418,7 @@ impl Descent {
     }
 
     /// One step; false where none goes down.
-    fn step<D: Dynamics>(&mut self, search: &Search<D>) -> bool {
+    fn step(&mut self, search: &Search<'_>) -> bool {
         let Some(jacobian) = self.jacobian(search) else {
             return false;
         };
@@ -452,7 +450,7 @@ impl Descent {
     }
 
     /// Derivatives of the residuals by the scaled parameters; a quotient goes the other way at a constraint.
-    fn jacobian<D: Dynamics>(&self, search: &Search<D>) -> Option<DMatrix<f64>> {
+    fn jacobian(&self, search: &Search<'_>) -> Option<DMatrix<f64>> {
         let p = self.theta.len();
         let mut jacobian = DMatrix::zeros(self.residuals.len(), p);
         for i in 0..p {

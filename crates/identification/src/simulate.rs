@@ -1,9 +1,10 @@
 //! A run flown by the identified pilot alone: the closed loop integrated from rest, without the
 //! optimiser. What a fit is worth shows here, on the runs that it saw and on those that it did not.
 
+use super::joint::Joint;
 use super::{RunFit, Trial};
 use pilotage_models::lti::{Transition, TransitionError};
-use pilotage_models::{Dynamics, Joint, Quadcopter, quadcopter::N_STATES};
+use pilotage_models::{Quadcopter, quadcopter::N_STATES};
 
 /// Integration step [s], at most: small against the vehicle's attitude loop.
 const MAX_STEP: f64 = 2e-3;
@@ -64,8 +65,8 @@ pub fn simulate_from(
         states: Vec::new(),
     };
     for (k, &target) in trial.target.iter().enumerate() {
-        run.position.push(joint.measured(&x, &[target], theta));
-        run.stick.push(joint.bounded(&x, &[target], theta));
+        run.position.push(joint.vehicle.output(&x));
+        run.stick.push(joint.pilot.output(&x[N_STATES..], theta));
         run.residual.push(trial.position[k] - run.position[k]);
         run.states.push(x.clone());
         if let Some(next) = trial.time.get(k + 1) {
@@ -256,10 +257,10 @@ mod tests {
         let (joint, theta) = (joint(3), [216.0, 108.0, 18.0, -6.48, -16.2, -0.5]);
         let run = simulate(&joint, &theta, &trial()).unwrap();
         let mut x = vec![0.0; 9];
+        let model = pilotage_collocation::Differentiated::new(&joint.system());
         let slope = |x: &[f64]| {
-            let mut dx = vec![0.0; 9];
-            joint.derivative(x, &[10.0], &theta, &mut dx);
-            dx
+            let all = model.evaluate(0.0, x, &[10.0], &theta);
+            all[..9].to_vec()
         };
         let along = |x: &[f64], dx: &[f64], h: f64| -> Vec<f64> {
             x.iter().zip(dx).map(|(x, dx)| x + h * dx).collect()

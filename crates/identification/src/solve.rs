@@ -1,6 +1,5 @@
 //! The fit: starts from the data, the SQP from each, the best.
 
-use super::constraints::Stability;
 use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
 use super::projection::Search;
@@ -8,8 +7,8 @@ use super::{
     ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
     start,
 };
-use pilotage_collocation::{Collocation, ParameterConstraints};
-use pilotage_models::{Dynamics, Joint, OpenLoopPilot, Pilot};
+use pilotage_collocation::Collocation;
+use pilotage_models::Pilot;
 use pilotage_sqp::{Iteration, Status};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -246,7 +245,7 @@ fn solve(
 
 /// The response problem from these starts.
 fn solve_response(
-    posed: &Posed<Joint>,
+    posed: &Posed,
     trials: &[Trial],
     options: &Options,
     starts: &Starts,
@@ -264,7 +263,7 @@ fn solve_response(
 
 /// The stick problem from these starts.
 fn solve_stick(
-    posed: &Posed<OpenLoopPilot>,
+    posed: &Posed,
     trials: &[Trial],
     options: &Options,
     starts: &Starts,
@@ -289,8 +288,8 @@ fn solve_stick(
 type FromData = fn(&Trial, &Options, &[f64]) -> Vec<Vec<f64>>;
 
 /// A problem from these starts.
-fn solve_posed<D: Dynamics + Clone + Sync>(
-    posed: &Posed<D>,
+fn solve_posed(
+    posed: &Posed,
     trials: &[Trial],
     options: &Options,
     starts: &Starts,
@@ -301,18 +300,18 @@ fn solve_posed<D: Dynamics + Clone + Sync>(
         let from_data = |trial: &Trial| from_data(trial, options, &start.theta);
         begin(posed, trials, options, start, from_data)
     };
-    let runs = |problem: &Collocation<_, _>, z: &[f64]| runs(problem, z, trials);
+    let runs = |problem: &Collocation, z: &[f64]| runs(problem, z, trials);
     multi_start(starts, &from, options, observer, &runs)
 }
 
 /// The discretised problem, scaled for a start, and its variables there.
-fn begin<D: Dynamics + Clone>(
-    posed: &Posed<D>,
+fn begin(
+    posed: &Posed,
     trials: &[Trial],
     options: &Options,
     start: &Start,
     from_data: impl Fn(&Trial) -> Vec<Vec<f64>> + Send + Sync,
-) -> (Collocation<D, Stability>, Vec<f64>) {
+) -> (Collocation, Vec<f64>) {
     let states = match &start.states {
         Some(states) => states.clone(),
         None => trials.par_iter().map(from_data).collect(),
@@ -564,27 +563,14 @@ fn rounded_up(x: f64) -> f64 {
 }
 
 /// The runs of a solution at the samples.
-fn runs<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    z: &[f64],
-    trials: &[Trial],
-) -> Vec<RunFit> {
-    let theta = problem.physical_theta(z);
+fn runs(problem: &Collocation, z: &[f64], trials: &[Trial]) -> Vec<RunFit> {
     let one = |(j, trial): (usize, &Trial)| {
         let run = &problem.runs[j];
         let states = problem.states_at_samples(z, j);
-        let model = &problem.model.dynamics;
-        let at = |f: &dyn Fn(&[f64], &[f64]) -> f64| -> Vec<f64> {
-            states
-                .iter()
-                .zip(&run.inputs)
-                .map(|(x, w)| f(x, w))
-                .collect()
-        };
-        let measured = at(&|x, w| model.measured(x, w, &theta));
-        let stick = at(&|x, w| model.bounded(x, w, &theta));
-        let residual = run
-            .measured
+        let mut outputs = problem.outputs_at_samples(z, j).into_iter();
+        let mut next = || outputs.next().expect("position or stick, and stick");
+        let (measured, stick) = (next(), next());
+        let residual = (run.measured[0].values)
             .iter()
             .zip(&measured)
             .map(|(y, m)| y - m)

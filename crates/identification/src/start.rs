@@ -3,9 +3,9 @@
 use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
-use pilotage_collocation::{Collocation, ParameterConstraints, Scales};
+use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::lti::Transition;
-use pilotage_models::{Dynamics, Pilot, Quadcopter, quadcopter};
+use pilotage_models::{Pilot, Quadcopter, quadcopter};
 
 /// Half width of the window of local polynomials that smooth a recorded position [s].
 const WINDOW: f64 = 0.35;
@@ -385,11 +385,7 @@ pub fn scales(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Scales {
 }
 
 /// The NLP's variables from states at the samples (linear in between) and θ.
-pub fn variables<D: Dynamics, C: ParameterConstraints>(
-    problem: &Collocation<D, C>,
-    states: &[Vec<Vec<f64>>],
-    theta: &[f64],
-) -> Vec<f64> {
+pub fn variables(problem: &Collocation, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<f64> {
     let scales = &problem.model.scales;
     let mut z = Vec::with_capacity(problem.layout.theta + theta.len());
     for (j, states) in states.iter().enumerate() {

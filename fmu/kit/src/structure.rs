@@ -133,6 +133,7 @@ pub fn evaluate<E: Equations, T: Scalar>(
     all.resize(table.variables().len(), T::from(0.0));
     let mut computed = vec![T::from(0.0); table.computed_outputs().count()];
     equations.output(at, &mut computed);
+    table.clip(&mut computed, at.p);
     for (index, y) in table.computed_outputs().zip(computed) {
         all[index] = y;
     }

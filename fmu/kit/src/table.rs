@@ -1,7 +1,7 @@
 //! The table of a model's variables. What is asked of an FMU by name or value reference is found here.
 
 use crate::variable::{Role, Variable};
-use crate::{Unit, guid, json};
+use crate::{Scalar, Unit, guid, json};
 use std::ops::Range;
 
 /// The variables of a model, in the order of their value references: inputs, outputs, parameters, start
@@ -36,6 +36,8 @@ pub struct Table {
     /// For each mode the position among the outputs.
     modes: Vec<usize>,
     indicators: usize,
+    /// Outputs that are held within ± a parameter: places among the computed outputs and the parameters.
+    limits: Vec<(usize, usize)>,
 }
 
 impl Table {
@@ -60,6 +62,7 @@ impl Table {
             states: Vec::new(),
             modes: Vec::new(),
             indicators: 0,
+            limits: Vec::new(),
         }
     }
 
@@ -76,6 +79,20 @@ impl Table {
             Role::Output,
             description,
         ))
+    }
+
+    /// Holds a computed output within ± the value of a parameter, both declared before: what
+    /// [`output`](crate::Equations::output) writes is clipped to that, and a fit takes the limit as a
+    /// constraint on the output as it is written.
+    pub fn limited(mut self, output: &str, parameter: &str) -> Self {
+        let place = |mut among: Box<dyn Iterator<Item = usize> + '_>, name: &str| {
+            let found = among.position(|index| self.variables[index].name == name);
+            found.unwrap_or_else(|| panic!("{name} is not declared, or no output or parameter"))
+        };
+        let output = place(Box::new(self.computed_outputs()), output);
+        let parameter = place(Box::new(self.parameters()), parameter);
+        self.limits.push((output, parameter));
+        self
     }
 
     /// Adds a parameter that is constant in time.
@@ -308,6 +325,24 @@ impl Table {
         };
         self.outputs()
             .filter(move |index| !is_x(index - self.inputs))
+    }
+
+    /// Outputs that are [`limited`](Self::limited), by their place among the computed ones, with the place of the
+    /// limit among the parameters.
+    pub fn limits(&self) -> &[(usize, usize)] {
+        &self.limits
+    }
+
+    /// Clips computed outputs to their limits.
+    pub(crate) fn clip<T: Scalar>(&self, outputs: &mut [T], parameters: &[T]) {
+        for &(output, parameter) in &self.limits {
+            let (value, limit) = (outputs[output].re(), parameters[parameter]);
+            if value > limit.re() {
+                outputs[output] = limit;
+            } else if value < -limit.re() {
+                outputs[output] = -limit;
+            }
+        }
     }
 
     /// The continuous state that the variable is, if it is one.

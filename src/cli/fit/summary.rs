@@ -1,13 +1,13 @@
 //! What a fit gave, for people and for scripts.
 
 use crate::cli::{Failure, format};
+use crate::identification::joint::Joint;
 use crate::identification::simulate::{LONGEST, at_rest};
 use crate::identification::statistics::rms;
 use crate::identification::{
     ClosedLoop, Doubt, Fit, InitialState, Objective, Options, RunFit, Trial, TrialSet, pilot_file,
     simulate, simulate_from,
 };
-use crate::models::Joint;
 use crate::report::significant;
 use crate::vehicle::Mode;
 use serde_json::{Value, json};

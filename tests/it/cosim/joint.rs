@@ -1,8 +1,10 @@
 //! The closed loop of slaves goes to the directly integrated joint equations as the step shrinks.
 
 use super::slaves::simulate;
+use crate::joint_ode::ByHand;
 use pilotage::cosim::{Algorithm, Clock, Control, Coupling, NativeSlave, System};
-use pilotage::models::{Dynamics, Joint, Model, Pilot, Quadcopter};
+use pilotage::identification::joint::Joint;
+use pilotage::models::{Model, Pilot, Quadcopter};
 
 /// A pilot who brings the vehicle to its target: all poles of the loop are stable.
 const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
@@ -36,10 +38,7 @@ fn reference() -> [f64; 2] {
             x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
-    [
-        joint.measured(&x, &[TARGET], &THETA),
-        joint.bounded(&x, &[TARGET], &THETA),
-    ]
+    [joint.measured(&x), joint.bounded(&x, &THETA)]
 }
 
 fn closed_loop() -> System {

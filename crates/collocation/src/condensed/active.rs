@@ -21,8 +21,8 @@ const CONVEXIFICATION: [f64; 4] = [1.0, 1e2, 1e4, 1e6];
 /// Which inequality a row stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RowAt {
-    /// The bounded signal of a run at a sample.
-    Bounded { run: usize, sample: usize },
+    /// An inequality of a run: a bounded output at a sample.
+    Bounded { run: usize, row: usize },
     /// A constraint on θ.
     Parameter(usize),
 }

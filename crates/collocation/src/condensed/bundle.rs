@@ -6,15 +6,14 @@ use super::sparse_lu::{Factors, Together};
 use super::stencils::Stencils;
 use super::sweep::Span;
 use crate::Collocation;
-use crate::lanes::{self, Kernel, LANES, Lanes, Task, side_by_side};
-use crate::node::MAX_SIZE;
+use crate::lanes::{self, Kernel, LANES, Task, side_by_side};
 use std::ops::Range;
 
 /// Some runs with the same kinds of elements, [`LANES`] at most.
 #[derive(Debug)]
-pub struct Bundle<'a, D, C> {
+pub struct Bundle<'a> {
     /// The problem.
-    pub problem: &'a Collocation<D, C>,
+    pub problem: &'a Collocation,
     /// What its elements share.
     pub stencils: &'a Stencils,
     /// The first run's number.
@@ -24,10 +23,10 @@ pub struct Bundle<'a, D, C> {
 }
 
 /// Bundles of a problem's runs, each with the items of its own runs.
-pub fn with_items<'a, D, C, T>(
-    bundles: Vec<Bundle<'a, D, C>>,
+pub fn with_items<'a, T>(
+    bundles: Vec<Bundle<'a>>,
     mut rest: &'a mut [T],
-) -> impl Iterator<Item = (Bundle<'a, D, C>, &'a mut [T])> {
+) -> impl Iterator<Item = (Bundle<'a>, &'a mut [T])> {
     bundles.into_iter().map(move |bundle| {
         let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
         rest = tail;
@@ -35,7 +34,7 @@ pub fn with_items<'a, D, C, T>(
     })
 }
 
-impl<D, C> Bundle<'_, D, C> {
+impl Bundle<'_> {
     /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
     /// constraint values `c` (of all runs). Of two runs at once.
     pub fn sensitivities(&mut self, c: &[f64]) {
@@ -44,8 +43,8 @@ impl<D, C> Bundle<'_, D, C> {
                 let own = self.part(first..part.end.min(first + 2));
                 let w = own.runs[0].w;
                 match own.runs.len() {
-                    2 => lanes::run(w, Sensitivities::<_, _, 2> { own, c }),
-                    _ => lanes::run(w, Sensitivities::<_, _, 1> { own, c }),
+                    2 => lanes::run(w, Sensitivities::<2> { own, c }),
+                    _ => lanes::run(w, Sensitivities::<1> { own, c }),
                 }
             }
         }
@@ -75,14 +74,14 @@ impl<D, C> Bundle<'_, D, C> {
     }
 
     /// Elements with an order of their own stand beside no others.
-    fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<D, C> {
+    fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let count = self.runs.len();
         let together = self.runs.iter().all(|run| run.special.is_empty());
         let step = if together { count } else { 1 };
         (0..count).step_by(step).map(move |k| k..k + step)
     }
 
-    fn part(&mut self, part: Range<usize>) -> Bundle<'_, D, C> {
+    fn part(&mut self, part: Range<usize>) -> Bundle<'_> {
         Bundle {
             problem: self.problem,
             stencils: self.stencils,
@@ -117,12 +116,12 @@ impl<D, C> Bundle<'_, D, C> {
 }
 
 /// [`Bundle::sensitivities`] of `B` runs.
-struct Sensitivities<'a, D, C, const B: usize> {
-    own: Bundle<'a, D, C>,
+struct Sensitivities<'a, const B: usize> {
+    own: Bundle<'a>,
     c: &'a [f64],
 }
 
-impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
+impl<const B: usize> Kernel for Sensitivities<'_, B> {
     type Output = ();
 
     #[inline(always)]
@@ -185,20 +184,20 @@ impl<D, C, const B: usize> Kernel for Sensitivities<'_, D, C, B> {
 }
 
 /// [`Bundle::correct`].
-struct Correct<'a, 'b, D, C> {
-    own: Bundle<'a, D, C>,
+struct Correct<'a, 'b> {
+    own: Bundle<'a>,
     c: &'a [f64],
     d: &'a mut [&'b mut [f64]],
 }
 
-impl<D, C> Task for Correct<'_, '_, D, C> {
+impl Task for Correct<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Self { own, c, d } = self;
         let (n, members) = (own.runs[0].n, own.members());
-        let mut at: States = [[0.0; LANES]; MAX_SIZE];
+        let mut at = vec![[0.0; LANES]; n];
         for (k, d) in d.iter_mut().enumerate() {
             let known = own.runs[k].known().zip(own.equalities(k, c));
             known.for_each(|(i, c)| at[i][k] = -c);
@@ -229,12 +228,12 @@ impl<D, C> Task for Correct<'_, '_, D, C> {
 }
 
 /// [`Bundle::multipliers`].
-struct Multipliers<'a, 'b, D, C> {
-    own: Bundle<'a, D, C>,
+struct Multipliers<'a, 'b> {
+    own: Bundle<'a>,
     lambda: &'a mut [&'b mut [f64]],
 }
 
-impl<D, C> Task for Multipliers<'_, '_, D, C> {
+impl Task for Multipliers<'_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -243,7 +242,7 @@ impl<D, C> Task for Multipliers<'_, '_, D, C> {
         let (n, members) = (own.runs[0].n, own.members());
         let right = members.map(|k| own.runs[k].right.as_slice());
         // By the states where the elements that are done begin.
-        let mut at: States = [[0.0; LANES]; MAX_SIZE];
+        let mut at = vec![[0.0; LANES]; n];
         side_by_side(right.map(|right| &right[right.len() - n..]), &mut at[..n]);
         let size = own.runs[0].work.lanes.len();
         let (mut b, mut rows) = (vec![[0.0; LANES]; size], vec![[0.0; LANES]; size]);
@@ -272,6 +271,3 @@ impl<D, C> Task for Multipliers<'_, '_, D, C> {
         }
     }
 }
-
-/// The states of a point of each run.
-type States = [Lanes; MAX_SIZE];

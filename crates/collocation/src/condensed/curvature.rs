@@ -10,9 +10,8 @@ use super::Condensed;
 use super::active::RowAt;
 use super::arrow::Arrow;
 use super::dense::dot;
-use crate::{Collocation, ParameterConstraints};
+use crate::Collocation;
 use nalgebra::{DMatrix, DVector};
-use pilotage_models::Dynamics;
 use pilotage_sqp::convex::ConvexSolution;
 use pilotage_sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use pilotage_sqp::{Iterate, Problem, Step};
@@ -22,9 +21,9 @@ const FEW: usize = 200;
 
 impl Condensed {
     /// See [`QpSolver::curvature`](pilotage_sqp::QpSolver::curvature).
-    pub(super) fn smallest_curvature<D: Dynamics, C: ParameterConstraints>(
+    pub(super) fn smallest_curvature(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         at: &Iterate,
     ) -> Option<Curvature> {
         if self.singular {
@@ -43,14 +42,13 @@ impl Condensed {
     }
 
     /// The active inequalities over the reduced variables.
-    fn active_rows<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        problem: &Collocation<D, C>,
-        at: &Iterate,
-    ) -> Vec<ActiveRow> {
+    fn active_rows(&self, problem: &Collocation, at: &Iterate) -> Vec<ActiveRow> {
         let (lower, upper) = problem.limits();
-        let bounded = (problem.runs.iter().enumerate()).flat_map(|(run, data)| {
-            (0..data.time.len()).map(move |sample| RowAt::Bounded { run, sample })
+        let bounded = (problem.layout.runs.iter().enumerate()).flat_map(|(run, data)| {
+            (data.inequalities()).map(move |row| RowAt::Bounded {
+                run,
+                row: row - data.g,
+            })
         });
         let places = bounded.chain((0..self.parameter_rows.len()).map(RowAt::Parameter));
         (places.zip(activities(problem, at)))
@@ -64,11 +62,7 @@ impl Condensed {
     }
 
     /// A direction in all variables that keeps the linearised defects, from one in the reduced ones.
-    fn all_variables<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        rho: &[f64],
-    ) -> Vec<f64> {
+    fn all_variables(&mut self, problem: &Collocation, rho: &[f64]) -> Vec<f64> {
         self.expand(problem, rho, 0.0);
         let mut step = Step::default();
         let solution = ConvexSolution {

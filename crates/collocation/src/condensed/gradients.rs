@@ -1,21 +1,19 @@
 //! Sweeps over a run's points: derivatives, and gradients of the Lagrangian and of its model.
 
-use super::points::{Gradients, Points, ZERO, add_at, along};
+use super::points::{Points, add_at, along, zeros};
 use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
-use crate::constraints::ParameterConstraints;
 use crate::lanes::{self, LANES, Lanes, Task, plus, side_by_side, times};
-use crate::node::{MAX_SIZE, NodeModel, Output, Weights};
-use pilotage_models::Dynamics;
+use crate::node::NodeModel;
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
     /// Derivatives and residuals at the points, in a reverse sweep that adds their part of `∇L` to
     /// `lagrangian` and `theta_lagrangian`.
-    pub(super) fn differentiate<D: Dynamics, C: ParameterConstraints>(
+    pub(super) fn differentiate(
         &mut self,
-        at: Place<'_, D, C>,
+        at: Place<'_>,
         z: &[f64],
         eta: &[f64],
         exact: bool,
@@ -33,35 +31,31 @@ impl RunSweep {
         });
     }
 
-    /// Takes the residuals of a group of points with these measured outputs; returns the derivatives of
-    /// the objective by these.
+    /// Takes the residuals of a group of points with these outputs; replaces the outputs by their derivatives of
+    /// the Lagrangian: pulled by the residuals, pushed by the multipliers `eta`.
     #[inline(always)]
-    fn take_residuals<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        points: &Points<'_>,
-        measured: Lanes,
-    ) -> Lanes {
-        let (residual, weight) = (
-            &mut self.residual.group_mut(points.number)[0],
-            &mut self.weight.group_mut(points.number)[0],
-        );
-        let twice = 2.0 * at.problem.runs[at.j].weight;
-        for (lane, sample) in points.samples() {
-            let recorded = at.problem.recorded(at.j, sample as u32);
-            residual[lane] = recorded.map_or(0.0, |value| value - measured[lane]);
-            weight[lane] = recorded.map_or(0.0, |_| twice);
+    fn weigh(&mut self, at: Place<'_>, points: &Points<'_>, eta: &[f64], outputs: &mut [Lanes]) {
+        let samples = at.problem.layout.runs[at.j].samples;
+        let (measured, bounded) = outputs.split_at_mut(at.problem.measured);
+        for (k, output) in measured.iter_mut().enumerate() {
+            let residual = &mut self.residual.group_mut(points.number)[k];
+            let weight = &mut self.weight.group_mut(points.number)[k];
+            let twice = 2.0 * at.problem.runs[at.j].measured[k].weight;
+            for (lane, sample) in points.samples() {
+                let recorded = at.problem.recorded(at.j, k, sample as u32);
+                residual[lane] = recorded.map_or(0.0, |value| value - output[lane]);
+                weight[lane] = recorded.map_or(0.0, |_| twice);
+            }
+            *output = times(*weight, *residual).map(|v| -v);
         }
-        times(*weight, *residual).map(|v| -v)
+        for (output, eta) in bounded.iter_mut().zip(eta.chunks_exact(samples)) {
+            *output = points.of_samples(eta);
+        }
     }
 
     /// Writes the objective's gradient with respect to the unknowns into `out`, and that of θ into
     /// `theta_gradient`.
-    pub(super) fn objective_gradient<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        out: &mut [f64],
-    ) {
+    pub(super) fn objective_gradient(&mut self, at: Place<'_>, out: &mut [f64]) {
         out.fill(0.0);
         self.theta_gradient.fill(0.0);
         lanes::vectorised(ObjectiveGradient { own: self, at, out });
@@ -69,34 +63,35 @@ impl RunSweep {
 
     /// Adds the derivatives of `ωᵀ f̄` at a group of points, for these entries of the Jacobian.
     #[inline(always)]
-    fn pull_back(&self, points: &Points<'_>, entries: &[(usize, usize)], out: &mut Gradients) {
+    fn pull_back(&self, points: &Points<'_>, entries: &[(usize, usize)], out: &mut [Lanes]) {
         let n = self.n;
-        let mut weights = [[0.0; LANES]; MAX_SIZE];
-        side_by_side(
-            points.members.map(|i| &self.omega[i * n..]),
-            &mut weights[..n],
-        );
+        let weights = points.members.map(|i| &self.omega[i * n..(i + 1) * n]);
         let own = self.jacobian.group(points.number).iter().zip(entries);
-        own.for_each(|(value, &(l, c))| out[c] = plus(out[c], weights[l], *value));
+        own.for_each(|(value, &(l, c))| out[c] = plus(out[c], weights.map(|w| w[l]), *value));
     }
 
     /// Writes a group of points' `g + W [δx; δθ]` into `out` (the first n + p).
     #[inline(always)]
-    pub(super) fn model_gradient<D>(
+    pub(super) fn model_gradient(
         &self,
-        model: &NodeModel<D>,
+        model: &NodeModel,
         group: usize,
         kind: Hessian,
-        step: &Gradients,
-        out: &mut Gradients,
+        step: &[Lanes],
+        out: &mut [Lanes],
     ) {
-        let columns = &model.outputs[Output::Measured as usize];
-        let own = self.gradients[Output::Measured as usize].group(group);
-        let (weight, residual) = (self.weight.group(group)[0], self.residual.group(group)[0]);
-        let change = along(columns, own, step);
-        let factor = times(weight, plus(change, [-1.0; LANES], residual));
-        out[..self.n + self.p].fill([0.0; LANES]);
-        add_at(columns, factor, own, out);
+        out.fill([0.0; LANES]);
+        let weights = self
+            .weight
+            .group(group)
+            .iter()
+            .zip(self.residual.group(group));
+        for (k, (weight, residual)) in weights.enumerate() {
+            let (columns, own) = (model.columns(k), self.gradients[k].group(group));
+            let change = along(columns, own, step);
+            let factor = times(*weight, plus(change, [-1.0; LANES], *residual));
+            add_at(columns, factor, own, out);
+        }
         if kind == Hessian::Exact {
             for (w, &(a, b)) in self.second.group(group).iter().zip(&model.pairs) {
                 out[a] = plus(out[a], *w, step[b]);
@@ -109,9 +104,9 @@ impl RunSweep {
 
     /// Writes the derivatives of the Lagrangian's model at the last expanded step, but for the defects'
     /// part, into `right`; returns the part of `dᵀHd`.
-    pub fn step_gradient<D: Dynamics, C: ParameterConstraints>(
+    pub fn step_gradient(
         &mut self,
-        at: Place<'_, D, C>,
+        at: Place<'_>,
         kind: Hessian,
         (dtheta, eta): (&[f64], &[f64]),
     ) -> f64 {
@@ -138,9 +133,9 @@ impl RunSweep {
 }
 
 /// [`RunSweep::differentiate`], given the states of combinations.
-struct Differentiate<'a, D, C> {
+struct Differentiate<'a> {
     own: &'a mut RunSweep,
-    at: Place<'a, D, C>,
+    at: Place<'a>,
     z: &'a [f64],
     values: &'a PointValues,
     eta: &'a [f64],
@@ -148,7 +143,7 @@ struct Differentiate<'a, D, C> {
     lagrangian: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Task for Differentiate<'_, D, C> {
+impl Task for Differentiate<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -166,54 +161,47 @@ impl<D: Dynamics, C: ParameterConstraints> Task for Differentiate<'_, D, C> {
         let (n, p, grid) = (own.n, own.p, &grids[at.j]);
         let v = at.problem.coefficients(z, at.j);
         let nested = grid.has_nested();
-        let mut derivatives = model.derivatives(at.problem.theta(z), exact);
+        let mut derivatives = model.derivatives(at.problem.theta(z));
         own.theta_lagrangian.fill(0.0);
-        let mut weights = [[0.0; LANES]; MAX_SIZE];
-        let (mut outputs, mut full) = (ZERO, ZERO);
+        let mut weights = vec![[0.0; LANES]; n];
+        let mut factors = vec![[0.0; LANES]; model.n_outputs()];
+        let (mut outputs, mut full) = (zeros(own), zeros(own));
         for points in Points::all(grid).rev() {
             let x = points.members.map(|i| values.states(grid, v, i, n));
             let input = points.members.map(|i| at.problem.inputs_at(at.j, i));
-            let (measured, _) = derivatives.evaluate(x, input);
-            let pull = own.take_residuals(at, &points, measured);
-            let push = points.of_samples(eta);
-            outputs[..n + p].fill([0.0; LANES]);
-            for (output, factor) in [(Output::Measured, pull), (Output::Bounded, push)] {
-                let gradient = own.gradients[output as usize].group_mut(points.number);
-                derivatives.gradient(output, gradient);
-                add_at(model.columns(output), factor, gradient, &mut outputs);
+            derivatives.evaluate(x, input, &mut factors);
+            own.weigh(at, &points, eta, &mut factors);
+            outputs.fill([0.0; LANES]);
+            for (k, factor) in factors.iter().enumerate() {
+                let gradient = own.gradients[k].group_mut(points.number);
+                derivatives.gradient(k, gradient);
+                add_at(model.columns(k), *factor, gradient, &mut outputs);
             }
             let jacobian = own.jacobian.group_mut(points.number);
             derivatives.jacobian(jacobian);
             for lanes in points.turns(nested) {
-                side_by_side(
-                    points.members.map(|i| &own.omega[i * n..]),
-                    &mut weights[..n],
-                );
-                full[..n + p].copy_from_slice(&outputs[..n + p]);
-                derivatives.pull_back(jacobian, &weights[..n], &mut full);
+                side_by_side(points.members.map(|i| &own.omega[i * n..]), &mut weights);
+                full.copy_from_slice(&outputs);
+                derivatives.pull_back(jacobian, &weights, &mut full);
                 points.add_parameters(lanes.clone(), &full[n..n + p], &mut own.theta_lagrangian);
                 points.distribute(lanes, &full[..n], lagrangian, &mut own.omega);
             }
             if exact {
-                let weights = Weights {
-                    f: &weights[..n],
-                    measured: pull,
-                    bounded: push,
-                };
-                derivatives.second_order(weights, own.second.group_mut(points.number));
+                let second = own.second.group_mut(points.number);
+                derivatives.second_order(&weights, &factors, second);
             }
         }
     }
 }
 
 /// [`RunSweep::objective_gradient`], added to zeros.
-struct ObjectiveGradient<'a, D, C> {
+struct ObjectiveGradient<'a> {
     own: &'a mut RunSweep,
-    at: Place<'a, D, C>,
+    at: Place<'a>,
     out: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Task for ObjectiveGradient<'_, D, C> {
+impl Task for ObjectiveGradient<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -221,22 +209,22 @@ impl<D: Dynamics, C: ParameterConstraints> Task for ObjectiveGradient<'_, D, C> 
         let Self { own, at, out } = self;
         let Collocation { model, grids, .. } = at.problem;
         let (n, p, grid) = (own.n, own.p, &grids[at.j]);
-        let columns = model.columns(Output::Measured);
         let nested = grid.has_nested();
         if nested {
             own.omega.fill(0.0);
         }
-        let (mut outputs, mut full) = (ZERO, ZERO);
+        let (mut outputs, mut full) = (zeros(own), zeros(own));
         for points in Points::all(grid).rev() {
-            let pull = times(
-                own.weight.group(points.number)[0],
-                own.residual.group(points.number)[0],
-            );
-            let gradient = own.gradients[Output::Measured as usize].group(points.number);
-            outputs[..n + p].fill([0.0; LANES]);
-            add_at(columns, pull.map(|v| -v), gradient, &mut outputs);
+            outputs.fill([0.0; LANES]);
+            let weights = own.weight.group(points.number).iter();
+            let weights = weights.zip(own.residual.group(points.number));
+            for (k, (weight, residual)) in weights.enumerate() {
+                let gradient = own.gradients[k].group(points.number);
+                let pull = times(*weight, *residual).map(|v| -v);
+                add_at(model.columns(k), pull, gradient, &mut outputs);
+            }
             for lanes in points.turns(nested) {
-                full[..n + p].copy_from_slice(&outputs[..n + p]);
+                full.copy_from_slice(&outputs);
                 if nested {
                     own.pull_back(&points, &model.entries, &mut full);
                 }
@@ -248,16 +236,16 @@ impl<D: Dynamics, C: ParameterConstraints> Task for ObjectiveGradient<'_, D, C> 
 }
 
 /// [`RunSweep::step_gradient`], added to zeros.
-struct StepGradient<'a, D, C> {
+struct StepGradient<'a> {
     own: &'a mut RunSweep,
-    at: Place<'a, D, C>,
+    at: Place<'a>,
     kind: Hessian,
     dtheta: &'a [f64],
     eta: &'a [f64],
     right: &'a mut [f64],
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Task for StepGradient<'_, D, C> {
+impl Task for StepGradient<'_> {
     type Output = f64;
 
     #[inline(always)]
@@ -272,33 +260,36 @@ impl<D: Dynamics, C: ParameterConstraints> Task for StepGradient<'_, D, C> {
         } = self;
         let Collocation { model, grids, .. } = at.problem;
         let (n, p, grid) = (own.n, own.p, &grids[at.j]);
-        let [measured, bounded] = [Output::Measured, Output::Bounded];
+        let (measured, samples) = (at.problem.measured, at.problem.layout.runs[at.j].samples);
         let nested = grid.has_nested();
-        let mut step = ZERO;
+        let mut step = zeros(own);
         let parameters = step[n..n + p].iter_mut().zip(dtheta);
         parameters.for_each(|(out, v)| *out = [*v; LANES]);
-        let (mut outputs, mut full) = (ZERO, ZERO);
+        let (mut outputs, mut full) = (zeros(own), zeros(own));
         let mut curvature = [0.0; LANES];
         for points in Points::all(grid).rev() {
             points.states(&own.nodes.dx, &own.combined.dx, n, &mut step);
             own.model_gradient(model, points.number, kind, &step, &mut outputs);
             // The objective's gradient is among them, and no part of the Hessian.
-            let gradient = own.gradients[measured as usize].group(points.number);
-            let change = along(model.columns(measured), gradient, &step);
-            let pull = times(
-                own.weight.group(points.number)[0],
-                own.residual.group(points.number)[0],
-            );
-            let mut sum = times(pull, change);
+            let mut sum = [0.0; LANES];
+            let weights = own.weight.group(points.number).iter();
+            let weights = weights.zip(own.residual.group(points.number));
+            for (k, (weight, residual)) in weights.enumerate() {
+                let gradient = own.gradients[k].group(points.number);
+                let change = along(model.columns(k), gradient, &step);
+                sum = plus(sum, times(*weight, *residual), change);
+            }
             for (gradient, step) in outputs[..n + p].iter().zip(&step) {
                 sum = plus(sum, *gradient, *step);
             }
             let counting = curvature[..points.count].iter_mut().zip(sum);
             counting.for_each(|(curvature, sum)| *curvature += sum);
-            let push = points.of_samples(eta);
-            if push != [0.0; LANES] {
-                let gradient = own.gradients[bounded as usize].group(points.number);
-                add_at(model.columns(bounded), push, gradient, &mut outputs);
+            for (k, eta) in eta.chunks_exact(samples).enumerate() {
+                let push = points.of_samples(eta);
+                if push != [0.0; LANES] {
+                    let gradient = own.gradients[measured + k].group(points.number);
+                    add_at(model.columns(measured + k), push, gradient, &mut outputs);
+                }
             }
             for lanes in points.turns(nested) {
                 full[..n].copy_from_slice(&outputs[..n]);

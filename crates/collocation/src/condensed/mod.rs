@@ -25,13 +25,11 @@ mod stencils;
 mod sweep;
 
 use super::Collocation;
-use super::constraints::ParameterConstraints;
 use super::lanes::LANES;
 use super::parallel;
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
 use bundle::with_items;
-use pilotage_models::Dynamics;
 use pilotage_sqp::convex::ConvexSolution;
 use pilotage_sqp::iterate::violation;
 use pilotage_sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
@@ -68,8 +66,8 @@ pub struct Condensed {
     working: Vec<(RowAt, f64)>,
 }
 
-impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Condensed {
-    fn linearise(&mut self, problem: &Collocation<D, C>, at: &Iterate, exact: bool) {
+impl QpSolver<Collocation> for Condensed {
+    fn linearise(&mut self, problem: &Collocation, at: &Iterate, exact: bool) {
         self.prepare(problem);
         self.linearise_parameters(problem, at);
         self.g.clone_from(&at.g);
@@ -105,7 +103,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 
     fn solve(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         hessian: Hessian,
         damping: f64,
         step: &mut Step,
@@ -117,7 +115,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 
     fn correct(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         trial: &Iterate,
         d: &mut [f64],
     ) -> Result<(), QpFailure> {
@@ -129,7 +127,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
         Ok(())
     }
 
-    fn curvature(&mut self, problem: &Collocation<D, C>, at: &Iterate) -> Option<Curvature> {
+    fn curvature(&mut self, problem: &Collocation, at: &Iterate) -> Option<Curvature> {
         self.smallest_curvature(problem, at)
     }
 }
@@ -137,12 +135,7 @@ impl<D: Dynamics, C: ParameterConstraints> QpSolver<Collocation<D, C>> for Conde
 impl Condensed {
     /// Eliminates the states, with the values `c` of the equalities, and forms the reduced Hessians. False when
     /// an element is singular.
-    fn sweep<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        c: &[f64],
-        exact: bool,
-    ) -> bool {
+    fn sweep(&mut self, problem: &Collocation, c: &[f64], exact: bool) -> bool {
         // Two runs at once, but no thread without work.
         let threads = rayon::current_num_threads();
         let size = if threads == 1 || self.runs.len() > 4 * threads {
@@ -207,9 +200,9 @@ impl Condensed {
     }
 
     /// Step and active inequalities.
-    fn solve_reduced<D: Dynamics, C: ParameterConstraints>(
+    fn solve_reduced(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         hessian: Hessian,
         damping: f64,
         step: &mut Step,
@@ -267,7 +260,7 @@ impl Condensed {
     }
 
     /// Allocates the workspace at the first use.
-    fn prepare<D: Dynamics, C: ParameterConstraints>(&mut self, problem: &Collocation<D, C>) {
+    fn prepare(&mut self, problem: &Collocation) {
         let variables = problem.layout.theta + problem.n_parameters();
         if self.runs.len() != problem.runs.len() || self.gradient.len() != variables {
             self.runs = (0..problem.runs.len())
@@ -284,11 +277,7 @@ impl Condensed {
     }
 
     /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
-    fn linearise_parameters<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        at: &Iterate,
-    ) {
+    fn linearise_parameters(&mut self, problem: &Collocation, at: &Iterate) {
         let (p, theta) = (problem.n_parameters(), problem.theta(&at.z));
         let eta = &at.eta[problem.layout.parameter_constraints..];
         self.parameter_rows = vec![vec![0.0; p]; eta.len()];
@@ -319,24 +308,14 @@ impl Condensed {
     }
 
     /// Steps of all unknowns from the reduced variables, with this multiple of the offsets.
-    fn expand<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        rho: &[f64],
-        offsets: f64,
-    ) {
+    fn expand(&mut self, problem: &Collocation, rho: &[f64], offsets: f64) {
         let mut work = self.with_local(rho, problem.n_parameters());
         parallel::each(&mut work, |_, (run, local)| run.expand(local, offsets));
     }
 
     /// The inequalities beside `rows` that a step in the reduced variables violates: of each stretch of
-    /// samples of a run that lie outside, the worst.
-    fn violated<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        rho: &[f64],
-        rows: &[Row],
-    ) -> Vec<RowAt> {
+    /// samples at which a bounded output of a run lies outside, the worst.
+    fn violated(&mut self, problem: &Collocation, rho: &[f64], rows: &[Row]) -> Vec<RowAt> {
         let p = problem.n_parameters();
         let (lower, upper) = problem.limits();
         let g = std::mem::take(&mut self.g);
@@ -350,16 +329,16 @@ impl Condensed {
             for (k, change) in run.bounded_changes(local).iter().enumerate() {
                 let value = g[at.g + k] + change;
                 let excess = violation(value, lower[at.g + k], upper[at.g + k]);
-                let row = RowAt::Bounded { run: j, sample: k };
+                let row = RowAt::Bounded { run: j, row: k };
                 let new = || !known.contains(&row);
                 if excess > ROW_TOLERANCE && excess > worst.0 && new() {
                     worst = (excess, k);
                 }
-                let ends = excess <= ROW_TOLERANCE || k + 1 == at.samples;
+                let ends = excess <= ROW_TOLERANCE || (k + 1).is_multiple_of(at.samples);
                 if ends && worst.0 > 0.0 {
                     outside.push(RowAt::Bounded {
                         run: j,
-                        sample: worst.1,
+                        row: worst.1,
                     });
                     worst = (0.0, 0);
                 }
@@ -379,10 +358,7 @@ impl Condensed {
     }
 
     /// The active inequalities of the last QP over the reduced variables.
-    fn working_rows<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        problem: &Collocation<D, C>,
-    ) -> Vec<Row> {
+    fn working_rows(&self, problem: &Collocation) -> Vec<Row> {
         let (lower, upper) = problem.limits();
         let places = self.working.iter();
         places
@@ -391,13 +367,7 @@ impl Condensed {
     }
 
     /// One inequality over the reduced variables.
-    fn row<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        problem: &Collocation<D, C>,
-        at: RowAt,
-        lower: &[f64],
-        upper: &[f64],
-    ) -> Row {
+    fn row(&self, problem: &Collocation, at: RowAt, lower: &[f64], upper: &[f64]) -> Row {
         let p = problem.n_parameters();
         let (index, entries, value) = match at {
             RowAt::Parameter(i) => {
@@ -405,10 +375,10 @@ impl Condensed {
                 let entries = self.parameter_rows[i].iter().copied().enumerate();
                 (index, entries.collect(), self.g[index])
             }
-            RowAt::Bounded { run: j, sample } => {
-                let index = problem.layout.runs[j].g + sample;
+            RowAt::Bounded { run: j, row } => {
+                let index = problem.layout.runs[j].g + row;
                 let run = &self.runs[j];
-                let (local, offset) = run.bounded_row(sample);
+                let (local, offset) = run.bounded_row(row);
                 let first = p + self.runs[..j].iter().map(|r| r.free.len()).sum::<usize>();
                 let column = |i: usize| if i < p { i } else { first + i - p };
                 let entries = local.iter().enumerate().map(|(i, v)| (column(i), *v));
@@ -426,9 +396,9 @@ impl Condensed {
 
     /// The full step from the reduced solution and the expanded unknowns, with the inequalities'
     /// multipliers.
-    fn write_primal<D: Dynamics, C: ParameterConstraints>(
+    fn write_primal(
         &self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         rows: &[Row],
         solution: &ConvexSolution,
         step: &mut Step,
@@ -450,9 +420,9 @@ impl Condensed {
     }
 
     /// Multipliers of the equalities, and curvature, that go with it.
-    fn write_dual<D: Dynamics, C: ParameterConstraints>(
+    fn write_dual(
         &mut self,
-        problem: &Collocation<D, C>,
+        problem: &Collocation,
         hessian: Hessian,
         damping: f64,
         step: &mut Step,

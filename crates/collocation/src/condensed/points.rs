@@ -1,15 +1,17 @@
 //! A run's points, a group of them at once.
 
+use super::run::RunSweep;
 use crate::grid::{Combination, Grid, PointState};
 use crate::lanes::{self, LANES, Lanes, plus, side_by_side};
-use crate::node::MAX_SIZE;
 use std::ops::Range;
 
 /// Gradients over `[x̄; θ̄]`, or steps, at a group of points.
-pub(super) type Gradients = [Lanes; 2 * MAX_SIZE];
+pub(super) type Gradients = Vec<Lanes>;
 
-/// Gradients that are zero.
-pub(super) const ZERO: Gradients = [[0.0; LANES]; 2 * MAX_SIZE];
+/// Gradients that are zero, over `[x̄; θ̄]`.
+pub(super) fn zeros(own: &RunSweep) -> Gradients {
+    vec![[0.0; LANES]; own.n + own.p]
+}
 
 /// A group of points.
 #[derive(Debug, Clone, Copy)]
@@ -52,7 +54,7 @@ impl<'a> Points<'a> {
         own.filter_map(|(lane, i)| Some((lane, self.grid.points[*i].sample? as usize)))
     }
 
-    /// What stands at the points' samples; zero where there is none.
+    /// What stands at the points' samples in a list with a number for each sample; zero where there is none.
     #[inline(always)]
     pub fn of_samples(&self, values: &[f64]) -> Lanes {
         let mut out = [0.0; LANES];
@@ -62,7 +64,7 @@ impl<'a> Points<'a> {
 
     /// States of the points, from those of the unknowns and of the combinations.
     #[inline(always)]
-    pub fn states(&self, nodes: &[f64], combined: &[f64], n: usize, out: &mut Gradients) {
+    pub fn states(&self, nodes: &[f64], combined: &[f64], n: usize, out: &mut [Lanes]) {
         let rows = self
             .members
             .map(|i| self.grid.points[i].state.of(nodes, combined, n));
@@ -134,7 +136,7 @@ fn add(factor: f64, gradients: &[Lanes], lane: usize, out: &mut [f64]) {
 
 /// `out += factor gradient` for an output's gradient at these columns.
 #[inline(always)]
-pub(super) fn add_at(columns: &[usize], factor: Lanes, gradient: &[Lanes], out: &mut Gradients) {
+pub(super) fn add_at(columns: &[usize], factor: Lanes, gradient: &[Lanes], out: &mut [Lanes]) {
     for (value, &c) in gradient.iter().zip(columns) {
         out[c] = plus(out[c], factor, *value);
     }
@@ -142,7 +144,7 @@ pub(super) fn add_at(columns: &[usize], factor: Lanes, gradient: &[Lanes], out: 
 
 /// Product of an output's gradient at these columns and a step.
 #[inline(always)]
-pub(super) fn along(columns: &[usize], gradient: &[Lanes], step: &Gradients) -> Lanes {
+pub(super) fn along(columns: &[usize], gradient: &[Lanes], step: &[Lanes]) -> Lanes {
     let own = gradient.iter().zip(columns);
     own.fold([0.0; LANES], |sum, (value, &c)| plus(sum, *value, step[c]))
 }

@@ -4,10 +4,7 @@
 use super::dense::axpy;
 use super::points::Points;
 use super::run::{Place, RunSweep};
-use crate::constraints::ParameterConstraints;
 use crate::lanes::{self, Kernel, LANES, Lanes};
-use crate::node::Output;
-use pilotage_models::Dynamics;
 
 /// A quadratic model over a run's reduced variables.
 #[derive(Debug, Clone, Default)]
@@ -20,12 +17,8 @@ pub struct Reduced {
 
 impl RunSweep {
     /// The model with `δ[Y; θ] = Z ρ + [e; 0]`: of Gauss–Newton, and, if wanted, of the exact Hessian.
-    /// Forms the rows of the bounded signal, too.
-    pub fn reduce<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        exact: bool,
-    ) -> [Reduced; 2] {
+    /// Forms the rows of the bounded outputs, too.
+    pub fn reduce(&mut self, at: Place<'_>, exact: bool) -> [Reduced; 2] {
         let w = self.w;
         lanes::run(
             w,
@@ -38,14 +31,10 @@ impl RunSweep {
     }
 
     #[inline(always)]
-    fn reduced<D: Dynamics, C: ParameterConstraints, const W: usize>(
-        &mut self,
-        at: Place<'_, D, C>,
-        exact: bool,
-    ) -> [Reduced; 2] {
+    fn reduced<const W: usize>(&mut self, at: Place<'_>, exact: bool) -> [Reduced; 2] {
         let (p, r, model) = (self.p, self.r(), &at.problem.model);
         let grid = &at.problem.grids[at.j];
-        let [measured, bounded] = [Output::Measured, Output::Bounded].map(|o| model.columns(o));
+        let (measured, samples) = (at.problem.measured, at.problem.layout.runs[at.j].samples);
         let pairs = Pairs::of(&model.pairs, self.n);
         // Halves of the symmetric sums, over the reduced variables and 1, whose row of `S` are the offsets;
         // their transposes are added at the end.
@@ -57,21 +46,27 @@ impl RunSweep {
             let s = points
                 .states_of()
                 .map(|state| self.s_of(state).as_chunks::<W>().0);
-            let gradient = self.gradients[Output::Bounded as usize].group(group);
-            for (lane, k) in points.samples() {
-                let row = project(gradient, lane, bounded, s[lane], p);
-                rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
+            for (bounded, own) in self.gradients[measured..].iter().enumerate() {
+                let (gradient, columns) = (own.group(group), model.columns(measured + bounded));
+                for (lane, sample) in points.samples() {
+                    let row = project(gradient, lane, columns, s[lane], p);
+                    let k = bounded * samples + sample;
+                    rows.s[k * W..(k + 1) * W].copy_from_slice(&row);
+                }
             }
-            let (weight, residual) = (self.weight.group(group)[0], self.residual.group(group)[0]);
-            let gradient = self.gradients[Output::Measured as usize].group(group);
-            let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
-            for lane in 0..points.count {
-                let row = project(gradient, lane, measured, s[lane], p);
-                add(-weight[lane] * residual[lane], &row, &mut slope);
-                (factors[lane], along[lane]) = (row, [0.0; W]);
-                add(0.5 * weight[lane], &row, &mut along[lane]);
+            for (output, own) in self.gradients[..measured].iter().enumerate() {
+                let (gradient, columns) = (own.group(group), model.columns(output));
+                let weight = self.weight.group(group)[output];
+                let residual = self.residual.group(group)[output];
+                let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
+                for lane in 0..points.count {
+                    let row = project(gradient, lane, columns, s[lane], p);
+                    add(-weight[lane] * residual[lane], &row, &mut slope);
+                    (factors[lane], along[lane]) = (row, [0.0; W]);
+                    add(0.5 * weight[lane], &row, &mut along[lane]);
+                }
+                add_products(&factors, &along, r, &mut squares);
             }
-            add_products(&factors, &along, r, &mut squares);
             if exact {
                 pairs.add(self.second.group(group), &s, points.count, r, &mut curved);
             }
@@ -88,18 +83,18 @@ impl RunSweep {
     }
 }
 
-struct Reduce<'a, D, C> {
+struct Reduce<'a> {
     own: &'a mut RunSweep,
-    at: Place<'a, D, C>,
+    at: Place<'a>,
     exact: bool,
 }
 
-impl<D: Dynamics, C: ParameterConstraints> Kernel for Reduce<'_, D, C> {
+impl Kernel for Reduce<'_> {
     type Output = [Reduced; 2];
 
     #[inline(always)]
     fn run<const W: usize>(self) -> Self::Output {
-        self.own.reduced::<D, C, W>(self.at, self.exact)
+        self.own.reduced::<W>(self.at, self.exact)
     }
 }
 

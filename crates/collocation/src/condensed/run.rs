@@ -4,10 +4,8 @@ use super::dense::axpy;
 use super::sparse_lu::Symbolic;
 use super::sweep::Span;
 use crate::Collocation;
-use crate::constraints::ParameterConstraints;
 use crate::grid::{Grid, PointState};
 use crate::lanes::{self, Grouped, Kernel, LANES, Lanes, Task, width};
-use pilotage_models::Dynamics;
 use pilotage_sqp::Iterate;
 use std::collections::BTreeMap;
 
@@ -25,9 +23,9 @@ pub struct RunSweep {
     pub free: Vec<usize>,
     /// Jacobian entries at all points.
     pub(super) jacobian: Grouped,
-    /// Gradients of the measured output and of the bounded signal at all points, at their columns.
-    pub(super) gradients: [Grouped; 2],
-    /// Recorded minus modelled output at the points, and `2 w`; both zero where none is recorded.
+    /// Gradients of the outputs at all points, at their columns.
+    pub(super) gradients: Vec<Grouped>,
+    /// Recorded minus modelled outputs at the points, and `2 w`; both zero where none is recorded.
     pub(super) residual: Grouped,
     pub(super) weight: Grouped,
     /// Second derivatives at all points.
@@ -35,7 +33,7 @@ pub struct RunSweep {
     /// Rows `S` and steps of the unknowns, and of the points that are combinations.
     pub(super) nodes: Rows,
     pub(super) combined: Rows,
-    /// The bounded signal at the samples.
+    /// The bounded outputs at the samples.
     pub(super) bounded: Rows,
     /// Groups of elements, their factors, `K_0` and `B`, and the elements factored in an order of their own.
     pub(super) spans: Vec<Span>,
@@ -82,30 +80,30 @@ impl Rows {
 
 /// What a run's linearisation reads besides the problem and the iterate.
 #[derive(Debug)]
-pub struct Place<'a, D, C> {
+pub struct Place<'a> {
     /// The problem.
-    pub problem: &'a Collocation<D, C>,
+    pub problem: &'a Collocation,
     /// Number of the run.
     pub j: usize,
 }
 
-impl<D, C> Clone for Place<'_, D, C> {
+impl Clone for Place<'_> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<D, C> Copy for Place<'_, D, C> {}
+impl Copy for Place<'_> {}
 
 impl RunSweep {
     /// Workspace for run `j`.
-    pub fn new<D: Dynamics, C: ParameterConstraints>(
-        problem: &Collocation<D, C>,
-        j: usize,
-    ) -> Self {
+    pub fn new(problem: &Collocation, j: usize) -> Self {
         let (n, p, model) = (problem.n_states(), problem.n_parameters(), &problem.model);
         let (run, grid) = (&problem.runs[j], &problem.grids[j]);
-        let (samples, points) = (run.time.len(), grid.points.len());
+        let (rows, points) = (
+            problem.layout.runs[j].inequalities().len(),
+            grid.points.len(),
+        );
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
         let w = width(p + free.len() + 1);
         let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
@@ -115,13 +113,15 @@ impl RunSweep {
             p,
             w,
             jacobian: Grouped::zeros(points, model.entries.len()),
-            gradients: (model.outputs.each_ref()).map(|own| Grouped::zeros(points, own.len())),
-            residual: Grouped::zeros(points, 1),
-            weight: Grouped::zeros(points, 1),
+            gradients: (0..model.n_outputs())
+                .map(|k| Grouped::zeros(points, model.columns(k).len()))
+                .collect(),
+            residual: Grouped::zeros(points, problem.measured),
+            weight: Grouped::zeros(points, problem.measured),
             second: Grouped::zeros(points, model.pairs.len()),
             nodes: Rows::new(grid.nodes() * n, w),
             combined: Rows::new(grid.combinations * n, w),
-            bounded: Rows::new(samples, w),
+            bounded: Rows::new(rows, w),
             spans: Vec::new(),
             lu: Vec::new(),
             k0: Vec::new(),
@@ -148,9 +148,9 @@ impl RunSweep {
 
     /// Derivatives at every point; writes the run's parts of `∇f` and `∇L` into `gradient` and
     /// `lagrangian`, over the run's own variables.
-    pub fn linearise<D: Dynamics, C: ParameterConstraints>(
+    pub fn linearise(
         &mut self,
-        at: Place<'_, D, C>,
+        at: Place<'_>,
         iterate: &Iterate,
         exact: bool,
         gradient: &mut [f64],
@@ -166,12 +166,7 @@ impl RunSweep {
 
     /// Writes `Eᵀ λ` and the known states' multipliers into `out`, and the weights `-h Σ_r A_ri λ_r` of
     /// the points' derivatives into `omega`.
-    fn defects_transposed<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        lambda: &[f64],
-        out: &mut [f64],
-    ) {
+    fn defects_transposed(&mut self, at: Place<'_>, lambda: &[f64], out: &mut [f64]) {
         let (n, grid) = (self.n, &at.problem.grids[at.j]);
         out.fill(0.0);
         self.omega.fill(0.0);
@@ -195,15 +190,14 @@ impl RunSweep {
         state.of(&self.nodes.s, &self.combined.s, self.n * self.w)
     }
 
-    /// Row of the bounded signal at a sample: its coefficients over the reduced variables, and its
-    /// change by the offsets alone.
+    /// Row of an inequality: its coefficients over the reduced variables, and its change by the offsets alone.
     #[inline]
-    pub fn bounded_row(&self, sample: usize) -> (&[f64], f64) {
-        let row = &self.bounded.s[sample * self.w..][..=self.r()];
+    pub fn bounded_row(&self, row: usize) -> (&[f64], f64) {
+        let row = &self.bounded.s[row * self.w..][..=self.r()];
         (&row[..self.r()], row[self.r()])
     }
 
-    /// Writes the linear changes of the bounded signal at all samples for these reduced variables into
+    /// Writes the linear changes of the bounded outputs at all samples for these reduced variables into
     /// `bounded.dx`, and returns them.
     pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
         let padded = self.padded(rho, 1.0);

@@ -4,8 +4,6 @@ use super::bundle::Bundle;
 use super::run::RunSweep;
 use super::stencil::{Order, Shape, Stencil};
 use crate::Collocation;
-use crate::constraints::ParameterConstraints;
-use pilotage_models::Dynamics;
 use std::sync::Arc;
 
 /// The elements' operations and orders of elimination: one for each different tableau.
@@ -18,7 +16,7 @@ pub(crate) struct Stencils {
 
 impl Stencils {
     /// Finds the kinds of elements.
-    pub fn new<D: Dynamics, C: ParameterConstraints>(problem: &Collocation<D, C>) -> Self {
+    pub fn new(problem: &Collocation) -> Self {
         let shape = Shape {
             n: problem.n_states(),
             entries: &problem.model.entries,
@@ -48,12 +46,12 @@ impl Stencils {
 
     /// The runs in bundles of this size at most: neighbours with the same elements and the same number of
     /// free initial states.
-    pub fn bundles<'a, D, C>(
+    pub fn bundles<'a>(
         &'a self,
-        problem: &'a Collocation<D, C>,
+        problem: &'a Collocation,
         mut rest: &'a mut [RunSweep],
         size: usize,
-    ) -> Vec<Bundle<'a, D, C>> {
+    ) -> Vec<Bundle<'a>> {
         let mut bundles = Vec::new();
         let mut first = 0;
         while !rest.is_empty() {
@@ -75,11 +73,7 @@ impl Stencils {
 
     /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
     /// what its elements share. False when that element is singular.
-    pub fn order<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        problem: &Collocation<D, C>,
-        runs: &[RunSweep],
-    ) -> bool {
+    pub fn order(&mut self, problem: &Collocation, runs: &[RunSweep]) -> bool {
         let mut done = vec![false; self.kinds.len()];
         let mut points = Vec::new();
         for (j, run) in runs.iter().enumerate() {

@@ -5,10 +5,8 @@ use super::dense::axpy;
 use super::run::{Place, RunSweep};
 use super::stencil::{Group, Order, Stencil};
 use super::stencils::Stencils;
-use crate::constraints::ParameterConstraints;
 use crate::grid::{Grid, PointState};
 use crate::lanes::{self, Grouped, Kernel, LANES, Task};
-use pilotage_models::Dynamics;
 use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
@@ -27,11 +25,7 @@ pub struct Span {
 
 impl RunSweep {
     /// Forms and factors every element's matrices. False when an element is singular.
-    pub fn factor<D: Dynamics, C: ParameterConstraints>(
-        &mut self,
-        at: Place<'_, D, C>,
-        stencils: &Stencils,
-    ) -> bool {
+    pub fn factor(&mut self, at: Place<'_>, stencils: &Stencils) -> bool {
         let grid = &at.problem.grids[at.j];
         self.divide(grid, stencils, at.j);
         self.special.clear();
@@ -45,7 +39,7 @@ impl RunSweep {
 
     /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when
     /// something is not finite.
-    pub fn complete<D: Dynamics, C: ParameterConstraints>(&mut self, at: Place<'_, D, C>) -> bool {
+    pub fn complete(&mut self, at: Place<'_>) -> bool {
         let (r, w) = (self.r(), self.w);
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
@@ -109,12 +103,7 @@ impl RunSweep {
 
     /// Rows of the points that are combinations, from those of the unknowns:
     /// `Σ p rows_k + Σ q (J_l rows_l + ∂f/∂θ)`.
-    fn combine<D: Dynamics, C: ParameterConstraints>(
-        &self,
-        at: Place<'_, D, C>,
-        nodes: &[f64],
-        out: &mut [f64],
-    ) {
+    fn combine(&self, at: Place<'_>, nodes: &[f64], out: &mut [f64]) {
         let (n, columns, grid) = (self.n, self.w, &at.problem.grids[at.j]);
         let (size, entries) = (n * columns, &at.problem.model.entries);
         for point in &grid.points {

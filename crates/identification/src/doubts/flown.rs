@@ -1,10 +1,10 @@
 //! What comes of the fitted pilot when the equations are solved without the optimiser.
 
 use super::{Doubt, Fit, Options, Trial};
+use crate::joint::Joint;
 use crate::simulate::{LONGEST, departure, simulate_from};
 use crate::statistics::{range, rms};
 use crate::{Objective, RunFit};
-use pilotage_models::Joint;
 use rayon::prelude::*;
 
 /// The mesh is too coarse when its solution is off by more than this part of the rms residual ...

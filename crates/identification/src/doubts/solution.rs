@@ -6,7 +6,6 @@ use crate::result::{AGREE, RunFit, StartReport};
 use crate::statistics::rms;
 use crate::{InitialState, Objective};
 use nalgebra::Complex;
-use pilotage_collocation::ParameterConstraints;
 use pilotage_models::Pilot;
 use pilotage_models::quadcopter::{N_STATES, STATE_NAMES};
 use std::f64::consts::PI;

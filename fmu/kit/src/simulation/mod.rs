@@ -210,7 +210,9 @@ impl<E: Equations> Simulation<E> {
                 Slot::State(state) => self.now.states[state],
                 Slot::Output(position) => {
                     if !computed {
-                        self.equations.output(self.at(), outputs);
+                        let at = self.at();
+                        self.equations.output(at, outputs);
+                        self.table.clip(outputs, at.p);
                         computed = true;
                     }
                     outputs[position]

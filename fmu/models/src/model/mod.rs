@@ -179,24 +179,12 @@ impl Equations for Model {
     /// Stick and error of the pilot; the quadcopter's outputs are states.
     fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
         if let Kind::Pilot(pilot) = self.kind {
-            let limit = at.p[pilot.n_parameters()];
-            y[0] = clipped(pilot.output(at.x, at.p), limit);
+            y[0] = pilot.output(at.x, at.p);
             y[1] = at.u[0] - at.u[1];
         }
     }
 
     fn is_linear(&self) -> bool {
         matches!(self.kind, Kind::Pilot(_))
-    }
-}
-
-/// `value` within ±`limit`.
-fn clipped<T: Scalar>(value: T, limit: T) -> T {
-    if value.re() > limit.re() {
-        limit
-    } else if value.re() < -limit.re() {
-        -limit
-    } else {
-        value
     }
 }

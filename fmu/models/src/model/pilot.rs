@@ -28,7 +28,9 @@ pub(super) fn table(order: usize) -> Table {
     for i in 0..2 * order {
         table = table.with(parameter(order, i));
     }
-    table = table.with(limit.range(Some(0.0), None));
+    table = table
+        .with(limit.range(Some(0.0), None))
+        .limited("stick", "stick_limit");
     for i in 0..order {
         table = table.state_with(state(order, i), 0.0);
     }

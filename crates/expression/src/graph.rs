@@ -1,0 +1,263 @@
+//! Expressions as a graph of operations: equal ones stand in it once, and what is constant is computed as it
+//! is built.
+
+use super::operation::{Function, Operation, Operator};
+use std::collections::HashMap;
+
+/// Largest whole exponent whose power becomes products.
+const LONGEST_CHAIN: f64 = 32.0;
+
+/// An expression: a place in a [`Graph`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Node(u32);
+
+impl Node {
+    /// Its place in the graph; arguments stand before what uses them.
+    #[inline]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Expressions over variables, which are counted from 0.
+///
+/// A product with the constant 0 is 0, whatever the other factor: derivatives become as sparse as they are.
+#[derive(Debug, Clone, Default)]
+pub struct Graph {
+    operations: Vec<Operation>,
+    known: HashMap<Operation, Node>,
+}
+
+impl Graph {
+    /// The operations, in an order in which they can be computed.
+    pub fn operations(&self) -> &[Operation] {
+        &self.operations
+    }
+
+    /// What a node computes.
+    pub fn operation(&self, node: Node) -> Operation {
+        self.operations[node.index()]
+    }
+
+    /// A number.
+    pub fn constant(&mut self, value: f64) -> Node {
+        self.insert(Operation::Constant(value.to_bits()))
+    }
+
+    /// A variable.
+    pub fn variable(&mut self, index: usize) -> Node {
+        self.insert(Operation::Variable(index as u32))
+    }
+
+    /// A variable that stands in the graph.
+    pub fn known_variable(&self, index: usize) -> Option<Node> {
+        self.known.get(&Operation::Variable(index as u32)).copied()
+    }
+
+    /// The number that a node is, if it is one.
+    pub fn value(&self, node: Node) -> Option<f64> {
+        match self.operation(node) {
+            Operation::Constant(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// True where a node is the number 0.
+    pub fn is_zero(&self, node: Node) -> bool {
+        self.value(node) == Some(0.0)
+    }
+
+    /// A function of an expression.
+    pub fn unary(&mut self, function: Function, a: Node) -> Node {
+        if let Some(value) = self.value(a) {
+            return self.constant(function.of(value));
+        }
+        match (function, self.negated(a)) {
+            (Function::Negate, Some(inner)) => inner,
+            _ => self.insert(Operation::Unary(function, a)),
+        }
+    }
+
+    /// Two expressions joined by an operator.
+    pub fn binary(&mut self, operator: Operator, a: Node, b: Node) -> Node {
+        let (left, right) = (self.value(a), self.value(b));
+        if let (Some(left), Some(right)) = (left, right) {
+            return self.constant(operator.of(left, right));
+        }
+        match (operator, left, right) {
+            (Operator::Add, Some(0.0), _) | (Operator::Multiply, Some(1.0), _) => b,
+            (Operator::Add | Operator::Subtract, _, Some(0.0)) => a,
+            (Operator::Multiply | Operator::Divide, _, Some(1.0)) => a,
+            (Operator::Multiply | Operator::Divide, Some(0.0), _) => self.constant(0.0),
+            (Operator::Multiply, _, Some(0.0)) => self.constant(0.0),
+            (Operator::Subtract, Some(0.0), _) | (Operator::Multiply, Some(-1.0), _) => {
+                self.negate(b)
+            }
+            (Operator::Multiply | Operator::Divide, _, Some(-1.0)) => self.negate(a),
+            (Operator::Power, _, Some(exponent)) => self.constant_power(a, exponent),
+            _ => self.signed(operator, a, b),
+        }
+    }
+
+    /// The second expression where the first is not 0, else the third.
+    pub fn select(&mut self, condition: Node, yes: Node, no: Node) -> Node {
+        match self.value(condition) {
+            Some(0.0) => no,
+            Some(_) => yes,
+            None if yes == no => yes,
+            None => self.insert(Operation::Select(condition, yes, no)),
+        }
+    }
+
+    /// `-a`.
+    pub fn negate(&mut self, a: Node) -> Node {
+        self.unary(Function::Negate, a)
+    }
+
+    /// `a + b`.
+    pub fn add(&mut self, a: Node, b: Node) -> Node {
+        self.binary(Operator::Add, a, b)
+    }
+
+    /// `a - b`.
+    pub fn subtract(&mut self, a: Node, b: Node) -> Node {
+        self.binary(Operator::Subtract, a, b)
+    }
+
+    /// `a b`.
+    pub fn multiply(&mut self, a: Node, b: Node) -> Node {
+        self.binary(Operator::Multiply, a, b)
+    }
+
+    /// `a / b`.
+    pub fn divide(&mut self, a: Node, b: Node) -> Node {
+        self.binary(Operator::Divide, a, b)
+    }
+
+    /// `factor a`.
+    pub fn scale(&mut self, factor: f64, a: Node) -> Node {
+        let factor = self.constant(factor);
+        self.multiply(factor, a)
+    }
+
+    /// Takes expressions over from another graph, whose variable `k` is `variables[k]` here.
+    ///
+    /// # Panics
+    /// Where an expression has a variable that is not in the list.
+    pub fn import(&mut self, from: &Self, expressions: &[Node], variables: &[Node]) -> Vec<Node> {
+        let needed = from.ancestors(expressions);
+        let mut here: Vec<Option<Node>> = vec![None; from.operations.len()];
+        for (k, operation) in from.operations.iter().enumerate() {
+            if needed[k] {
+                let of = |node: Node| here[node.index()].expect("arguments stand before");
+                here[k] = Some(match *operation {
+                    Operation::Constant(bits) => self.constant(f64::from_bits(bits)),
+                    Operation::Variable(index) => variables[index as usize],
+                    Operation::Unary(function, a) => self.unary(function, of(a)),
+                    Operation::Binary(operator, a, b) => self.binary(operator, of(a), of(b)),
+                    Operation::Select(c, a, b) => self.select(of(c), of(a), of(b)),
+                });
+            }
+        }
+        let of = |node: &Node| here[node.index()].expect("an ancestor of itself");
+        expressions.iter().map(of).collect()
+    }
+
+    /// Which nodes are needed for these, themselves among them.
+    pub fn ancestors(&self, of: &[Node]) -> Vec<bool> {
+        let mut needed = vec![false; self.operations.len()];
+        of.iter().for_each(|node| needed[node.index()] = true);
+        for k in (0..self.operations.len()).rev() {
+            if needed[k] {
+                let arguments = self.operations[k].arguments();
+                arguments.for_each(|node| needed[node.index()] = true);
+            }
+        }
+        needed
+    }
+
+    /// Which nodes depend on a variable that `is_meant`.
+    pub fn dependants(&self, is_meant: impl Fn(usize) -> bool) -> Vec<bool> {
+        let mut depends = vec![false; self.operations.len()];
+        for (k, operation) in self.operations.iter().enumerate() {
+            depends[k] = match operation {
+                Operation::Variable(index) => is_meant(*index as usize),
+                other => other.arguments().any(|node| depends[node.index()]),
+            };
+        }
+        depends
+    }
+
+    /// The expression whose opposite a node is.
+    fn negated(&self, node: Node) -> Option<Node> {
+        match self.operation(node) {
+            Operation::Unary(Function::Negate, inner) => Some(inner),
+            _ => None,
+        }
+    }
+
+    /// Moves signs out of sums, products and quotients.
+    fn signed(&mut self, operator: Operator, a: Node, b: Node) -> Node {
+        match (operator, self.negated(a), self.negated(b)) {
+            (Operator::Add, _, Some(b)) => self.binary(Operator::Subtract, a, b),
+            (Operator::Add, Some(a), _) => self.binary(Operator::Subtract, b, a),
+            (Operator::Subtract, _, Some(b)) => self.binary(Operator::Add, a, b),
+            (Operator::Subtract, Some(_), _) | (Operator::Subtract, ..) if a == b => {
+                self.constant(0.0)
+            }
+            (Operator::Multiply | Operator::Divide, Some(a), _) => {
+                let positive = self.binary(operator, a, b);
+                self.negate(positive)
+            }
+            (Operator::Multiply | Operator::Divide, _, Some(b)) => {
+                let positive = self.binary(operator, a, b);
+                self.negate(positive)
+            }
+            (Operator::Add | Operator::Multiply, ..) if b < a => {
+                self.insert(Operation::Binary(operator, b, a))
+            }
+            _ => self.insert(Operation::Binary(operator, a, b)),
+        }
+    }
+
+    /// A power whose exponent is a number: products where it is whole and small.
+    fn constant_power(&mut self, a: Node, exponent: f64) -> Node {
+        if exponent == 0.5 {
+            return self.unary(Function::Sqrt, a);
+        }
+        if exponent.fract() != 0.0 || exponent.abs() > LONGEST_CHAIN {
+            let exponent = self.constant(exponent);
+            return self.insert(Operation::Binary(Operator::Power, a, exponent));
+        }
+        let (mut left, mut square) = (exponent.abs() as u32, a);
+        let mut product = self.constant(1.0);
+        while left > 0 {
+            if left % 2 == 1 {
+                product = self.multiply(product, square);
+            }
+            left /= 2;
+            if left > 0 {
+                square = self.multiply(square, square);
+            }
+        }
+        match exponent < 0.0 {
+            true => self.unary(Function::Reciprocal, product),
+            false => product,
+        }
+    }
+
+    /// The node at a place.
+    pub(super) fn node(&self, place: usize) -> Node {
+        debug_assert!(place < self.operations.len());
+        Node(place as u32)
+    }
+
+    fn insert(&mut self, operation: Operation) -> Node {
+        let next = Node(self.operations.len() as u32);
+        let node = *self.known.entry(operation).or_insert(next);
+        if node == next {
+            self.operations.push(operation);
+        }
+        node
+    }
+}

@@ -1,0 +1,141 @@
+//! What a node of a graph computes.
+
+use super::graph::Node;
+use num_dual::DualNum;
+
+/// A node's operation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Operation {
+    /// The number with these bits.
+    Constant(u64),
+    /// The variable of that number.
+    Variable(u32),
+    /// A function of an expression.
+    Unary(Function, Node),
+    /// Two expressions joined.
+    Binary(Operator, Node, Node),
+    /// The second expression where the first is not 0, else the third.
+    Select(Node, Node, Node),
+}
+
+impl Operation {
+    /// The nodes that it takes.
+    pub fn arguments(self) -> impl Iterator<Item = Node> {
+        let all = match self {
+            Self::Constant(_) | Self::Variable(_) => [None; 3],
+            Self::Unary(_, a) => [Some(a), None, None],
+            Self::Binary(_, a, b) => [Some(a), Some(b), None],
+            Self::Select(a, b, c) => [Some(a), Some(b), Some(c)],
+        };
+        all.into_iter().flatten()
+    }
+}
+
+/// A function of one number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "they are called as mathematics calls them")]
+pub enum Function {
+    Negate,
+    Reciprocal,
+    Sqrt,
+    Cbrt,
+    Exp,
+    ExpM1,
+    Ln,
+    Ln1p,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Sinh,
+    Cosh,
+    Tanh,
+    Asinh,
+    Acosh,
+    Atanh,
+    Abs,
+    /// 1, 0 or -1.
+    Sign,
+}
+
+impl Function {
+    /// Its value.
+    pub fn of<T: DualNum<Primitive = f64> + Copy>(self, x: T) -> T {
+        match self {
+            Self::Negate => -x,
+            Self::Reciprocal => x.recip(),
+            Self::Sqrt => x.sqrt(),
+            Self::Cbrt => x.cbrt(),
+            Self::Exp => x.exp(),
+            Self::ExpM1 => x.exp_m1(),
+            Self::Ln => x.ln(),
+            Self::Ln1p => x.ln_1p(),
+            Self::Sin => x.sin(),
+            Self::Cos => x.cos(),
+            Self::Tan => x.tan(),
+            Self::Asin => x.asin(),
+            Self::Acos => x.acos(),
+            Self::Atan => x.atan(),
+            Self::Sinh => x.sinh(),
+            Self::Cosh => x.cosh(),
+            Self::Tanh => x.tanh(),
+            Self::Asinh => x.asinh(),
+            Self::Acosh => x.acosh(),
+            Self::Atanh => x.atanh(),
+            Self::Abs => match x.re() < 0.0 {
+                true => -x,
+                false => x,
+            },
+            Self::Sign => T::from(sign(x.re())),
+        }
+    }
+}
+
+/// 1, 0 or -1; not a number where `x` is none.
+fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+/// What joins two numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "they are called as mathematics calls them")]
+pub enum Operator {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    /// The first to the power of the second.
+    Power,
+    /// The angle of the point whose ordinate is the first, and the abscissa the second.
+    Atan2,
+    /// 1 where the first is less than the second, else 0.
+    Less,
+    /// What is left of the first by the second, with the sign of the first.
+    Remainder,
+}
+
+impl Operator {
+    /// Its value.
+    pub fn of<T: DualNum<Primitive = f64> + Copy>(self, a: T, b: T) -> T {
+        match self {
+            Self::Add => a + b,
+            Self::Subtract => a - b,
+            Self::Multiply => a * b,
+            Self::Divide => a / b,
+            Self::Power => power(a, b),
+            Self::Atan2 => a.atan2(b),
+            Self::Less => T::from(f64::from(a.re() < b.re())),
+            Self::Remainder => a - b * T::from((a.re() / b.re()).trunc()),
+        }
+    }
+}
+
+/// `aᵇ`, with the derivatives that there are where `a` is negative and `b` a constant.
+fn power<T: DualNum<Primitive = f64> + Copy>(a: T, b: T) -> T {
+    if b == T::from(b.re()) {
+        return a.powf(b.re());
+    }
+    a.powd(b)
+}

@@ -1,0 +1,88 @@
+//! A model as expressions: what is fitted, linearised and simulated.
+
+use super::graph::{Graph, Node};
+use super::trace::{Obstacle, Traced, trace};
+
+/// A system `ẋ = f(t, x, u; p)` with some outputs `y = h(t, x, u; p)`, as an expression graph.
+///
+/// Its variables are counted in the order time, states, inputs, parameters; all of them stand in the graph.
+#[derive(Debug, Clone)]
+pub struct System {
+    /// The expressions.
+    pub graph: Graph,
+    /// Number of states.
+    pub states: usize,
+    /// Number of inputs.
+    pub inputs: usize,
+    /// Number of parameters.
+    pub parameters: usize,
+    /// Derivative of each state.
+    pub derivatives: Vec<Node>,
+    /// The outputs.
+    pub outputs: Vec<Node>,
+}
+
+/// Where equations in generic Rust are evaluated.
+#[derive(Debug, Clone, Copy)]
+pub struct Point<'a> {
+    /// Time.
+    pub time: Traced,
+    /// The states.
+    pub x: &'a [Traced],
+    /// The inputs.
+    pub u: &'a [Traced],
+    /// The parameters.
+    pub p: &'a [Traced],
+}
+
+impl System {
+    /// The system of equations that return the states' derivatives and the outputs.
+    ///
+    /// # Errors
+    /// Where the equations do what no graph says.
+    ///
+    /// # Panics
+    /// When they do not return as many derivatives as there are states.
+    pub fn trace(
+        [states, inputs, parameters]: [usize; 3],
+        equations: impl FnOnce(Point<'_>) -> [Vec<Traced>; 2],
+    ) -> Result<Self, Obstacle> {
+        let (graph, mut derivatives) = trace(1 + states + inputs + parameters, |all| {
+            let (x, rest) = all[1..].split_at(states);
+            let (u, p) = rest.split_at(inputs);
+            let time = all[0];
+            let [dx, y] = equations(Point { time, x, u, p });
+            assert_eq!(dx.len(), states, "a derivative for each state");
+            [dx, y].concat()
+        })?;
+        let outputs = derivatives.split_off(states);
+        Ok(Self {
+            graph,
+            states,
+            inputs,
+            parameters,
+            derivatives,
+            outputs,
+        })
+    }
+
+    /// Number of variables.
+    pub fn variables(&self) -> usize {
+        1 + self.states + self.inputs + self.parameters
+    }
+
+    /// The variable of a state.
+    pub fn state(&self, k: usize) -> usize {
+        1 + k
+    }
+
+    /// The variable of an input.
+    pub fn input(&self, k: usize) -> usize {
+        1 + self.states + k
+    }
+
+    /// The variable of a parameter.
+    pub fn parameter(&self, k: usize) -> usize {
+        1 + self.states + self.inputs + k
+    }
+}

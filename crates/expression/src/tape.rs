@@ -1,0 +1,338 @@
+//! Expressions as a list of instructions, computed at many points at once.
+
+use super::graph::{Graph, Node};
+use super::operation::{Function, Operation, Operator};
+use num_dual::DualNum;
+
+/// What one instruction does with the registers that it names. Sums of a product are one instruction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Code {
+    Function(Function),
+    Operator(Operator),
+    /// `a b + c`.
+    MultiplyAdd,
+    /// `a b - c`.
+    MultiplySubtract,
+    /// `c - a b`.
+    SubtractProduct,
+    /// `b` where `a` is not 0, else `c`.
+    Select,
+}
+
+/// An instruction; its result is the register after that of the one before.
+#[derive(Debug, Clone, Copy)]
+struct Instruction {
+    code: Code,
+    a: u32,
+    b: u32,
+    c: u32,
+}
+
+/// Instructions for some expressions, in stages.
+///
+/// Registers hold the variables, then the constants, then a result of each instruction. The first stage
+/// needs the variables that are known early and no others; stage `k` computes what the `k`-th list of
+/// expressions needs beyond.
+#[derive(Debug, Clone, Default)]
+pub struct Tape {
+    variables: usize,
+    constants: Vec<f64>,
+    instructions: Vec<Instruction>,
+    /// Number of instructions up to the end of each stage.
+    ends: Vec<usize>,
+    /// Registers of each list's expressions.
+    outputs: Vec<Vec<usize>>,
+    /// For each expression, whether it depends on early variables alone.
+    early: Vec<Vec<bool>>,
+}
+
+/// Registers of a tape at `B` points at once.
+#[derive(Debug, Clone)]
+pub struct Registers<const B: usize> {
+    values: Vec<[f64; B]>,
+}
+
+impl Tape {
+    /// The tape of lists of expressions over this number of variables, of which those that are `early` are known
+    /// before the others.
+    pub fn new(
+        graph: &Graph,
+        variables: usize,
+        is_early: impl Fn(usize) -> bool,
+        lists: &[&[Node]],
+    ) -> Self {
+        let late = graph.dependants(|index| !is_early(index));
+        let mut writer = Writer::new(graph, variables, lists);
+        let all: Vec<Node> = lists.concat();
+        let needed = graph.ancestors(&all);
+        writer.stage(|k| needed[k] && !late[k]);
+        for list in lists {
+            let needed = graph.ancestors(list);
+            writer.stage(|k| needed[k]);
+        }
+        let mut tape = writer.tape;
+        let register = |node: &Node| writer.registers[node.index()].expect("written") as usize;
+        let outputs = lists.iter().map(|list| list.iter().map(register).collect());
+        tape.outputs = outputs.collect();
+        let is_early = |node: &Node| !late[node.index()];
+        let early = lists.iter().map(|list| list.iter().map(is_early).collect());
+        tape.early = early.collect();
+        tape
+    }
+
+    /// Number of instructions.
+    pub fn len(&self) -> usize {
+        self.instructions.len()
+    }
+
+    /// True where there is nothing to compute.
+    pub fn is_empty(&self) -> bool {
+        self.instructions.is_empty()
+    }
+
+    /// For each expression of a list, whether it depends on early variables alone.
+    pub fn is_early(&self, list: usize) -> &[bool] {
+        &self.early[list]
+    }
+
+    /// Registers with the constants in place.
+    pub fn registers<const B: usize>(&self) -> Registers<B> {
+        let mut values = vec![[0.0; B]; self.variables];
+        values.extend(self.constants.iter().map(|value| [*value; B]));
+        values.resize(values.len() + self.instructions.len(), [0.0; B]);
+        Registers { values }
+    }
+
+    /// Registers of a list's expressions.
+    #[inline(always)]
+    pub fn outputs(&self, list: usize) -> &[usize] {
+        &self.outputs[list]
+    }
+
+    /// Runs a stage. To gain from vector instructions, it is inlined to where they are allowed.
+    #[inline(always)]
+    pub fn run<const B: usize>(&self, stage: usize, registers: &mut Registers<B>) {
+        let first = stage.checked_sub(1).map_or(0, |before| self.ends[before]);
+        let instructions = &self.instructions[first..self.ends[stage]];
+        let begin = self.variables + self.constants.len() + first;
+        for (instruction, at) in instructions.iter().zip(begin..) {
+            let (known, rest) = registers.values.split_at_mut(at);
+            step(*instruction, known, &mut rest[0]);
+        }
+    }
+
+    /// The expressions of all lists at one point, in any number type.
+    ///
+    /// # Panics
+    /// Where there are not as many variables as the tape has.
+    pub fn evaluate<T: DualNum<Primitive = f64> + Copy>(&self, variables: &[T]) -> Vec<T> {
+        assert_eq!(variables.len(), self.variables, "the tape's variables");
+        let mut values = Vec::with_capacity(self.variables + self.constants.len() + self.len());
+        values.extend_from_slice(variables);
+        values.extend(self.constants.iter().map(|value| T::from(*value)));
+        for instruction in &self.instructions {
+            values.push(number(*instruction, &values));
+        }
+        let outputs = self.outputs.iter().flatten();
+        outputs.map(|register| values[*register]).collect()
+    }
+}
+
+impl<const B: usize> Registers<B> {
+    /// Sets a variable.
+    #[inline(always)]
+    pub fn set(&mut self, variable: usize, value: [f64; B]) {
+        self.values[variable] = value;
+    }
+
+    /// What a register holds.
+    #[inline(always)]
+    pub fn get(&self, register: usize) -> [f64; B] {
+        self.values[register]
+    }
+}
+
+/// An instruction on numbers.
+fn number<T: DualNum<Primitive = f64> + Copy>(instruction: Instruction, values: &[T]) -> T {
+    let Instruction { code, a, b, c } = instruction;
+    let [a, b, c] = [a, b, c].map(|register| values[register as usize]);
+    match code {
+        Code::Function(function) => function.of(a),
+        Code::Operator(operator) => operator.of(a, b),
+        Code::MultiplyAdd => a * b + c,
+        Code::MultiplySubtract => a * b - c,
+        Code::SubtractProduct => c - a * b,
+        Code::Select if a.re() != 0.0 => b,
+        Code::Select => c,
+    }
+}
+
+/// An instruction at `B` points.
+#[inline(always)]
+fn step<const B: usize>(instruction: Instruction, known: &[[f64; B]], out: &mut [f64; B]) {
+    let Instruction { code, a, b, c } = instruction;
+    let of = |register: u32| &known[register as usize];
+    match code {
+        Code::Operator(Operator::Add) => two(of(a), of(b), out, |a, b| a + b),
+        Code::Operator(Operator::Subtract) => two(of(a), of(b), out, |a, b| a - b),
+        Code::Operator(Operator::Multiply) => two(of(a), of(b), out, |a, b| a * b),
+        Code::Operator(Operator::Divide) => two(of(a), of(b), out, |a, b| a / b),
+        Code::MultiplyAdd => three([of(a), of(b), of(c)], out, |a, b, c| a.mul_add(b, c)),
+        Code::MultiplySubtract => three([of(a), of(b), of(c)], out, |a, b, c| a.mul_add(b, -c)),
+        Code::SubtractProduct => three([of(a), of(b), of(c)], out, |a, b, c| (-a).mul_add(b, c)),
+        Code::Function(Function::Negate) => two(of(a), of(a), out, |a, _| -a),
+        Code::Function(Function::Reciprocal) => two(of(a), of(a), out, |a, _| a.recip()),
+        Code::Function(Function::Sqrt) => two(of(a), of(a), out, |a, _| a.sqrt()),
+        Code::Function(function) => apart(of(a), of(a), out, |a, _| function.of(a)),
+        Code::Operator(operator) => apart(of(a), of(b), out, |a, b| operator.of(a, b)),
+        Code::Select => three([of(a), of(b), of(c)], out, |a, b, c| match a != 0.0 {
+            true => b,
+            false => c,
+        }),
+    }
+}
+
+#[inline(always)]
+fn two<const B: usize>(
+    a: &[f64; B],
+    b: &[f64; B],
+    out: &mut [f64; B],
+    f: impl Fn(f64, f64) -> f64,
+) {
+    for l in 0..B {
+        out[l] = f(a[l], b[l]);
+    }
+}
+
+#[inline(always)]
+fn three<const B: usize>(
+    [a, b, c]: [&[f64; B]; 3],
+    out: &mut [f64; B],
+    f: impl Fn(f64, f64, f64) -> f64,
+) {
+    for l in 0..B {
+        out[l] = f(a[l], b[l], c[l]);
+    }
+}
+
+/// What is rare and long does not swell the loop over instructions.
+#[inline(never)]
+fn apart<const B: usize>(
+    a: &[f64; B],
+    b: &[f64; B],
+    out: &mut [f64; B],
+    f: impl Fn(f64, f64) -> f64,
+) {
+    two(a, b, out, f);
+}
+
+/// Writes a tape, stage by stage.
+struct Writer<'a> {
+    graph: &'a Graph,
+    /// How many nodes take each one, and lists.
+    uses: Vec<u32>,
+    registers: Vec<Option<u32>>,
+    tape: Tape,
+}
+
+impl<'a> Writer<'a> {
+    fn new(graph: &'a Graph, variables: usize, lists: &[&[Node]]) -> Self {
+        let all: Vec<Node> = lists.concat();
+        let needed = graph.ancestors(&all);
+        let mut uses = vec![0; needed.len()];
+        let operations = graph.operations().iter().zip(&needed);
+        let users = operations.filter(|(_, needed)| **needed);
+        let taken = users.flat_map(|(operation, _)| operation.arguments());
+        taken.chain(all).for_each(|node| uses[node.index()] += 1);
+        let mut writer = Self {
+            graph,
+            uses,
+            registers: vec![None; needed.len()],
+            tape: Tape {
+                variables,
+                ..Tape::default()
+            },
+        };
+        for (k, operation) in graph.operations().iter().enumerate() {
+            match operation {
+                Operation::Variable(index) => writer.registers[k] = Some(*index),
+                Operation::Constant(bits) if needed[k] => {
+                    let register = variables + writer.tape.constants.len();
+                    writer.registers[k] = Some(register as u32);
+                    writer.tape.constants.push(f64::from_bits(*bits));
+                }
+                _ => {}
+            }
+        }
+        writer
+    }
+
+    /// Adds the instructions of the wanted nodes that have none yet.
+    fn stage(&mut self, wanted: impl Fn(usize) -> bool) {
+        let open = |own: &Self, k: usize| wanted(k) && own.registers[k].is_none();
+        // Products that are part of a sum of the same stage.
+        let mut absorbed = vec![false; self.registers.len()];
+        for k in 0..absorbed.len() {
+            if open(self, k)
+                && let Some((product, _)) = self.fused(k, |node| open(self, node))
+            {
+                absorbed[product] = true;
+            }
+        }
+        for k in 0..absorbed.len() {
+            if open(self, k) && !absorbed[k] {
+                let instruction = match self.fused(k, |node| absorbed[node]) {
+                    Some((_, instruction)) => instruction,
+                    None => self.plain(k),
+                };
+                let base = self.tape.variables + self.tape.constants.len();
+                self.registers[k] = Some((base + self.tape.instructions.len()) as u32);
+                self.tape.instructions.push(instruction);
+            }
+        }
+        self.tape.ends.push(self.tape.instructions.len());
+    }
+
+    /// A sum or difference with a product that nothing else takes: the product's place, and the instruction for
+    /// both.
+    fn fused(&self, k: usize, may: impl Fn(usize) -> bool) -> Option<(usize, Instruction)> {
+        let Operation::Binary(operator, left, right) = self.graph.operations()[k] else {
+            return None;
+        };
+        let product = |node: Node| match self.graph.operation(node) {
+            Operation::Binary(Operator::Multiply, a, b)
+                if self.uses[node.index()] == 1 && may(node.index()) =>
+            {
+                Some((a, b))
+            }
+            _ => None,
+        };
+        let (code, place, (a, b), other) = match operator {
+            Operator::Add | Operator::Subtract if left == right => return None,
+            Operator::Add => match (product(left), product(right)) {
+                (Some(factors), _) => (Code::MultiplyAdd, left, factors, right),
+                (_, Some(factors)) => (Code::MultiplyAdd, right, factors, left),
+                _ => return None,
+            },
+            Operator::Subtract => match (product(left), product(right)) {
+                (_, Some(factors)) => (Code::SubtractProduct, right, factors, left),
+                (Some(factors), _) => (Code::MultiplySubtract, left, factors, right),
+                _ => return None,
+            },
+            _ => return None,
+        };
+        let [a, b, c] = [a, b, other].map(|node| self.registers[node.index()].unwrap_or_default());
+        Some((place.index(), Instruction { code, a, b, c }))
+    }
+
+    fn plain(&self, k: usize) -> Instruction {
+        let of = |node: Node| self.registers[node.index()].expect("arguments stand before");
+        let (code, a, b, c) = match self.graph.operations()[k] {
+            Operation::Unary(function, a) => (Code::Function(function), of(a), of(a), of(a)),
+            Operation::Binary(operator, a, b) => (Code::Operator(operator), of(a), of(b), of(a)),
+            Operation::Select(a, b, c) => (Code::Select, of(a), of(b), of(c)),
+            Operation::Constant(_) | Operation::Variable(_) => unreachable!("it has a register"),
+        };
+        Instruction { code, a, b, c }
+    }
+}

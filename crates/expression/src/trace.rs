@@ -1,0 +1,383 @@
+//! Equations in generic Rust, taken down as an expression graph.
+
+use super::graph::{Graph, Node};
+use super::operation::{Function, Operator};
+use num_dual::{DualNum, DualStruct, Mappable};
+use num_traits::{FromPrimitive, Inv, Num, One, Signed, Zero};
+use std::cell::RefCell;
+use std::cmp::Ordering;
+use std::fmt;
+use std::iter::{Product, Sum};
+use std::ops::{
+    Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign,
+};
+
+thread_local! {
+    static RECORDING: RefCell<Option<Recording>> = const { RefCell::new(None) };
+}
+
+struct Recording {
+    graph: Graph,
+    obstacle: Option<Obstacle>,
+}
+
+/// Why equations cannot be taken down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Obstacle {
+    /// They look at a number's value, to take one way or another.
+    #[error(
+        "the equations compare numbers: what they compute would hold on one side alone. Write it with abs(), \
+         signum(), or as smooth functions"
+    )]
+    Comparison,
+    /// They use a function that graphs do not have.
+    #[error("the equations use a spherical Bessel function, which cannot be taken down")]
+    Bessel,
+}
+
+/// A number that writes down what is computed with it, while [`trace`] runs.
+#[derive(Debug, Clone, Copy)]
+pub struct Traced(Node);
+
+/// Runs equations on variables, counted from 0, and takes them down: the graph, and the expressions that
+/// they return.
+///
+/// # Errors
+/// Where the equations do what no graph says.
+pub fn trace(
+    variables: usize,
+    equations: impl FnOnce(&[Traced]) -> Vec<Traced>,
+) -> Result<(Graph, Vec<Node>), Obstacle> {
+    let mut graph = Graph::default();
+    let variables: Vec<Traced> = (0..variables).map(|k| Traced(graph.variable(k))).collect();
+    let recording = Recording {
+        graph,
+        obstacle: None,
+    };
+    let before = RECORDING.replace(Some(recording));
+    let restore = Restore(before);
+    let found = equations(&variables);
+    let recording = RECORDING.take();
+    drop(restore);
+    let Recording { graph, obstacle } = recording.expect("set above");
+    match obstacle {
+        Some(obstacle) => Err(obstacle),
+        None => Ok((graph, found.into_iter().map(|own| own.0).collect())),
+    }
+}
+
+/// Puts back what was recorded before, after a panic of the equations too.
+struct Restore(Option<Recording>);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        RECORDING.set(self.0.take());
+    }
+}
+
+fn record<T>(act: impl FnOnce(&mut Recording) -> T) -> T {
+    RECORDING.with_borrow_mut(|recording| act(recording.as_mut().expect("inside `trace`")))
+}
+
+impl Traced {
+    fn unary(self, function: Function) -> Self {
+        Self(record(|own| own.graph.unary(function, self.0)))
+    }
+
+    fn binary(self, operator: Operator, other: Self) -> Self {
+        Self(record(|own| own.graph.binary(operator, self.0, other.0)))
+    }
+
+    /// Its value, where it is a number; what looks at others meets an obstacle.
+    fn known(self) -> f64 {
+        record(|own| {
+            let value = own.graph.value(self.0);
+            if value.is_none() {
+                own.obstacle.get_or_insert(Obstacle::Comparison);
+            }
+            value.unwrap_or(f64::NAN)
+        })
+    }
+
+    fn missing(self) -> Self {
+        record(|own| own.obstacle = own.obstacle.or(Some(Obstacle::Bessel)));
+        self
+    }
+}
+
+impl From<f64> for Traced {
+    fn from(value: f64) -> Self {
+        Self(record(|own| own.graph.constant(value)))
+    }
+}
+
+/// An operator between two of them, and between one and what it refers to or a number.
+macro_rules! operator {
+    ($name:ident $method:ident, $assign:ident $assign_method:ident, $operator:expr) => {
+        impl $name for Traced {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                self.binary($operator, other)
+            }
+        }
+
+        impl $name<&Self> for Traced {
+            type Output = Self;
+            fn $method(self, other: &Self) -> Self {
+                self.binary($operator, *other)
+            }
+        }
+
+        impl $name<f64> for Traced {
+            type Output = Self;
+            fn $method(self, other: f64) -> Self {
+                self.binary($operator, other.into())
+            }
+        }
+
+        impl $assign for Traced {
+            fn $assign_method(&mut self, other: Self) {
+                *self = self.binary($operator, other);
+            }
+        }
+
+        impl $assign<f64> for Traced {
+            fn $assign_method(&mut self, other: f64) {
+                *self = self.binary($operator, other.into());
+            }
+        }
+    };
+}
+
+operator!(Add add, AddAssign add_assign, Operator::Add);
+operator!(Sub sub, SubAssign sub_assign, Operator::Subtract);
+operator!(Mul mul, MulAssign mul_assign, Operator::Multiply);
+operator!(Div div, DivAssign div_assign, Operator::Divide);
+operator!(Rem rem, RemAssign rem_assign, Operator::Remainder);
+
+impl Neg for Traced {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.unary(Function::Negate)
+    }
+}
+
+impl Inv for Traced {
+    type Output = Self;
+    fn inv(self) -> Self {
+        self.unary(Function::Reciprocal)
+    }
+}
+
+impl Zero for Traced {
+    fn zero() -> Self {
+        Self::from(0.0)
+    }
+
+    fn is_zero(&self) -> bool {
+        self.known() == 0.0
+    }
+}
+
+impl One for Traced {
+    fn one() -> Self {
+        Self::from(1.0)
+    }
+}
+
+impl Num for Traced {
+    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
+
+    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
+        f64::from_str_radix(text, radix).map(Self::from)
+    }
+}
+
+impl Signed for Traced {
+    fn abs(&self) -> Self {
+        self.unary(Function::Abs)
+    }
+
+    fn abs_sub(&self, other: &Self) -> Self {
+        let difference = *self - *other;
+        (difference + difference.abs()) * 0.5
+    }
+
+    fn signum(&self) -> Self {
+        self.unary(Function::Sign)
+    }
+
+    fn is_positive(&self) -> bool {
+        self.known() > 0.0
+    }
+
+    fn is_negative(&self) -> bool {
+        self.known() < 0.0
+    }
+}
+
+impl Sum for Traced {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::zero(), |sum, own| sum + own)
+    }
+}
+
+impl<'a> Sum<&'a Self> for Traced {
+    fn sum<I: Iterator<Item = &'a Self>>(all: I) -> Self {
+        all.copied().sum()
+    }
+}
+
+impl Product for Traced {
+    fn product<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::one(), |product, own| product * own)
+    }
+}
+
+impl<'a> Product<&'a Self> for Traced {
+    fn product<I: Iterator<Item = &'a Self>>(all: I) -> Self {
+        all.copied().product()
+    }
+}
+
+impl PartialEq for Traced {
+    fn eq(&self, other: &Self) -> bool {
+        self.known() == other.known()
+    }
+}
+
+impl PartialEq<f64> for Traced {
+    fn eq(&self, other: &f64) -> bool {
+        self.known() == *other
+    }
+}
+
+impl PartialOrd for Traced {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        self.known().partial_cmp(&other.known())
+    }
+}
+
+impl PartialOrd<f64> for Traced {
+    fn partial_cmp(&self, other: &f64) -> Option<Ordering> {
+        self.known().partial_cmp(other)
+    }
+}
+
+impl FromPrimitive for Traced {
+    fn from_i64(n: i64) -> Option<Self> {
+        f64::from_i64(n).map(Self::from)
+    }
+
+    fn from_u64(n: u64) -> Option<Self> {
+        f64::from_u64(n).map(Self::from)
+    }
+
+    fn from_f64(n: f64) -> Option<Self> {
+        Some(Self::from(n))
+    }
+}
+
+impl fmt::Display for Traced {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "node {}", self.0.index())
+    }
+}
+
+impl DualStruct for Traced {
+    type Real = f64;
+    type Inner = f64;
+
+    fn re(&self) -> f64 {
+        self.known()
+    }
+
+    fn from_inner(inner: &f64) -> Self {
+        Self::from(*inner)
+    }
+}
+
+impl Mappable<Self> for Traced {
+    type Output<O> = O;
+
+    fn map_dual<G: Fn(Self) -> O, O>(self, g: G) -> O {
+        g(self)
+    }
+}
+
+/// Functions that graphs have.
+macro_rules! functions {
+    ($($name:ident $function:ident),*) => {$(
+        fn $name(&self) -> Self {
+            self.unary(Function::$function)
+        }
+    )*};
+}
+
+impl DualNum for Traced {
+    type Primitive = f64;
+    const NDERIV: usize = 0;
+    type InnerDual = f64;
+
+    functions! {
+        recip Reciprocal, sqrt Sqrt, cbrt Cbrt, exp Exp, exp_m1 ExpM1, ln Ln, ln_1p Ln1p, sin Sin, cos Cos,
+        tan Tan, asin Asin, acos Acos, atan Atan, sinh Sinh, cosh Cosh, tanh Tanh, asinh Asinh, acosh Acosh,
+        atanh Atanh
+    }
+
+    fn from_re(re: f64) -> Self {
+        Self::from(re)
+    }
+
+    fn scale(self, factor: &f64) -> Self {
+        self * *factor
+    }
+
+    fn powi(&self, n: i32) -> Self {
+        self.powf(f64::from(n))
+    }
+
+    fn powf(&self, n: f64) -> Self {
+        self.binary(Operator::Power, n.into())
+    }
+
+    fn powd(&self, exponent: Self) -> Self {
+        self.binary(Operator::Power, exponent)
+    }
+
+    fn exp2(&self) -> Self {
+        (*self * std::f64::consts::LN_2).exp()
+    }
+
+    fn log(&self, base: f64) -> Self {
+        self.ln() / base.ln()
+    }
+
+    fn log2(&self) -> Self {
+        self.ln() / std::f64::consts::LN_2
+    }
+
+    fn log10(&self) -> Self {
+        self.ln() / std::f64::consts::LN_10
+    }
+
+    fn sin_cos(&self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
+
+    fn atan2(&self, other: Self) -> Self {
+        self.binary(Operator::Atan2, other)
+    }
+
+    fn sph_j0(&self) -> Self {
+        self.missing()
+    }
+
+    fn sph_j1(&self) -> Self {
+        self.missing()
+    }
+
+    fn sph_j2(&self) -> Self {
+        self.missing()
+    }
+}

@@ -1,0 +1,73 @@
+//! Equations of the SDK's trait as an expression graph: what is fitted and linearised.
+
+use pilotage_expression::{Model, Obstacle};
+use pilotage_kit::{At, Equations, Table};
+
+/// Why a model cannot be taken down.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TraceError {
+    /// Its equations do what no graph says.
+    #[error("model {model}: {obstacle}")]
+    Obstacle {
+        /// Name of the model.
+        model: String,
+        /// Why.
+        obstacle: Obstacle,
+    },
+    /// It has events.
+    #[error("model {0} has events, which a fit does not follow: fit it without them")]
+    Events(String),
+}
+
+/// The model that equations are, with the names of their table. Its outputs are those that the equations
+/// write, as they are written: a [limit](Table::limited) is no part of them.
+///
+/// # Errors
+/// Where the equations compare numbers, or have events.
+pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
+    let table = equations.table();
+    let name = || table.name().to_owned();
+    if table.n_indicators() > 0 || table.modes().next().is_some() {
+        return Err(TraceError::Events(name()));
+    }
+    let names = |indices: Vec<usize>| -> Vec<&str> {
+        let of = |index: usize| table.variables()[index].name.as_str();
+        indices.into_iter().map(of).collect()
+    };
+    let lists = [
+        names(table.states().collect()),
+        names(table.inputs().collect()),
+        names(table.parameters().collect()),
+        names(table.computed_outputs().collect()),
+    ];
+    let model = Model::trace(lists.each_ref().map(Vec::as_slice), |point| {
+        let zero = point.time * 0.0;
+        let at = At {
+            time: point.time,
+            x: point.x,
+            u: point.u,
+            p: point.p,
+        };
+        let mut dx = vec![zero; table.n_states()];
+        let mut y = vec![zero; table.computed_outputs().count()];
+        equations.derivative(at, &mut dx);
+        equations.output(at, &mut y);
+        [dx, y]
+    });
+    model.map_err(|obstacle| TraceError::Obstacle {
+        model: name(),
+        obstacle,
+    })
+}
+
+/// Names and start values of a table's parameters.
+pub fn start_values(table: &Table) -> impl Iterator<Item = (&str, f64)> {
+    let variables = table.variables();
+    let of = |index: usize| {
+        (
+            variables[index].name.as_str(),
+            variables[index].start.unwrap_or(0.0),
+        )
+    };
+    table.parameters().map(of)
+}
