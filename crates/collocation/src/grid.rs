@@ -22,7 +22,7 @@ pub struct Grid {
     pub times: Vec<f64>,
     /// Points; combinations refer to earlier ones.
     pub points: Vec<Point>,
-    /// Inputs at the points, `n_inputs` each, and the time [s] behind them.
+    /// Inputs at the points, `n_inputs` each, and the time \[s\] behind them.
     pub inputs: Vec<f64>,
     /// Elements in time order.
     pub elements: Vec<Element>,
