@@ -12,7 +12,7 @@ use pilotage::identification::problem::{self, ResponseProblem};
 use pilotage::identification::solve::{SHORT_STEP, candidates};
 use pilotage::identification::{InitialState, Options, Progress, TrialSet, start};
 use pilotage::sqp::{self, Iteration, Solution, Status};
-use pilotage::transcription::Condensed;
+use pilotage::transcription::{Condensed, Scales};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -70,8 +70,8 @@ fn race(
     let states: Vec<_> = (set.fit.iter())
         .map(|trial| start::joint_states(trial, options, theta))
         .collect();
-    let problem = problem::response(&set.fit, options, start::scales(&states, theta));
-    let start = start::variables(&problem, &states, theta);
+    let problem = problem::response(&set.fit, options, Scales::of(&states, theta));
+    let start = problem.variables(&states, theta);
     let (setup_seconds, _) = clock.seconds();
 
     let sqp_options = sqp::Options {

@@ -9,7 +9,7 @@ use pilotage::sqp::{
     self, Curvature, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem,
     SparseQp, Step,
 };
-use pilotage::transcription::{Condensed, Scheme};
+use pilotage::transcription::{Condensed, Scales, Scheme};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -315,8 +315,8 @@ fn identification(options: &Options) -> (Random, Vec<f64>) {
         .iter()
         .map(|t| start::joint_states(t, options, &theta))
         .collect();
-    let problem = fit::response(&trials, options, start::scales(&states, &theta));
-    let z = start::variables(&problem, &states, &theta);
+    let problem = fit::response(&trials, options, Scales::of(&states, &theta));
+    let z = problem.variables(&states, &theta);
     (problem, z)
 }
 

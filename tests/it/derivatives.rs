@@ -293,16 +293,16 @@ fn derivatives_of_the_identification_problems_are_exact() {
                 ..Options::default()
             };
             let states = vec![start::joint_states(&trial, &options, &theta)];
-            let problem = fit::response(&trials, &options, start::scales(&states, &theta));
-            let mut at = Iterate::new(&problem, start::variables(&problem, &states, &theta));
+            let problem = fit::response(&trials, &options, Scales::of(&states, &theta));
+            let mut at = Iterate::new(&problem, problem.variables(&states, &theta));
             let mut draw = Draw::new(3);
             at.lambda = draw.vector(at.lambda.len());
             at.eta = draw.vector(at.eta.len());
             check_problem(&problem, &at);
 
             let states = vec![start::stick_states(&trial, &options, &theta)];
-            let problem = fit::stick(&trials, &options, start::scales(&states, &theta));
-            let mut at = Iterate::new(&problem, start::variables(&problem, &states, &theta));
+            let problem = fit::stick(&trials, &options, Scales::of(&states, &theta));
+            let mut at = Iterate::new(&problem, problem.variables(&states, &theta));
             at.lambda = draw.vector(at.lambda.len());
             at.eta = draw.vector(at.eta.len());
             check_problem(&problem, &at);

@@ -115,13 +115,9 @@ pub trait Kernel {
 /// Widths that rows are padded to.
 const WIDTHS: [usize; 4] = [8, 16, 24, 36];
 
-/// The width for rows of at least `columns`.
-///
-/// # Panics
-/// Beyond 16 states and 16 parameters, which [`NodeModel`](crate::node::NodeModel) refuses.
-pub fn width(columns: usize) -> usize {
-    let fits = WIDTHS.into_iter().find(|width| columns <= *width);
-    fits.expect("at most 16 states, 16 parameters and an offset")
+/// The width for rows of at least `columns`, where there is one.
+pub fn width(columns: usize) -> Option<usize> {
+    WIDTHS.into_iter().find(|width| columns <= *width)
 }
 
 /// Runs a kernel on rows of a [`width`], with the vector instructions that this machine has. The results are

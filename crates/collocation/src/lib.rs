@@ -1,4 +1,60 @@
-//! From an ODE and a mesh to a nonlinear program, by collocation.
+//! Parameters of ordinary differential equations from data, by direct collocation.
+//!
+//! ```text
+//! minimise    Σ w (y_k - h(x(t_k); θ))²            over θ and the states x(t) of every run
+//! subject to  ẋ = f(t, x, u; θ),  lb ≤ g(x(t_k); θ) ≤ ub,  c(θ) ≥ 0
+//! ```
+//!
+//! Every state on a mesh is an unknown, so that nothing is integrated while θ is still wrong: unstable and
+//! stiff models are fitted as calm ones are. Several runs share θ; inputs, measured and bounded outputs are
+//! as many as one likes; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
+//! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
+//! eliminates the states at a cost linear in their number ([`Condensed`]).
+//!
+//! Take it where a model is given by equations and data by samples. A single short fit of a model that can
+//! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
+//!
+//! ```
+//! use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_expression::System;
+//! use std::{ops::ControlFlow, sync::Arc};
+//!
+//! // Logistic growth, ẋ = r x (1 - x/K), measured directly: x(t) = K / (1 + (K/x₀ - 1) e^(-r t)).
+//! let growth = System::trace([1, 0, 2], |at| {
+//!     let (x, r, k) = (at.x[0], at.p[0], at.p[1]);
+//!     [vec![r * x * (-x / k + 1.0)], vec![x]]
+//! })?;
+//! let model = Arc::new(Differentiated::new(&growth));
+//! let time: Vec<f64> = (0..41).map(|k| 0.25 * f64::from(k)).collect();
+//! let run = Run {
+//!     mesh: time.clone(),
+//!     inputs: vec![vec![]; time.len()],
+//!     measured: vec![Recording {
+//!         values: time.iter().map(|t| 3.0 / (1.0 + 5.0 * (-0.9 * t).exp())).collect(),
+//!         weight: 1.0,
+//!     }],
+//!     initial: vec![None],
+//!     time,
+//! };
+//! let start = [0.5, 2.0];
+//! let states = vec![model.simulate(&run, &start, &[0.4])];
+//! let (scheme, free) = (Scheme::Gauss(3), ParameterConstraints::default());
+//! let problem = Collocation::new(model, free, scheme, vec![run], Scales::of(&states, &start), &[]);
+//! let z = problem.variables(&states, &start);
+//! let options = pilotage_sqp::Options::default();
+//! let solution = pilotage_collocation::solve(&problem, z, &options, &mut |_| ControlFlow::Continue(()));
+//! let found = problem.physical_theta(&solution.iterate.z);
+//! assert!((found[0] - 0.9).abs() < 1e-6 && (found[1] - 3.0).abs() < 1e-6, "{found:?}");
+//! # Ok::<(), pilotage_expression::Obstacle>(())
+//! ```
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | [`mesh`], [`grid`], [`tableau`] | runs, schemes, and what a scheme makes of a run |
+//! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
+//! | [`collocation`], [`layout`] | the nonlinear program |
+//! | [`condensed`] | its QP by elimination of the states |
+//! | [`lanes`] | numbers of several points at once, for vector instructions |
 
 pub mod collocation;
 pub mod condensed;
@@ -9,6 +65,7 @@ pub mod layout;
 pub mod mesh;
 pub mod node;
 mod parallel;
+pub mod solve;
 mod sparse;
 pub mod tableau;
 
@@ -17,4 +74,5 @@ pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
+pub use solve::solve;
 pub use tableau::Scheme;

@@ -3,7 +3,7 @@
 use super::result::{AGREE, FEASIBLE, StartReport, agree};
 use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
 use super::{Fit, Options, RunFit};
-use pilotage_collocation::{Collocation, Condensed};
+use pilotage_collocation::Collocation;
 use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -225,8 +225,7 @@ impl Course {
             short_step: SHORT_STEP,
             ..pilotage_sqp::Options::default()
         };
-        let condensed = &mut Condensed::default();
-        let solution = pilotage_sqp::solve(problem, condensed, z, &sqp_options, &mut watch);
+        let solution = pilotage_collocation::solve(problem, z, &sqp_options, &mut watch);
         self.iterations += solution.work.iterations;
         self.seconds += clock.elapsed().as_secs_f64();
         solution

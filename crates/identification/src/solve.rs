@@ -7,7 +7,7 @@ use super::{
     ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
     start,
 };
-use pilotage_collocation::Collocation;
+use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::Pilot;
 use pilotage_sqp::{Iteration, Status};
 use rayon::prelude::*;
@@ -316,8 +316,8 @@ fn begin(
         Some(states) => states.clone(),
         None => trials.par_iter().map(from_data).collect(),
     };
-    let problem = posed.discretised(options, start::scales(&states, &start.theta));
-    let z = start::variables(&problem, &states, &start.theta);
+    let problem = posed.discretised(options, Scales::of(&states, &start.theta));
+    let z = problem.variables(&states, &start.theta);
     (problem, z)
 }
 

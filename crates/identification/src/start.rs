@@ -3,7 +3,6 @@
 use super::problem::{fill_gaps, recorded_error};
 use super::{Options, Trial};
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
-use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::lti::Transition;
 use pilotage_models::{Pilot, Quadcopter, quadcopter};
 
@@ -363,49 +362,6 @@ pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<
 /// States of the pilot alone at the samples.
 pub fn stick_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
     pilot_states(trial, options.pilot, theta)
-}
-
-/// Scales: the largest magnitude of each state over all runs, and of each parameter.
-pub fn scales(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Scales {
-    let n = states[0][0].len();
-    let largest = |i: usize| {
-        states
-            .iter()
-            .flatten()
-            .fold(1e-3_f64, |m, x| m.max(x[i].abs()))
-    };
-    let typical = theta.iter().map(|t| t.abs()).fold(0.0, f64::max);
-    Scales {
-        states: (0..n).map(largest).collect(),
-        parameters: theta
-            .iter()
-            .map(|t| t.abs().max(1e-6 * typical).max(1e-9))
-            .collect(),
-    }
-}
-
-/// The NLP's variables from states at the samples (linear in between) and θ.
-pub fn variables(problem: &Collocation, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<f64> {
-    let scales = &problem.model.scales;
-    let mut z = Vec::with_capacity(problem.layout.theta + theta.len());
-    for (j, states) in states.iter().enumerate() {
-        let time = &problem.runs[j].time;
-        for t in &problem.grids[j].times {
-            let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
-            let c = (t - time[to - 1]) / (time[to] - time[to - 1]);
-            let (from, to) = (&states[to - 1], &states[to]);
-            let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
-            z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
-        }
-        let start = problem.layout.runs[j].z;
-        for (i, known) in problem.runs[j].initial.iter().enumerate() {
-            if let Some(value) = known {
-                z[start + i] = value / scales.states[i];
-            }
-        }
-    }
-    z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
-    z
 }
 
 #[cfg(test)]

@@ -25,7 +25,8 @@ mod stencils;
 mod sweep;
 
 use super::Collocation;
-use super::lanes::LANES;
+use super::lanes::{LANES, width};
+use super::mesh::Run;
 use super::parallel;
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
@@ -133,6 +134,14 @@ impl QpSolver<Collocation> for Condensed {
 }
 
 impl Condensed {
+    /// Whether it takes a problem: the parameters and the free initial states of no run are more than its
+    /// rows are wide, 35. [`SparseQp`](pilotage_sqp::SparseQp) takes any.
+    pub fn takes(problem: &Collocation) -> bool {
+        let free = |run: &Run| run.initial.iter().filter(|known| known.is_none()).count();
+        let most = problem.runs.iter().map(free).max().unwrap_or(0);
+        width(problem.n_parameters() + most + 1).is_some()
+    }
+
     /// Eliminates the states, with the values `c` of the equalities, and forms the reduced Hessians. False when
     /// an element is singular.
     fn sweep(&mut self, problem: &Collocation, c: &[f64], exact: bool) -> bool {

@@ -105,7 +105,7 @@ impl RunSweep {
             grid.points.len(),
         );
         let free: Vec<usize> = (0..n).filter(|&i| run.initial[i].is_none()).collect();
-        let w = width(p + free.len() + 1);
+        let w = width(p + free.len() + 1).expect("checked by `Condensed::takes`");
         let largest = grid.elements.iter().map(|e| e.tableau.unknowns()).max();
         let size = n * largest.unwrap_or(0).max(1);
         Self {

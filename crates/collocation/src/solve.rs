@@ -1,0 +1,108 @@
+//! From a problem to its solution: what the solver starts from, and with which QP it goes on.
+
+use super::node::{Differentiated, Scales};
+use super::{Collocation, Condensed, Run};
+use pilotage_sqp::{Iteration, Options, Solution, SparseQp, Status};
+use std::ops::ControlFlow;
+
+/// Steps of the simulation between two samples, at least, and the longest one [s].
+const LEAST_STEPS: f64 = 4.0;
+const LONGEST_STEP: f64 = 0.01;
+
+/// Runs the SQP from these variables, with the fast QP where it [takes](Condensed::takes) the problem.
+pub fn solve(
+    problem: &Collocation,
+    z: Vec<f64>,
+    options: &Options,
+    observer: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
+) -> Solution {
+    match Condensed::takes(problem) {
+        true => pilotage_sqp::solve(problem, &mut Condensed::default(), z, options, observer),
+        false => pilotage_sqp::solve(problem, &mut SparseQp::default(), z, options, observer),
+    }
+}
+
+impl Scales {
+    /// The largest magnitude of each state over all runs, and that of each parameter; `states` are those of
+    /// each run at its samples.
+    pub fn of(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Self {
+        let n = states[0][0].len();
+        let largest = |i: usize| {
+            let all = states.iter().flatten();
+            all.fold(1e-3_f64, |m, x| m.max(x[i].abs()))
+        };
+        let typical = theta.iter().map(|t| t.abs()).fold(0.0, f64::max);
+        let parameters = theta.iter();
+        Self {
+            states: (0..n).map(largest).collect(),
+            parameters: parameters
+                .map(|t| t.abs().max(1e-6 * typical).max(1e-9))
+                .collect(),
+        }
+    }
+}
+
+impl Collocation {
+    /// The NLP's variables from states at the samples (linear in between) and θ, both in their units.
+    pub fn variables(&self, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<f64> {
+        let scales = &self.model.scales;
+        let mut z = Vec::with_capacity(self.layout.theta + theta.len());
+        for (j, states) in states.iter().enumerate() {
+            let time = &self.runs[j].time;
+            for t in &self.grids[j].times {
+                let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
+                let c = (t - time[to - 1]) / (time[to] - time[to - 1]);
+                let (from, to) = (&states[to - 1], &states[to]);
+                let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
+                z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
+            }
+            let start = self.layout.runs[j].z;
+            for (i, known) in self.runs[j].initial.iter().enumerate() {
+                if let Some(value) = known {
+                    z[start + i] = value / scales.states[i];
+                }
+            }
+        }
+        z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
+        z
+    }
+}
+
+impl Differentiated {
+    /// States of a run at its samples, simulated with this θ from these initial states: classical Runge–Kutta
+    /// steps of 10 ms at most, and four at least between two samples. They are a start for the solver; a
+    /// state that grows beyond all bounds stays where it was.
+    pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
+        let n = self.n_states();
+        let mut u = vec![0.0; self.n_inputs()];
+        let mut rate = |time: f64, x: &[f64]| {
+            run.inputs_at(time, &mut u);
+            self.evaluate(time, x, &u, theta)
+        };
+        let along = |x: &[f64], dx: &[f64], h: f64| -> Vec<f64> {
+            x.iter().zip(dx).map(|(x, dx)| x + h * dx).collect()
+        };
+        let mut states = vec![initial.to_vec()];
+        for times in run.time.windows(2) {
+            let mut x = states[states.len() - 1].clone();
+            let duration = times[1] - times[0];
+            let steps = (duration / LONGEST_STEP).ceil().max(LEAST_STEPS);
+            let h = duration / steps;
+            for k in 0..steps as usize {
+                let t = times[0] + h * k as f64;
+                let k1 = rate(t, &x);
+                let k2 = rate(t + h / 2.0, &along(&x, &k1, h / 2.0));
+                let k3 = rate(t + h / 2.0, &along(&x, &k2, h / 2.0));
+                let k4 = rate(t + h, &along(&x, &k3, h));
+                let next: Vec<f64> = (0..n)
+                    .map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
+                    .collect();
+                if next.iter().all(|v| v.is_finite()) {
+                    x = next;
+                }
+            }
+            states.push(x);
+        }
+        states
+    }
+}

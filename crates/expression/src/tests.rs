@@ -1,0 +1,259 @@
+//! Random expressions: tapes against the equations run directly, derivatives against hyper-dual numbers.
+
+use crate::{Graph, Model, ModelError, Node, Obstacle, System, Tape, Traced, trace};
+use num_dual::{DualNum, DualStruct, HyperDual64};
+use num_traits::Signed;
+use proptest::prelude::*;
+
+const VARIABLES: usize = 4;
+
+/// Equations from a list of numbers: each takes two earlier values. Everything stays where it is smooth.
+fn equations<T: DualNum<Primitive = f64> + Copy>(recipe: &[(u8, u8, u8)], x: &[T]) -> Vec<T> {
+    let mut values = x.to_vec();
+    for &(what, left, right) in recipe {
+        let a = values[left as usize % values.len()];
+        let b = values[right as usize % values.len()];
+        let positive = b * b + 1.5;
+        values.push(match what % 24 {
+            0 | 1 => a + b,
+            2 | 3 => a - b,
+            4 | 5 => a * b * 0.5,
+            6 => a / positive,
+            7 => (a * 0.7).sin(),
+            8 => (a * 0.7).cos(),
+            9 => (-(a * a)).exp(),
+            10 => positive.ln(),
+            11 => positive.sqrt(),
+            12 => a.tanh(),
+            13 => a.atan(),
+            14 => a.atan2(positive),
+            15 => (a * 0.1).powi(3) + positive.powi(-2),
+            16 => positive.powf(1.3),
+            17 => positive.powd(a.tanh()),
+            18 => (a / positive).sinh() - (b / positive).cosh(),
+            19 => (a.tanh() * 0.9).asin() + (a.tanh() * 0.9).acos() * 0.5,
+            20 => a.asinh() + positive.acosh(),
+            21 => (a.tanh() * 0.9).atanh() + positive.cbrt(),
+            22 => (a.tanh()).exp_m1() - positive.ln_1p() + a.tanh().tan(),
+            _ => -a,
+        });
+        let last = values.len() - 1;
+        // Sizes stay near one.
+        values[last] = values[last] / (values[last] * values[last] * 0.01 + 1.0);
+    }
+    values.split_off(values.len() - 3.min(values.len()))
+}
+
+fn recipe() -> impl Strategy<Value = Vec<(u8, u8, u8)>> {
+    prop::collection::vec(any::<(u8, u8, u8)>(), 3..25)
+}
+
+fn taken(recipe: &[(u8, u8, u8)]) -> (Graph, Vec<Node>) {
+    trace(VARIABLES, |x| equations(recipe, x)).unwrap()
+}
+
+/// What the expressions are at a point.
+fn values(graph: &Graph, nodes: &[Node], x: &[f64]) -> Vec<f64> {
+    Tape::new(graph, VARIABLES, |_| false, &[nodes]).evaluate(x)
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-10 * (1.0 + a.abs().max(b.abs()))
+}
+
+fn config() -> ProptestConfig {
+    ProptestConfig {
+        cases: 256,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(16),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn a_tape_computes_what_the_equations_do(
+        recipe in recipe(), points in prop::array::uniform4(prop::array::uniform4(-2.0..2.0_f64)),
+    ) {
+        let (graph, nodes) = taken(&recipe);
+        // The first two variables are known early, and the last expression comes in a stage of its own.
+        let lists: [&[Node]; 2] = [&nodes[..2], &nodes[2..]];
+        let tape = Tape::new(&graph, VARIABLES, |variable| variable < 2, &lists);
+        let mut registers = tape.registers::<4>();
+        let side_by_side = |k: usize| points.map(|x| x[k]);
+        let early = points[0];
+        (0..2).for_each(|k| registers.set(k, [early[k]; 4]));
+        tape.run(0, &mut registers);
+        (2..VARIABLES).for_each(|k| registers.set(k, side_by_side(k)));
+        tape.run(1, &mut registers);
+        tape.run(2, &mut registers);
+        for (lane, point) in points.iter().enumerate() {
+            let x = [early[0], early[1], point[2], point[3]];
+            let expected = equations(&recipe, &x);
+            let registers_of = tape.outputs(0).iter().chain(tape.outputs(1));
+            for ((register, expected), alone) in registers_of.zip(&expected).zip(tape.evaluate(&x)) {
+                prop_assert!(near(registers.get(*register)[lane], *expected));
+                prop_assert!(near(alone, *expected));
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_hyper_dual_numbers(
+        recipe in recipe(), x in prop::array::uniform4(-2.0..2.0_f64),
+    ) {
+        let (mut graph, nodes) = taken(&recipe);
+        let variables: Vec<Node> = (0..VARIABLES).map(|k| graph.variable(k)).collect();
+        let last = nodes[nodes.len() - 1];
+        let gradient = graph.gradient(last, &variables);
+        for i in 0..VARIABLES {
+            let first = graph.derivatives(&nodes, i);
+            prop_assert!(near(
+                values(&graph, &gradient, &x)[i],
+                *values(&graph, &first, &x).last().unwrap(),
+            ));
+            for j in 0..VARIABLES {
+                let second = graph.derivatives(&first, j);
+                let mut at: Vec<HyperDual64> = x.iter().map(|x| (*x).into()).collect();
+                at[i].eps1 = 1.0;
+                at[j].eps2 = 1.0;
+                let exact = equations(&recipe, &at);
+                let found = values(&graph, &first, &x).into_iter().zip(values(&graph, &second, &x));
+                for (exact, (first, second)) in exact.iter().zip(found) {
+                    prop_assert!(near(first, exact.eps1), "{first} {}", exact.eps1);
+                    let scale = 1.0 + exact.eps1eps2.abs();
+                    prop_assert!((second - exact.eps1eps2).abs() < 1e-8 * scale, "{second} {}", exact.eps1eps2);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_constant_or_equal_is_written_once() {
+    let (mut graph, nodes) = trace(2, |x| {
+        let zero = x[0] * 0.0;
+        vec![
+            zero + x[1],
+            (x[0] + x[1]) * (x[1] + x[0]),
+            x[0] - x[0],
+            (x[0] * x[1]).powi(2),
+        ]
+    })
+    .unwrap();
+    assert_eq!(nodes[0], graph.variable(1));
+    assert!(graph.is_zero(nodes[2]));
+    // One sum and its square; one product and its square.
+    let tape = Tape::new(&graph, 2, |_| false, &[&nodes]);
+    assert_eq!(tape.len(), 4);
+    let by = graph.derivatives(&nodes, 0);
+    assert!(graph.is_zero(by[0]) && !graph.is_zero(by[1]));
+}
+
+#[test]
+fn functions_with_kinks_have_their_derivatives_beside_them() {
+    let kinks = |x: &[Traced]| vec![x[0].abs() + x[0].signum(), x[0] % x[1], x[0].abs_sub(&x[1])];
+    let (mut graph, nodes) = trace(2, kinks).unwrap();
+    let by = graph.derivatives(&nodes, 0);
+    let all = |nodes: &[Node], x: [f64; 2]| Tape::new(&graph, 2, |_| false, &[nodes]).evaluate(&x);
+    assert_eq!(all(&nodes, [-2.5, 2.0]), [1.5, -0.5, 0.0]);
+    assert_eq!(all(&by, [-2.5, 2.0]), [-1.0, 1.0, 0.0]);
+    assert_eq!(all(&by, [5.0, 2.0]), [1.0, 1.0, 1.0]);
+}
+
+#[test]
+fn equations_that_look_at_numbers_are_told() {
+    let clipped = trace(1, |x| vec![if x[0] > 1.0 { x[0] * 0.0 } else { x[0] }]);
+    assert_eq!(clipped.unwrap_err(), Obstacle::Comparison);
+    let looked = trace(1, |x| vec![Traced::from(x[0].re())]);
+    assert_eq!(looked.unwrap_err(), Obstacle::Comparison);
+    assert_eq!(
+        trace(1, |x| vec![x[0].sph_j0()]).unwrap_err(),
+        Obstacle::Bessel
+    );
+    // Of constants it may be asked, and one trace within another disturbs neither.
+    let (graph, nodes) = trace(1, |x| {
+        let half = Traced::from(0.5);
+        let inner = trace(1, |x| vec![x[0] * 2.0]).unwrap();
+        assert_eq!(inner.1.len(), 1);
+        vec![if half < 1.0 { x[0] * half } else { x[0] }]
+    })
+    .unwrap();
+    assert_eq!(
+        Tape::new(&graph, 1, |_| false, &[&nodes]).evaluate(&[3.0]),
+        [1.5]
+    );
+    let panicked = std::panic::catch_unwind(|| trace(1, |_| panic!("of the equations")));
+    assert!(panicked.is_err() && trace(1, |x| x.to_vec()).is_ok());
+}
+
+/// `ẋ = u - p x`, outputs x and `2 u`.
+fn lag() -> Model {
+    let names: [&[&str]; 4] = [&["x"], &["u"], &["p"], &["double"]];
+    Model::trace(names, |at| {
+        [vec![at.u[0] - at.p[0] * at.x[0]], vec![at.u[0] * 2.0]]
+    })
+    .unwrap()
+}
+
+#[test]
+fn joined_models_are_the_equations_put_together() {
+    // The second sees twice what the first holds, the third twice that, and the first its own gain of time.
+    let wires = [("a.x", "b.u"), ("b.double", "c.u")];
+    let joint = Model::join(&[("a", lag()), ("b", lag()), ("c", lag())], &wires).unwrap();
+    assert_eq!(joint.states, ["a.x", "b.x", "c.x"]);
+    assert_eq!(joint.inputs, ["a.u"]);
+    assert_eq!(joint.parameters, ["a.p", "b.p", "c.p"]);
+    let fixed = joint.with_values([("b.p", 3.0)]).unwrap();
+    assert_eq!(fixed.parameters, ["a.p", "c.p"]);
+    let System {
+        graph,
+        derivatives,
+        outputs,
+        ..
+    } = fixed.observed(&["c.double", "a.x", "a.u"]).unwrap();
+    let all = [derivatives, outputs].concat();
+    // Time; states; input; parameters.
+    let at = [0.0, 1.0, 2.0, 5.0, 7.0, 0.5, 0.25];
+    let found = Tape::new(&graph, 7, |_| false, &[&all]).evaluate(&at);
+    assert_eq!(found, [7.0 - 0.5, 1.0 - 6.0, 2.0 - 1.25, 4.0, 1.0, 7.0]);
+}
+
+#[test]
+fn wires_that_are_wrong_are_named() {
+    let join = |wires: &[(&str, &str)]| {
+        let parts = [("a", lag()), ("b", lag())];
+        Model::join(&parts, wires)
+            .map(|_| ())
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(join(&[("a.double", "b.u"), ("b.double", "a.u")]).starts_with("algebraic loop: "));
+    assert!(join(&[("a.double", "a.u")]).contains("a.u depends on itself"));
+    assert!(join(&[("a.x", "b.u"), ("b.x", "b.u")]).contains("b.u is connected twice"));
+    assert_eq!(
+        join(&[("a.y", "b.u")]),
+        "no signal is called y; there are double, x, u"
+    );
+    assert_eq!(
+        join(&[("a.x", "b.v")]),
+        "no input is called b.v; there are u"
+    );
+    assert_eq!(
+        join(&[("c.x", "b.u")]),
+        "no part is called c.x; there are a., b."
+    );
+    // With a state between, a loop is none.
+    let loops = [("a.x", "b.u"), ("b.x", "a.u")];
+    assert!(Model::join(&[("a", lag()), ("b", lag())], &loops).is_ok());
+    let unknown = lag().with_values([("q", 1.0)]).map(|_| ()).unwrap_err();
+    assert!(matches!(
+        unknown,
+        ModelError::Unknown {
+            role: "parameter",
+            ..
+        }
+    ));
+}
