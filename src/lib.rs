@@ -4,24 +4,72 @@
 //! From recorded flights to a target it fits one pilot model θ for all runs, by constrained
 //! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
 //! fits the vehicle's response, not the stick.
+//!
+//! From the six shipped flights to a pilot, to FMUs of pilot and vehicle, to both flying together:
+//!
+//! ```
+//! use pilotage::{Algorithm, Clock, FitOptions, FmuSlave, Provenance, SeriesRecorder, System, TrialSet};
+//! use std::ops::ControlFlow;
+//!
+//! let trials = TrialSet::read(&["examples/trials/trials.toml".into()])?.fit;
+//! let options = FitOptions::default();
+//! let fit = pilotage::fit(&trials, &options, &mut |_iteration| ControlFlow::Continue(()))?;
+//! assert!(fit.is_answer(), "{}", fit.status);
+//!
+//! let folder = tempfile::tempdir()?;
+//! let [pilot, quadcopter] = ["pilot.fmu", "quadcopter.fmu"].map(|file| folder.path().join(file));
+//! pilotage::export_pilot(&fit.theta, options.stick_limit, &Provenance::default(), &pilot)?;
+//! pilotage::export_quadcopter(&options.vehicle, &Provenance::vehicle(None), &quadcopter)?;
+//!
+//! let mut system = System::new();
+//! system.add("pilot", Box::new(FmuSlave::open(&pilot, "pilot")?))?;
+//! system.add("quadcopter", Box::new(FmuSlave::open(&quadcopter, "quadcopter")?))?;
+//! system.connect("pilot.stick", "quadcopter.stick")?;
+//! system.connect("quadcopter.z", "pilot.position")?;
+//! system.set("pilot.target", "10")?;
+//! let (clock, mut recorder) = (Clock::new(0.0, 15.0, 0.01)?, SeriesRecorder::default());
+//! pilotage::co_simulate(system, &clock, None, Algorithm::GaussSeidel, &mut recorder)?;
+//!
+//! let height = recorder.series.column("quadcopter.z").expect("an output");
+//! assert!((height.values[1500] - 10.0).abs() < 0.3, "{} m", height.values[1500]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! That is most of what a program needs; all else is in the crates of which these names are taken:
+//! `pilotage-identification` (trials, fit, doubts, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
+//! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-kit` (FMUs of models of your own), and
+//! beneath them `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 
-pub mod date;
+#[doc(inline)]
+pub use export::{Provenance, export_pilot, export_quadcopter};
+#[doc(inline)]
+pub use pilotage_cosim::{Algorithm, Clock, FmuSlave, SeriesRecorder, System, run as co_simulate};
+#[doc(inline)]
+pub use pilotage_identification::{Fit, Options as FitOptions, Trial, TrialSet, fit};
+
 pub mod export;
-pub mod output;
-pub mod report;
 
+// For the command, the tests and the benches: the parts by their short names.
 #[doc(hidden)]
 pub mod cli;
+#[doc(hidden)]
+pub mod date;
+#[doc(hidden)]
+pub mod output;
+#[doc(hidden)]
+pub mod report;
+#[doc(hidden)]
+pub use {
+    pilotage_collocation as transcription, pilotage_cosim as cosim,
+    pilotage_expression as expression, pilotage_fmi as fmi,
+    pilotage_identification as identification,
+    pilotage_identification::{synthetic, vehicle},
+    pilotage_linear as linear, pilotage_models as models, pilotage_ode as integrate,
+    pilotage_series as series, pilotage_sqp as sqp,
+    pilotage_text::{causes, document, nearest},
+};
 
-pub use pilotage_collocation as transcription;
-pub use pilotage_cosim as cosim;
-pub use pilotage_expression as expression;
-pub use pilotage_fmi as fmi;
-pub use pilotage_identification as identification;
-pub use pilotage_identification::{synthetic, vehicle};
-pub use pilotage_linear as linear;
-pub use pilotage_models as models;
-pub use pilotage_ode as integrate;
-pub use pilotage_series as series;
-pub use pilotage_sqp as sqp;
-pub use pilotage_text::{causes, document, nearest};
+/// Has the compiler read the examples of the guide.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/fmu-models.md")]
+struct Guide;

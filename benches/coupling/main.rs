@@ -7,7 +7,7 @@ mod busy;
 mod fmus;
 // Its other function runs scripts of the tests.
 #[allow(dead_code)]
-#[path = "../../tests/it/python.rs"]
+#[path = "../../tests/it/tools/python.rs"]
 mod python;
 
 use pilotage::cosim::recorder::Signal;

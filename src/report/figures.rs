@@ -7,11 +7,11 @@ use crate::series::Series;
 /// A co-simulation of pilot and vehicle, from rest to one target.
 #[derive(Debug, Clone)]
 pub struct ClosedLoop<'a> {
-    /// The target [m].
+    /// The target \[m\].
     pub target: f64,
     /// What the master recorded.
     pub series: &'a Series,
-    /// Name of the column with the vehicle's position [m].
+    /// Name of the column with the vehicle's position \[m\].
     pub position: &'a str,
     /// Name of the column with the stick.
     pub stick: &'a str,

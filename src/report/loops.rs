@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 /// What a page tells of a linearised system.
 #[derive(Debug, Clone, Copy)]
 pub struct LoopPage<'a> {
-    /// Time of the linearisation [s].
+    /// Time of the linearisation \[s\].
     pub time: f64,
     /// The poles, in continuous time and perhaps in steps.
     pub stability: &'a [Stability<'a>],
@@ -28,7 +28,7 @@ pub struct LoopPage<'a> {
 /// The poles of the coupled system, and what they mean.
 #[derive(Debug, Clone)]
 pub struct Stability<'a> {
-    /// Communication step [s]; `None` in continuous time.
+    /// Communication step \[s\]; `None` in continuous time.
     pub step: Option<f64>,
     /// The poles.
     pub modes: &'a [Mode],
@@ -45,7 +45,7 @@ pub struct Stability<'a> {
 pub struct LoopFigure<'a> {
     /// Where it is cut: `instance.output=instance.input`.
     pub connection: &'a str,
-    /// Communication step in which it is run [s]; `None` in continuous time.
+    /// Communication step in which it is run \[s\]; `None` in continuous time.
     pub step: Option<f64>,
     /// `L(jω)`.
     pub response: &'a Response,

@@ -65,7 +65,7 @@ pub struct Plot {
     pub y_label: String,
     /// How the axes are divided.
     pub axes: Axes,
-    /// Height of the drawing [px].
+    /// Height of the drawing \[px\].
     pub height: f64,
     /// The lines, drawn in this order.
     pub lines: Vec<Line>,

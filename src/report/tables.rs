@@ -85,7 +85,7 @@ pub fn modes(modes: &[Mode]) -> String {
     table(&header, &[0, 1, 2, 3], &rows)
 }
 
-/// The target of a run [m], or the range in which it moves.
+/// The target of a run \[m\], or the range in which it moves.
 pub fn target_of(summary: &Summary) -> String {
     let [least, greatest] = summary.target_range.map(|target| number::short(target, 4));
     match summary.target_range[0] == summary.target_range[1] {

@@ -1,9 +1,7 @@
-//! The whole loop of exported FMUs: our master against fmpy's doStep, and against the joint equations.
+//! The whole loop of exported FMUs: our master against the joint equations.
 
-use crate::command::Folder;
+use crate::command::{Folder, exported};
 use crate::joint_ode::Loop;
-use crate::masters::exported;
-use crate::python;
 use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, Ending, NativeSlave, SeriesRecorder, Slave, System,
     fmu_slave, run,
@@ -17,7 +15,7 @@ use pilotage::series::Series;
 /// A pilot who brings the vehicle to its target.
 const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
 
-fn folder_with_fmus() -> Folder {
+pub fn folder_with_fmus() -> Folder {
     let folder = Folder::new();
     let provenance = Provenance::fit("nobody.toml".to_owned(), None, None);
     export(
@@ -59,53 +57,6 @@ fn wired([pilot, quadcopter]: [Box<dyn Slave>; 2]) -> System {
     system.connect("quadcopter.z", "pilot.position").unwrap();
     system.set("pilot.target", "10").unwrap();
     system
-}
-
-/// The issue's own command.
-fn simulate(folder: &Folder, algorithm: &str) {
-    let ended = folder.pilotage(&[
-        "cosim",
-        "pilot.fmu",
-        "quadcopter.fmu",
-        "--connect",
-        "pilot.stick=quadcopter.stick",
-        "--connect",
-        "quadcopter.z=pilot.position",
-        "--set",
-        "pilot.target=10",
-        "--stop-time",
-        "15",
-        "--step",
-        "0.05",
-        "--algorithm",
-        algorithm,
-        "-o",
-        "result.csv",
-    ]);
-    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
-}
-
-#[test]
-fn fmpy_closes_the_loop_to_the_same_numbers_and_reads_our_csv() {
-    let folder = folder_with_fmus();
-    for algorithm in ["jacobi", "gauss-seidel"] {
-        simulate(&folder, algorithm);
-        let file = |name: &str| folder.path(name).into_os_string();
-        let printed = python::run(
-            "closed_loop.py",
-            [
-                file("pilot.fmu"),
-                file("quadcopter.fmu"),
-                file("result.csv"),
-                algorithm.into(),
-                "10".into(),
-                "15".into(),
-                "0.05".into(),
-            ],
-        );
-        let difference: f64 = printed.trim().parse().unwrap();
-        assert!(difference < 1e-12, "{algorithm}: {difference}");
-    }
 }
 
 /// Of the cubic with the exact values and slopes at the ends of each step of `4 k` parts, by how much its mean

@@ -92,3 +92,12 @@ pub fn example(name: &str) -> PathBuf {
         .join("examples")
         .join(name)
 }
+
+/// A folder with the FMUs of pilot and quadcopter.
+pub fn exported() -> Folder {
+    let folder = Folder::new();
+    let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
+    assert_eq!(folder.pilotage(&export).code, 0);
+    assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
+    folder
+}

@@ -2,8 +2,8 @@
 //! transfer functions multiplied out, and against NumPy.
 
 use crate::command::{Ended, Folder};
+use crate::foreign;
 use crate::joint_ode::ByHand;
-use crate::{foreign, python};
 use num_dual::Dual64;
 use pilotage::cosim::slave::{Linear, SlaveError, Value as Given};
 use pilotage::cosim::{
@@ -24,7 +24,7 @@ const CONNECTIONS: [&str; 4] = [
     "--connect",
     "quadcopter.z=pilot.position",
 ];
-const LOOP: [&str; 2] = ["--loop", "pilot.stick=quadcopter.stick"];
+pub const LOOP: [&str; 2] = ["--loop", "pilot.stick=quadcopter.stick"];
 
 /// A state off the trim, where the vehicle is not what it is at hover: pilot, then vehicle.
 const PILOT: [(&str, f64); 3] = [("x1", 3.0), ("x2", -2.0), ("x3", 1.5)];
@@ -174,7 +174,7 @@ fn the_margins_are_those_of_the_transfer_functions() {
     assert_eq!(looped["lowFrequencyPower"], -2);
 }
 
-fn folder_with_models() -> Folder {
+pub fn folder_with_models() -> Folder {
     let folder = Folder::new();
     folder.write(
         "quadcopter.toml",
@@ -188,7 +188,7 @@ fn folder_with_models() -> Folder {
     folder
 }
 
-fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
+pub fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
     let files = ["pilot", "quadcopter"].map(|name| format!("{name}.{ending}"));
     let files = ["linearize", &files[0], &files[1]];
     let ended = folder.pilotage(&[&files[..], &CONNECTIONS, more].concat());
@@ -426,44 +426,6 @@ fn changed(fmu: &[u8], replaced: &[(&str, &str)]) -> Vec<u8> {
         .map(|(name, content)| (name.as_str(), content.as_slice()))
         .collect();
     foreign::archive(&files)
-}
-
-/// Poles by NumPy from the printed matrix, the files against the JSON, and what a time later looks like.
-#[test]
-fn poles_agree_with_numpy_and_files_with_the_json() {
-    let folder = folder_with_models();
-    let later = ["--set", "pilot.target=10", "--at", "2", "--step", "0.05"];
-    let files = [
-        "--json",
-        "--csv",
-        "m.csv",
-        "--matlab",
-        "m.m",
-        "--in-steps",
-        "0.05",
-    ];
-    let json = run(&folder, "toml", &[&later[..], &files, &LOOP].concat()).json();
-    assert_eq!(json["time"], 2.0);
-    folder.write("linear.json", json.to_string());
-    let paths = ["linear.json", "m.csv"].map(|name| folder.path(name).into_os_string());
-    let found: Value = serde_json::from_str(&python::run("linear.py", paths)).unwrap();
-    for (what, limit) in [("poles", 1e-9), ("table", 0.0), ("sampled", 1e-8)] {
-        let difference = found[what].as_f64().unwrap();
-        assert!(difference <= limit, "{what}: {difference}");
-    }
-    let matlab = folder.read("m.m");
-    let first = matlab
-        .split("A = [\n")
-        .nth(1)
-        .unwrap()
-        .lines()
-        .next()
-        .unwrap();
-    assert_eq!(first, "0.0 1.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0");
-    assert!(
-        matlab.contains("\ninputs = {'pilot.target'};\n"),
-        "{matlab}"
-    );
 }
 
 #[test]

@@ -1,4 +1,11 @@
-//! Integration tests: one binary, one module for each topic.
+//! Integration tests: one binary, one module for each topic, in two tiers. Those in [`tools`] need Python, the
+//! network, cargo or valgrind; all others need Rust alone:
+//!
+//!     cargo test --release --test it -- --skip tools::
+//!     cargo test --release --test it tools::
+
+#[macro_use]
+extern crate pilotage_timed;
 
 mod arrows;
 mod bad_files;
@@ -13,36 +20,29 @@ mod curvature;
 mod demo;
 mod derivatives;
 mod doubts;
-mod examples;
 mod export;
 #[cfg(target_os = "linux")]
 mod files;
 mod fit;
 mod fit_log;
 mod fmi;
-mod fmpy;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
 mod joint_ode;
 mod linearize;
-mod masters;
 mod mistakes;
-mod modes;
 mod mutation;
 mod next;
 mod other_fmus;
-mod other_tools;
-mod pack;
-mod python;
 mod random_collocation;
 mod recovery;
 mod schemes;
 mod sqp_problems;
 mod starts;
-mod third_party;
 mod threads;
+mod times;
+mod tools;
 mod trials;
 mod unpacked;
-mod valgrind;
 mod vehicle;

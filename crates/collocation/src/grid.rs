@@ -18,11 +18,11 @@ use std::sync::Arc;
 /// Unknowns, points and elements of one run.
 #[derive(Debug, Clone)]
 pub struct Grid {
-    /// Time at which each coefficient vector stands [s]: of a node, or where it has most influence.
+    /// Time at which each coefficient vector stands \[s\]: of a node, or where it has most influence.
     pub times: Vec<f64>,
     /// Points; combinations refer to earlier ones.
     pub points: Vec<Point>,
-    /// Inputs at the points, `n_inputs` each, and the time [s] behind them.
+    /// Inputs at the points, `n_inputs` each, and the time \[s\] behind them.
     pub inputs: Vec<f64>,
     /// Elements in time order.
     pub elements: Vec<Element>,
@@ -71,7 +71,7 @@ pub struct Combination {
     pub index: usize,
     /// Over the run's unknowns.
     pub p: Row,
-    /// Over the run's points [s].
+    /// Over the run's points \[s\].
     pub q: Row,
 }
 
@@ -82,7 +82,7 @@ pub struct Element {
     pub first: usize,
     /// Its first entry in [`Grid::element_points`].
     pub points: usize,
-    /// Its length [s].
+    /// Its length \[s\].
     pub h: f64,
     /// Its coefficients.
     pub tableau: Arc<Tableau>,

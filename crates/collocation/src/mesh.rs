@@ -6,9 +6,9 @@
 /// be uniform, and samples may be missing. Residuals are taken at the samples' own times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// Interval boundaries [s], strictly increasing, at least two; from the first sample to the last.
+    /// Interval boundaries \[s\], strictly increasing, at least two; from the first sample to the last.
     pub mesh: Vec<f64>,
-    /// Times of the samples [s], increasing, within the mesh.
+    /// Times of the samples \[s\], increasing, within the mesh.
     pub time: Vec<f64>,
     /// Inputs at each sample; linear in between.
     pub inputs: Vec<Vec<f64>>,
@@ -28,7 +28,7 @@ pub struct Recording {
 }
 
 impl Run {
-    /// Inputs at a time [s]; constant before the first sample and after the last.
+    /// Inputs at a time \[s\]; constant before the first sample and after the last.
     pub fn inputs_at(&self, time: f64, out: &mut [f64]) {
         let after = self.time.partition_point(|t| *t <= time);
         let from = after.saturating_sub(1);

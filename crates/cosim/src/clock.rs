@@ -17,15 +17,15 @@ pub enum ClockError {
     /// The step is not a positive number.
     #[error("the communication step is {step} s, expected a positive number")]
     Step {
-        /// As given [s].
+        /// As given \[s\].
         step: f64,
     },
     /// The times are not in order.
     #[error("the simulation would run from {start} s to {stop} s, expected a stop after the start")]
     Order {
-        /// Start time [s].
+        /// Start time \[s\].
         start: f64,
-        /// Stop time [s].
+        /// Stop time \[s\].
         stop: f64,
     },
     /// The step does not divide the duration.
@@ -33,15 +33,15 @@ pub enum ClockError {
         "{duration} s are {} steps of {step} s, expected a whole number: stop at {} s or {} s, or change the step", readable(*ratio), readable(*below), readable(*above)
     )]
     NotWhole {
-        /// Stop minus start [s].
+        /// Stop minus start \[s\].
         duration: f64,
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
         /// Their ratio.
         ratio: f64,
-        /// The last communication point before the stop [s].
+        /// The last communication point before the stop \[s\].
         below: f64,
-        /// The first one after it [s].
+        /// The first one after it \[s\].
         above: f64,
     },
     /// More steps than can be told apart in time.
@@ -62,7 +62,7 @@ fn readable(value: f64) -> f64 {
 const TOLERANCE: f64 = 1e-9;
 
 impl Clock {
-    /// From `start` to `stop` in steps of `step` [s].
+    /// From `start` to `stop` in steps of `step` \[s\].
     ///
     /// # Errors
     /// If the times are not in order or the step does not divide the duration (to 1e-9).
@@ -95,7 +95,7 @@ impl Clock {
         })
     }
 
-    /// No step at all: the slaves are initialised at `start` [s], for a simulation in steps of `step` [s].
+    /// No step at all: the slaves are initialised at `start` \[s\], for a simulation in steps of `step` \[s\].
     ///
     /// # Errors
     /// As [`Clock::new`].
@@ -104,17 +104,17 @@ impl Clock {
         Ok(Self { steps: 0, ..one })
     }
 
-    /// Start time [s].
+    /// Start time \[s\].
     pub fn start(&self) -> f64 {
         self.start
     }
 
-    /// Stop time [s].
+    /// Stop time \[s\].
     pub fn stop(&self) -> f64 {
         self.stop
     }
 
-    /// Communication step `h` [s].
+    /// Communication step `h` \[s\].
     pub fn step(&self) -> f64 {
         self.step
     }
@@ -124,7 +124,7 @@ impl Clock {
         self.steps
     }
 
-    /// The communication point `t_0 + k·h` [s].
+    /// The communication point `t_0 + k·h` \[s\].
     pub fn time(&self, k: u64) -> f64 {
         self.start + k as f64 * self.step
     }

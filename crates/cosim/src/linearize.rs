@@ -182,7 +182,7 @@ impl Linearization {
         self.looped(wire, response, margins)
     }
 
-    /// The same loop in a co-simulation with Jacobi's scheme in steps of `step` [s].
+    /// The same loop in a co-simulation with Jacobi's scheme in steps of `step` \[s\].
     ///
     /// # Errors
     /// As [`loop_at`](Self::loop_at).
@@ -194,7 +194,7 @@ impl Linearization {
         self.looped(wire, response, margins)
     }
 
-    /// Poles of the coupled system in a co-simulation with Jacobi's scheme in steps of `step` [s], as
+    /// Poles of the coupled system in a co-simulation with Jacobi's scheme in steps of `step` \[s\], as
     /// those of a system in continuous time [1/s].
     ///
     /// # Errors

@@ -17,7 +17,7 @@ pub trait Recorder {
     /// Called once, before the first row.
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()>;
 
-    /// One row: the time [s] and a value for each signal.
+    /// One row: the time \[s\] and a value for each signal.
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()>;
 
     /// Called once, after the last row.
@@ -74,7 +74,7 @@ impl Recorder for SeriesRecorder {
 /// The header is `time,instance.variable [unit],...`, numbers are the shortest that read back as the same
 /// `f64` (`NaN` and `inf` among them): [`Series::read_table`] reads names and units back. So does
 /// `fmpy.util.read_csv`, to which the unit is part of the name; it looks for a column `time`, which therefore
-/// has none [s].
+/// has none \[s\].
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,

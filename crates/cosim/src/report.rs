@@ -18,7 +18,7 @@ pub struct Report {
     /// Names of the slaves that hold their inputs within each step, or part of it, where these could change:
     /// they take no input derivatives (FMI 2.0) and no intermediate updates (FMI 3.0).
     pub holding: Vec<String>,
-    /// Time of the stepping loop without the calls to the slaves [s]: the master and the recorder. With
+    /// Time of the stepping loop without the calls to the slaves \[s\]: the master and the recorder. With
     /// slaves that step at the same time, it says little.
     pub master_seconds: f64,
     /// Steps of the clock in which calls were timed; the slaves' times are estimates from these. All of
@@ -52,9 +52,9 @@ pub struct Steps {
     pub jumps: u64,
     /// See [`Self::jumps`].
     pub ramps: u64,
-    /// Shortest accepted step [s].
+    /// Shortest accepted step \[s\].
     pub shortest: f64,
-    /// Longest accepted step [s].
+    /// Longest accepted step \[s\].
     pub longest: f64,
 }
 
@@ -80,7 +80,7 @@ pub struct SlaveReport {
     pub name: String,
     /// Its calls.
     pub calls: Calls,
-    /// Time in these calls [s].
+    /// Time in these calls \[s\].
     pub seconds: f64,
 }
 
@@ -95,7 +95,7 @@ pub struct ConnectionReport {
     pub unit: String,
     /// What the input got while the output's next value was not known.
     pub transfer: Transfer,
-    /// How late the input's values are, averaged over a step [s]; negative if early. Parts of second
+    /// How late the input's values are, averaged over a step \[s\]; negative if early. Parts of second
     /// order in the step are left to the errors.
     pub lag: f64,
     /// By how much the input was wrong; `None` without a step.

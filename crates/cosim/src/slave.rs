@@ -41,10 +41,10 @@ pub trait Slave: Send {
     /// Gets a variable of any kind.
     fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError>;
 
-    /// Advances from time `t` by `h` [s], inputs as they were set last.
+    /// Advances from time `t` by `h` \[s\], inputs as they were set last.
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError>;
 
-    /// When the slave suggests to end the simulation [s].
+    /// When the slave suggests to end the simulation \[s\].
     fn suggested_stop(&self) -> Option<f64> {
         None
     }
@@ -56,7 +56,7 @@ pub trait Slave: Send {
 
     /// The linear system that the slave is in continuous time for small changes about where it stands, with
     /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
-    /// [`variables`](Self::variables), and those that are left out count as constant. `step` [s] is for slaves
+    /// [`variables`](Self::variables), and those that are left out count as constant. `step` \[s\] is for slaves
     /// of which nothing is known but what they do in steps; all others take none.
     fn linearize(&mut self, step: f64) -> Result<Linear, SlaveError> {
         let _ = step;
@@ -102,7 +102,7 @@ pub trait Slave: Send {
         Err(format!("the derivatives of the outputs {handles:?} are not known").into())
     }
 
-    /// The next time after `t` [s] at which outputs jump, where that is known beforehand.
+    /// The next time after `t` \[s\] at which outputs jump, where that is known beforehand.
     fn next_jump(&self, t: f64) -> Option<f64> {
         let _ = t;
         None
@@ -158,14 +158,14 @@ pub struct Abilities {
 pub enum Progress {
     /// To its end.
     Done,
-    /// The slave could not finish the step; it stands at this time [s].
+    /// The slave could not finish the step; it stands at this time \[s\].
     Discarded {
-        /// Where it stands [s].
+        /// Where it stands \[s\].
         reached: f64,
     },
-    /// The slave wants the simulation to end at this time [s].
+    /// The slave wants the simulation to end at this time \[s\].
     EndRequested {
-        /// Where it stands [s].
+        /// Where it stands \[s\].
         reached: f64,
     },
 }
@@ -173,9 +173,9 @@ pub enum Progress {
 /// When a simulation starts and ends and how exact it shall be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Experiment {
-    /// Start time [s].
+    /// Start time \[s\].
     pub start: f64,
-    /// Stop time [s]; infinite if there is none.
+    /// Stop time \[s\]; infinite if there is none.
     pub stop: f64,
     /// Relative tolerance for slaves with error control; `None` leaves it to each slave.
     pub tolerance: Option<f64>,

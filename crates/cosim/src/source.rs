@@ -24,7 +24,7 @@ pub enum SourceError {
         column: String,
         /// The sample.
         value: f64,
-        /// Its time [s].
+        /// Its time \[s\].
         time: f64,
     },
     /// A sample that is no value of the input's type.
@@ -34,7 +34,7 @@ pub enum SourceError {
         column: String,
         /// The sample.
         value: f64,
-        /// Its time [s].
+        /// Its time \[s\].
         time: f64,
         /// The type of the input that it shall feed.
         kind: Kind,

@@ -35,9 +35,9 @@ pub enum BinaryError {
     /// The file ends before its segments do; loading it would crash.
     #[error("it is cut short: {found} bytes of at least {expected}")]
     Truncated {
-        /// Size of the file [bytes].
+        /// Size of the file \[bytes\].
         found: u64,
-        /// End of the last segment [bytes].
+        /// End of the last segment \[bytes\].
         expected: u64,
     },
 }

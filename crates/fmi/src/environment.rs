@@ -162,7 +162,7 @@ impl std::fmt::Debug for IntermediateUpdate {
 /// An instance within a step, in Intermediate Update Mode.
 #[derive(Debug)]
 pub struct Intermediate<'a> {
-    /// Time [s].
+    /// Time \[s\].
     pub time: f64,
     /// Whether inputs may be set.
     pub can_set: bool,

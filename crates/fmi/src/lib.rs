@@ -1,5 +1,39 @@
 //! FMI 2.0 and 3.0: anybody's FMU, read, checked, loaded and called.
 //!
+//! An FMU hides a model behind C functions (Modelica Association, *Functional Mock-up Interface*). For
+//! co-simulation it takes steps by itself; for model exchange it gives the right-hand side and the events,
+//!
+//! ```text
+//! y(t + h) = step(x(t), u)     or     ẋ = f(t, x, u),   y = g(t, x, u),   an event where z(t, x, u) changes its sign
+//! ```
+//!
+//! and [`simulate`] solves them. This crate is for those who write a simulator or a checker; several FMUs together
+//! are `pilotage-cosim`'s, FMUs of one's own models `pilotage-kit`'s. An FMU of `ẋ = -x`, `x(0) = 1`, in ten
+//! steps:
+//!
+//! ```
+//! use pilotage_fmi::{Fmu, Kind, Step};
+//! # mod example { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/decay/folder.rs")); }
+//!
+//! let path = example::decay_fmu()?; // a file `.fmu`, or the folder of an unpacked one, as here
+//! let mut fmu = Fmu::open(path.as_ref())?;
+//! let (_, x) = fmu.description().variable("x").expect("it says that it has an x");
+//! let x = x.value_reference;
+//!
+//! let mut decay = fmu.load()?.instantiate("decay", Kind::CoSimulation)?;
+//! decay.setup_experiment(None, 0.0, 1.0)?;
+//! decay.enter_initialization_mode()?;
+//! decay.exit_initialization_mode()?;
+//! for k in 0..10 {
+//!     assert_eq!(decay.do_step(0.1 * f64::from(k), 0.1)?, Step::Done);
+//! }
+//! let mut values = [0.0];
+//! decay.get_real(&[x], &mut values)?;
+//! assert!((values[0] - (-1f64).exp()).abs() < 1e-6);
+//! decay.terminate()?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | module | what it does |
 //! | --- | --- |
 //! | [`description`] | modelDescription.xml: typed model, reader, writer, validator |

@@ -8,7 +8,7 @@ use pilotage_models::{Pilot, Quadcopter, traced};
 
 /// The closed loop `x = [x_v; x_p]`, `ẋ = [f_v(x_v, h_p(x_p)); f_p(x_p, ŷ - h_v(x_v))]` (paper, eq. 3).
 ///
-/// Input: the target ŷ [m]. Outputs: the vehicle's position [m], which is measured, and the stick, which is
+/// Input: the target ŷ \[m\]. Outputs: the vehicle's position \[m\], which is measured, and the stick, which is
 /// bounded. Parameters: θ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
@@ -43,7 +43,7 @@ impl Joint {
     }
 }
 
-/// The pilot alone, whose input is the error as it was recorded, `ŷ - y_v(t)` [m]. Measured output and bounded
+/// The pilot alone, whose input is the error as it was recorded, `ŷ - y_v(t)` \[m\]. Measured output and bounded
 /// signal are the stick.
 ///
 /// This is the model of earlier work that the paper contrasts with (its Fig. 2): it may follow the

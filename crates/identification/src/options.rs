@@ -8,7 +8,7 @@ use pilotage_models::{Pilot, Quadcopter};
 pub enum Mesh {
     /// The samples (the paper's).
     Samples,
-    /// Equal intervals of about this length [s], finer or coarser than the samples.
+    /// Equal intervals of about this length \[s\], finer or coarser than the samples.
     Step(f64),
 }
 
@@ -35,9 +35,9 @@ pub enum InitialPosition {
 /// What is compared with the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Objective {
-    /// The vehicle's response: sum of squared position residuals [m²] (the paper's).
+    /// The vehicle's response: sum of squared position residuals \[m²\] (the paper's).
     Response,
-    /// The stick, with the pilot driven by the recorded error: sum of squared stick residuals [1].
+    /// The stick, with the pilot driven by the recorded error: sum of squared stick residuals \[1\].
     Stick,
 }
 

@@ -11,7 +11,7 @@ use pilotage_models::Quadcopter;
 use std::sync::Arc;
 
 impl Mesh {
-    /// Interval boundaries [s] for samples at these times.
+    /// Interval boundaries \[s\] for samples at these times.
     pub fn boundaries(self, time: &[f64]) -> Vec<f64> {
         let (start, end) = (time[0], time[time.len() - 1]);
         match self {
@@ -137,7 +137,7 @@ pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed {
     Posed::new(&open_loop(options.pilot), stability, runs.collect())
 }
 
-/// The error ŷ - y_v that the pilot saw at each sample [m], gaps filled.
+/// The error ŷ - y_v that the pilot saw at each sample \[m\], gaps filled.
 pub fn recorded_error(trial: &Trial) -> Vec<f64> {
     let position = fill_gaps(&trial.time, &trial.position);
     trial

@@ -9,11 +9,11 @@ use pilotage_sqp::Status;
 pub struct RunFit {
     /// Name of the trial.
     pub name: String,
-    /// Node times [s].
+    /// Node times \[s\].
     pub time: Vec<f64>,
-    /// Target at the nodes [m].
+    /// Target at the nodes \[m\].
     pub target: Vec<f64>,
-    /// Model position at the nodes [m].
+    /// Model position at the nodes \[m\].
     pub position: Vec<f64>,
     /// Model stick at the nodes.
     pub stick: Vec<f64>,
@@ -24,7 +24,7 @@ pub struct RunFit {
 }
 
 impl RunFit {
-    /// From the first node to the last [s].
+    /// From the first node to the last \[s\].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]
     }
@@ -47,7 +47,7 @@ pub struct StartReport {
     pub curvature: Option<f64>,
     /// Its SQP iterations.
     pub iterations: usize,
-    /// Wall time that it took [s].
+    /// Wall time that it took \[s\].
     pub seconds: f64,
     /// How many descents of the linearised problem ended where it began; 1 where it began elsewhere.
     pub descents: usize,
@@ -58,7 +58,7 @@ pub struct StartReport {
 pub struct Fit {
     /// θ, in the units of [`pilotage_models::pilot`].
     pub theta: Vec<f64>,
-    /// Sum of squared residuals: [m²] for the response, [1] for the stick.
+    /// Sum of squared residuals: \[m²\] for the response, \[1\] for the stick.
     pub objective: f64,
     /// True when the scaled KKT residual reached the tolerance and the second-order condition holds.
     pub converged: bool,
@@ -76,7 +76,7 @@ pub struct Fit {
     pub iterations: usize,
     /// Unknowns of the NLP: the states of all nodes and θ.
     pub unknowns: usize,
-    /// Wall time of the fit [s].
+    /// Wall time of the fit \[s\].
     pub seconds: f64,
     /// What became of each start, best first.
     pub starts: Vec<StartReport>,

@@ -9,7 +9,7 @@ use pilotage_models::{Quadcopter, quadcopter::N_STATES};
 /// Integration step [s], at most: small against the vehicle's attitude loop.
 const MAX_STEP: f64 = 2e-3;
 
-/// Longest run that is flown for somebody to look at [s]: some seconds of work.
+/// Longest run that is flown for somebody to look at \[s\]: some seconds of work.
 pub const LONGEST: f64 = 1e4;
 
 /// Longest flight of [`departure`] [s]: what the stability bound leaves of the slowest mode is then a third.
@@ -26,7 +26,7 @@ const GONE: f64 = 10.0;
 /// The closed loop over a trial's times, from hover at the first recorded position with the pilot at
 /// zero; the target goes straight from sample to sample, as in the fit. The stick is not clipped: the pilot
 /// is linear.
-/// Residuals are positions [m].
+/// Residuals are positions \[m\].
 ///
 /// A fitted pilot may have poles far faster than anything here, so its steps are exact (matrix
 /// exponential); the vehicle's are those of the classical Runge–Kutta method.
@@ -37,7 +37,7 @@ pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> Result<RunFit, T
     simulate_from(joint, theta, trial, &at_rest(joint, trial.origin()))
 }
 
-/// The states of a vehicle that hovers at `position` [m], and of a pilot at zero.
+/// The states of a vehicle that hovers at `position` \[m\], and of a pilot at zero.
 pub fn at_rest(joint: &Joint, position: f64) -> Vec<f64> {
     let mut x = Quadcopter::hover(position).to_vec();
     x.resize(joint.n_states(), 0.0);
@@ -82,7 +82,7 @@ pub fn simulate_from(
     Ok(run)
 }
 
-/// How far a vehicle comes from hover in `duration` seconds, the stick at `limit` [m].
+/// How far a vehicle comes from hover in `duration` seconds, the stick at `limit` \[m\].
 pub fn at_full_stick(vehicle: &Quadcopter, limit: f64, duration: f64) -> f64 {
     let mut x = Quadcopter::hover(0.0);
     let steps = (duration / MAX_STEP).ceil().max(1.0);
@@ -95,9 +95,9 @@ pub fn at_full_stick(vehicle: &Quadcopter, limit: f64, duration: f64) -> f64 {
 /// A loop that does not come to its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
-    /// When the flight was ended [s].
+    /// When the flight was ended \[s\].
     pub time: f64,
-    /// Its largest distance from the target in the last third of that time [m].
+    /// Its largest distance from the target in the last third of that time \[m\].
     pub error: f64,
 }
 

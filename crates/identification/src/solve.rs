@@ -51,7 +51,7 @@ pub enum FitError {
     /// A mesh step that is no length of time.
     #[error("mesh step {step} s; expected a finite number above 0")]
     MeshStep {
-        /// The step asked for [s].
+        /// The step asked for \[s\].
         step: f64,
     },
     /// A mesh step so small that the states would not fit into memory.
@@ -62,13 +62,13 @@ pub enum FitError {
     MeshIntervals {
         /// Name of the trial.
         trial: String,
-        /// The step asked for [s].
+        /// The step asked for \[s\].
         step: f64,
         /// Intervals that it makes.
         intervals: f64,
         /// Most intervals of a run.
         limit: usize,
-        /// A step that the trial allows [s].
+        /// A step that the trial allows \[s\].
         least: f64,
     },
     /// A position that no vehicle was ever at.
@@ -79,11 +79,11 @@ pub enum FitError {
     Position {
         /// Name of the trial.
         trial: String,
-        /// Time of the sample [s].
+        /// Time of the sample \[s\].
         time: f64,
-        /// The value [m].
+        /// The value \[m\].
         position: f64,
-        /// The limit [m].
+        /// The limit \[m\].
         limit: f64,
     },
     /// A trial without a stick, for the stick objective.
@@ -123,7 +123,7 @@ pub const MAX_ORDER: usize = 6;
 /// Most mesh intervals of a run where the mesh is not its samples: some 1 GB of derivatives.
 pub const MAX_INTERVALS: usize = 200_000;
 
-/// Positions and targets of a larger magnitude are refused [m]: more than the way to the Moon and back.
+/// Positions and targets of a larger magnitude are refused \[m\]: more than the way to the Moon and back.
 pub const FARTHEST: f64 = 1e9;
 
 /// What an observer of a fit sees.

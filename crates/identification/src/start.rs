@@ -23,7 +23,7 @@ const REACTION: f64 = 0.2;
 /// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
 #[derive(Debug, Clone)]
 pub struct Smoothed {
-    /// Position [m].
+    /// Position \[m\].
     pub z: Vec<f64>,
     /// Velocity [m/s].
     pub v: Vec<f64>,

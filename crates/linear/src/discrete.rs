@@ -21,7 +21,7 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// Parts that stand [side by side](StateSpace::side_by_side), in steps of `step` [s]: `Φ = e^(A h)`,
+    /// Parts that stand [side by side](StateSpace::side_by_side), in steps of `step` \[s\]: `Φ = e^(A h)`,
     /// `Γ = ∫ e^(A t) dt B`, both from one exponential (C. F. Van Loan, IEEE Trans. Automatic Control
     /// 23(3), 1978). Where the exponential has no digits left (`|A h|` beyond 1e8), all poles are infinite.
     pub fn new(parts: &StateSpace, step: f64) -> Self {
@@ -56,7 +56,7 @@ impl Sampled {
         }
     }
 
-    /// Communication step [s].
+    /// Communication step \[s\].
     pub fn step(&self) -> f64 {
         self.step
     }

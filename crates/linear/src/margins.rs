@@ -22,11 +22,11 @@ pub struct Response {
 pub struct GainCrossing {
     /// Crossover frequency `ω_c` [rad/s].
     pub frequency: f64,
-    /// `180° + arg L(jω_c)` [rad], between -π and π.
+    /// `180° + arg L(jω_c)` \[rad\], between -π and π.
     pub phase_margin: f64,
-    /// Delay that would take that margin [s]: the margin, taken from 0 to 2π, over `ω_c`.
+    /// Delay that would take that margin \[s\]: the margin, taken from 0 to 2π, over `ω_c`.
     pub delay_margin: f64,
-    /// `τ_e` of the crossover model `L = ω_c e^(-τ_e s) / s` [s] with this crossover and phase: `(π/2 -
+    /// `τ_e` of the crossover model `L = ω_c e^(-τ_e s) / s` \[s\] with this crossover and phase: `(π/2 -
     /// phase margin) / ω_c` (D. T. McRuer, E. S. Krendel, "Mathematical Models of Human Pilot Behavior",
     /// AGARDograph 188, 1974). Negative for a loop with less phase lag than an integrator.
     pub effective_delay: f64,
@@ -82,7 +82,7 @@ impl Response {
         }
     }
 
-    /// Phase [rad], without jumps from one frequency to the next.
+    /// Phase \[rad\], without jumps from one frequency to the next.
     pub fn phase(&self) -> Vec<f64> {
         let mut last = 0.0;
         let unwrapped = self.value.iter().enumerate().map(|(i, value)| {

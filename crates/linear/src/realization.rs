@@ -48,7 +48,7 @@ pub enum RealizationError {
          nothing is known of them between the steps; take a shorter step"
     )]
     Logarithm {
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
     },
 }
@@ -81,7 +81,7 @@ pub fn steps_needed(inputs: usize, outputs: usize) -> usize {
 /// The minimal `Φ`, `Γ`, `C` of the sequence by the singular values of its Hankel matrix (J.-N. Juang,
 /// R. S. Pappa, "An eigensystem realization algorithm for modal parameter identification and model
 /// reduction", J. Guidance 8(5), 1985), its order by where these end to stand out of the noise; then
-/// continuous time by the matrix logarithm, for inputs that are held during a step of `step` [s].
+/// continuous time by the matrix logarithm, for inputs that are held during a step of `step` \[s\].
 ///
 /// # Errors
 /// If a response is not finite, the order cannot be told, or there is no logarithm.

@@ -151,9 +151,9 @@ pub enum SeriesError {
         file: String,
         /// Line of the row.
         line: usize,
-        /// Time of the row [s].
+        /// Time of the row \[s\].
         time: f64,
-        /// Time of the row before [s].
+        /// Time of the row before \[s\].
         previous: f64,
     },
     /// Text that is not CSV at all, such as a quote that never ends.

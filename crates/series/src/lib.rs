@@ -33,12 +33,12 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-/// Signals over a common time axis [s].
+/// Signals over a common time axis \[s\].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
     /// Comment lines of the file, without the leading `#`.
     pub comments: Vec<String>,
-    /// Times [s], strictly increasing; equal ones may follow each other after
+    /// Times \[s\], strictly increasing; equal ones may follow each other after
     /// [`Series::read_table`].
     pub time: Vec<f64>,
     /// Unit of the times in the file's header, from which they were converted; empty where it names none.

@@ -1,11 +1,69 @@
-//! A sparse SQP for any nonlinear program. It has never heard of ODEs, pilots or FMI.
+//! A sparse SQP for nonlinear programs
+//!
+//! ```text
+//! min f(z)   subject to   c(z) = 0,   lower ≤ g(z) ≤ upper
+//! ```
+//!
+//! with `f`, `c` and `g` twice continuously differentiable, not necessarily convex. It is for programs whose
+//! Jacobians and Hessian are sparse and known exactly, scaled to the order of one, such as those of direct
+//! collocation; the second-order condition is checked before a point counts as a solution. Without
+//! derivatives, or with variables that are integers, use another solver.
+//!
+//! A program is a [`SparseProblem`]; here number 14 of Hock & Schittkowski (*Test Examples for Nonlinear
+//! Programming Codes*, 1981):
+//!
+//! ```
+//! use pilotage_sqp::{Hessian, Options, Problem, SparseProblem, SparseQp, Status, problem::Pattern, solve};
+//! use std::ops::ControlFlow;
+//!
+//! /// min (x - 2)² + (y - 1)²   subject to   x - 2 y + 1 = 0,   0 ≤ 1 - x²/4 - y²
+//! struct Hs14;
+//!
+//! impl Problem for Hs14 {
+//!     fn n_variables(&self) -> usize { 2 }
+//!     fn n_equalities(&self) -> usize { 1 }
+//!     fn limits(&self) -> (&[f64], &[f64]) { (&[0.0], &[f64::INFINITY]) }
+//!     fn damping_weights(&self) -> &[f64] { &[1.0, 1.0] }
+//!     fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
+//!         c[0] = z[0] - 2.0 * z[1] + 1.0;
+//!         g[0] = 1.0 - z[0] * z[0] / 4.0 - z[1] * z[1];
+//!         (z[0] - 2.0).powi(2) + (z[1] - 1.0).powi(2)
+//!     }
+//! }
+//!
+//! impl SparseProblem for Hs14 {
+//!     fn gradient(&self, z: &[f64], df: &mut [f64]) {
+//!         df.copy_from_slice(&[2.0 * (z[0] - 2.0), 2.0 * (z[1] - 1.0)]);
+//!     }
+//!     fn equality_pattern(&self) -> Pattern { vec![(0, 0), (0, 1)] }
+//!     fn inequality_pattern(&self) -> Pattern { vec![(0, 0), (0, 1)] }
+//!     fn jacobians(&self, z: &[f64], dc: &mut [f64], dg: &mut [f64]) {
+//!         dc.copy_from_slice(&[1.0, -2.0]);
+//!         dg.copy_from_slice(&[-z[0] / 2.0, -2.0 * z[1]]);
+//!     }
+//!     fn hessian_pattern(&self) -> Pattern { vec![(0, 0), (1, 1)] }
+//!     fn hessian(&self, _: &[f64], _: &[f64], eta: &[f64], kind: Hessian, values: &mut [f64]) {
+//!         let eta = if kind == Hessian::Exact { eta[0] } else { 0.0 };
+//!         values.copy_from_slice(&[2.0 - 0.5 * eta, 2.0 - 2.0 * eta]);
+//!     }
+//! }
+//!
+//! let (start, options) = (vec![2.0, 2.0], Options::default());
+//! let solution = solve(&Hs14, &mut SparseQp::default(), start, &options, &mut |_| ControlFlow::Continue(()));
+//! let optimum = [(7f64.sqrt() - 1.0) / 2.0, (7f64.sqrt() + 1.0) / 4.0];
+//! assert_eq!(solution.status, Status::Converged);
+//! assert!((0..2).all(|i| (solution.iterate.z[i] - optimum[i]).abs() < 1e-8));
+//! ```
+//!
+//! A structured problem brings a [`QpSolver`] of its own in place of [`SparseQp`], as `pilotage-collocation`
+//! does.
 //!
 //! The globalisation is an augmented Lagrangian merit with Armijo backtracking, second-order
 //! corrections whose length is tested, and a Levenberg–Marquardt term in the QP that grows when the
 //! model is not to be trusted ([`solver`], [`globalisation`]), also where a step left the region in which
-//! its linearisation means something ([`QpSolver::growth`]). Quadratic programs are solved through
-//! [`QpSolver`]. A point counts as a solution when the second-order condition holds too ([`curvature`]);
-//! at a saddle the solve goes on along a direction of negative curvature.
+//! its linearisation means something ([`QpSolver::growth`]). A point counts as a solution when the
+//! second-order condition holds too ([`curvature`]); at a saddle the solve goes on along a direction of
+//! negative curvature.
 
 mod active_set;
 pub mod convergence;

@@ -11,13 +11,13 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Where an instance stands in time, and in which steps it came there.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Clock {
-    /// The last communication point, as the importer gave it [s].
+    /// The last communication point, as the importer gave it \[s\].
     pub time: f64,
-    /// Where the experiment ends [s].
+    /// Where the experiment ends \[s\].
     pub stop: Option<f64>,
-    /// First of the equal steps that led here [s].
+    /// First of the equal steps that led here \[s\].
     pub anchor: f64,
-    /// The size of these steps [s]; 0 before the first step.
+    /// The size of these steps \[s\]; 0 before the first step.
     pub step: f64,
     /// Their number.
     pub count: u64,

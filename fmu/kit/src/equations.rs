@@ -12,7 +12,7 @@ impl<T: num_dual::DualNum<Primitive = f64> + Copy> Scalar for T {}
 /// Where equations are evaluated. Each list is in the order in which the table declares it.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a, T> {
-    /// Time [s].
+    /// Time \[s\].
     pub time: T,
     /// The continuous states, then the modes, each 1 or 0.
     pub x: &'a [T],

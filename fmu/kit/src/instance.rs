@@ -45,9 +45,9 @@ pub enum Phase {
 pub struct Experiment {
     /// Relative tolerance, if defined.
     pub tolerance: Option<f64>,
-    /// Start time [s].
+    /// Start time \[s\].
     pub start: f64,
-    /// Stop time, if defined [s].
+    /// Stop time, if defined \[s\].
     pub stop: Option<f64>,
 }
 
@@ -232,7 +232,7 @@ impl<E: Equations> Instance<E> {
         &simulation.snapshot().values[simulation.table().inputs()]
     }
 
-    /// Lets the inputs go from the values `before` to those that are set, in the next step by `h` [s].
+    /// Lets the inputs go from the values `before` to those that are set, in the next step by `h` \[s\].
     pub fn lead_inputs(&mut self, before: &[f64], h: f64) -> Result<(), Problem> {
         let inputs = self.simulation.table().inputs();
         for (index, &begin) in inputs.zip(before) {
@@ -332,7 +332,7 @@ impl<E: Equations> Instance<E> {
         advanced.map_err(|source| Problem::Step { time, source })
     }
 
-    /// Time [s]: the last communication point, or what the importer set.
+    /// Time \[s\]: the last communication point, or what the importer set.
     pub fn time(&self) -> f64 {
         self.clock.map_or(0.0, |clock| clock.time)
     }

@@ -87,8 +87,3 @@ pub use simulation::Simulation;
 pub use table::Table;
 pub use unit::Unit;
 pub use variable::{Role, ValueError, Variable};
-
-/// Has the compiler read the examples of the guide.
-#[cfg(doctest)]
-#[doc = include_str!("../../../docs/fmu-models.md")]
-struct Guide;

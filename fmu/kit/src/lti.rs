@@ -42,7 +42,7 @@ pub enum TransitionError {
          take a smaller step or smaller coefficients"
     )]
     TooLarge {
-        /// Step [s].
+        /// Step \[s\].
         step: f64,
         /// Norm of the exponent.
         norm: f64,
@@ -50,7 +50,7 @@ pub enum TransitionError {
     /// The system grows beyond what a number can hold within the step.
     #[error("the linear system overflows within a step of {step} s; take a smaller step")]
     Overflow {
-        /// Step [s].
+        /// Step \[s\].
         step: f64,
     },
 }

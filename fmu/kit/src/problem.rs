@@ -188,9 +188,9 @@ pub enum Problem {
     /// A time that is none.
     #[error("time = {time} s; pass a finite number not before the start time {start} s")]
     Time {
-        /// As passed [s].
+        /// As passed \[s\].
         time: f64,
-        /// Start time [s].
+        /// Start time \[s\].
         start: f64,
     },
     /// States or derivatives that are no finite numbers.
@@ -200,7 +200,7 @@ pub enum Problem {
         name: String,
         /// Its value.
         value: f64,
-        /// Time [s].
+        /// Time \[s\].
         time: f64,
     },
     /// An event that cannot be handled.
@@ -209,7 +209,7 @@ pub enum Problem {
     /// A step size that is none.
     #[error("communicationStepSize = {step} s; pass a finite number greater than 0")]
     StepSize {
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
     },
     /// A communication point that does not follow the last one.
@@ -218,9 +218,9 @@ pub enum Problem {
          that time, or go back with an FMU state"
     )]
     WrongTime {
-        /// As passed [s].
+        /// As passed \[s\].
         found: f64,
-        /// Where the instance stands [s].
+        /// Where the instance stands \[s\].
         expected: f64,
     },
     /// A step beyond the stop time.
@@ -229,11 +229,11 @@ pub enum Problem {
          stopTimeDefined"
     )]
     BeyondStop {
-        /// Begin of the step [s].
+        /// Begin of the step \[s\].
         time: f64,
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
-        /// The stop time [s].
+        /// The stop time \[s\].
         stop: f64,
     },
     /// The equations could not be solved over the step.
@@ -242,7 +242,7 @@ pub enum Problem {
         if source.reached > 0.0 { format!(" beyond {} s", time + source.reached) } else { String::new() }
     )]
     Step {
-        /// Begin of the step [s].
+        /// Begin of the step \[s\].
         time: f64,
         /// Why, and how far it came.
         source: StepError,

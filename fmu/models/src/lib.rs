@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | [`quadcopter`] | the vehicle: pitch axis of a quadcopter, six states |
 //! | [`pilot`] | the pilot: n-th order linear system in controllable canonical form |
-//! | [`traced`] | any model of the SDK's trait as expressions, to be fitted and linearised |
+//! | [mod@traced] | any model of the SDK's trait as expressions, to be fitted and linearised |
 //! | [`coefficient`] | the vehicle's coefficients as data |
 //! | [`model`] | pilot or vehicle as it is exported: table of variables, model file |
 //!

@@ -41,7 +41,7 @@ impl Pilot {
         2 * self.order
     }
 
-    /// Writes `f_p(x, u; θ)` into `dx`; `u` is the error `ŷ - y_v` [m].
+    /// Writes `f_p(x, u; θ)` into `dx`; `u` is the error `ŷ - y_v` \[m\].
     #[inline(always)]
     pub fn derivative<T: Scalar>(&self, x: &[T], u: T, theta: &[T], dx: &mut [T]) {
         let n = self.order;

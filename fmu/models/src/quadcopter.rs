@@ -33,9 +33,9 @@ pub const STATE_NAMES: [&str; N_STATES] = ["z", "phi", "v", "q", "omega_f", "ome
 /// coefficients.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quadcopter {
-    /// Mass `m` [kg].
+    /// Mass `m` \[kg\].
     pub mass: f64,
-    /// Arm length `ℓ` from the centre to a motor [m].
+    /// Arm length `ℓ` from the centre to a motor \[m\].
     pub arm_length: f64,
     /// Pitch moment of inertia `I_yy` [kg·m²].
     pub inertia: f64,
@@ -51,7 +51,7 @@ pub struct Quadcopter {
     pub attitude_gain: f64,
     /// Pitch-rate gain `k_q` [µs·s/rad].
     pub rate_gain: f64,
-    /// Pitch angle commanded by full stick `φ_max` [rad] (paper: π/4).
+    /// Pitch angle commanded by full stick `φ_max` \[rad\] (paper: π/4).
     pub max_pitch: f64,
 }
 
@@ -79,7 +79,7 @@ impl Quadcopter {
         derivative(self.coefficients(), x, u, dx);
     }
 
-    /// Thrust of one motor `T(ω)` [N] at the rotor-speed perturbation `omega` [krad/s].
+    /// Thrust of one motor `T(ω)` \[N\] at the rotor-speed perturbation `omega` [krad/s].
     pub fn thrust(&self, omega: f64) -> f64 {
         thrust(
             1.0 / self.hover_speed,
@@ -105,13 +105,13 @@ impl Quadcopter {
         ]
     }
 
-    /// The controlled output `y_v = h_v(x, u)`: the position `z` [m].
+    /// The controlled output `y_v = h_v(x, u)`: the position `z` \[m\].
     #[inline(always)]
     pub fn output<T: Scalar>(&self, x: &[T]) -> T {
         x[0]
     }
 
-    /// The states at hover at position `z` [m]: the trim of the vehicle.
+    /// The states at hover at position `z` \[m\]: the trim of the vehicle.
     pub fn hover(z: f64) -> [f64; N_STATES] {
         [z, 0.0, 0.0, 0.0, 0.0, 0.0]
     }

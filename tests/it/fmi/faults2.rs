@@ -1,6 +1,6 @@
 //! A good description of FMI 2.0, and what can be wrong with it.
 
-pub(super) const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+pub const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="m" guid="{1}" generationDateAndTime="2026-01-02T03:04:05Z" variableNamingConvention="structured" numberOfEventIndicators="0">
   <CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
   <UnitDefinitions>
@@ -33,7 +33,7 @@ pub(super) const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 "#;
 
 /// What is replaced by what.
-pub(super) const FAULTS: &[(&str, &str)] = &[
+pub const FAULTS: &[(&str, &str)] = &[
     // The schema.
     (r#" guid="{1}""#, ""),
     (r#"guid="{1}""#, r#"guid="" colour="red""#),

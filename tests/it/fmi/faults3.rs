@@ -1,6 +1,6 @@
 //! A good description of FMI 3.0, and what can be wrong with it.
 
-pub(super) const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+pub const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="{3}" generationDateAndTime="2026-01-02T03:04:05Z" variableNamingConvention="structured">
   <ModelExchange modelIdentifier="m" canGetAndSetFMUState="true" canSerializeFMUState="true" providesDirectionalDerivatives="true"/>
   <CoSimulation modelIdentifier="m" hasEventMode="true" providesIntermediateUpdate="true" canReturnEarlyAfterIntermediateUpdate="true" fixedInternalStepSize="0.01"/>
@@ -54,7 +54,7 @@ pub(super) const GOOD: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 "#;
 
 /// What is replaced by what.
-pub(super) const FAULTS: &[(&str, &str)] = &[
+pub const FAULTS: &[(&str, &str)] = &[
     // The schema.
     (r#"fmiVersion="3.0""#, r#"fmiVersion="3""#),
     (r#"fmiVersion="3.0""#, r#"fmiVersion="3.00""#),

@@ -122,7 +122,7 @@ static CORPORA: LazyLock<BTreeMap<&'static str, Vec<Planted>>> = LazyLock::new(|
 });
 
 /// The planted faults of `FMI 2` or `FMI 3`, counted from 1, with a finding that is a rule of that tool, too.
-pub(super) fn found_by_rules(tool: &str, corpus: &str) -> Vec<usize> {
+pub fn found_by_rules(tool: &str, corpus: &str) -> Vec<usize> {
     let rows: Vec<Row> = (rows().into_iter())
         .filter(|row| row.tool == tool && row.corpus == corpus)
         .collect();

@@ -90,41 +90,6 @@ fn library_exports_the_standard_and_nothing_else_and_needs_the_system_alone() {
     }
 }
 
-/// FMI rule 18: libraries run with the C library of systems from 2013 on (glibc 2.17: RHEL 7, Debian 8), be
-/// they ours or a user's. What they need of newer ones would keep them from loading there.
-#[test]
-#[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
-fn libraries_need_no_new_glibc() {
-    let example = crate::pack::example("vehicle-fmu");
-    let (users, _) = export::pack::build(&example, false).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let ours = folder.path().join("ours.so");
-    std::fs::write(&ours, export::binary::LIBRARY).unwrap();
-    for library in [ours, users] {
-        let listed = std::process::Command::new("objdump")
-            .arg("-T")
-            .arg(&library)
-            .output()
-            .expect("objdump, which comes with the linker");
-        let listed = String::from_utf8(listed.stdout).unwrap();
-        let needed: Vec<&str> = listed.lines().filter(|l| l.contains("*UND*")).collect();
-        assert!(needed.len() > 20, "{listed}");
-        for line in needed {
-            let version = line
-                .split_once("(GLIBC_")
-                .and_then(|(_, v)| v.split_once(')'));
-            let Some((version, _)) = version else {
-                // Without a version there may be what the library can do without.
-                assert!(line.contains(" w "), "{line}");
-                continue;
-            };
-            let numbers = version.split('.').map(|n| n.parse().unwrap());
-            let numbers: Vec<u32> = numbers.collect();
-            assert!(numbers <= vec![2, 17], "{line}");
-        }
-    }
-}
-
 #[test]
 fn library_holds_no_path_of_the_machine_that_built_it() {
     let library = export::binary::LIBRARY;

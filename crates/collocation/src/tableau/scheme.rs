@@ -135,7 +135,7 @@ impl Scheme {
         }
     }
 
-    /// The elements of a run whose mesh has these boundaries [s], strictly increasing; none for less than
+    /// The elements of a run whose mesh has these boundaries \[s\], strictly increasing; none for less than
     /// two boundaries.
     ///
     /// # Panics

@@ -120,9 +120,9 @@ impl Default for Iteration {
 pub struct Control {
     /// Largest error of a step.
     pub tolerance: f64,
-    /// Shortest communication step [s]; it is accepted whatever its error.
+    /// Shortest communication step \[s\]; it is accepted whatever its error.
     pub min_step: f64,
-    /// Longest communication step [s]; the clock's step if that is shorter.
+    /// Longest communication step \[s\]; the clock's step if that is shorter.
     pub max_step: f64,
 }
 

@@ -93,7 +93,7 @@ pub enum MasterError {
     /// A row could not be written.
     #[error("cannot write the result at {time} s")]
     Record {
-        /// Time of the row [s].
+        /// Time of the row \[s\].
         time: f64,
         /// Why.
         source: io::Error,
@@ -155,7 +155,7 @@ pub enum Ending {
     Completed,
     /// The recorder asked for the end ([`Recorder::is_stop_asked`]), for the user.
     Stopped {
-        /// Where the slaves stand [s].
+        /// Where the slaves stand \[s\].
         time: f64,
     },
     /// A slave asked for the end. If it stands within a step, the last row is at that time, if it still gives
@@ -163,7 +163,7 @@ pub enum Ending {
     EndRequested {
         /// Name of the slave.
         instance: String,
-        /// Where it stands [s].
+        /// Where it stands \[s\].
         time: f64,
     },
     /// A slave could not finish a step. If it came to somewhere within it, the last row is at that time, as
@@ -171,16 +171,16 @@ pub enum Ending {
     Discarded {
         /// Name of the slave.
         instance: String,
-        /// Begin of the step [s].
+        /// Begin of the step \[s\].
         time: f64,
-        /// Where the slave stands [s].
+        /// Where the slave stands \[s\].
         reached: f64,
     },
     /// A slave failed.
     Failed {
         /// Name of the slave.
         instance: String,
-        /// Begin of the step [s].
+        /// Begin of the step \[s\].
         time: f64,
         /// What it was doing.
         stage: Stage,
@@ -198,7 +198,7 @@ pub struct Run {
     /// [ended](Ending::EndRequested) or [gave up](Ending::Discarded) within a step. With step-size control each is one or more
     /// [communication steps](super::Steps).
     pub steps: u64,
-    /// Time of the last row [s].
+    /// Time of the last row \[s\].
     pub time: f64,
     /// Names of the slaves in the order in which they stepped.
     pub order: Vec<String>,

@@ -224,7 +224,7 @@ impl System {
         }
     }
 
-    /// When the slaves suggest to end [s]; `None` if none does, or they do not agree.
+    /// When the slaves suggest to end \[s\]; `None` if none does, or they do not agree.
     pub fn suggested_stop(&self) -> Option<f64> {
         let mut stops = (self.instances.iter()).filter_map(|i| i.slave.suggested_stop());
         let first = stops.next()?;

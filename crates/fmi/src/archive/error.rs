@@ -39,9 +39,9 @@ pub enum ArchiveError {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Unpacked size [bytes].
+        /// Unpacked size \[bytes\].
         found: u64,
-        /// Largest size allowed [bytes].
+        /// Largest size allowed \[bytes\].
         limit: u64,
     },
     /// An entry would be written outside the folder.
@@ -111,9 +111,9 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Begin of the name.
         begin: String,
-        /// Its length, or that of its longest part [bytes].
+        /// Its length, or that of its longest part \[bytes\].
         found: usize,
-        /// Largest length allowed [bytes].
+        /// Largest length allowed \[bytes\].
         limit: usize,
     },
     /// An entry is encrypted.
@@ -152,9 +152,9 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Its size [bytes].
+        /// Its size \[bytes\].
         found: u64,
-        /// Largest size allowed [bytes].
+        /// Largest size allowed \[bytes\].
         limit: u64,
     },
     /// An entry cannot be read: its data are damaged, or its checksum is another one.
@@ -174,7 +174,7 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Size in the directory [bytes].
+        /// Size in the directory \[bytes\].
         declared: u64,
     },
     /// An entry that is needed is not there.

@@ -26,13 +26,13 @@ pub const DESCRIPTION: &str = "modelDescription.xml";
 pub struct Limits {
     /// Number of entries.
     pub entries: usize,
-    /// Unpacked size of all entries together [bytes].
+    /// Unpacked size of all entries together \[bytes\].
     pub bytes: u64,
-    /// Size of an entry that [`Archive::read`] reads as a whole [bytes].
+    /// Size of an entry that [`Archive::read`] reads as a whole \[bytes\].
     pub read: u64,
-    /// Length of a name [bytes].
+    /// Length of a name \[bytes\].
     pub name: usize,
-    /// Length of a part of a name between `/` [bytes].
+    /// Length of a part of a name between `/` \[bytes\].
     pub part: usize,
 }
 

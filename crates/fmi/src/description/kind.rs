@@ -214,7 +214,7 @@ pub struct IntegerAttributes {
 pub struct BinaryAttributes {
     /// Kind of the data; default `application/octet-stream`.
     pub mime_type: Option<String>,
-    /// Largest size [bytes].
+    /// Largest size \[bytes\].
     pub max_size: Option<u64>,
 }
 

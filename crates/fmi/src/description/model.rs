@@ -122,13 +122,13 @@ pub struct LogCategory {
 /// What a simulation uses if the user says nothing (FMI 2.0, section 2.2.5).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DefaultExperiment {
-    /// Start time [s].
+    /// Start time \[s\].
     pub start_time: Option<f64>,
-    /// Stop time [s].
+    /// Stop time \[s\].
     pub stop_time: Option<f64>,
     /// Relative tolerance.
     pub tolerance: Option<f64>,
-    /// Communication step [s].
+    /// Communication step \[s\].
     pub step_size: Option<f64>,
 }
 

@@ -6,13 +6,13 @@ use pilotage_abi::fmi3::{DependencyKind, IntervalQualifier};
 /// Interval of a clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval<T> {
-    /// Until the next tick, in [s] or as a [`Fraction`].
+    /// Until the next tick, in \[s\] or as a [`Fraction`].
     pub value: T,
     /// Whether it is known, and new.
     pub qualifier: IntervalQualifier,
 }
 
-/// `counter / resolution` [s].
+/// `counter / resolution` \[s\].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fraction {
     /// Ticks of the resolution.
@@ -41,7 +41,7 @@ impl Instance {
         self.environment.take_clocks_changed()
     }
 
-    /// `fmi3GetIntervalDecimal` [s].
+    /// `fmi3GetIntervalDecimal` \[s\].
     pub fn get_intervals(&mut self, clocks: &[u32]) -> Result<Vec<Interval<f64>>, CallError> {
         let (r, n) = (clocks.as_ptr(), clocks.len());
         let mut values = vec![f64::NAN; n];
@@ -72,7 +72,7 @@ impl Instance {
         Ok(pairs.map(interval).collect())
     }
 
-    /// `fmi3SetIntervalDecimal` [s].
+    /// `fmi3SetIntervalDecimal` \[s\].
     ///
     /// # Panics
     /// If there are not as many values as clocks, here and below.
@@ -97,7 +97,7 @@ impl Instance {
         unsafe { call!(self, fmi3 SetIntervalFraction.set_interval_fraction(r, n, c, s)) }
     }
 
-    /// `fmi3GetShiftDecimal`: when clocks tick first [s].
+    /// `fmi3GetShiftDecimal`: when clocks tick first \[s\].
     pub fn get_shifts(&mut self, clocks: &[u32]) -> Result<Vec<f64>, CallError> {
         let (r, n) = (clocks.as_ptr(), clocks.len());
         let mut values = vec![f64::NAN; n];
@@ -116,7 +116,7 @@ impl Instance {
         Ok(fractions(&counters, &resolutions).collect())
     }
 
-    /// `fmi3SetShiftDecimal` [s].
+    /// `fmi3SetShiftDecimal` \[s\].
     pub fn set_shifts(&mut self, clocks: &[u32], values: &[f64]) -> Result<(), CallError> {
         assert_eq!(clocks.len(), values.len());
         let (r, n, v) = (clocks.as_ptr(), clocks.len(), values.as_ptr());
@@ -138,7 +138,7 @@ impl Instance {
         unsafe { call!(self, fmi3 SetShiftFraction.set_shift_fraction(r, n, c, s)) }
     }
 
-    /// `fmi3ActivateModelPartition`: runs the partition of a clock that ticks at `time` [s] (scheduled
+    /// `fmi3ActivateModelPartition`: runs the partition of a clock that ticks at `time` \[s\] (scheduled
     /// execution).
     pub fn activate_model_partition(&mut self, clock: u32, time: f64) -> Result<(), CallError> {
         // SAFETY: as above.

@@ -16,7 +16,7 @@ pub struct EventUpdate {
     pub nominals_changed: bool,
     /// The states have jumped.
     pub states_changed: bool,
-    /// When the next time event comes [s].
+    /// When the next time event comes \[s\].
     pub next_time: Option<f64>,
 }
 
@@ -154,7 +154,7 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetTime`, `fmi3SetTime` [s].
+    /// `fmi2SetTime`, `fmi3SetTime` \[s\].
     pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe { call!(self, fmi2 SetTime.set_time(time), fmi3 SetTime.set_time(time)) }

@@ -16,14 +16,14 @@ pub enum Step {
     Done,
     /// Before its end (`fmi2Discard`, `fmi3Discard`).
     Discarded {
-        /// The last successful time [s], if the FMU says.
+        /// The last successful time \[s\], if the FMU says.
         last_successful: Option<f64>,
         /// The FMU wants the simulation to end.
         is_end_requested: bool,
     },
     /// With something to tell (FMI 3.0, section 4.2.1).
     Stopped {
-        /// Where the FMU stands [s]: before the end after an early return.
+        /// Where the FMU stands \[s\]: before the end after an early return.
         reached: f64,
         /// There is an event to handle: [`Instance::enter_event_mode`].
         is_event: bool,

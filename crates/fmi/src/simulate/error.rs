@@ -18,7 +18,7 @@ pub enum RunError {
         "at {time} s the FMU still wants new discrete states after {rounds} rounds of the event iteration"
     )]
     EventIteration {
-        /// Where [s].
+        /// Where \[s\].
         time: f64,
         /// How many rounds there were.
         rounds: u32,
@@ -28,11 +28,11 @@ pub enum RunError {
         "{events} events within {span:e} s at {time} s: the model chatters, or its events come ever faster"
     )]
     Chattering {
-        /// Where [s].
+        /// Where \[s\].
         time: f64,
         /// How many there were.
         events: u32,
-        /// In which time [s].
+        /// In which time \[s\].
         span: f64,
     },
 }

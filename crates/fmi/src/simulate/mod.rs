@@ -25,7 +25,7 @@ pub struct RunOptions {
     pub tolerance: f64,
     /// Which method solves.
     pub method: Method,
-    /// Longest step of the solver [s].
+    /// Longest step of the solver \[s\].
     pub longest_step: f64,
 }
 
@@ -45,7 +45,7 @@ impl Default for RunOptions {
 pub enum Reached {
     /// At the time asked for.
     Target,
-    /// At this time [s], where the model wants the simulation to end.
+    /// At this time \[s\], where the model wants the simulation to end.
     EndRequested(f64),
 }
 
@@ -120,7 +120,7 @@ impl ModelExchangeRun {
         &mut self.model.instance
     }
 
-    /// Where it stands [s].
+    /// Where it stands \[s\].
     pub fn time(&self) -> f64 {
         self.solver.time()
     }
@@ -143,12 +143,12 @@ impl ModelExchangeRun {
         self.options.tolerance = tolerance;
     }
 
-    /// Tells the stop time of the experiment [s], beyond which no instance needs to work.
+    /// Tells the stop time of the experiment \[s\], beyond which no instance needs to work.
     pub fn set_stop(&mut self, stop: Option<f64>) {
         self.stop = stop.unwrap_or(f64::INFINITY);
     }
 
-    /// Begins at `start` [s]: the instance has just left initialization mode, and is in event mode.
+    /// Begins at `start` \[s\]: the instance has just left initialization mode, and is in event mode.
     ///
     /// # Errors
     /// See [`RunError`], here and below.
@@ -224,7 +224,7 @@ impl ModelExchangeRun {
     }
 
     /// Time derivatives of real outputs where it stands, with the inputs going on as they do [their units per
-    /// second]: by differences of second order over `span` [s] ahead, as if no event came, the states along their
+    /// second]: by differences of second order over `span` \[s\] ahead, as if no event came, the states along their
     /// derivatives. 0 once the model has asked for the end.
     ///
     /// # Panics
@@ -265,7 +265,7 @@ impl ModelExchangeRun {
         state == State::Fmi2(fmi2::State::EventMode) || state == State::Fmi3(fmi3::State::EventMode)
     }
 
-    /// Integrates to `target` [s], all events on the way and there handled.
+    /// Integrates to `target` \[s\], all events on the way and there handled.
     pub fn step_to(&mut self, target: f64) -> Result<Reached, RunError> {
         if self.is_in_event_mode() {
             self.finish_event(false)?;

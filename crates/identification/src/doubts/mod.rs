@@ -23,9 +23,9 @@ pub enum Doubt {
     ConstantData,
     /// No run has a target away from where it begins, so that all that moves is the pilot's own noise.
     NoForcing {
-        /// The farthest that a target is from where its run begins [m].
+        /// The farthest that a target is from where its run begins \[m\].
         forcing: f64,
-        /// The largest error of a run [m].
+        /// The largest error of a run \[m\].
         error: f64,
     },
     /// The positions follow the targets with a factor that no human flies.
@@ -35,9 +35,9 @@ pub enum Doubt {
     },
     /// The runs are so short, or their samples so far apart, that another unit of time is likely.
     TimeScale {
-        /// The longest run [s].
+        /// The longest run \[s\].
         duration: f64,
-        /// Median time between its samples [s].
+        /// Median time between its samples \[s\].
         step: f64,
     },
     /// A run that is fitted far worse than the others.
@@ -56,9 +56,9 @@ pub enum Doubt {
     Gap {
         /// Name of the run.
         run: String,
-        /// The last row before it [s].
+        /// The last row before it \[s\].
         from: f64,
-        /// The first after it [s].
+        /// The first after it \[s\].
         to: f64,
     },
     /// A run that is fitted from rest is already in motion.
@@ -74,18 +74,18 @@ pub enum Doubt {
     TargetOutlier {
         /// Name of the run.
         run: String,
-        /// Time of the sample [s].
+        /// Time of the sample \[s\].
         time: f64,
-        /// The target there [m].
+        /// The target there \[m\].
         target: f64,
-        /// The target before and after [m].
+        /// The target before and after \[m\].
         around: f64,
     },
     /// The recording jumps and does not come back.
     Jump {
         /// Name of the run.
         run: String,
-        /// Time of the first sample after it [s].
+        /// Time of the first sample after it \[s\].
         time: f64,
         /// How far, with its unit.
         size: f64,
@@ -98,7 +98,7 @@ pub enum Doubt {
     Outlier {
         /// Name of the run.
         run: String,
-        /// Time of the sample [s].
+        /// Time of the sample \[s\].
         time: f64,
         /// Recorded minus modelled; what was recorded, where the fit has no residual.
         value: f64,
@@ -121,38 +121,38 @@ pub enum Doubt {
     },
     /// Mass, inertia and arm do not belong to one body.
     VehicleSize {
-        /// Radius of gyration √(I/m) [m].
+        /// Radius of gyration √(I/m) \[m\].
         gyration: f64,
-        /// Arm length [m].
+        /// Arm length \[m\].
         arm: f64,
     },
     /// The vehicle's own pitch loop is unstable.
     VehicleUnstable,
     /// The mesh is coarser than a tenth of a run.
     CoarseMesh {
-        /// Length of an interval [s].
+        /// Length of an interval \[s\].
         step: f64,
-        /// The shortest run [s].
+        /// The shortest run \[s\].
         duration: f64,
     },
     /// Between the nodes of the mesh the solution is not one of the equations.
     MeshError {
         /// Name of the worst run.
         run: String,
-        /// Rms distance of all solutions from the equations solved with short steps [m].
+        /// Rms distance of all solutions from the equations solved with short steps \[m\].
         error: f64,
-        /// Rms residual of the fit [m].
+        /// Rms residual of the fit \[m\].
         residual: f64,
-        /// Longest interval of the worst run's mesh [s].
+        /// Longest interval of the worst run's mesh \[s\].
         interval: f64,
     },
     /// The closed loop is stable about hover and leaves the target all the same: the stick comes to its stops.
     Leaves {
-        /// The target, from where the flight begins [m].
+        /// The target, from where the flight begins \[m\].
         step: f64,
-        /// When it was given up [s].
+        /// When it was given up \[s\].
         time: f64,
-        /// How far off it was then [m].
+        /// How far off it was then \[m\].
         error: f64,
         /// True where the options do not ask for a stable loop.
         allowed: bool,
@@ -211,7 +211,7 @@ pub enum Doubt {
     SlowLoop {
         /// Its real part [1/s].
         pole: f64,
-        /// The longest run [s].
+        /// The longest run \[s\].
         duration: f64,
     },
     /// θ1 lies on its bound: the pilot integrates the error for ever.

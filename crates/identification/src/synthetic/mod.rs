@@ -28,9 +28,9 @@ const MAX_STEP: f64 = 1e-3;
 pub struct Human {
     /// Gain `k` [1/m]: stick for each metre of error.
     pub gain: f64,
-    /// Lead time `T_L` [s].
+    /// Lead time `T_L` \[s\].
     pub lead: f64,
-    /// Reaction delay `τ` [s].
+    /// Reaction delay `τ` \[s\].
     pub delay: f64,
     /// Natural frequency of the arm `ω_n` [rad/s].
     pub frequency: f64,
@@ -39,7 +39,7 @@ pub struct Human {
     /// Standard deviation of the remnant, as a fraction of the stick that the first sight of the target
     /// calls for (`k |ŷ|`): people are as imprecise as they move much.
     pub remnant: f64,
-    /// Correlation time of the remnant [s].
+    /// Correlation time of the remnant \[s\].
     pub remnant_time: f64,
 }
 
@@ -60,11 +60,11 @@ impl Default for Human {
 /// A set of flights: the same human several times to each target, never quite the same way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flights {
-    /// Distances to fly [m].
+    /// Distances to fly \[m\].
     pub targets: Vec<f64>,
     /// Runs to each target.
     pub runs: usize,
-    /// Duration of a run [s].
+    /// Duration of a run \[s\].
     pub duration: f64,
     /// Samples per second [1/s].
     pub rate: f64,
@@ -106,7 +106,7 @@ pub enum SyntheticError {
     /// A target that is asked for twice: its runs would have the same names.
     #[error("target {target} m is given twice; `runs` says how often each is flown to")]
     Twice {
-        /// The target [m].
+        /// The target \[m\].
         target: f64,
     },
     /// Human and vehicle together are unstable.
@@ -117,9 +117,9 @@ pub enum SyntheticError {
     Diverged {
         /// Name of the run.
         run: String,
-        /// Time of the first sample out of bounds [s].
+        /// Time of the first sample out of bounds \[s\].
         time: f64,
-        /// Position there [m].
+        /// Position there \[m\].
         position: f64,
     },
 }
@@ -131,7 +131,7 @@ pub struct Flight {
     pub name: String,
     /// The human in this run.
     pub human: Human,
-    /// `target` [m], `position` [m] (to 0.1 mm) and `stick` (to 1/10000).
+    /// `target` \[m\], `position` \[m\] (to 0.1 mm) and `stick` (to 1/10000).
     pub series: Series,
 }
 

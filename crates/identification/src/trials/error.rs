@@ -77,7 +77,7 @@ pub enum TrialError {
     Stick {
         /// The file.
         file: String,
-        /// Time of the sample [s].
+        /// Time of the sample \[s\].
         time: f64,
         /// The value.
         value: f64,
@@ -87,7 +87,7 @@ pub enum TrialError {
     NoTarget {
         /// The file.
         file: String,
-        /// Time of the sample [s].
+        /// Time of the sample \[s\].
         time: f64,
     },
     /// Fewer recorded positions than a fit can use.

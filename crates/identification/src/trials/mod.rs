@@ -1,6 +1,6 @@
 //! Recorded flights.
 //!
-//! One run is one CSV file with the columns `time` [s], `target` [m], `position` [m] and, where it was
+//! One run is one CSV file with the columns `time` \[s\], `target` \[m\], `position` \[m\] and, where it was
 //! recorded, `stick` [-1 to 1]; further columns are passed over. A manifest (TOML) lists runs:
 //!
 //! ```toml
@@ -31,11 +31,11 @@ pub struct Trial {
     pub origin: String,
     /// SHA-256 of the file's bytes, in hexadecimal.
     pub sha256: String,
-    /// Sample times [s], strictly increasing.
+    /// Sample times \[s\], strictly increasing.
     pub time: Vec<f64>,
-    /// The target ŷ at each sample [m].
+    /// The target ŷ at each sample \[m\].
     pub target: Vec<f64>,
-    /// The vehicle's position at each sample [m]; NaN where missing.
+    /// The vehicle's position at each sample \[m\]; NaN where missing.
     pub position: Vec<f64>,
     /// The stick at each sample [-1, 1]; NaN where missing. None where it was not recorded.
     pub stick: Option<Vec<f64>>,
@@ -44,20 +44,20 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Where the run begins: its first recorded position [m].
+    /// Where the run begins: its first recorded position \[m\].
     pub fn origin(&self) -> f64 {
         let recorded = self.position.iter().find(|z| z.is_finite());
         recorded.copied().unwrap_or(0.0)
     }
 
-    /// The farthest that the target is from there [m].
+    /// The farthest that the target is from there \[m\].
     pub fn forcing(&self) -> f64 {
         let origin = self.origin();
         let ways = self.target.iter().map(|target| (target - origin).abs());
         ways.fold(0.0, f64::max)
     }
 
-    /// From the first sample to the last [s].
+    /// From the first sample to the last \[s\].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]
     }

@@ -10,19 +10,19 @@ pub struct Summary {
     pub samples: usize,
     /// Samples whose position is missing.
     pub missing: usize,
-    /// Duration [s].
+    /// Duration \[s\].
     pub duration: f64,
     /// Samples per second [1/s], from the median of the time steps.
     pub rate: f64,
     /// Longest time step over the median one: 1 for an even grid.
     pub largest_gap: f64,
-    /// The last target [m].
+    /// The last target \[m\].
     pub target: f64,
-    /// Least and greatest target [m]: the same where it stands still.
+    /// Least and greatest target \[m\]: the same where it stands still.
     pub target_range: [f64; 2],
-    /// The last recorded position minus the target then [m].
+    /// The last recorded position minus the target then \[m\].
     pub final_error: f64,
-    /// Root mean square of the recorded positions minus the targets then [m].
+    /// Root mean square of the recorded positions minus the targets then \[m\].
     pub rms_error: f64,
     /// How far the vehicle went beyond the target, relative to the distance from its first recorded position;
     /// 0 where it never did. None where that means nothing: the target moves, or the vehicle starts at it, to a
@@ -81,7 +81,7 @@ fn steps(time: &[f64]) -> Vec<f64> {
     steps
 }
 
-/// The usual time from a sample to the next [s]; none where there are no two.
+/// The usual time from a sample to the next \[s\]; none where there are no two.
 pub fn median_step(time: &[f64]) -> Option<f64> {
     median(time.windows(2).map(|pair| pair[1] - pair[0]))
 }

@@ -102,7 +102,7 @@ pub struct EventInfo {
     pub values_of_continuous_states_changed: Boolean,
     /// The model has a time event to come.
     pub next_event_time_defined: Boolean,
-    /// When it comes [s].
+    /// When it comes \[s\].
     pub next_event_time: Real,
 }
 

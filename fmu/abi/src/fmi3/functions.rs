@@ -171,26 +171,26 @@ crate::tables::functions! {
         /// `fmi3ExitConfigurationMode`
         ExitConfigurationMode, c"fmi3ExitConfigurationMode",
             States::of(&[State::ConfigurationMode, State::ReconfigurationMode]), (Instance) -> Status;
-        /// `fmi3GetIntervalDecimal`: value references, their number, intervals [s], qualifiers
+        /// `fmi3GetIntervalDecimal`: value references, their number, intervals \[s\], qualifiers
         GetIntervalDecimal, c"fmi3GetIntervalDecimal", states::CLOCKS,
             (Instance, *const ValueReference, usize, *mut Float64, *mut IntervalQualifier) -> Status;
         /// `fmi3GetIntervalFraction`: value references, their number, counters, resolutions, qualifiers
         GetIntervalFraction, c"fmi3GetIntervalFraction", states::CLOCKS,
             (Instance, *const ValueReference, usize, *mut UInt64, *mut UInt64, *mut IntervalQualifier)
             -> Status;
-        /// `fmi3GetShiftDecimal`: value references, their number, shifts [s]
+        /// `fmi3GetShiftDecimal`: value references, their number, shifts \[s\]
         GetShiftDecimal, c"fmi3GetShiftDecimal", states::CLOCKS,
             (Instance, *const ValueReference, usize, *mut Float64) -> Status;
         /// `fmi3GetShiftFraction`: value references, their number, counters, resolutions
         GetShiftFraction, c"fmi3GetShiftFraction", states::CLOCKS,
             (Instance, *const ValueReference, usize, *mut UInt64, *mut UInt64) -> Status;
-        /// `fmi3SetIntervalDecimal`: value references, their number, intervals [s]
+        /// `fmi3SetIntervalDecimal`: value references, their number, intervals \[s\]
         SetIntervalDecimal, c"fmi3SetIntervalDecimal", states::CLOCKS,
             (Instance, *const ValueReference, usize, *const Float64) -> Status;
         /// `fmi3SetIntervalFraction`: value references, their number, counters, resolutions
         SetIntervalFraction, c"fmi3SetIntervalFraction", states::CLOCKS,
             (Instance, *const ValueReference, usize, *const UInt64, *const UInt64) -> Status;
-        /// `fmi3SetShiftDecimal`: value references, their number, shifts [s]
+        /// `fmi3SetShiftDecimal`: value references, their number, shifts \[s\]
         SetShiftDecimal, c"fmi3SetShiftDecimal", states::CLOCKS,
             (Instance, *const ValueReference, usize, *const Float64) -> Status;
         /// `fmi3SetShiftFraction`: value references, their number, counters, resolutions

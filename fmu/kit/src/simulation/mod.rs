@@ -54,7 +54,7 @@ pub enum SetError {
 /// Everything that changes when a simulation runs: equal snapshots have equal futures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// Time [s].
+    /// Time \[s\].
     pub time: f64,
     /// Inputs, parameters and start values by index; outputs hold 0 here, since they are calculated.
     pub values: Vec<f64>,
@@ -175,7 +175,7 @@ impl<E: Equations> Simulation<E> {
         self.now.tolerance = relative.clamp(TOLERANCE_RANGE.0, TOLERANCE_RANGE.1);
     }
 
-    /// Sets the time [s].
+    /// Sets the time \[s\].
     pub fn set_time(&mut self, time: f64) {
         self.now.time = time;
     }

@@ -27,7 +27,7 @@ pub enum StepFault {
         state: String,
         /// Its value.
         value: f64,
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
     },
     /// Events come ever faster.
@@ -38,13 +38,13 @@ pub enum StepFault {
     TooManyEvents {
         /// The limit.
         limit: usize,
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
     },
     /// The event handler finds no end.
     #[error("the event at {time} s changes the states again and again ({limit} times)")]
     EndlessEvent {
-        /// When [s].
+        /// When \[s\].
         time: f64,
         /// The limit.
         limit: usize,
@@ -57,14 +57,14 @@ pub enum StepFault {
 pub struct StepError {
     /// Why.
     pub fault: StepFault,
-    /// How far it came [s]: 0 if nothing has changed.
+    /// How far it came \[s\]: 0 if nothing has changed.
     pub reached: f64,
 }
 
 /// How far a step came.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reached {
-    /// The time that passed [s].
+    /// The time that passed \[s\].
     pub time: f64,
     /// Whether an event waits there to be handled.
     pub event: bool,

@@ -2,8 +2,8 @@
 //! FMI 3.0), OpenModelica's and one of MapleSim. They are checked, and flown as fmpy flies them.
 #![cfg(all(target_os = "linux", target_arch = "x86_64"))]
 
+use super::python;
 use crate::command::Folder;
-use crate::python;
 use std::fmt::Write;
 
 /// A folder with all of them, and their names.

@@ -1,19 +1,12 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
-use crate::command::Folder;
+use crate::command::{Folder, example};
 use pilotage::export::{Options, Provenance, binary, interface, pack, package_as, platform};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
 use pilotage::fmi::{Fmu, Kind};
 use pilotage::models::{Model, Quadcopter};
 use std::path::{Path, PathBuf};
-
-/// The crate of one of the examples.
-pub fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("examples")
-        .join(name)
-}
 
 /// Builds and packs a crate.
 pub fn packed(crate_folder: &Path, version: FmiVersion, path: PathBuf) -> PathBuf {

@@ -1,9 +1,9 @@
 //! A Boolean variable of an exported model, `landed` of the example `landing-fmu`: in both versions of FMI, for
 //! both kinds, in the commands.
 
-use crate::command::Folder;
-use crate::pack::{example, packed};
-use crate::python;
+use super::pack::packed;
+use super::python;
+use crate::command::{Folder, example};
 use pilotage::fmi::description::{Causality, FmiVersion, Initial, Variability, VariableKind};
 use pilotage::fmi::fmu::Library;
 use pilotage::fmi::instance::Instance;

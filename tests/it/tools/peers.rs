@@ -1,10 +1,10 @@
 //! The planted faults of descriptions in other checkers: they find nothing wrong with the good ones, and
 //! fewer of the faults than `validate` does.
 
-use super::peer_rules::found_by_rules;
-use super::{faults2, faults3};
+use super::python;
+use crate::fmi::peer_rules::found_by_rules;
+use crate::fmi::{faults2, faults3};
 use crate::foreign::archive;
-use crate::python;
 use std::path::Path;
 
 /// Writes the good description and each faulty one as FMUs without binaries.

@@ -1,6 +1,6 @@
 //! The exported FMUs in fmpy, a tool that is not ours: both versions, both kinds.
 
-use crate::python;
+use super::python;
 use pilotage::export::{Options, Provenance, export_as};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::pilot::PAPER_THETA;
@@ -33,7 +33,7 @@ fn exported(folder: &TempDir, model: &Model, version: FmiVersion) -> PathBuf {
 /// One of the examples of users' own models.
 fn packed(folder: &TempDir, example: &str, version: FmiVersion) -> PathBuf {
     let path = folder.path().join(format!("{example}-{version}.fmu"));
-    crate::pack::packed(&crate::pack::example(example), version, path)
+    super::pack::packed(&crate::command::example(example), version, path)
 }
 
 /// FMI rules 1, 2, 5, 7 to 15 and 30: fmpy's schema and its own checks find nothing.

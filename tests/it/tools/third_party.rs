@@ -1,7 +1,7 @@
 //! FMUs of tools that are not ours, made here: `pythonfmu` (FMI 2.0) and `pythonfmu3` (FMI 3.0).
 
+use super::python;
 use crate::command::{Ended, Folder};
-use crate::python;
 
 /// A folder with `Lag.fmu` and `Decay.fmu`, and the library of Python that they expect in their host.
 fn made() -> (Folder, String) {

@@ -1,6 +1,7 @@
 //! The C interface of exported FMUs under valgrind: no invalid access, nothing uninitialised, no leak.
 
 use crate::command::Folder;
+use crate::times;
 use std::process::Command;
 
 /// Runs a trial of `validate` under valgrind.
@@ -33,8 +34,7 @@ fn run(folder: &Folder, fmu: &str, trial: &str) {
 #[cfg(target_os = "linux")]
 fn exported_fmus_are_clean_under_valgrind() {
     if Command::new("valgrind").arg("--version").output().is_err() {
-        eprintln!("valgrind is not installed, so that memory is not checked here");
-        return;
+        return times::missing("valgrind", "memory of exported FMUs is not checked");
     }
     let folder = Folder::new();
     for version in ["2", "3"] {

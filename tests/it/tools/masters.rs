@@ -1,16 +1,7 @@
 //! The exported FMUs in masters that are not ours: each ends where ours does.
 
-use crate::command::Folder;
-use crate::python;
-
-/// A folder with the FMUs of pilot and quadcopter.
-pub fn exported() -> Folder {
-    let folder = Folder::new();
-    let export = ["export", "pilot", "--preset", "paper", "-o", "pilot.fmu"];
-    assert_eq!(folder.pilotage(&export).code, 0);
-    assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
-    folder
-}
+use super::python;
+use crate::command::{Folder, exported};
 
 fn numbers(line: &str, separator: char) -> Vec<f64> {
     (line.split(separator))

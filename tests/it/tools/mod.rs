@@ -1,0 +1,15 @@
+//! The second tier: tests that need more than Rust. Python with fmpy and other tools, which the tests install
+//! themselves (network); cargo, which builds models and finds the built examples; binutils; valgrind.
+
+mod examples;
+mod fmpy;
+mod library;
+mod masters;
+mod modes;
+mod other_tools;
+mod pack;
+mod peers;
+mod python;
+mod results;
+mod third_party;
+mod valgrind;
