@@ -136,7 +136,7 @@ fn modules_name_only_whom_they_may_know() {
 #[test]
 fn of_co_simulation_only_the_slaves_know_fmus_and_models() {
     for (file, code) in library() {
-        for (name, module) in [("fmi", "fmu_slave"), ("models", "native_slave")] {
+        for (name, module) in [("fmi", "fmu_slave"), ("kit", "native_slave")] {
             let is_slave = is_of(&file, &format!("crates/cosim/src/{module}"));
             let knows = file.starts_with("crates/cosim/") && named(&code).contains(name);
             assert!(is_slave || !knows, "{file} names {name}");

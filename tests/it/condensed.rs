@@ -286,11 +286,11 @@ fn steps_and_multipliers_are_those_of_the_dense_kkt_system() {
     }
     insta::assert_debug_snapshot!(met, @"
     Met {
-        solved: 292,
-        corrected: 198,
-        with_active: 95,
-        not_convex: 65,
-        inconsistent: 43,
+        solved: 294,
+        corrected: 200,
+        with_active: 80,
+        not_convex: 60,
+        inconsistent: 46,
         dependent_rows: 0,
     }
     ");

@@ -11,7 +11,7 @@
 //! | --- | --- |
 //! | [`slave`] | what a slave offers: variables, and ten calls |
 //! | [`fmu_slave`] | FMUs of FMI 2.0 and 3.0 as slaves: co-simulation, and model exchange with a solver |
-//! | [`native_slave`] | the models of this project as slaves |
+//! | [`native_slave`] | models in Rust as slaves |
 //! | [`system`] | who is wired to whom, checked |
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |

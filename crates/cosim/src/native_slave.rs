@@ -1,14 +1,13 @@
-//! The project's own models as slaves, without FMUs between. They run the same
-//! [`Simulation`] as the exported FMUs.
+//! Models in Rust as slaves, without FMUs between. They run the same [`Simulation`] as the exported FMUs.
 
 use super::slave::{
     Abilities, Base, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value,
     Variable,
 };
+use pilotage_kit::simulation::Snapshot;
+use pilotage_kit::structure::{Structure, Unknown};
+use pilotage_kit::{Equations, Simulation, Table, variable};
 use pilotage_linear::StateSpace;
-use pilotage_models::simulation::Snapshot;
-use pilotage_models::structure::{Structure, Unknown};
-use pilotage_models::{Model, Simulation, variable};
 use thiserror::Error;
 
 /// Why a native slave refuses a call.
@@ -20,11 +19,13 @@ pub enum NativeError {
         /// The handle.
         handle: u32,
     },
-    /// The models have real variables only.
-    #[error("there is no variable of type {kind}")]
+    /// Models have real variables, and modes, which are Boolean and only read.
+    #[error("there is no variable of type {kind} with handle {handle}")]
     NoSuchKind {
         /// The type asked for.
         kind: Kind,
+        /// The handle.
+        handle: u32,
     },
     /// Nothing was saved there.
     #[error("no state is saved in place {place}")]
@@ -40,22 +41,23 @@ pub enum NativeError {
     },
 }
 
-/// A running [`Model`]; a variable's handle is its index in the model's table.
-#[derive(Debug, Clone)]
-pub struct NativeSlave {
-    simulation: Simulation,
+/// A running model; a variable's handle is its index in the model's [`Table`].
+#[derive(Debug)]
+pub struct NativeSlave<E> {
+    simulation: Simulation<E>,
     variables: Vec<Variable>,
     saved: Vec<Option<Snapshot>>,
 }
 
-impl NativeSlave {
+impl<E: Equations> NativeSlave<E> {
     /// The model at its start values.
-    pub fn new(model: Model) -> Self {
-        let structure = Structure::of(&model, model.variable_table());
-        let variables = model.variables().iter().zip(0..);
+    pub fn new(model: E) -> Self {
+        let table = model.table();
+        let structure = Structure::of(&model, &table);
+        let variables = table.variables().iter().zip(0..);
         Self {
             variables: variables
-                .map(|(variable, handle)| seen(variable, handle, &model, &structure))
+                .map(|(variable, handle)| seen(variable, handle, &table, &structure))
                 .collect(),
             simulation: Simulation::new(model),
             saved: Vec::new(),
@@ -64,7 +66,7 @@ impl NativeSlave {
 
     fn output(&self, handle: u32) -> Result<usize, NativeError> {
         let index = handle as usize;
-        match self.simulation.model().outputs().contains(&index) {
+        match self.simulation.table().outputs().contains(&index) {
             true => Ok(index),
             false => Err(NativeError::NoOutput { handle }),
         }
@@ -82,10 +84,10 @@ impl NativeSlave {
 fn seen(
     variable: &variable::Variable,
     handle: u32,
-    model: &Model,
+    table: &Table,
     structure: &Structure,
 ) -> Variable {
-    let inputs = model.inputs();
+    let inputs = table.inputs();
     let fed_by = |unknowns: &[Unknown]| {
         let unknown = unknowns.iter().find(|u| u.index == handle as usize);
         let indices = unknown
@@ -96,7 +98,7 @@ fn seen(
     };
     let role = match variable.role {
         variable::Role::Input => Role::Input,
-        variable::Role::Output => Role::Output,
+        variable::Role::Output | variable::Role::Mode => Role::Output,
         variable::Role::Fixed | variable::Role::Tunable => Role::Parameter,
         _ => Role::Local,
     };
@@ -113,16 +115,20 @@ fn seen(
             offset: 0.0,
         }),
     };
+    let kind = match variable.is_boolean() {
+        true => Kind::Boolean,
+        false => Kind::Real,
+    };
     Variable {
-        unit: Some(unit),
+        unit: Some(unit).filter(|_| kind == Kind::Real),
         nominal: variable.nominal.unwrap_or(1.0),
         feedthrough,
         initial_feedthrough,
-        ..Variable::new(&variable.name, handle, Kind::Real, role)
+        ..Variable::new(&variable.name, handle, kind, role)
     }
 }
 
-impl Slave for NativeSlave {
+impl<E: Equations + Send> Slave for NativeSlave<E> {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
@@ -159,13 +165,15 @@ impl Slave for NativeSlave {
             Value::Boolean(_) => Kind::Boolean,
             Value::String(_) => Kind::String,
         };
-        Err(NativeError::NoSuchKind { kind }.into())
+        Err(NativeError::NoSuchKind { kind, handle }.into())
     }
 
     fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+        let is_own = (self.variables.get(handle as usize)).is_some_and(|own| own.kind == kind);
         match kind {
             Kind::Real => Ok(Value::Real(self.get_real(handle)?)),
-            kind => Err(NativeError::NoSuchKind { kind }.into()),
+            Kind::Boolean if is_own => Ok(Value::Boolean(self.get_real(handle)? != 0.0)),
+            kind => Err(NativeError::NoSuchKind { kind, handle }.into()),
         }
     }
 

@@ -91,3 +91,22 @@ fn identify_shows_that_the_response_fit_flies_nearest_to_the_recordings() {
     );
     assert!(response < stick && stick < 2.0, "{response} {stick} {text}");
 }
+
+#[test]
+fn a_model_of_ones_own_is_fitted_and_flown() {
+    let text = run("own_model", &[]);
+    for (name, truth) in [
+        ("theta1", 9.0),
+        ("theta2", 5.0),
+        ("theta3", 3.0),
+        ("theta4", 4.5),
+        ("drag", 0.25),
+    ] {
+        let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+        let found: f64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+        assert!((found / truth - 1.0).abs() < 0.01, "{line}");
+    }
+    let end = text.lines().last().unwrap().split_whitespace();
+    let end: f64 = end.rev().nth(1).unwrap().parse().unwrap();
+    assert!((end - 1.0).abs() < 0.01, "{end} m");
+}
