@@ -164,7 +164,7 @@ fn a_fit_does_not_end_at_a_saddle() {
             assert_eq!(solution.status, Status::Converged, "{solution:?}");
             let found = solution.iterate.z.last().unwrap();
             assert!((found.abs() - theta).abs() < 1e-6, "{found} for {theta}");
-            assert_eq!(solution.work.escapes, usize::from(theta > 0.0));
+            assert_eq!(solution.work.curvature_steps, usize::from(theta > 0.0));
             assert!(solution.curvature.unwrap() > 0.0, "{solution:?}");
         }
     }

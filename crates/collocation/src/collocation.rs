@@ -2,11 +2,11 @@
 
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
-use super::lanes::{self, LANES, Lanes, Task};
 use super::layout::Layout;
 use super::mesh::Run;
 use super::node::{Differentiated, NodeModel, Scales};
 use super::parallel;
+use super::simd::{self, LANES, Lanes, Task};
 use super::tableau::Scheme;
 use num_dual::HyperDual64;
 use pilotage_sqp::Problem;
@@ -163,7 +163,7 @@ impl Collocation {
         j: usize,
         observe: impl FnMut(u32, &[Lanes], usize),
     ) -> PointValues {
-        lanes::vectorised(Evaluate {
+        simd::vectorised(Evaluate {
             problem: self,
             z,
             j,
@@ -207,7 +207,7 @@ impl Collocation {
                 g[k * samples + sample as usize] = output[lane];
             }
         });
-        lanes::vectorised(Defects {
+        simd::vectorised(Defects {
             grid,
             n,
             v,
@@ -329,7 +329,7 @@ impl<F: FnMut(u32, &[Lanes], usize)> Task for Evaluate<'_, F> {
         let mut f = vec![[0.0; LANES]; n];
         let mut outputs = vec![[0.0; LANES]; problem.model.n_outputs()];
         for first in (0..grid.points.len()).step_by(step) {
-            let (members, count) = lanes::group(first, step, grid.points.len());
+            let (members, count) = simd::group(first, step, grid.points.len());
             for i in &members[..count] {
                 values.combine(grid, v, *i, n);
             }

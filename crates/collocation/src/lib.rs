@@ -54,17 +54,17 @@
 //! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
 //! | [`collocation`], [`layout`] | the nonlinear program |
 //! | [`condensed`] | its QP by elimination of the states |
-//! | [`lanes`] | numbers of several points at once, for vector instructions |
+//! | [`simd`] | numbers of several points at once, for vector instructions |
 
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
 pub mod grid;
-pub mod lanes;
 pub mod layout;
 pub mod mesh;
 pub mod node;
 mod parallel;
+pub mod simd;
 pub mod solve;
 mod sparse;
 pub mod tableau;

@@ -3,7 +3,7 @@
 //! The equations are an expression graph, and so are their derivatives: which of them are ever other than
 //! zero, and which depend on θ alone, stands in the graph. Tapes compute them.
 
-use super::lanes::{LANES, Lanes, plus, scaled, times};
+use super::simd::{LANES, Lanes, plus, scaled, times};
 use num_dual::DualNum;
 use pilotage_expression::{Node, Registers, System, Tape};
 use std::sync::Arc;

@@ -5,8 +5,8 @@
 
 use super::Collocation;
 use super::grid::{Grid, PointState};
-use super::lanes::LANES;
 use super::mesh::Recording;
+use super::simd::LANES;
 use nalgebra::{DMatrix, DVector};
 use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, SparseProblem};

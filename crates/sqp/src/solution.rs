@@ -16,7 +16,7 @@ pub struct Work {
     /// Second-order corrections of a full step.
     pub corrections: usize,
     /// Steps along a direction of negative curvature, away from a saddle.
-    pub escapes: usize,
+    pub curvature_steps: usize,
 }
 
 /// The outcome of a solve: the best iterate with how good it is.

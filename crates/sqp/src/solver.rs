@@ -175,7 +175,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
 
     /// Away from a saddle.
     fn leave(&mut self, curvature: &Curvature) -> Result<Accepted, Status> {
-        let accepted = self.escape(curvature).ok_or(Status::SaddlePoint)?;
+        let accepted = self.leave_saddle(curvature).ok_or(Status::SaddlePoint)?;
         self.linearise();
         Ok(accepted)
     }

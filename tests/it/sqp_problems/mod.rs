@@ -223,7 +223,7 @@ fn known_problems_end_as_known() {
             work.linearisations,
             work.qps,
             work.corrections,
-            work.escapes,
+            work.curvature_steps,
         );
         wrong.extend(disagreement(&example, &solution));
         if solution.status == Status::Converged {

@@ -4,8 +4,8 @@ use super::points::{Points, add_at, along, zeros};
 use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
-use crate::lanes::{self, LANES, Lanes, Task, plus, side_by_side, times};
 use crate::node::NodeModel;
+use crate::simd::{self, LANES, Lanes, Task, plus, side_by_side, times};
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
@@ -20,7 +20,7 @@ impl RunSweep {
         lagrangian: &mut [f64],
     ) {
         let values = at.problem.point_states(z, at.j);
-        lanes::vectorised(Differentiate {
+        simd::vectorised(Differentiate {
             own: self,
             at,
             z,
@@ -58,7 +58,7 @@ impl RunSweep {
     pub(super) fn objective_gradient(&mut self, at: Place<'_>, out: &mut [f64]) {
         out.fill(0.0);
         self.theta_gradient.fill(0.0);
-        lanes::vectorised(ObjectiveGradient { own: self, at, out });
+        simd::vectorised(ObjectiveGradient { own: self, at, out });
     }
 
     /// Adds the derivatives of `ωᵀ f̄` at a group of points, for these entries of the Jacobian.
@@ -119,7 +119,7 @@ impl RunSweep {
             omega.fill(0.0);
         }
         self.omega = omega;
-        let curvature = lanes::vectorised(StepGradient {
+        let curvature = simd::vectorised(StepGradient {
             own: self,
             at,
             kind,

@@ -11,33 +11,33 @@
 
 mod active;
 pub mod arrow;
-mod bundle;
+mod batch;
 mod curvature;
 mod dense;
 mod dual;
+mod element;
+mod elements;
 mod gradients;
 mod points;
 mod reduce;
 mod run;
 mod sparse_lu;
-mod stencil;
-mod stencils;
 mod sweep;
 
 use super::Collocation;
-use super::lanes::{LANES, width};
 use super::mesh::Run;
 use super::parallel;
+use super::simd::{LANES, width};
 use active::{Convex, Row, RowAt, held};
 use arrow::Arrow;
-use bundle::with_items;
+use batch::with_items;
+use elements::ElementJacobians;
 use pilotage_sqp::convex::ConvexSolution;
 use pilotage_sqp::iterate::violation;
 use pilotage_sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
 use reduce::Reduced;
 use run::{Place, RunSweep};
 use std::collections::HashSet;
-use stencils::Stencils;
 
 /// Tolerance on a linearised inequality before it enters the QP.
 const ROW_TOLERANCE: f64 = 1e-12;
@@ -48,7 +48,7 @@ const MAX_ROUNDS: usize = 50;
 #[derive(Debug, Clone, Default)]
 pub struct Condensed {
     runs: Vec<RunSweep>,
-    stencils: Stencils,
+    jacobians: ElementJacobians,
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
     /// Values of the inequalities.
@@ -87,7 +87,7 @@ impl QpSolver<Collocation> for Condensed {
             dense::axpy(1.0, &run.theta_lagrangian, &mut self.lagrangian[theta..]);
         }
         self.singular =
-            !self.stencils.order(problem, &self.runs) || !self.sweep(problem, &at.c, exact);
+            !self.jacobians.order(problem, &self.runs) || !self.sweep(problem, &at.c, exact);
     }
 
     fn gradient(&self) -> &[f64] {
@@ -122,9 +122,9 @@ impl QpSolver<Collocation> for Condensed {
     ) -> Result<(), QpFailure> {
         let variables = problem.layout.runs.iter().map(|run| run.variables());
         let mut d: Vec<_> = parallel::parts(d, variables).collect();
-        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
-        let mut work: Vec<_> = with_items(bundles, &mut d).collect();
-        parallel::each(&mut work, |_, (bundle, d)| bundle.correct(&trial.c, d));
+        let batches = self.jacobians.batches(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(batches, &mut d).collect();
+        parallel::each(&mut work, |_, (batch, d)| batch.correct(&trial.c, d));
         Ok(())
     }
 
@@ -152,24 +152,24 @@ impl Condensed {
         } else {
             1
         };
-        let bundles = self.stencils.bundles(problem, &mut self.runs, size);
-        let mut work: Vec<_> = (bundles.into_iter())
-            .map(|bundle| (bundle, true, Vec::new()))
+        let batches = self.jacobians.batches(problem, &mut self.runs, size);
+        let mut work: Vec<_> = (batches.into_iter())
+            .map(|batch| (batch, true, Vec::new()))
             .collect();
-        parallel::each(&mut work, |_, (bundle, regular, reduced)| {
-            let first = bundle.first;
+        parallel::each(&mut work, |_, (batch, regular, reduced)| {
+            let first = batch.first;
             let at = |k: usize| Place {
                 problem,
                 j: first + k,
             };
-            for (k, run) in bundle.runs.iter_mut().enumerate() {
-                *regular &= run.factor(at(k), bundle.stencils);
+            for (k, run) in batch.runs.iter_mut().enumerate() {
+                *regular &= run.factor(at(k), batch.jacobians);
             }
             if !*regular {
                 return;
             }
-            bundle.sensitivities(c);
-            for (k, run) in bundle.runs.iter_mut().enumerate() {
+            batch.sensitivities(c);
+            for (k, run) in batch.runs.iter_mut().enumerate() {
                 *regular &= run.complete(at(k));
                 reduced.push(run.reduce(at(k), exact));
             }
@@ -275,7 +275,7 @@ impl Condensed {
             self.runs = (0..problem.runs.len())
                 .map(|j| RunSweep::new(problem, j))
                 .collect();
-            self.stencils = Stencils::new(problem);
+            self.jacobians = ElementJacobians::new(problem);
             self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
             self.working.clear();
@@ -446,17 +446,17 @@ impl Condensed {
         let eta = &step.eta;
         let equalities = layout.runs.iter().map(|run| run.equalities());
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
-        let bundles = self.stencils.bundles(problem, &mut self.runs, LANES);
-        let mut work: Vec<_> = with_items(bundles, &mut lambda)
-            .map(|(bundle, lambda)| (bundle, lambda, 0.0))
+        let batches = self.jacobians.batches(problem, &mut self.runs, LANES);
+        let mut work: Vec<_> = with_items(batches, &mut lambda)
+            .map(|(batch, lambda)| (batch, lambda, 0.0))
             .collect();
-        parallel::each(&mut work, |_, (bundle, lambda, curvature)| {
-            for (k, run) in bundle.runs.iter_mut().enumerate() {
-                let j = bundle.first + k;
+        parallel::each(&mut work, |_, (batch, lambda, curvature)| {
+            for (k, run) in batch.runs.iter_mut().enumerate() {
+                let j = batch.first + k;
                 let eta = &eta[layout.runs[j].inequalities()];
                 *curvature += run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
             }
-            bundle.multipliers(lambda);
+            batch.multipliers(lambda);
         });
         step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {

@@ -2,7 +2,7 @@
 
 use super::run::RunSweep;
 use crate::grid::{Combination, Grid, PointState};
-use crate::lanes::{self, LANES, Lanes, plus, side_by_side};
+use crate::simd::{self, LANES, Lanes, plus, side_by_side};
 use std::ops::Range;
 
 /// Gradients over `[x̄; θ̄]`, or steps, at a group of points.
@@ -30,7 +30,7 @@ impl<'a> Points<'a> {
     pub fn all(grid: &'a Grid) -> impl DoubleEndedIterator<Item = Self> {
         let points = grid.points.len();
         (0..points.div_ceil(LANES)).map(move |number| {
-            let (members, count) = lanes::group(number * LANES, LANES, points);
+            let (members, count) = simd::group(number * LANES, LANES, points);
             Self {
                 grid,
                 number,

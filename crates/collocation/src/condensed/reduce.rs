@@ -4,7 +4,7 @@
 use super::dense::axpy;
 use super::points::Points;
 use super::run::{Place, RunSweep};
-use crate::lanes::{self, Kernel, LANES, Lanes};
+use crate::simd::{self, Kernel, LANES, Lanes};
 
 /// A quadratic model over a run's reduced variables.
 #[derive(Debug, Clone, Default)]
@@ -20,7 +20,7 @@ impl RunSweep {
     /// Forms the rows of the bounded outputs, too.
     pub fn reduce(&mut self, at: Place<'_>, exact: bool) -> [Reduced; 2] {
         let w = self.w;
-        lanes::run(
+        simd::run(
             w,
             Reduce {
                 own: self,

@@ -5,7 +5,7 @@ use super::sparse_lu::Symbolic;
 use super::sweep::Span;
 use crate::Collocation;
 use crate::grid::{Grid, PointState};
-use crate::lanes::{self, Grouped, Kernel, LANES, Lanes, Task, width};
+use crate::simd::{self, Grouped, Kernel, LANES, Lanes, Task, width};
 use pilotage_sqp::Iterate;
 use std::collections::BTreeMap;
 
@@ -175,7 +175,7 @@ impl RunSweep {
         known
             .zip(&lambda[..count])
             .for_each(|(i, lambda)| out[i] += lambda);
-        lanes::vectorised(DefectsTransposed {
+        simd::vectorised(DefectsTransposed {
             grid,
             n,
             lambda: &lambda[count..],
@@ -201,15 +201,15 @@ impl RunSweep {
     /// `bounded.dx`, and returns them.
     pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
         let padded = self.padded(rho, 1.0);
-        lanes::run(self.w, Expand(&mut self.bounded, &padded));
+        simd::run(self.w, Expand(&mut self.bounded, &padded));
         &self.bounded.dx
     }
 
     /// All steps from the reduced variables, with this multiple of the offsets, into the rows' `dx`.
     pub fn expand(&mut self, rho: &[f64], offsets: f64) {
         let padded = self.padded(rho, offsets);
-        lanes::run(self.w, Expand(&mut self.nodes, &padded));
-        lanes::run(self.w, Expand(&mut self.combined, &padded));
+        simd::run(self.w, Expand(&mut self.nodes, &padded));
+        simd::run(self.w, Expand(&mut self.combined, &padded));
     }
 
     /// The reduced variables and the offsets' multiple, in a row's width.

@@ -5,7 +5,7 @@
 //! Matrices*, 2nd ed. 2017, sections 7.2 and 7.8), on the values of one of them. Each refactorisation
 //! checks its pivots; where one has become too small, the caller orders that matrix anew.
 
-use crate::lanes::{LANES, Lanes, less, times};
+use crate::simd::{LANES, Lanes, less, times};
 use std::cmp::Ordering;
 use std::ops::Range;
 

@@ -1,12 +1,12 @@
 //! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
-//! ([`super::bundle`]).
+//! ([`super::batch`]).
 
 use super::dense::axpy;
+use super::element::{ElementJacobian, Group, Order};
+use super::elements::ElementJacobians;
 use super::run::{Place, RunSweep};
-use super::stencil::{Group, Order, Stencil};
-use super::stencils::Stencils;
 use crate::grid::{Grid, PointState};
-use crate::lanes::{self, Grouped, Kernel, LANES, Task};
+use crate::simd::{self, Grouped, Kernel, LANES, Task};
 use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
@@ -25,14 +25,14 @@ pub struct Span {
 
 impl RunSweep {
     /// Forms and factors every element's matrices. False when an element is singular.
-    pub fn factor(&mut self, at: Place<'_>, stencils: &Stencils) -> bool {
+    pub fn factor(&mut self, at: Place<'_>, jacobians: &ElementJacobians) -> bool {
         let grid = &at.problem.grids[at.j];
-        self.divide(grid, stencils, at.j);
+        self.divide(grid, jacobians, at.j);
         self.special.clear();
-        lanes::vectorised(Factor {
+        simd::vectorised(Factor {
             own: self,
             grid,
-            stencils,
+            jacobians,
             shared: &at.problem.model.shared,
         })
     }
@@ -50,18 +50,18 @@ impl RunSweep {
             s: &self.nodes.s,
             r,
         };
-        let (growth, is_finite) = lanes::run(w, extent);
+        let (growth, is_finite) = simd::run(w, extent);
         self.growth = growth;
         is_finite
     }
 
     /// Divides the elements into groups at the first use: the orders of their kinds never change.
-    fn divide(&mut self, grid: &Grid, stencils: &Stencils, j: usize) {
+    fn divide(&mut self, grid: &Grid, jacobians: &ElementJacobians, j: usize) {
         if !self.spans.is_empty() {
             return;
         }
         let (mut spans, mut lu, mut k0, mut b) = (Vec::new(), 0, 0, 0);
-        let kinds = &stencils.kind[j];
+        let kinds = &jacobians.kind[j];
         let mut first = 0;
         while first < grid.elements.len() {
             let kind = kinds[first];
@@ -76,10 +76,10 @@ impl RunSweep {
                 k0,
                 b,
             });
-            let (stencil, order) = &stencils.kinds[kind];
+            let (pattern, order) = &jacobians.kinds[kind];
             lu += order.symbolic.entries();
-            k0 += stencil.start.len();
-            b += stencil.parameters.len();
+            k0 += pattern.start.len();
+            b += pattern.parameters.len();
             first += count;
         }
         self.spans = spans;
@@ -136,7 +136,7 @@ impl RunSweep {
 struct Factor<'a> {
     own: &'a mut RunSweep,
     grid: &'a Grid,
-    stencils: &'a Stencils,
+    jacobians: &'a ElementJacobians,
     shared: &'a [bool],
 }
 
@@ -148,23 +148,23 @@ impl Task for Factor<'_> {
         let Self {
             own,
             grid,
-            stencils,
+            jacobians,
             shared,
         } = self;
         let mut work = std::mem::take(&mut own.work);
         let mut regular = true;
         'spans: for span in &own.spans {
-            let (stencil, order) = &stencils.kinds[span.kind];
+            let (pattern, order) = &jacobians.kinds[span.kind];
             let lu = &mut own.lu[span.lu(order)];
-            let (k0, b) = (&mut own.k0[span.k0(stencil)], &mut own.b[span.b(stencil)]);
+            let (k0, b) = (&mut own.k0[span.k0(pattern)], &mut own.b[span.b(pattern)]);
             let group = span.group(grid, &own.jacobian, &mut work.points);
-            stencil.fill(order, &group, (lu, k0, b));
-            let lanes = order.symbolic.factor(lu, &mut work.lanes[..stencil.size()]);
+            pattern.fill(order, &group, (lu, k0, b));
+            let lanes = order.symbolic.factor(lu, &mut work.lanes[..pattern.size()]);
             for (lane, is_regular) in lanes.iter().enumerate().take(span.count) {
                 if *is_regular {
                     continue;
                 }
-                let Some(alone) = stencil.factor_alone(&group, lane, shared) else {
+                let Some(alone) = pattern.factor_alone(&group, lane, shared) else {
                     regular = false;
                     break 'spans;
                 };
@@ -214,14 +214,14 @@ impl Span {
 
     /// Places of its `K_0`.
     #[inline]
-    pub fn k0(&self, stencil: &Stencil) -> Range<usize> {
-        self.k0..self.k0 + stencil.start.len()
+    pub fn k0(&self, pattern: &ElementJacobian) -> Range<usize> {
+        self.k0..self.k0 + pattern.start.len()
     }
 
     /// Places of its `B`.
     #[inline]
-    pub fn b(&self, stencil: &Stencil) -> Range<usize> {
-        self.b..self.b + stencil.parameters.len()
+    pub fn b(&self, pattern: &ElementJacobian) -> Range<usize> {
+        self.b..self.b + pattern.parameters.len()
     }
 
     /// The elements with their Jacobians; `points` is scratch.
@@ -237,7 +237,7 @@ impl Span {
     }
 }
 
-impl Stencils {
+impl ElementJacobians {
     /// A group of one element.
     pub(super) fn alone<'a>(
         grid: &Grid,

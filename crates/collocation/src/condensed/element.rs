@@ -12,7 +12,7 @@
 
 use super::sparse_lu::{Symbolic, gathered, take};
 use crate::grid::{Element, Grid};
-use crate::lanes::{Grouped, LANES, Lanes, less, plus};
+use crate::simd::{Grouped, LANES, Lanes, less, plus};
 use crate::tableau::{Tableau, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Shape<'a> {
 
 /// The matrices of a tableau's elements.
 #[derive(Debug, Clone)]
-pub struct Stencil {
+pub struct ElementJacobian {
     /// The tableau.
     pub tableau: Arc<Tableau>,
     n: usize,
@@ -75,7 +75,7 @@ pub struct Assembly {
     own: Vec<Stamp>,
 }
 
-/// The order in which a [`Stencil`]'s `M` is factored.
+/// The order in which a [`ElementJacobian`]'s `M` is factored.
 #[derive(Debug, Clone, Default)]
 pub struct Order {
     /// Order and pattern of the factors.
@@ -186,7 +186,7 @@ impl Assembly {
     }
 }
 
-impl Stencil {
+impl ElementJacobian {
     /// The matrices for a model of this shape.
     pub fn new(tableau: Arc<Tableau>, shape: Shape<'_>) -> Self {
         let [m, k0, b] = patterns(&tableau, shape);

@@ -16,7 +16,7 @@ const SHORTEST: f64 = 1e-6;
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// The longest step of either sign that lowers the augmented Lagrangian as its curvature promises.
     /// None when there is none, or when this saddle is no better than the last.
-    pub(super) fn escape(&mut self, curvature: &Curvature) -> Option<Accepted> {
+    pub(super) fn leave_saddle(&mut self, curvature: &Curvature) -> Option<Accepted> {
         if self.current.f >= self.saddle {
             return None;
         }
@@ -34,7 +34,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                 if measure.value(&self.trial) <= here + promised {
                     self.saddle = self.current.f;
                     self.damping = self.damping.max(self.options.initial_damping);
-                    self.work.escapes += 1;
+                    self.work.curvature_steps += 1;
                     self.take_trial();
                     return Some(Accepted {
                         alpha,

@@ -1,40 +1,40 @@
 //! Sweeps along several runs at once, one in each lane: a step from element to element has to wait for the
 //! one before, and is too short for vectors of its own.
 
+use super::elements::ElementJacobians;
 use super::run::RunSweep;
 use super::sparse_lu::{Factors, Together};
-use super::stencils::Stencils;
 use super::sweep::Span;
 use crate::Collocation;
-use crate::lanes::{self, Kernel, LANES, Task, side_by_side};
+use crate::simd::{self, Kernel, LANES, Task, side_by_side};
 use std::ops::Range;
 
 /// Some runs with the same kinds of elements, [`LANES`] at most.
 #[derive(Debug)]
-pub struct Bundle<'a> {
+pub struct Batch<'a> {
     /// The problem.
     pub problem: &'a Collocation,
     /// What its elements share.
-    pub stencils: &'a Stencils,
+    pub jacobians: &'a ElementJacobians,
     /// The first run's number.
     pub first: usize,
     /// The runs.
     pub runs: &'a mut [RunSweep],
 }
 
-/// Bundles of a problem's runs, each with the items of its own runs.
+/// Batchs of a problem's runs, each with the items of its own runs.
 pub fn with_items<'a, T>(
-    bundles: Vec<Bundle<'a>>,
+    batches: Vec<Batch<'a>>,
     mut rest: &'a mut [T],
-) -> impl Iterator<Item = (Bundle<'a>, &'a mut [T])> {
-    bundles.into_iter().map(move |bundle| {
-        let (own, tail) = std::mem::take(&mut rest).split_at_mut(bundle.runs.len());
+) -> impl Iterator<Item = (Batch<'a>, &'a mut [T])> {
+    batches.into_iter().map(move |batch| {
+        let (own, tail) = std::mem::take(&mut rest).split_at_mut(batch.runs.len());
         rest = tail;
-        (bundle, own)
+        (batch, own)
     })
 }
 
-impl Bundle<'_> {
+impl Batch<'_> {
     /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
     /// constraint values `c` (of all runs). Of two runs at once.
     pub fn sensitivities(&mut self, c: &[f64]) {
@@ -43,8 +43,8 @@ impl Bundle<'_> {
                 let own = self.part(first..part.end.min(first + 2));
                 let w = own.runs[0].w;
                 match own.runs.len() {
-                    2 => lanes::run(w, Sensitivities::<2> { own, c }),
-                    _ => lanes::run(w, Sensitivities::<1> { own, c }),
+                    2 => simd::run(w, Sensitivities::<2> { own, c }),
+                    _ => simd::run(w, Sensitivities::<1> { own, c }),
                 }
             }
         }
@@ -54,7 +54,7 @@ impl Bundle<'_> {
     /// (of all runs).
     pub fn correct(&mut self, c: &[f64], d: &mut [&mut [f64]]) {
         for part in self.parts() {
-            lanes::vectorised(Correct {
+            simd::vectorised(Correct {
                 own: self.part(part.clone()),
                 c,
                 d: &mut d[part],
@@ -66,7 +66,7 @@ impl Bundle<'_> {
     /// `right` of the rest of the Lagrangian's model by the unknowns.
     pub fn multipliers(&mut self, lambda: &mut [&mut [f64]]) {
         for part in self.parts() {
-            lanes::vectorised(Multipliers {
+            simd::vectorised(Multipliers {
                 own: self.part(part.clone()),
                 lambda: &mut lambda[part],
             });
@@ -81,10 +81,10 @@ impl Bundle<'_> {
         (0..count).step_by(step).map(move |k| k..k + step)
     }
 
-    fn part(&mut self, part: Range<usize>) -> Bundle<'_> {
-        Bundle {
+    fn part(&mut self, part: Range<usize>) -> Batch<'_> {
+        Batch {
             problem: self.problem,
-            stencils: self.stencils,
+            jacobians: self.jacobians,
             first: self.first + part.start,
             runs: &mut self.runs[part],
         }
@@ -93,7 +93,7 @@ impl Bundle<'_> {
     /// The run in each lane; those beyond repeat the last.
     #[inline(always)]
     fn members(&self) -> [usize; LANES] {
-        lanes::group(0, LANES, self.runs.len()).0
+        simd::group(0, LANES, self.runs.len()).0
     }
 
     /// The constraint values of a run.
@@ -109,15 +109,15 @@ impl Bundle<'_> {
         if let Some((symbolic, lu)) = runs[0].special.get(&(span.first + lane)) {
             return Together::new(symbolic, [lu; LANES], 0);
         }
-        let (_, order) = &self.stencils.kinds[span.kind];
+        let (_, order) = &self.jacobians.kinds[span.kind];
         let lu = runs.map(|run| &run.lu[span.lu(order)]);
         Together::new(&order.symbolic, lu, lane)
     }
 }
 
-/// [`Bundle::sensitivities`] of `B` runs.
+/// [`Batch::sensitivities`] of `B` runs.
 struct Sensitivities<'a, const B: usize> {
-    own: Bundle<'a>,
+    own: Batch<'a>,
     c: &'a [f64],
 }
 
@@ -149,8 +149,8 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
         let mut last = n;
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements() {
-            let (stencil, order) = &own.stencils.kinds[span.kind];
-            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let (pattern, order) = &own.jacobians.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, pattern.size());
             let x = &mut work[..size];
             let factors = match own.runs[0].special.get(&(span.first + lane)) {
                 Some((symbolic, lu)) => Factors::new(symbolic, [lu.as_slice(); B], 0),
@@ -166,10 +166,10 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
                 let x = &mut x[*slot as usize];
                 x.iter_mut().zip(c).for_each(|(x, c)| x[r] = -c[k]);
             }
-            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
-            stencil.start((k0, lane), &before[last - n..last], (slots, x));
-            let b = members.map(|k| &own.runs[k].b[span.b(stencil)]);
-            stencil.parameters((b, lane), (slots, x));
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(pattern)]);
+            pattern.start((k0, lane), &before[last - n..last], (slots, x));
+            let b = members.map(|k| &own.runs[k].b[span.b(pattern)]);
+            pattern.parameters((b, lane), (slots, x));
             factors.solve(x);
             for (k, rows) in rows.iter_mut().enumerate() {
                 let s = &mut rows.as_chunks_mut::<W>().0[first + n..first + n + size];
@@ -183,9 +183,9 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
     }
 }
 
-/// [`Bundle::correct`].
+/// [`Batch::correct`].
 struct Correct<'a, 'b> {
-    own: Bundle<'a>,
+    own: Batch<'a>,
     c: &'a [f64],
     d: &'a mut [&'b mut [f64]],
 }
@@ -207,16 +207,16 @@ impl Task for Correct<'_, '_> {
         let mut work = vec![[0.0; LANES]; own.runs[0].work.lanes.len()];
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements() {
-            let (stencil, _) = &own.stencils.kinds[span.kind];
-            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let (pattern, _) = &own.jacobians.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, pattern.size());
             let x = &mut work[..size];
             let factors = own.factors(span, lane);
             let c = defects.map(|c| &c[first..first + size]);
             for (k, slot) in factors.slots().iter().enumerate() {
                 x[*slot as usize] = c.map(|c| -c[k]);
             }
-            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
-            stencil.start_together((k0, lane), &at, (factors.slots(), x));
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(pattern)]);
+            pattern.start_together((k0, lane), &at, (factors.slots(), x));
             factors.solve(x);
             for (k, d) in d.iter_mut().enumerate() {
                 let d = &mut d[first + n..first + n + size];
@@ -227,9 +227,9 @@ impl Task for Correct<'_, '_> {
     }
 }
 
-/// [`Bundle::multipliers`].
+/// [`Batch::multipliers`].
 struct Multipliers<'a, 'b> {
-    own: Bundle<'a>,
+    own: Batch<'a>,
     lambda: &'a mut [&'b mut [f64]],
 }
 
@@ -249,8 +249,8 @@ impl Task for Multipliers<'_, '_> {
         let known: Vec<usize> = own.runs.iter().map(|run| n - run.free.len()).collect();
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements().rev() {
-            let (stencil, _) = &own.stencils.kinds[span.kind];
-            let (first, size) = (grid.elements[span.first + lane].first * n, stencil.size());
+            let (pattern, _) = &own.jacobians.kinds[span.kind];
+            let (first, size) = (grid.elements[span.first + lane].first * n, pattern.size());
             let (b, rows) = (&mut b[..size], &mut rows[..size]);
             side_by_side(right.map(|right| &right[first + n..]), &mut b[..size - n]);
             b[size - n..].copy_from_slice(&at[..n]);
@@ -262,8 +262,8 @@ impl Task for Multipliers<'_, '_> {
                 pairs.for_each(|(lambda, row)| *lambda = row[k]);
             }
             side_by_side(right.map(|right| &right[first..]), &mut at[..n]);
-            let k0 = members.map(|k| &own.runs[k].k0[span.k0(stencil)]);
-            stencil.start_transposed((k0, lane), rows, &mut at);
+            let k0 = members.map(|k| &own.runs[k].k0[span.k0(pattern)]);
+            pattern.start_transposed((k0, lane), rows, &mut at);
         }
         for ((k, run), lambda) in own.runs.iter().enumerate().zip(lambda) {
             let places = run.known().zip(lambda.iter_mut());

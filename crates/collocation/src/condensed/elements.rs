@@ -1,20 +1,20 @@
 //! The kinds of elements of a problem, and the runs that have the same.
 
-use super::bundle::Bundle;
+use super::batch::Batch;
+use super::element::{ElementJacobian, Order, Shape};
 use super::run::RunSweep;
-use super::stencil::{Order, Shape, Stencil};
 use crate::Collocation;
 use std::sync::Arc;
 
 /// The elements' operations and orders of elimination: one for each different tableau.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Stencils {
-    pub kinds: Vec<(Stencil, Order)>,
+pub(crate) struct ElementJacobians {
+    pub kinds: Vec<(ElementJacobian, Order)>,
     /// Kind of each element of each run.
     pub kind: Vec<Vec<u32>>,
 }
 
-impl Stencils {
+impl ElementJacobians {
     /// Finds the kinds of elements.
     pub fn new(problem: &Collocation) -> Self {
         let shape = Shape {
@@ -26,15 +26,15 @@ impl Stencils {
         for grid in &problem.grids {
             let mut kinds: Vec<u32> = Vec::with_capacity(grid.elements.len());
             for element in &grid.elements {
-                let same = |(stencil, _): &(Stencil, Order)| {
-                    Arc::ptr_eq(&stencil.tableau, &element.tableau)
-                        || stencil.tableau == element.tableau
+                let same = |(pattern, _): &(ElementJacobian, Order)| {
+                    Arc::ptr_eq(&pattern.tableau, &element.tableau)
+                        || pattern.tableau == element.tableau
                 };
                 let known = out.kinds.iter().position(same);
                 let kind = known.unwrap_or_else(|| {
                     let tableau = element.tableau.clone();
                     out.kinds
-                        .push((Stencil::new(tableau, shape), Order::default()));
+                        .push((ElementJacobian::new(tableau, shape), Order::default()));
                     out.kinds.len() - 1
                 });
                 kinds.push(kind as u32);
@@ -44,15 +44,15 @@ impl Stencils {
         out
     }
 
-    /// The runs in bundles of this size at most: neighbours with the same elements and the same number of
+    /// The runs in batches of this size at most: neighbours with the same elements and the same number of
     /// free initial states.
-    pub fn bundles<'a>(
+    pub fn batches<'a>(
         &'a self,
         problem: &'a Collocation,
         mut rest: &'a mut [RunSweep],
         size: usize,
-    ) -> Vec<Bundle<'a>> {
-        let mut bundles = Vec::new();
+    ) -> Vec<Batch<'a>> {
+        let mut batches = Vec::new();
         let mut first = 0;
         while !rest.is_empty() {
             let (kind, free) = (&self.kind[first], rest[0].free.len());
@@ -60,15 +60,15 @@ impl Stencils {
             let same = same.take_while(|(own, run)| *own == kind && run.free.len() == free);
             let count = same.count();
             let (runs, tail) = rest.split_at_mut(count);
-            bundles.push(Bundle {
+            batches.push(Batch {
                 problem,
-                stencils: self,
+                jacobians: self,
                 first,
                 runs,
             });
             (rest, first) = (tail, first + count);
         }
-        bundles
+        batches
     }
 
     /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
@@ -92,8 +92,8 @@ impl Stencils {
                 }
                 let point = grid.points_of(&grid.elements[element])[0] as usize;
                 let jacobian: Vec<f64> = run.jacobian.of(point).collect();
-                let (stencil, order) = &mut self.kinds[kind];
-                stencil.refresh(order, &jacobian);
+                let (pattern, order) = &mut self.kinds[kind];
+                pattern.refresh(order, &jacobian);
             }
         }
         true
