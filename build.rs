@@ -23,6 +23,7 @@ fn main() {
         "Cargo.toml",
         "Cargo.lock",
         "fmu",
+        "crates/ode",
     ] {
         println!("cargo::rerun-if-changed={input}");
     }

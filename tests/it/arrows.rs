@@ -14,6 +14,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "src/report",
         &[
             "series",
+            "units",
             "models",
             "vehicle",
             "identification",
@@ -169,12 +170,18 @@ fn only_the_command_line_knows_clap_and_the_terminal() {
 fn the_fmu_drags_in_no_toolkit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let toolkit = ["clap", "zip", "csv", "toml", "clarabel"];
-    let own = ["pilotage-abi.", "pilotage-kit.", "pilotage-models."];
+    let own = [
+        "pilotage-abi.",
+        "pilotage-kit.",
+        "pilotage-models.",
+        "pilotage-ode.",
+    ];
     for manifest in [
         "fmu/Cargo.toml",
         "fmu/abi/Cargo.toml",
         "fmu/kit/Cargo.toml",
         "fmu/models/Cargo.toml",
+        "crates/ode/Cargo.toml",
     ] {
         let text = fs::read_to_string(root.join(manifest)).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap_or("");

@@ -1,7 +1,7 @@
 //! Pilot and quadcopter as one system of differential equations, solved by an implicit method to many digits:
 //! what every co-simulation of the two is measured by.
 
-use pilotage::integrate::{Dynamics as _, Method, Options, Solver};
+use pilotage::integrate::{Method, Options, Solver, System};
 use pilotage::models::{Dynamics, Joint, Pilot, Quadcopter};
 use std::convert::Infallible;
 
@@ -20,7 +20,7 @@ pub struct Point {
 }
 
 /// The states of vehicle and pilot, then the integrals of position and stick.
-impl pilotage::integrate::Dynamics for Loop {
+impl System for Loop {
     type Error = Infallible;
 
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
@@ -35,10 +35,6 @@ impl pilotage::integrate::Dynamics for Loop {
         }
         dx[n] = joint.measured(states, &w, &self.theta);
         dx[n + 1] = limited;
-        Ok(true)
-    }
-
-    fn indicators(&mut self, _t: f64, _x: &[f64], _z: &mut [f64]) -> Result<bool, Infallible> {
         Ok(true)
     }
 }
