@@ -24,6 +24,7 @@ fn main() {
         "Cargo.lock",
         "fmu",
         "crates/ode",
+        "crates/units",
     ] {
         println!("cargo::rerun-if-changed={input}");
     }

@@ -24,7 +24,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     (
         "crates/identification/src/vehicle",
-        &["models", "linear", "text"],
+        &["models", "units", "linear", "text"],
     ),
     ("crates/identification/src/synthetic", &["models", "series"]),
 ];
@@ -175,6 +175,7 @@ fn the_fmu_drags_in_no_toolkit() {
         "pilotage-kit.",
         "pilotage-models.",
         "pilotage-ode.",
+        "pilotage-units.",
     ];
     for manifest in [
         "fmu/Cargo.toml",
@@ -182,6 +183,7 @@ fn the_fmu_drags_in_no_toolkit() {
         "fmu/kit/Cargo.toml",
         "fmu/models/Cargo.toml",
         "crates/ode/Cargo.toml",
+        "crates/units/Cargo.toml",
     ] {
         let text = fs::read_to_string(root.join(manifest)).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap_or("");

@@ -4,7 +4,7 @@ use crate::command::{Folder, example};
 use pilotage::export::{Provenance, package};
 use pilotage::fmi::description::{self, FmiVersion, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
-use pilotage::models::{Model, Quadcopter, Unit};
+use pilotage::models::{Model, Quadcopter};
 use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -169,13 +169,13 @@ fn description_declares_dependencies_and_units() {
 #[test]
 fn units_of_the_pilot_fit_its_equations() {
     let model = Model::pilot(&[0.0; 10], 1.0);
-    let exponents = |name: String| -> [i32; 4] {
-        let Unit { exponents, .. } = model.variables()[model.index(&name).unwrap()].unit;
-        exponents
+    let exponents = |name: String| -> [i32; 8] {
+        let unit = &model.variables()[model.index(&name).unwrap()].unit;
+        unit.base.exponents
     };
     for i in 1..=5 {
         let state = exponents(format!("x{i}_start"));
-        let sum = |theta: usize| -> [i32; 4] {
+        let sum = |theta: usize| -> [i32; 8] {
             let theta = exponents(format!("theta{theta}"));
             std::array::from_fn(|k| theta[k] + state[k])
         };

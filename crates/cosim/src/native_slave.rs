@@ -2,8 +2,7 @@
 //! [`Simulation`] as the exported FMUs.
 
 use super::slave::{
-    Abilities, Base, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value,
-    Variable,
+    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
 use pilotage_linear::StateSpace;
 use pilotage_models::simulation::Snapshot;
@@ -104,14 +103,9 @@ fn seen(
         Role::Output => (fed_by(&structure.outputs), fed_by(&structure.initial)),
         _ => (Vec::new(), Vec::new()),
     };
-    let [kg, m, s, rad] = variable.unit.exponents;
     let unit = Unit {
         name: variable.unit.name.clone(),
-        base: Some(Base {
-            exponents: [kg, m, s, 0, 0, 0, 0, rad],
-            factor: variable.unit.factor,
-            offset: 0.0,
-        }),
+        base: Some(variable.unit.base),
     };
     Variable {
         unit: Some(unit),
