@@ -16,6 +16,7 @@ pub mod cli;
 pub use pilotage_collocation as transcription;
 pub use pilotage_cosim as cosim;
 pub use pilotage_fmi as fmi;
+pub use pilotage_fmi_check as fmi_check;
 pub use pilotage_identification as identification;
 pub use pilotage_identification::{synthetic, vehicle};
 pub use pilotage_linear as linear;

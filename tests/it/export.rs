@@ -54,7 +54,7 @@ fn text<'f>(files: &'f BTreeMap<String, Vec<u8>>, name: &str) -> &'f str {
 fn read(files: &BTreeMap<String, Vec<u8>>) -> ModelDescription {
     let reading = description::read(&files["modelDescription.xml"]).unwrap();
     assert_eq!(reading.findings, []);
-    assert_eq!(description::validate(&reading), []);
+    assert_eq!(pilotage::fmi_check::validate(&reading), []);
     reading.description
 }
 

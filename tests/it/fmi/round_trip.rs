@@ -1,6 +1,7 @@
 //! What is written reads back as the same value, whole; and what is read never panics.
 
 use pilotage::fmi::description::*;
+use pilotage::fmi_check::validate;
 use proptest::collection::vec;
 use proptest::option::of;
 use proptest::prelude::*;
