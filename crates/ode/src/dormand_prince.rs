@@ -88,11 +88,18 @@ impl DormandPrince {
     /// The slopes of all stages.
     #[inline(always)]
     fn slopes<'a>(&'a self, step: &'a Step, n: usize) -> [&'a [f64]; STAGES] {
-        std::array::from_fn(|stage| match stage {
-            0 => &step.f[..n],
-            6 => &step.f_end[..n],
-            inner => &self.inner[inner - 1][..n],
-        })
+        let [k1, k2, k3, k4, k5] = &self.inner;
+        let (first, last) = (&step.f[..n], &step.f_end[..n]);
+        // Written out: the compiler is to know each.
+        [
+            first,
+            &k1[..n],
+            &k2[..n],
+            &k3[..n],
+            &k4[..n],
+            &k5[..n],
+            last,
+        ]
     }
 
     /// An attempt with `n` states; see [`Scheme::attempt`].
@@ -104,30 +111,31 @@ impl DormandPrince {
         step: &mut Step,
         scale: &Scale,
     ) -> Result<f64, M::Error> {
-        let (x, f, x_end) = (&step.x[..n], &step.f[..n], &mut step.x_end[..n]);
+        let (t, h) = (step.t, step.h);
+        let (x, k0, end) = (&step.x[..n], &step.f[..n], &mut step.x_end[..n]);
+        let [k1, k2, k3, k4, k5] = &mut self.inner;
+        let (k1, k2, k3) = (&mut k1[..n], &mut k2[..n], &mut k3[..n]);
+        let (k4, k5, k6) = (&mut k4[..n], &mut k5[..n], &mut step.f_end[..n]);
         // A macro, since the number of slopes known at a stage must be known to the compiler too.
         macro_rules! stage {
-            ($stage:literal, $slope:expr) => {
-                combine::<$stage>(f, &self.inner, step.h, x, x_end);
-                let at = step.t + C[$stage] * step.h;
-                if !system.derivatives(at, x_end, $slope)? {
+            ($stage:literal, $slope:ident, $($known:ident)*) => {
+                combine([$(&*$known),*], &A[$stage], h, x, end);
+                if !system.derivatives(t + C[$stage] * h, end, $slope)? {
                     return Ok(f64::INFINITY);
                 }
             };
         }
-        stage!(1, &mut self.inner[0][..n]);
-        stage!(2, &mut self.inner[1][..n]);
-        stage!(3, &mut self.inner[2][..n]);
-        stage!(4, &mut self.inner[3][..n]);
-        stage!(5, &mut self.inner[4][..n]);
-        stage!(6, &mut step.f_end[..n]);
-        let slopes = self.slopes(step, n);
-        let error = |i: usize| step.h * weighted(&E, &slopes, i);
-        let x_end = &step.x_end[..n];
-        let error = scale.norm(error, x, x_end);
+        stage!(1, k1, k0);
+        stage!(2, k2, k0 k1);
+        stage!(3, k3, k0 k1 k2);
+        stage!(4, k4, k0 k1 k2 k3);
+        stage!(5, k5, k0 k1 k2 k3 k4);
+        stage!(6, k6, k0 k1 k2 k3 k4 k5);
+        let slopes: [&[f64]; STAGES] = [k0, k1, k2, k3, k4, k5, k6];
+        let error = scale.norm(|i| h * weighted(&E, &slopes, i), x, end);
         // An overflow in the solution alone would else pass for no error.
         Ok(
-            match x_end.iter().all(|v| v.is_finite()) && error.is_finite() {
+            match end.iter().all(|v| v.is_finite()) && error.is_finite() {
                 true => error,
                 false => f64::INFINITY,
             },
@@ -210,21 +218,17 @@ fn weighted(weights: &[f64; STAGES], slopes: &[&[f64]; STAGES], i: usize) -> f64
     (0..STAGES).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i])
 }
 
-/// The argument of stage `S`: `x + h Σ a_j slopes_j` over the slopes before it.
+/// The argument of a stage: `x + h Σ weights_j slopes_j` over the slopes before it.
 #[inline(always)]
 fn combine<const S: usize>(
-    f: &[f64],
-    inner: &[Vec<f64>; STAGES - 2],
+    slopes: [&[f64]; S],
+    weights: &[f64; STAGES - 1],
     h: f64,
     x: &[f64],
     argument: &mut [f64],
 ) {
-    let slopes: [&[f64]; S] = std::array::from_fn(|j| match j {
-        0 => f,
-        inner_stage => &inner[inner_stage - 1][..x.len()],
-    });
     for (i, (argument, x)) in argument.iter_mut().zip(x).enumerate() {
-        let sum = (0..S).fold(0.0, |sum, j| sum + A[S][j] * slopes[j][i]);
+        let sum = (0..S).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i]);
         *argument = x + h * sum;
     }
 }

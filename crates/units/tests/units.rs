@@ -6,6 +6,7 @@ use proptest::prelude::*;
 /// What the names mean, digit by digit from the sources: BIPM, "The International System of Units", 9th edition,
 /// 2019, tables 4, 5, 7 and 8; NIST SP 811 (2008), appendix B.8; powers of kg, m, s, A, K, rad.
 #[rustfmt::skip]
+#[expect(clippy::approx_constant, reason = "digits of the sources, not of the standard library")]
 const MEANINGS: &[(&str, f64, [i32; 6])] = &[
     ("1", 1.0, [0; 6]), ("%", 0.01, [0; 6]),
     ("kg", 1.0, [1, 0, 0, 0, 0, 0]), ("g", 0.001, [1, 0, 0, 0, 0, 0]), ("mg", 0.000_001, [1, 0, 0, 0, 0, 0]),
