@@ -1,7 +1,7 @@
 //! What stands in an exported FMU, and what `pilotage export` says.
 
 use crate::command::{Folder, example};
-use pilotage::export::{Provenance, package};
+use pilotage::export::{Export, ExportError, Provenance};
 use pilotage::fmi::description::{self, FmiVersion, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
@@ -9,6 +9,11 @@ use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::process::Command;
+
+/// The bytes of a model's FMU.
+fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, ExportError> {
+    Export::new(model, provenance).bytes()
+}
 
 fn models() -> [(Model, Provenance); 4] {
     let second_order = Model::pilot(&[1.0, 2.0, 0.1, 0.2], 0.5);
