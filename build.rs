@@ -23,6 +23,8 @@ fn main() {
         "Cargo.toml",
         "Cargo.lock",
         "fmu",
+        "crates/ode",
+        "crates/units",
     ] {
         println!("cargo::rerun-if-changed={input}");
     }

@@ -4,9 +4,10 @@
 use libloading::Library;
 use pilotage::cosim::recorder::Signal;
 use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, Recorder, System, run};
-use pilotage::export::{Provenance, export_paper_pilot, export_quadcopter};
+use pilotage::export::{Export, Provenance};
 use pilotage::fmi::{Fmu, fmu};
-use pilotage::models::Quadcopter;
+use pilotage::models::pilot::PAPER_THETA;
+use pilotage::models::{Model, Quadcopter};
 use pilotage_abi::fmi2::functions::pointers;
 use pilotage_abi::fmi2::{CallbackFunctions, Component, FALSE, Function, Status, TRUE, Type};
 use std::ffi::CString;
@@ -27,10 +28,17 @@ const VEHICLE_OUTPUTS: [u32; 6] = [2, 3, 4, 5, 6, 7];
 fn main() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let files = ["pilot.fmu", "quadcopter.fmu"].map(|name| folder.path().join(name));
-    export_paper_pilot(&files[0]).expect("the pilot is exported");
-    let vehicle = Provenance::vehicle(None);
-    export_quadcopter(&Quadcopter::default(), &vehicle, &files[1])
-        .expect("the vehicle is exported");
+    let models = [
+        (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
+        (
+            Model::quadcopter(&Quadcopter::default()),
+            Provenance::vehicle(None),
+        ),
+    ];
+    for ((model, provenance), file) in models.iter().zip(&files) {
+        let export = Export::new(model, provenance);
+        export.write(file).expect("the model is exported");
+    }
     let libraries = files.map(|file| {
         let mut fmu = Fmu::open(&file).expect("the FMU opens");
         fmu.load().expect("the FMU loads")

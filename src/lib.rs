@@ -8,7 +8,7 @@
 //! From the six shipped flights to a pilot, to FMUs of pilot and vehicle, to both flying together:
 //!
 //! ```
-//! use pilotage::{Algorithm, Clock, FitOptions, FmuSlave, Provenance, SeriesRecorder, System, TrialSet};
+//! use pilotage::{Algorithm, Clock, Export, FitOptions, FmuSlave, Model, Provenance, SeriesRecorder, System, TrialSet};
 //! use std::ops::ControlFlow;
 //!
 //! let trials = TrialSet::read(&["examples/trials/trials.toml".into()])?.fit;
@@ -18,8 +18,9 @@
 //!
 //! let folder = tempfile::tempdir()?;
 //! let [pilot, quadcopter] = ["pilot.fmu", "quadcopter.fmu"].map(|file| folder.path().join(file));
-//! pilotage::export_pilot(&fit.theta, options.stick_limit, &Provenance::default(), &pilot)?;
-//! pilotage::export_quadcopter(&options.vehicle, &Provenance::vehicle(None), &quadcopter)?;
+//! let (model, vehicle) = (Model::pilot(&fit.theta, options.stick_limit), Model::quadcopter(&options.vehicle));
+//! Export::new(&model, &Provenance::default()).write(&pilot)?;
+//! Export::new(&vehicle, &Provenance::vehicle(None)).write(&quadcopter)?;
 //!
 //! let mut system = System::new();
 //! system.add("pilot", Box::new(FmuSlave::open(&pilot, "pilot")?))?;
@@ -41,11 +42,13 @@
 //! beneath them `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 
 #[doc(inline)]
-pub use export::{Provenance, export_pilot, export_quadcopter};
+pub use export::{Export, Provenance};
 #[doc(inline)]
 pub use pilotage_cosim::{Algorithm, Clock, FmuSlave, SeriesRecorder, System, run as co_simulate};
 #[doc(inline)]
 pub use pilotage_identification::{Fit, Options as FitOptions, Trial, TrialSet, fit};
+#[doc(inline)]
+pub use pilotage_models::Model;
 
 pub mod export;
 
@@ -61,7 +64,7 @@ pub mod report;
 #[doc(hidden)]
 pub use {
     pilotage_collocation as transcription, pilotage_cosim as cosim,
-    pilotage_expression as expression, pilotage_fmi as fmi,
+    pilotage_expression as expression, pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
     pilotage_identification as identification,
     pilotage_identification::{synthetic, vehicle},
     pilotage_linear as linear, pilotage_models as models, pilotage_ode as integrate,

@@ -5,9 +5,10 @@ use super::made::{made, program, quoted};
 use super::progress::Progress;
 use super::{Failure, Outcome, folder, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
-use crate::export::{self, Provenance};
+use crate::export::{Export, Provenance};
 use crate::identification::statistics::rms;
 use crate::identification::{Fit, Identification, Options, PilotFile, Trial, TrialSet, pilot_file};
+use crate::models::Model;
 use crate::report::{self, ClosedLoop, Report, significant};
 use crate::series::Series;
 use crate::{output, vehicle};
@@ -136,14 +137,10 @@ impl Demo {
         let text = crate::document::read(&self.path("pilot.toml"))?;
         let pilot = PilotFile::parse(&text, "pilot.toml")?;
         let provenance = Provenance::fit(text, pilot.is_stable_loop(), pilot.caveat());
-        let (theta, limit) = (&fit.theta, self.options.stick_limit);
-        export::export_pilot(theta, limit, &provenance, &self.path("pilot.fmu"))?;
-        let provenance = Provenance::vehicle(None);
-        export::export_quadcopter(
-            &self.options.vehicle,
-            &provenance,
-            &self.path("quadcopter.fmu"),
-        )?;
+        let model = Model::pilot(&fit.theta, self.options.stick_limit);
+        Export::new(&model, &provenance).write(&self.path("pilot.fmu"))?;
+        let vehicle = Model::quadcopter(&self.options.vehicle);
+        Export::new(&vehicle, &Provenance::vehicle(None)).write(&self.path("quadcopter.fmu"))?;
         say("export", "pilot.fmu and quadcopter.fmu")
     }
 

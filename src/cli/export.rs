@@ -4,8 +4,9 @@ use super::made::{program, quoted};
 use super::overwrite::{Kind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::document;
-use crate::export::{self, Options, Provenance, platform};
-use crate::fmi::description::{FmiVersion, is_date_and_time};
+use crate::export::{Export, Options, Provenance, date, platform};
+use crate::fmi::description::FmiVersion;
+use crate::fmi_check::is_date_and_time;
 use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
@@ -115,7 +116,7 @@ impl FmuArgs {
             (Some(date), _) => Some(date.clone()),
             (None, Err(_)) => None,
             (None, Ok(text)) => {
-                let date = text.parse().ok().and_then(export::date::of_epoch);
+                let date = text.parse().ok().and_then(date::of_epoch);
                 let wrong = || {
                     Failure::new(format!(
                         "{VARIABLE} is `{text}`; expected seconds since 1970"
@@ -174,7 +175,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
             };
             fmu.sign(&mut provenance)?;
-            write(&model, &provenance, &fmu.options()?, &output)
+            write(&model, &provenance, fmu.options()?, &output)
         }
         Command::Quadcopter {
             vehicle,
@@ -192,7 +193,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             }
             fmu.sign(&mut provenance)?;
             let model = Model::quadcopter(&vehicle);
-            write(&model, &provenance, &fmu.options()?, &output)
+            write(&model, &provenance, fmu.options()?, &output)
         }
     }
 }
@@ -235,10 +236,12 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
 fn write(
     model: &Model,
     provenance: &Provenance,
-    options: &Options,
+    options: Options,
     output: &Path,
 ) -> Result<Outcome, Failure> {
-    export::export_as(model, provenance, options, output)?;
+    Export::new(model, provenance)
+        .options(options)
+        .write(output)?;
     let mut text = format!("wrote {}\n", output.display());
     if let Some(caveat) = &provenance.caveat {
         text += &format!("note: {caveat}\n");

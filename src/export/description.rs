@@ -135,7 +135,6 @@ fn units(variables: &[Variable]) -> Vec<fmi::Unit> {
 }
 
 fn unit(unit: &Unit) -> fmi::Unit {
-    let [kg, m, s, rad] = unit.exponents;
     let display = |(name, factor): &(String, f64)| fmi::DisplayUnit {
         name: name.clone(),
         factor: *factor,
@@ -144,14 +143,7 @@ fn unit(unit: &Unit) -> fmi::Unit {
     };
     fmi::Unit {
         name: unit.name.clone(),
-        base: Some(fmi::BaseUnit {
-            kg,
-            m,
-            s,
-            rad,
-            factor: unit.factor,
-            ..fmi::BaseUnit::default()
-        }),
+        base: Some(unit.base),
         display_units: unit.display.iter().map(display).collect(),
     }
 }

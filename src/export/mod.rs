@@ -37,8 +37,7 @@ pub use platform::Platform;
 
 use crate::fmi::description::FmiVersion;
 use crate::models::model::MODEL_FILE;
-use crate::models::pilot::PAPER_THETA;
-use crate::models::{Kind, Model, Quadcopter};
+use crate::models::{Kind, Model};
 use crate::output;
 use pilotage_kit::Interface;
 use std::collections::BTreeMap;
@@ -126,43 +125,6 @@ impl Provenance {
     }
 }
 
-/// Writes the FMU of a pilot with that θ (twice as many entries as its order).
-///
-/// # Errors
-/// When a value is not finite or out of range, or the file cannot be written; nothing stands at `path`
-/// then that did not stand there before.
-///
-/// # Panics
-/// When θ is not the parameters of a pilot: see [`Model::pilot`].
-pub fn export_pilot(
-    theta: &[f64],
-    stick_limit: f64,
-    provenance: &Provenance,
-    path: &Path,
-) -> Result<(), ExportError> {
-    export(&Model::pilot(theta, stick_limit), provenance, path)
-}
-
-/// Writes the FMU of the published pilot, with its caveat.
-///
-/// # Errors
-/// When the file cannot be written.
-pub fn export_paper_pilot(path: &Path) -> Result<(), ExportError> {
-    export_pilot(&PAPER_THETA, 1.0, &Provenance::paper(), path)
-}
-
-/// Writes the FMU of a quadcopter.
-///
-/// # Errors
-/// When a coefficient is out of range, or the file cannot be written.
-pub fn export_quadcopter(
-    vehicle: &Quadcopter,
-    provenance: &Provenance,
-    path: &Path,
-) -> Result<(), ExportError> {
-    export(&Model::quadcopter(vehicle), provenance, path)
-}
-
 /// Which FMU to make of a model.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
@@ -172,62 +134,82 @@ pub struct Options {
     pub binaries: Vec<(Platform, Vec<u8>)>,
 }
 
-/// Writes the FMU of a model (FMI 2.0), completely or not at all.
+/// A model that becomes an FMU: of FMI 2.0 and for this platform, unless it is told otherwise.
 ///
-/// # Errors
-/// When a start value is not finite or out of range, or the file cannot be written.
-pub fn export(model: &Model, provenance: &Provenance, path: &Path) -> Result<(), ExportError> {
-    export_as(model, provenance, &Options::default(), path)
+/// ```no_run
+/// use pilotage::export::{Export, Provenance};
+/// use pilotage::models::{Model, Quadcopter};
+///
+/// let vehicle = Model::quadcopter(&Quadcopter::default());
+/// Export::new(&vehicle, &Provenance::vehicle(None)).write("quadcopter.fmu".as_ref())?;
+/// # Ok::<(), pilotage::export::ExportError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Export<'a> {
+    model: &'a Model,
+    provenance: &'a Provenance,
+    options: Options,
 }
 
-/// As [`export()`], with options.
-///
-/// # Errors
-/// When a start value is not finite or out of range, a library is not for its platform, or the file
-/// cannot be written.
-pub fn export_as(
-    model: &Model,
-    provenance: &Provenance,
-    options: &Options,
-    path: &Path,
-) -> Result<(), ExportError> {
-    let bytes = package_as(model, provenance, options)?;
-    write(path, &bytes)
-}
+impl<'a> Export<'a> {
+    /// Of this model.
+    pub fn new(model: &'a Model, provenance: &'a Provenance) -> Self {
+        Self {
+            model,
+            provenance,
+            options: Options::default(),
+        }
+    }
 
-/// The bytes of a model's FMU (FMI 2.0).
-///
-/// # Errors
-/// When a start value is not finite or out of range.
-pub fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, ExportError> {
-    package_as(model, provenance, &Options::default())
-}
+    /// For this version of the standard.
+    pub fn version(mut self, version: FmiVersion) -> Self {
+        self.options.version = version;
+        self
+    }
 
-/// As [`package()`], with options.
-///
-/// # Errors
-/// When a start value is not finite or out of range, or a library is not for its platform.
-pub fn package_as(
-    model: &Model,
-    provenance: &Provenance,
-    options: &Options,
-) -> Result<Vec<u8>, ExportError> {
-    model.check()?;
-    let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
-    let given = options.binaries.iter().cloned();
-    package::archive(&Contents {
-        name: model.kind().name(),
-        interface: &Interface::of(model),
-        provenance,
-        version: options.version,
-        binaries: given.chain(own).collect(),
-        about: match model.kind() {
-            Kind::Pilot(_) => PILOT,
-            Kind::Quadcopter => QUADCOPTER,
-        },
-        picture: picture::png(model),
-        resources: BTreeMap::from([(MODEL_FILE.to_owned(), model.to_file().into_bytes())]),
-    })
+    /// With a library that was built elsewhere.
+    pub fn binary(mut self, platform: Platform, library: Vec<u8>) -> Self {
+        self.options.binaries.push((platform, library));
+        self
+    }
+
+    /// With all of these options.
+    pub fn options(mut self, options: Options) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// The FMU's bytes.
+    ///
+    /// # Errors
+    /// When a start value is not finite or out of range, or a library is not for its platform.
+    pub fn bytes(self) -> Result<Vec<u8>, ExportError> {
+        let model = self.model;
+        model.check()?;
+        let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
+        package::archive(&Contents {
+            name: model.kind().name(),
+            interface: &Interface::of(model),
+            provenance: self.provenance,
+            version: self.options.version,
+            binaries: self.options.binaries.into_iter().chain(own).collect(),
+            about: match model.kind() {
+                Kind::Pilot(_) => PILOT,
+                Kind::Quadcopter => QUADCOPTER,
+            },
+            picture: picture::png(model),
+            resources: BTreeMap::from([(MODEL_FILE.to_owned(), model.to_file().into_bytes())]),
+        })
+    }
+
+    /// Writes the FMU, completely or not at all.
+    ///
+    /// # Errors
+    /// As [`Self::bytes`], or when the file cannot be written; nothing stands at `path` then that did not stand
+    /// there before.
+    pub fn write(self, path: &Path) -> Result<(), ExportError> {
+        write(path, &self.bytes()?)
+    }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {

@@ -214,7 +214,7 @@ pub fn vehicle(options: &Options) -> String {
             vec![
                 format!("<code>{}</code>", field.name),
                 number::chosen((field.get)(&options.vehicle), 6),
-                escape(&(field.unit)().symbol()),
+                escape(&pilotage_units::pretty(field.unit)),
                 escape(field.meaning),
             ]
         })

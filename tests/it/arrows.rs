@@ -14,6 +14,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "src/report",
         &[
             "series",
+            "units",
             "models",
             "vehicle",
             "identification",
@@ -23,7 +24,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     (
         "crates/identification/src/vehicle",
-        &["models", "linear", "text"],
+        &["models", "units", "linear", "text"],
     ),
     ("crates/identification/src/synthetic", &["models", "series"]),
 ];
@@ -174,6 +175,8 @@ fn the_fmu_drags_in_no_toolkit() {
         "pilotage-expression.",
         "pilotage-kit.",
         "pilotage-models.",
+        "pilotage-ode.",
+        "pilotage-units.",
     ];
     for manifest in [
         "fmu/Cargo.toml",
@@ -181,6 +184,8 @@ fn the_fmu_drags_in_no_toolkit() {
         "fmu/kit/Cargo.toml",
         "fmu/models/Cargo.toml",
         "crates/expression/Cargo.toml",
+        "crates/ode/Cargo.toml",
+        "crates/units/Cargo.toml",
     ] {
         let text = fs::read_to_string(root.join(manifest)).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap_or("");

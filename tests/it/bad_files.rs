@@ -94,8 +94,8 @@ fn trials() {
         ),
         (
             "time in hours",
-            good.replace("time [s]", "time [h]").into(),
-            "a.csv:1: `time` is in `h`; expected s, ms or min",
+            good.replace("time [s]", "time [kg]").into(),
+            "a.csv:1: `time` is in `kg`; expected a unit of time, such as s, ms or min",
         ),
         (
             "ragged row",
@@ -152,7 +152,7 @@ fn trials() {
         (
             "wrong unit",
             good.replace("position [m]", "position [V]").into(),
-            "a.csv: `position` is in `V`; expected one of m, mm, cm, km, ft",
+            "a.csv: `position` is in `V`; expected a length, such as m, cm or ft",
         ),
         (
             "target missing",

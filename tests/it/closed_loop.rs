@@ -6,7 +6,7 @@ use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, Ending, NativeSlave, SeriesRecorder, Slave, System,
     fmu_slave, run,
 };
-use pilotage::export::{Options, Provenance, export, export_as};
+use pilotage::export::{Export, Provenance};
 use pilotage::fmi::Kind;
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::{Model, Quadcopter};
@@ -18,19 +18,15 @@ const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
 pub fn folder_with_fmus() -> Folder {
     let folder = Folder::new();
     let provenance = Provenance::fit("nobody.toml".to_owned(), None, None);
-    export(
-        &Model::pilot(&THETA, 1.0),
-        &provenance,
-        &folder.path("pilot.fmu"),
-    )
-    .unwrap();
-    let vehicle = Model::quadcopter(&Quadcopter::default());
-    export(
-        &vehicle,
-        &Provenance::vehicle(None),
-        &folder.path("quadcopter.fmu"),
-    )
-    .unwrap();
+    let pilot = Model::pilot(&THETA, 1.0);
+    let export = Export::new(&pilot, &provenance);
+    export.write(&folder.path("pilot.fmu")).unwrap();
+    let (vehicle, provenance) = (
+        Model::quadcopter(&Quadcopter::default()),
+        Provenance::vehicle(None),
+    );
+    let export = Export::new(&vehicle, &provenance);
+    export.write(&folder.path("quadcopter.fmu")).unwrap();
     folder
 }
 
@@ -93,13 +89,11 @@ fn every_kind_of_fmu_is_coupled_to_a_micrometre_and_says_so() {
     ];
     let folder = Folder::new();
     for version in [FmiVersion::V2, FmiVersion::V3] {
-        let options = Options {
-            version,
-            ..Options::default()
-        };
         for (name, model) in ["pilot", "quadcopter"].into_iter().zip(models()) {
             let path = folder.path(&format!("{name}.fmu"));
-            export_as(&model, &Provenance::default(), &options, &path).unwrap();
+            let provenance = Provenance::default();
+            let export = Export::new(&model, &provenance).version(version);
+            export.write(&path).unwrap();
         }
         for kind in [Kind::CoSimulation, Kind::ModelExchange] {
             let clock = Clock::new(0.0, stop, h).unwrap();
@@ -156,16 +150,14 @@ fn poles_however_fast_are_flown_by_every_kind_of_fmu() {
             };
             let exact = pilot.solve(h, stop);
             for version in [FmiVersion::V2, FmiVersion::V3] {
-                let options = Options {
-                    version,
-                    ..Options::default()
-                };
                 let models = [
                     (Model::pilot(&theta, 1.0), &pilot_path),
                     (Model::quadcopter(&Quadcopter::default()), &quadcopter_path),
                 ];
                 for (model, path) in models {
-                    export_as(&model, &Provenance::default(), &options, path).unwrap();
+                    let provenance = Provenance::default();
+                    let export = Export::new(&model, &provenance).version(version);
+                    export.write(path).unwrap();
                 }
                 for kind in [Kind::CoSimulation, Kind::ModelExchange] {
                     let clock = Clock::new(0.0, stop, h).unwrap();

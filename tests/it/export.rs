@@ -1,14 +1,19 @@
 //! What stands in an exported FMU, and what `pilotage export` says.
 
 use crate::command::{Folder, example};
-use pilotage::export::{Provenance, package};
+use pilotage::export::{Export, ExportError, Provenance};
 use pilotage::fmi::description::{self, FmiVersion, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
-use pilotage::models::{Model, Quadcopter, Unit};
+use pilotage::models::{Model, Quadcopter};
 use pilotage_kit::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::process::Command;
+
+/// The bytes of a model's FMU.
+pub fn package(model: &Model, provenance: &Provenance) -> Result<Vec<u8>, ExportError> {
+    Export::new(model, provenance).bytes()
+}
 
 pub fn models() -> [(Model, Provenance); 4] {
     let second_order = Model::pilot(&[1.0, 2.0, 0.1, 0.2], 0.5);
@@ -54,7 +59,7 @@ pub fn text<'f>(files: &'f BTreeMap<String, Vec<u8>>, name: &str) -> &'f str {
 fn read(files: &BTreeMap<String, Vec<u8>>) -> ModelDescription {
     let reading = description::read(&files["modelDescription.xml"]).unwrap();
     assert_eq!(reading.findings, []);
-    assert_eq!(description::validate(&reading), []);
+    assert_eq!(pilotage::fmi_check::validate(&reading), []);
     reading.description
 }
 
@@ -169,13 +174,13 @@ fn description_declares_dependencies_and_units() {
 #[test]
 fn units_of_the_pilot_fit_its_equations() {
     let model = Model::pilot(&[0.0; 10], 1.0);
-    let exponents = |name: String| -> [i32; 4] {
-        let Unit { exponents, .. } = model.variables()[model.index(&name).unwrap()].unit;
-        exponents
+    let exponents = |name: String| -> [i32; 8] {
+        let unit = &model.variables()[model.index(&name).unwrap()].unit;
+        unit.base.exponents
     };
     for i in 1..=5 {
         let state = exponents(format!("x{i}_start"));
-        let sum = |theta: usize| -> [i32; 4] {
+        let sum = |theta: usize| -> [i32; 8] {
             let theta = exponents(format!("theta{theta}"));
             std::array::from_fn(|k| theta[k] + state[k])
         };

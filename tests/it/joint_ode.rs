@@ -2,7 +2,7 @@
 //! what every co-simulation of the two is measured by.
 
 use pilotage::identification::joint::Joint;
-use pilotage::integrate::{Dynamics as _, Method, Options, Solver};
+use pilotage::integrate::{Method, Options, Solver, System};
 use pilotage::models::quadcopter::N_STATES;
 use pilotage::models::{Pilot, Quadcopter, Scalar};
 use std::convert::Infallible;
@@ -48,7 +48,7 @@ pub struct Point {
 }
 
 /// The states of vehicle and pilot, then the integrals of position and stick.
-impl pilotage::integrate::Dynamics for Loop {
+impl System for Loop {
     type Error = Infallible;
 
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
@@ -63,10 +63,6 @@ impl pilotage::integrate::Dynamics for Loop {
         }
         dx[n] = joint.measured(states);
         dx[n + 1] = limited;
-        Ok(true)
-    }
-
-    fn indicators(&mut self, _t: f64, _x: &[f64], _z: &mut [f64]) -> Result<bool, Infallible> {
         Ok(true)
     }
 }

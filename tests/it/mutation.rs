@@ -2,7 +2,8 @@
 
 use pilotage::fmi::Fmu;
 use pilotage::fmi::archive::{Archive, Limits};
-use pilotage::fmi::description::{read, validate};
+use pilotage::fmi::description::read;
+use pilotage::fmi_check::validate;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 use std::io::{Cursor, Write};

@@ -21,7 +21,6 @@
 //! | [`report`] | what a run did, and how far its coupling is to be trusted |
 //! | [`selection`] | which signals are recorded, and how often |
 //! | [`source`] | signals over time, from a table |
-//! | [`unit_names`] | what the units in a table's header mean |
 
 pub mod algorithms;
 pub mod clock;
@@ -35,7 +34,6 @@ pub mod selection;
 pub mod slave;
 pub mod source;
 pub mod system;
-pub mod unit_names;
 
 pub use algorithms::{Algorithm, Control, Coupling, Iteration, MAX_EXTRAPOLATION};
 pub use clock::Clock;

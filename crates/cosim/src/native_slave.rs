@@ -1,8 +1,7 @@
 //! Models in Rust as slaves, without FMUs between. They run the same [`Simulation`] as the exported FMUs.
 
 use super::slave::{
-    Abilities, Base, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value,
-    Variable,
+    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
 };
 use pilotage_kit::simulation::Snapshot;
 use pilotage_kit::structure::{Structure, Unknown};
@@ -106,14 +105,9 @@ fn seen(
         Role::Output => (fed_by(&structure.outputs), fed_by(&structure.initial)),
         _ => (Vec::new(), Vec::new()),
     };
-    let [kg, m, s, rad] = variable.unit.exponents;
     let unit = Unit {
         name: variable.unit.name.clone(),
-        base: Some(Base {
-            exponents: [kg, m, s, 0, 0, 0, 0, rad],
-            factor: variable.unit.factor,
-            offset: 0.0,
-        }),
+        base: Some(variable.unit.base),
     };
     let kind = match variable.is_boolean() {
         true => Kind::Boolean,

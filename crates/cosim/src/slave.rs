@@ -1,6 +1,7 @@
 //! What the master knows of a simulation unit.
 
 use pilotage_linear::StateSpace;
+pub use pilotage_units::{Base, Conversion, Unit};
 
 /// Why a slave's call failed, in the slave's own words.
 pub type SlaveError = Box<dyn std::error::Error + Send + Sync>;
@@ -300,69 +301,6 @@ impl std::fmt::Display for Role {
             Self::Output => "an output",
             Self::Local => "a local variable",
         })
-    }
-}
-
-/// A unit by its name and, where the slave defines it, its meaning in SI base units and radian.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Unit {
-    /// Name, for example `m/s`.
-    pub name: String,
-    /// Meaning.
-    pub base: Option<Base>,
-}
-
-/// `value in base units = factor·value + offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Base {
-    /// Exponents of kg, m, s, A, K, mol, cd, rad.
-    pub exponents: [i32; 8],
-    /// Factor to the base units.
-    pub factor: f64,
-    /// Offset to the base units.
-    pub offset: f64,
-}
-
-/// How a value in one unit becomes one in another: `factor·value + offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Conversion {
-    /// Factor.
-    pub factor: f64,
-    /// Offset, in the second unit.
-    pub offset: f64,
-}
-
-impl Conversion {
-    /// The same unit.
-    pub const NONE: Self = Self {
-        factor: 1.0,
-        offset: 0.0,
-    };
-
-    /// The value in the second unit; unchanged bits if both are the same.
-    pub fn apply(self, value: f64) -> f64 {
-        match self == Self::NONE {
-            true => value,
-            false => self.factor * value + self.offset,
-        }
-    }
-}
-
-impl Unit {
-    /// How values in this unit become values in `other` (FMI 2.0.5, section 2.2.2); `None` if they
-    /// mean different things, or one has no definition and the names differ.
-    pub fn conversion(&self, other: &Self) -> Option<Conversion> {
-        match (&self.base, &other.base) {
-            (Some(from), Some(to)) if from.exponents == to.exponents => Some(match from == to {
-                true => Conversion::NONE,
-                false => Conversion {
-                    factor: from.factor / to.factor,
-                    offset: (from.offset - to.offset) / to.factor,
-                },
-            }),
-            (Some(_), Some(_)) => None,
-            _ => (self.name == other.name).then_some(Conversion::NONE),
-        }
     }
 }
 

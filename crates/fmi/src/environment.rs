@@ -107,7 +107,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
 /// How many messages since the last time came with an environment that no living instance was given.
-pub(super) fn take_strays() -> usize {
+pub fn take_stray_messages() -> usize {
     STRAYS.swap(0, Ordering::AcqRel)
 }
 

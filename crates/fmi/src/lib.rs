@@ -1,4 +1,5 @@
-//! FMI 2.0 and 3.0: anybody's FMU, read, checked, loaded and called.
+//! FMI 2.0 and 3.0: anybody's FMU, read, loaded and called. Whether it follows the standard is `pilotage-fmi-check`'s
+//! to say; what must hold before it is unpacked and loaded is checked here.
 //!
 //! An FMU hides a model behind C functions (Modelica Association, *Functional Mock-up Interface*). For
 //! co-simulation it takes steps by itself; for model exchange it gives the right-hand side and the events,
@@ -36,13 +37,13 @@
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | [`description`] | modelDescription.xml: typed model, reader, writer, validator |
+//! | [`description`] | modelDescription.xml: typed model, reader, writer |
 //! | [`archive`] | the zip file: checked, then unpacked |
 //! | [`platform`] | names of platforms; which folder holds this machine's binary |
 //! | [`binary`] | a look into the binary before it is loaded |
 //! | [`binding`] | the binary loaded, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
-//! | [`check`] | an FMU against the standard: archive, files, binaries, behaviour |
+//! | [`memory`] | what FMUs get by callbacks, and whether they give it back |
 //! | [`simulate`] | a model exchange instance, integrated in time |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
@@ -52,19 +53,18 @@
 pub mod archive;
 pub mod binary;
 pub mod binding;
-pub mod check;
 pub mod description;
 mod environment;
 pub mod fmu;
 pub mod instance;
 mod logger;
-mod memory;
+pub mod memory;
 pub mod platform;
 pub mod simulate;
 mod version;
 
 pub use description::FmiVersion;
-pub use environment::{Intermediate, IntermediateUpdate};
+pub use environment::{Intermediate, IntermediateUpdate, take_stray_messages};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, Options, Step};
 pub use logger::Message;

@@ -13,7 +13,7 @@ static BLOCKS: Mutex<BTreeSet<usize>> = Mutex::new(BTreeSet::new());
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
 /// What a spoilt text is full of.
-pub(super) const SPOILT: u8 = b'?';
+pub const SPOILT: u8 = b'?';
 
 type Allocate = unsafe extern "C" fn(usize, usize) -> *mut c_void;
 type Free = unsafe extern "C" fn(*mut c_void);
@@ -21,21 +21,23 @@ type Free = unsafe extern "C" fn(*mut c_void);
 /// While this lives, books are kept for instances that are made: of all threads, so that only a process
 /// that runs one FMU at a time learns something of that FMU.
 #[derive(Debug)]
-pub(super) struct Watch(());
+pub struct Watch(());
 
 impl Watch {
-    pub(super) fn new() -> Self {
+    /// Begins to keep books.
+    #[expect(clippy::new_without_default, reason = "it does something")]
+    pub fn new() -> Self {
         WATCHES.fetch_add(1, Ordering::AcqRel);
         Self(())
     }
 
     /// Blocks that were not given back.
-    pub(super) fn kept(&self) -> usize {
+    pub fn kept(&self) -> usize {
         blocks(|blocks| blocks.len())
     }
 
     /// How often something was given back that had not been got.
-    pub(super) fn strays(&self) -> usize {
+    pub fn strays(&self) -> usize {
         STRAYS.load(Ordering::Acquire)
     }
 }

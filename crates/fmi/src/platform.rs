@@ -84,7 +84,7 @@ const PROCESSORS: [(&str, &str, Architecture); 8] = [
 ];
 
 /// The processor of that name in a tuple.
-pub(crate) fn processor(name: &str) -> Option<Architecture> {
+pub fn processor(name: &str) -> Option<Architecture> {
     let (.., architecture) = PROCESSORS.iter().find(|(own, ..)| *own == name)?;
     Some(*architecture)
 }

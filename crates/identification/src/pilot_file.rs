@@ -4,8 +4,9 @@ use super::result::PilotDoubt;
 use super::{ClosedLoop, Doubt, Fit, Identification, Mesh, Options, PilotFile, Trial};
 use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
-use pilotage_models::{COEFFICIENTS, Pilot, Unit};
+use pilotage_models::{COEFFICIENTS, Pilot};
 use pilotage_text::document::{self, Document, DocumentError, number};
+use pilotage_units::{power, pretty};
 use std::path::Path;
 
 /// What can be wrong with a pilot file.
@@ -233,10 +234,10 @@ pub fn to_toml(found: &Identification) -> String {
 /// Units of the components of θ, in order (see [`pilotage_models::pilot`]), as people write them.
 pub fn units(pilot: Pilot) -> Vec<String> {
     let n = pilot.order;
-    let denominator = (0..n).map(|i| Unit::per_second(n - i));
-    let numerator = (0..n).map(|i| Unit::per_metre_second(n - i));
+    let denominator = (0..n).map(|i| format!("1/{}", power("s", n - i)));
+    let numerator = (0..n).map(|i| format!("1/(m.{})", power("s", n - i)));
     (denominator.chain(numerator))
-        .map(|unit| unit.symbol())
+        .map(|unit| pretty(&unit))
         .collect()
 }
 
@@ -305,7 +306,7 @@ fn data(options: &Options, trials: &[Trial]) -> String {
             "{} = {} # [{}]\n",
             field.name,
             number((field.get)(&options.vehicle)),
-            (field.unit)().symbol()
+            pretty(field.unit)
         );
     }
     for trial in trials {

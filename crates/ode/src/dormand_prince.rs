@@ -1,12 +1,58 @@
-//! The explicit Runge–Kutta method of order 5(4) of Dormand and Prince ("A family of embedded Runge-Kutta
-//! formulae", J. Comput. Appl. Math. 6(1), 1980) with its dense output of order 4 and the detection of
-//! stiffness, both after Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, sections
-//! II.6 and IV.2 of volume II.
+//! The explicit Runge–Kutta method of order 5(4) of Dormand and Prince ("A family of embedded Runge–Kutta
+//! formulae", J. Comput. Appl. Math. 6(1), 1980), carried on at the higher order, with its dense output of order 4
+//! and the detection of stiffness, both after Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*,
+//! sections II.6 and IV.2 of volume II.
 
-use super::{Attempt, Dynamics, Scale};
-use pilotage_kit::integrate::{A, C, E};
+use super::System;
+use super::scheme::{Scale, Scheme, Step};
 
 const STAGES: usize = 7;
+
+/// Nodes `c` of the seven stages.
+const C: [f64; STAGES] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
+
+/// Rows of `A`; the last one is also the fifth-order solution (first same as last).
+const A: [[f64; STAGES - 1]; STAGES] = [
+    [0.0; STAGES - 1],
+    [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
+    [
+        19372.0 / 6561.0,
+        -25360.0 / 2187.0,
+        64448.0 / 6561.0,
+        -212.0 / 729.0,
+        0.0,
+        0.0,
+    ],
+    [
+        9017.0 / 3168.0,
+        -355.0 / 33.0,
+        46732.0 / 5247.0,
+        49.0 / 176.0,
+        -5103.0 / 18656.0,
+        0.0,
+    ],
+    [
+        35.0 / 384.0,
+        0.0,
+        500.0 / 1113.0,
+        125.0 / 192.0,
+        -2187.0 / 6784.0,
+        11.0 / 84.0,
+    ],
+];
+
+/// Weights of the error: fifth-order minus fourth-order solution.
+const E: [f64; STAGES] = [
+    71.0 / 57600.0,
+    0.0,
+    -71.0 / 16695.0,
+    71.0 / 1920.0,
+    -17253.0 / 339200.0,
+    22.0 / 525.0,
+    -1.0 / 40.0,
+];
 
 /// The dense output's last term.
 const D: [f64; STAGES] = [
@@ -21,99 +67,98 @@ const D: [f64; STAGES] = [
 
 /// The method and its memory of the last step.
 #[derive(Debug)]
-pub(super) struct DormandPrince {
-    k: [Vec<f64>; STAGES],
-    /// Argument of the sixth stage, then of the seventh.
-    argument: Vec<f64>,
-    sixth: Vec<f64>,
-    dense: [Vec<f64>; 5],
+pub struct DormandPrince {
+    /// Slopes of the inner stages; the first and the last are the derivatives at the step's ends.
+    inner: [Vec<f64>; STAGES - 2],
     /// How many of the last steps looked stiff, and how many since then did not.
     stiff: u32,
     relaxed: u32,
 }
 
 impl DormandPrince {
-    pub(super) fn new(n: usize) -> Self {
+    /// For `n` states.
+    pub fn new(n: usize) -> Self {
         Self {
-            k: std::array::from_fn(|_| vec![0.0; n]),
-            argument: vec![0.0; n],
-            sixth: vec![0.0; n],
-            dense: std::array::from_fn(|_| vec![0.0; n]),
+            inner: std::array::from_fn(|_| vec![0.0; n]),
             stiff: 0,
             relaxed: 0,
         }
     }
 
-    /// Tries a step of length `h` from `(t, x)`, where the derivative is `f`; gives the state at its end,
-    /// and the derivative there.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the step's two ends and what measures it"
-    )]
-    pub(super) fn attempt<D: Dynamics>(
-        &mut self,
-        system: &mut D,
-        t: f64,
-        h: f64,
-        x: &[f64],
-        f: &[f64],
-        end: (&mut [f64], &mut [f64]),
-        scale: &Scale,
-    ) -> Result<Attempt, D::Error> {
-        let n = x.len();
-        self.k[0].copy_from_slice(f);
-        for stage in 1..STAGES {
-            for i in 0..n {
-                let row = A[stage].iter().zip(&self.k);
-                let sum: f64 = row.take(stage).map(|(a, k)| a * k[i]).sum();
-                self.argument[i] = x[i] + h * sum;
-            }
-            if stage == 5 {
-                self.sixth.copy_from_slice(&self.argument);
-            }
-            let at = t + C[stage] * h;
-            if !system.derivatives(at, &self.argument, &mut self.k[stage])? {
-                return Ok(Attempt::Impossible);
-            }
-        }
-        let (to, derivative) = end;
-        to.copy_from_slice(&self.argument);
-        derivative.copy_from_slice(&self.k[STAGES - 1]);
-        let error = |i: usize| -> f64 {
-            let parts = E.iter().zip(&self.k);
-            h * parts.map(|(e, k)| e * k[i]).sum::<f64>()
-        };
-        let error = scale.norm((0..n).map(error), x, to);
-        Ok(match error.is_finite() {
-            true => Attempt::Error(error),
-            false => Attempt::Impossible,
-        })
+    /// The slopes of all stages.
+    #[inline(always)]
+    fn slopes<'a>(&'a self, step: &'a Step, n: usize) -> [&'a [f64]; STAGES] {
+        let [k1, k2, k3, k4, k5] = &self.inner;
+        let (first, last) = (&step.f[..n], &step.f_end[..n]);
+        // Written out: the compiler is to know each.
+        [
+            first,
+            &k1[..n],
+            &k2[..n],
+            &k3[..n],
+            &k4[..n],
+            &k5[..n],
+            last,
+        ]
     }
 
-    /// Takes the attempted step from `x` to `to` as done; says whether the problem has come to look stiff.
-    pub(super) fn accept(&mut self, h: f64, x: &[f64], to: &[f64]) -> bool {
-        for i in 0..x.len() {
-            let difference = to[i] - x[i];
-            let begin = h * self.k[0][i] - difference;
-            let end = difference - h * self.k[STAGES - 1][i] - begin;
-            let last: f64 = D.iter().zip(&self.k).map(|(d, k)| d * k[i]).sum();
-            let terms = [x[i], difference, begin, end, h * last];
-            for (dense, term) in self.dense.iter_mut().zip(terms) {
-                dense[i] = term;
-            }
+    /// An attempt with `n` states; see [`Scheme::attempt`].
+    #[inline(always)]
+    fn attempt_of<M: System>(
+        &mut self,
+        n: usize,
+        system: &mut M,
+        step: &mut Step,
+        scale: &Scale,
+    ) -> Result<f64, M::Error> {
+        let (t, h) = (step.t, step.h);
+        let (x, k0, end) = (&step.x[..n], &step.f[..n], &mut step.x_end[..n]);
+        let [k1, k2, k3, k4, k5] = &mut self.inner;
+        let (k1, k2, k3) = (&mut k1[..n], &mut k2[..n], &mut k3[..n]);
+        let (k4, k5, k6) = (&mut k4[..n], &mut k5[..n], &mut step.f_end[..n]);
+        // A macro, since the number of slopes known at a stage must be known to the compiler too.
+        macro_rules! stage {
+            ($stage:literal, $slope:ident, $($known:ident)*) => {
+                combine([$(&*$known),*], &A[$stage], h, x, end);
+                if !system.derivatives(t + C[$stage] * h, end, $slope)? {
+                    return Ok(f64::INFINITY);
+                }
+            };
         }
-        self.looks_stiff(h, to)
+        stage!(1, k1, k0);
+        stage!(2, k2, k0 k1);
+        stage!(3, k3, k0 k1 k2);
+        stage!(4, k4, k0 k1 k2 k3);
+        stage!(5, k5, k0 k1 k2 k3 k4);
+        stage!(6, k6, k0 k1 k2 k3 k4 k5);
+        let slopes: [&[f64]; STAGES] = [k0, k1, k2, k3, k4, k5, k6];
+        let error = scale.norm(|i| h * weighted(&E, &slopes, i), x, end);
+        // An overflow in the solution alone would else pass for no error.
+        Ok(
+            match end.iter().all(|v| v.is_finite()) && error.is_finite() {
+                true => error,
+                false => f64::INFINITY,
+            },
+        )
     }
 
     /// Whether the method's stability, not its accuracy, has limited the last steps: `h·|λ|` is at its
     /// border of about 3.3.
-    fn looks_stiff(&mut self, h: f64, to: &[f64]) -> bool {
+    pub(super) fn looks_stiff(&mut self, step: &Step) -> bool {
         const BORDER: f64 = 3.25;
-        let distance =
-            |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum() };
-        let change = distance(&self.k[6], &self.k[5]);
-        let shift = distance(to, &self.sixth);
-        if shift > 0.0 && h * (change / shift).sqrt() > BORDER {
+        let slopes = self.slopes(step, step.x.len());
+        let (mut change, mut shift) = (0.0, 0.0);
+        for i in 0..step.x.len() {
+            change += (slopes[6][i] - slopes[5][i]).powi(2);
+            // From the sixth stage's argument to the seventh's, which is the end.
+            let rows = A[6].iter().zip(A[5]).zip(slopes);
+            let moved: f64 = rows
+                .map(|((seventh, sixth), k)| (seventh - sixth) * k[i])
+                .sum();
+            shift += moved.powi(2);
+        }
+        // `h·|λ|` is `h |f(a) - f(b)| / |a - b|`, and the distance of the arguments has the factor `h` too.
+        if shift > 0.0 && (change / shift).sqrt() > BORDER {
             self.relaxed = 0;
             self.stiff += 1;
         } else {
@@ -124,13 +169,84 @@ impl DormandPrince {
         }
         self.stiff >= 15
     }
+}
 
-    /// The state at the fraction `theta` of the last step.
-    pub(super) fn interpolate(&self, theta: f64, x: &mut [f64]) {
-        let rest = 1.0 - theta;
-        let [a, b, c, d, e] = &self.dense;
+impl Scheme for DormandPrince {
+    fn attempt<M: System>(
+        &mut self,
+        system: &mut M,
+        step: &mut Step,
+        scale: &Scale,
+    ) -> Result<f64, M::Error> {
+        // With a number of states that the compiler knows, the sums become straight code.
+        match step.x.len() {
+            2 => self.attempt_of(2, system, step, scale),
+            3 => self.attempt_of(3, system, step, scale),
+            4 => self.attempt_of(4, system, step, scale),
+            6 => self.attempt_of(6, system, step, scale),
+            8 => self.attempt_of(8, system, step, scale),
+            n => self.attempt_of(n, system, step, scale),
+        }
+    }
+
+    /// The last stage is at the step's end: its slope is known.
+    fn accept<M: System>(&mut self, _: &mut M, _: &mut Step) -> Result<bool, M::Error> {
+        Ok(true)
+    }
+
+    fn interpolate(&self, step: &Step, theta: f64, x: &mut [f64]) {
+        let (h, rest) = (step.h, 1.0 - theta);
+        let slopes = self.slopes(step, x.len());
         for (i, x) in x.iter_mut().enumerate() {
-            *x = a[i] + theta * (b[i] + rest * (c[i] + theta * (d[i] + rest * e[i])));
+            let difference = step.x_end[i] - step.x[i];
+            let begin = h * step.f[i] - difference;
+            let end = difference - h * step.f_end[i] - begin;
+            let last = h * weighted(&D, &slopes, i);
+            *x = step.x[i] + theta * (difference + rest * (begin + theta * (end + rest * last)));
+        }
+    }
+
+    /// Proportional and integral.
+    fn factor(&self, error: f64, last: Option<f64>) -> f64 {
+        0.9 * error.powf(-0.17) * last.unwrap_or(1e-4).powf(0.04)
+    }
+}
+
+/// `Σ weights_j slopes_j` of state `i`.
+#[inline(always)]
+fn weighted(weights: &[f64; STAGES], slopes: &[&[f64]; STAGES], i: usize) -> f64 {
+    (0..STAGES).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i])
+}
+
+/// The argument of a stage: `x + h Σ weights_j slopes_j` over the slopes before it.
+#[inline(always)]
+fn combine<const S: usize>(
+    slopes: [&[f64]; S],
+    weights: &[f64; STAGES - 1],
+    h: f64,
+    x: &[f64],
+    argument: &mut [f64],
+) {
+    for (i, (argument, x)) in argument.iter_mut().zip(x).enumerate() {
+        let sum = (0..S).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i]);
+        *argument = x + h * sum;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tableau_is_consistent() {
+        for (row, c) in A.iter().zip(C) {
+            assert!((row.iter().sum::<f64>() - c).abs() < 1e-14);
+        }
+        assert!(E.iter().sum::<f64>().abs() < 1e-15);
+        // Order conditions of quadrature: Σ b_i c_i^k = 1/(k+1), the fifth-order weights up to k = 4.
+        for k in 0..5 {
+            let sum: f64 = A[6].iter().zip(C).map(|(b, c)| b * c.powi(k)).sum();
+            assert!((sum - 1.0 / f64::from(k + 1)).abs() < 1e-14, "k = {k}");
         }
     }
 }

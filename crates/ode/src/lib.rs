@@ -4,38 +4,82 @@
 //! ẋ = f(t, x),   an event wherever a component of z(t, x) comes to be positive or ceases to be
 //! ```
 //!
+//! A ball falls from 1 m, and the solver stops where it touches the ground:
+//!
+//! ```
+//! use pilotage_ode::{Advance, DormandPrince, Solver, System};
+//!
+//! struct Ball;
+//!
+//! impl System for Ball {
+//!     type Error = std::convert::Infallible;
+//!
+//!     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Self::Error> {
+//!         (dx[0], dx[1]) = (x[1], -9.81);
+//!         Ok(true)
+//!     }
+//!
+//!     fn indicators(&mut self, _t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Self::Error> {
+//!         z[0] = x[0];
+//!         Ok(true)
+//!     }
+//! }
+//!
+//! let mut solver = Solver::with(DormandPrince::new(2), 1, 1e-9, &[1e-9, 1e-9]);
+//! solver.restart(0.0, &[1.0, 0.0], true);
+//! while solver.advance(&mut Ball, 1.0).expect("it falls") == Advance::Step {}
+//! assert!((solver.time() - (2.0 / 9.81_f64).sqrt()).abs() < 1e-12);
+//! ```
+//!
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`solver`] | steps of the right length, each up to the first event in it |
+//! | `automatic` | Dormand–Prince, and Radau IIA where that is better |
 //! | `dormand_prince` | the explicit method, for most problems |
 //! | `radau` | the implicit method, for stiff problems |
 //! | `root` | where in a step an event is |
 
+mod automatic;
 mod dormand_prince;
 mod error;
 mod radau;
 mod root;
+mod scheme;
 pub mod solver;
 #[cfg(test)]
 mod tests;
 
+pub use automatic::{Automatic, Method, Options};
+pub use dormand_prince::DormandPrince;
 pub use error::IntegrationError;
-pub use solver::{Advance, Method, Options, Solver, Work};
+pub use solver::{Advance, Solver, Work};
 
 use nalgebra::DMatrix;
 
-/// What is to be solved.
-pub trait Dynamics {
+/// What is to be solved: a right-hand side at a point, and what tells its events.
+pub trait System {
     /// What an evaluation can fail with, for good.
-    type Error;
+    type Error: std::error::Error + 'static;
 
     /// `dx = f(t, x)`. `false` if it is not defined there: the solver tries a shorter step.
+    ///
+    /// # Errors
+    /// What ends the solution.
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Self::Error>;
 
-    /// `z(t, x)`, as many as the solver was told. `false` if it is not defined there.
-    fn indicators(&mut self, t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Self::Error>;
+    /// `z(t, x)`, as many as the solver was told; nothing to do where there are none. `false` if it is not
+    /// defined there.
+    ///
+    /// # Errors
+    /// What ends the solution.
+    fn indicators(&mut self, _t: f64, _x: &[f64], _z: &mut [f64]) -> Result<bool, Self::Error> {
+        Ok(true)
+    }
 
     /// `∂f/∂x` at `(t, x)`. `false` if there is none: the solver takes differences.
+    ///
+    /// # Errors
+    /// What ends the solution.
     fn jacobian(
         &mut self,
         _t: f64,
@@ -43,38 +87,5 @@ pub trait Dynamics {
         _jacobian: &mut DMatrix<f64>,
     ) -> Result<bool, Self::Error> {
         Ok(false)
-    }
-}
-
-/// How an attempt at a step went.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Attempt {
-    /// Its error, 1 being as large as allowed.
-    Error(f64),
-    /// It cannot be done with this length.
-    Impossible,
-}
-
-/// Root mean square of `error / (absolute + relative·|x|)`, with the larger of the two `|x|`.
-#[derive(Debug, Clone)]
-struct Scale {
-    relative: f64,
-    absolute: Vec<f64>,
-}
-
-impl Scale {
-    /// What an error of component `i` is measured by.
-    fn of(&self, i: usize, x: f64) -> f64 {
-        self.absolute[i] + self.relative * x.abs()
-    }
-
-    fn norm(&self, error: impl Iterator<Item = f64>, from: &[f64], to: &[f64]) -> f64 {
-        if from.is_empty() {
-            return 0.0;
-        }
-        let ends = from.iter().zip(to).map(|(a, b)| a.abs().max(b.abs()));
-        let parts = error.zip(ends).enumerate();
-        let sum: f64 = parts.map(|(i, (e, x))| (e / self.of(i, x)).powi(2)).sum();
-        (sum / from.len() as f64).sqrt()
     }
 }

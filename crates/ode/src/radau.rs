@@ -2,7 +2,9 @@
 //! Ordinary Differential Equations II*, section IV.8): three stages by a simplified Newton iteration, in
 //! the coordinates in which the inverse of the stages' matrix is a real number and a complex one.
 
-use super::{Attempt, Dynamics, Scale};
+use super::System;
+use super::scheme::{Scale, Scheme, Step};
+use super::solver::Work;
 use nalgebra::{Complex, DMatrix, DVector, Dyn, LU};
 
 const STAGES: usize = 3;
@@ -91,11 +93,14 @@ pub(super) struct Radau {
     begin: Vec<f64>,
     argument: Vec<f64>,
     /// Newton iterations of the last attempt, for the choice of the next length.
-    pub(super) iterations: i32,
+    iterations: i32,
     convergence: f64,
+    /// Whether the next step should have the same length rather than a little longer one, which would need new
+    /// factors.
+    keeps_length: bool,
     /// Evaluations of the Jacobian and factorisations.
-    pub(super) jacobians: u64,
-    pub(super) factorisations: u64,
+    jacobians: u64,
+    factorisations: u64,
 }
 
 #[derive(Debug)]
@@ -126,68 +131,20 @@ impl Radau {
             argument: vec![0.0; n],
             iterations: 0,
             convergence: 0.0,
+            keeps_length: false,
             jacobians: 0,
             factorisations: 0,
         }
     }
 
-    /// Forgets the last step: the problem has jumped.
-    pub(super) fn restart(&mut self) {
-        self.dense = None;
-        self.factors = None;
-        self.is_current = false;
-    }
-
-    /// Tries a step of length `h` from `(t, x)`, where the derivative is `f`; gives the state at its end.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the step's two ends and what measures it"
-    )]
-    pub(super) fn attempt<D: Dynamics>(
-        &mut self,
-        system: &mut D,
-        t: f64,
-        h: f64,
-        x: &[f64],
-        f: &[f64],
-        to: &mut [f64],
-        scale: &Scale,
-        is_again: bool,
-    ) -> Result<Attempt, D::Error> {
-        let is_needed = self.factors.is_none() && !self.is_current;
-        if is_needed && !self.differentiate(system, t, x, f, scale)? {
-            return Ok(Attempt::Impossible);
-        }
-        loop {
-            if !self.factor(h) {
-                return Ok(Attempt::Impossible);
-            }
-            match self.newton(system, t, h, x, scale)? {
-                true => break,
-                // Perhaps the Jacobian is too old.
-                false if !self.is_current => {
-                    if !self.differentiate(system, t, x, f, scale)? {
-                        return Ok(Attempt::Impossible);
-                    }
-                }
-                false => return Ok(Attempt::Impossible),
-            }
-        }
-        for (i, to) in to.iter_mut().enumerate() {
-            *to = x[i] + self.z[STAGES - 1][i];
-        }
-        self.error(system, t, h, x, f, to, scale, is_again)
-    }
-
     /// The Jacobian at the begin of the step: the problem's own, or by differences.
-    fn differentiate<D: Dynamics>(
+    fn differentiate<M: System>(
         &mut self,
-        system: &mut D,
-        t: f64,
-        x: &[f64],
-        f: &[f64],
+        system: &mut M,
+        step: &Step,
         scale: &Scale,
-    ) -> Result<bool, D::Error> {
+    ) -> Result<bool, M::Error> {
+        let &Step { t, x, f, .. } = step;
         self.jacobians += 1;
         self.factors = None;
         self.is_current = true;
@@ -213,7 +170,7 @@ impl Radau {
     }
 
     /// Factors the matrices of the Newton iteration for steps of length `h`.
-    fn factor(&mut self, h: f64) -> bool {
+    fn factorise(&mut self, h: f64) -> bool {
         if self.factors.as_ref().is_some_and(|factors| factors.h == h) {
             return true;
         }
@@ -233,14 +190,13 @@ impl Radau {
     }
 
     /// Solves for the stages; `false` if that does not converge.
-    fn newton<D: Dynamics>(
+    fn newton<M: System>(
         &mut self,
-        system: &mut D,
-        t: f64,
-        h: f64,
-        x: &[f64],
+        system: &mut M,
+        step: &Step,
         scale: &Scale,
-    ) -> Result<bool, D::Error> {
+    ) -> Result<bool, M::Error> {
+        let &Step { t, h, x, .. } = step;
         let tolerance = (10.0 * f64::EPSILON / scale.relative).max(scale.relative.sqrt().min(0.03));
         self.predict(h, x);
         let (mut last, mut rate) = (0.0f64, 0.0f64);
@@ -332,21 +288,14 @@ impl Radau {
 
     /// The embedded estimate of order 3, filtered by the real matrix so that it stays bounded for infinitely
     /// stiff components.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the step's two ends and what measures it"
-    )]
-    fn error<D: Dynamics>(
+    fn error<M: System>(
         &mut self,
-        system: &mut D,
-        t: f64,
-        h: f64,
-        x: &[f64],
-        f: &[f64],
-        to: &[f64],
+        system: &mut M,
+        step: &Step,
         scale: &Scale,
-        is_again: bool,
-    ) -> Result<Attempt, D::Error> {
+    ) -> Result<f64, M::Error> {
+        let &Step { t, h, x, f, .. } = step;
+        let to = &*step.x_end;
         let n = x.len();
         let weighted = |i: usize| (0..STAGES).map(|s| E[s] * self.z[s][i]).sum::<f64>() / h;
         let weighted = DVector::from_fn(n, |i, _| weighted(i));
@@ -357,53 +306,109 @@ impl Radau {
                 .solve(&(DVector::from_column_slice(f) + &weighted))
         };
         let Some(mut error) = solve(f) else {
-            return Ok(Attempt::Impossible);
+            return Ok(f64::INFINITY);
         };
-        let mut size = scale.norm(error.iter().copied(), x, to);
+        let mut size = scale.norm(|i| error[i], x, to);
         // Where the step was refused before or is the first one, the filter is applied twice.
-        if size > 1.0 && (is_again || self.dense.is_none()) {
+        if size > 1.0 && (step.is_again || self.dense.is_none()) {
             for i in 0..n {
                 self.argument[i] = x[i] + error[i];
             }
             if !system.derivatives(t, &self.argument, &mut self.f[0])? {
-                return Ok(Attempt::Impossible);
+                return Ok(f64::INFINITY);
             }
             if let Some(filtered) = solve(&self.f[0]) {
                 error = filtered;
-                size = scale.norm(error.iter().copied(), x, to);
+                size = scale.norm(|i| error[i], x, to);
             }
         }
         Ok(match size.is_finite() {
-            true => Attempt::Error(size),
-            false => Attempt::Impossible,
+            true => size,
+            false => f64::INFINITY,
         })
     }
 
-    /// Takes the attempted step from `x` as done. Says whether the same length should be kept if the next
-    /// one is only a little longer: a new length needs new factors.
-    pub(super) fn accept(&mut self, h: f64, x: &[f64]) -> bool {
+    /// Keeps the path of the attempted step.
+    fn keep(&mut self, step: &Step) {
         let coefficient =
             |power: usize, i: usize| (0..STAGES).map(|s| P[s][power] * self.z[s][i]).sum();
         let coefficients =
-            std::array::from_fn(|power| (0..x.len()).map(|i| coefficient(power, i)).collect());
-        self.dense = Some(Dense { h, coefficients });
-        self.begin.copy_from_slice(x);
+            std::array::from_fn(|power| (0..step.x.len()).map(|i| coefficient(power, i)).collect());
+        self.dense = Some(Dense {
+            h: step.h,
+            coefficients,
+        });
+        self.begin.copy_from_slice(step.x);
         let is_slow = self.iterations > 2 && self.convergence > 1e-3;
         self.is_current = false;
         if is_slow {
             // A new Jacobian for the next step.
             self.factors = None;
         }
-        !is_slow
+        self.keeps_length = !is_slow;
+    }
+}
+
+impl Scheme for Radau {
+    fn attempt<M: System>(
+        &mut self,
+        system: &mut M,
+        step: &mut Step,
+        scale: &Scale,
+    ) -> Result<f64, M::Error> {
+        let is_needed = self.factors.is_none() && !self.is_current;
+        if is_needed && !self.differentiate(system, step, scale)? {
+            return Ok(f64::INFINITY);
+        }
+        loop {
+            if !self.factorise(step.h) {
+                return Ok(f64::INFINITY);
+            }
+            if self.newton(system, step, scale)? {
+                break;
+            }
+            // Perhaps the Jacobian is too old.
+            if self.is_current || !self.differentiate(system, step, scale)? {
+                return Ok(f64::INFINITY);
+            }
+        }
+        for (i, end) in step.x_end.iter_mut().enumerate() {
+            *end = step.x[i] + self.z[STAGES - 1][i];
+        }
+        self.error(system, step, scale)
     }
 
-    /// The state at the fraction `theta` of the last step.
-    pub(super) fn interpolate(&self, theta: f64, x: &mut [f64]) {
+    fn accept<M: System>(&mut self, system: &mut M, step: &mut Step) -> Result<bool, M::Error> {
+        self.keep(step);
+        system.derivatives(step.t + step.h, step.x_end, step.f_end)
+    }
+
+    fn interpolate(&self, _: &Step, theta: f64, x: &mut [f64]) {
         if let Some(dense) = &self.dense {
             for (i, x) in x.iter_mut().enumerate() {
                 *x = dense.at(theta, i, &self.begin);
             }
         }
+    }
+
+    /// Many iterations: a shorter step would converge better.
+    fn factor(&self, error: f64, _: Option<f64>) -> f64 {
+        let safety = 0.9 * 13.0 / (12.0 + f64::from(self.iterations));
+        match safety * error.powf(-0.25) {
+            factor if self.keeps_length && (1.0..1.2).contains(&factor) => 1.0,
+            factor => factor,
+        }
+    }
+
+    fn restart(&mut self) {
+        self.dense = None;
+        self.factors = None;
+        self.is_current = false;
+    }
+
+    fn count(&self, work: &mut Work) {
+        work.jacobians += self.jacobians;
+        work.factorisations += self.factorisations;
     }
 }
 

@@ -1,6 +1,6 @@
 //! Where in a step an indicator comes to be positive or ceases to be.
 
-use super::Dynamics;
+use super::System;
 
 /// In how many places of a step the indicators are looked at, so that one which changes and changes back
 /// within a step is seen.
@@ -11,6 +11,8 @@ const LOOKS: u32 = 4;
 pub(super) struct Watch {
     /// Whether each was positive where the step began.
     was_positive: Vec<bool>,
+    /// Whether that is known without a look.
+    is_remembered: bool,
     /// Values at the two ends of what may hold the event, and between them.
     low: Vec<f64>,
     high: Vec<f64>,
@@ -41,6 +43,7 @@ impl Watch {
         let values = || vec![0.0; indicators];
         Self {
             was_positive: vec![false; indicators],
+            is_remembered: false,
             low: values(),
             high: values(),
             middle: values(),
@@ -52,29 +55,42 @@ impl Watch {
         self.was_positive.is_empty()
     }
 
+    /// Nothing is known of what comes.
+    pub(super) fn forget(&mut self) {
+        self.is_remembered = false;
+    }
+
+    /// Changes are to count from these signs.
+    pub(super) fn remember(&mut self, positive: &[bool]) {
+        self.was_positive.copy_from_slice(positive);
+        self.is_remembered = true;
+    }
+
     /// Starts to watch at `(t, x)`. `false` if the indicators are not defined there.
-    pub(super) fn start<D: Dynamics>(
+    pub(super) fn start<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         t: f64,
         x: &[f64],
-    ) -> Result<bool, D::Error> {
+    ) -> Result<bool, M::Error> {
         if self.is_idle() {
             return Ok(true);
         }
         let is_defined = system.indicators(t, x, &mut self.low)?;
-        for (was_positive, z) in self.was_positive.iter_mut().zip(&self.low) {
-            *was_positive = *z > 0.0;
+        if !std::mem::take(&mut self.is_remembered) {
+            for (was_positive, z) in self.was_positive.iter_mut().zip(&self.low) {
+                *was_positive = *z > 0.0;
+            }
         }
         Ok(is_defined)
     }
 
     /// Looks through a step that begins where the last one ended.
-    pub(super) fn look<D: Dynamics>(
+    pub(super) fn look<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         path: &Path,
-    ) -> Result<Found, D::Error> {
+    ) -> Result<Found, M::Error> {
         if self.is_idle() {
             return Ok(Found::Nothing);
         }
@@ -94,13 +110,18 @@ impl Watch {
         Ok(Found::Nothing)
     }
 
+    /// The state at the event that was found last.
+    pub(super) fn state(&self) -> &[f64] {
+        &self.x
+    }
+
     /// The indicators at a fraction of the step, into `middle`.
-    fn evaluate<D: Dynamics>(
+    fn evaluate<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         path: &Path,
         theta: f64,
-    ) -> Result<bool, D::Error> {
+    ) -> Result<bool, M::Error> {
         (path.interpolate)(theta, &mut self.x);
         system.indicators(path.t + theta * path.h, &self.x, &mut self.middle)
     }
@@ -112,13 +133,13 @@ impl Watch {
 
     /// Narrows the fractions between which the first change is, by the Illinois variant of regula falsi, with
     /// a bisection wherever that gains too little; returns the upper one, where the change has come about.
-    fn refine<D: Dynamics>(
+    fn refine<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         path: &Path,
         mut low: f64,
         mut high: f64,
-    ) -> Result<Found, D::Error> {
+    ) -> Result<Found, M::Error> {
         let size = path.t.abs().max((path.t + path.h).abs());
         let tolerance = (4.0 * f64::EPSILON * size / path.h).max(4.0 * f64::EPSILON);
         // Weights of the two ends: the one that stays twice loses half of it.
@@ -159,6 +180,7 @@ impl Watch {
                 };
             }
         }
+        (path.interpolate)(high, &mut self.x);
         Ok(Found::Event(high))
     }
 

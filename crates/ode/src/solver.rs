@@ -1,35 +1,9 @@
 //! Steps of the right length, each up to the first event in it.
 
-use super::dormand_prince::DormandPrince;
-use super::radau::Radau;
 use super::root::{Found, Path, Watch};
-use super::{Attempt, Dynamics, IntegrationError, Scale};
+use super::scheme::{Scale, Scheme, Step};
+use super::{Automatic, IntegrationError, System};
 use nalgebra::DMatrix;
-
-/// Which method solves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Dormand–Prince, and Radau IIA from where the problem comes to look stiff.
-    #[default]
-    Automatic,
-    /// Dormand–Prince of order 5(4): explicit.
-    DormandPrince,
-    /// Radau IIA of order 5: implicit.
-    Radau,
-}
-
-/// How exact the solution shall be.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Error that a step may have, relative to each state.
-    pub relative: f64,
-    /// Error that a step may have beside that, of each state in its unit.
-    pub absolute: Vec<f64>,
-    /// Which method solves.
-    pub method: Method,
-    /// Longest step [s].
-    pub longest_step: f64,
-}
 
 /// What a solution has cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,9 +31,10 @@ pub enum Advance {
     Event,
 }
 
-/// A solution on its way.
+/// A solution on its way, by the method that suits the problem unless another is named.
 #[derive(Debug)]
-pub struct Solver {
+pub struct Solver<S = Automatic> {
+    pub(super) scheme: S,
     t: f64,
     x: Vec<f64>,
     /// The derivative at `(t, x)`, if known.
@@ -67,41 +42,48 @@ pub struct Solver {
     is_known: bool,
     /// Length to try next [s], if there is a proposal.
     h: Option<f64>,
+    /// The step that `h` was tried for, if the next length is still to follow from it.
+    done: Option<Done>,
     /// Error of the last step.
     last: Option<f64>,
     x_end: Vec<f64>,
     f_end: Vec<f64>,
     scale: Scale,
-    explicit: DormandPrince,
-    implicit: Option<Radau>,
-    is_automatic: bool,
-    longest_step: f64,
+    pub(super) longest_step: f64,
     watch: Watch,
     work: Work,
 }
 
-impl Solver {
-    /// For `indicators` event indicators and as many states as there are absolute tolerances. It is started
-    /// by [`Self::restart`].
-    pub fn new(indicators: usize, options: Options) -> Self {
-        let n = options.absolute.len();
+/// A step that was taken.
+#[derive(Debug, Clone, Copy)]
+struct Done {
+    h: f64,
+    error: f64,
+    /// Whether it had to end at a limit.
+    is_last: bool,
+}
+
+impl<S: Scheme> Solver<S> {
+    /// By this method, for `indicators` event indicators. A step may have an error of `relative` times each state,
+    /// and beside that of `absolute`, of each state in its unit. It is started by [`Self::restart`].
+    pub fn with(scheme: S, indicators: usize, relative: f64, absolute: &[f64]) -> Self {
+        let n = absolute.len();
         Self {
+            scheme,
             t: 0.0,
             x: vec![0.0; n],
             f: vec![0.0; n],
             is_known: false,
             h: None,
+            done: None,
             last: None,
             x_end: vec![0.0; n],
             f_end: vec![0.0; n],
             scale: Scale {
-                relative: options.relative,
-                absolute: options.absolute,
+                relative,
+                absolute: absolute.to_vec(),
             },
-            explicit: DormandPrince::new(n),
-            implicit: (options.method == Method::Radau).then(|| Radau::new(n)),
-            is_automatic: options.method == Method::Automatic,
-            longest_step: options.longest_step,
+            longest_step: f64::INFINITY,
             watch: Watch::new(n, indicators),
             work: Work::default(),
         }
@@ -110,21 +92,35 @@ impl Solver {
     /// Goes on from here: the state or the equations have jumped. `is_new`: nothing that was is to be
     /// expected of what comes, so that the length of steps is found anew.
     pub fn restart(&mut self, t: f64, x: &[f64], is_new: bool) {
+        match is_new {
+            true => (self.h, self.done) = (None, None),
+            false => self.settle(),
+        }
         self.t = t;
         self.x.copy_from_slice(x);
         self.is_known = false;
         self.last = None;
-        if is_new {
-            self.h = None;
-        }
-        if let Some(radau) = &mut self.implicit {
-            radau.restart();
-        }
+        self.watch.forget();
+        self.scheme.restart();
     }
 
-    /// Changes the absolute tolerances.
-    pub fn set_absolute(&mut self, absolute: &[f64]) {
-        self.scale.absolute.copy_from_slice(absolute);
+    /// After [`Self::restart`]: the length to try first [s], in place of a guess.
+    pub fn try_first(&mut self, h: f64) {
+        self.h = Some(h);
+    }
+
+    /// After [`Self::restart`]: which indicators count as positive before the first step, in place of those that are
+    /// so where it begins.
+    pub fn remember(&mut self, positive: &[bool]) {
+        self.watch.remember(positive);
+    }
+
+    /// Changes the tolerances.
+    pub fn set_tolerances(&mut self, relative: f64, absolute: impl IntoIterator<Item = f64>) {
+        self.scale.relative = relative;
+        for (tolerance, new) in self.scale.absolute.iter_mut().zip(absolute) {
+            *tolerance = new;
+        }
     }
 
     /// Where it stands [s].
@@ -137,19 +133,11 @@ impl Solver {
         &self.x
     }
 
-    /// Whether the implicit method is in use.
-    pub fn is_implicit(&self) -> bool {
-        self.implicit.is_some()
-    }
-
     /// What it has cost.
     pub fn work(&self) -> Work {
-        let radau = self.implicit.as_ref();
-        Work {
-            jacobians: radau.map_or(0, |r| r.jacobians),
-            factorisations: radau.map_or(0, |r| r.factorisations),
-            ..self.work
-        }
+        let mut work = self.work;
+        self.scheme.count(&mut work);
+        work
     }
 
     /// One step, at most to `limit` [s], which is hit exactly, and no further than to an event.
@@ -159,14 +147,11 @@ impl Solver {
     ///
     /// # Panics
     /// If `limit` is not after the present time.
-    pub fn advance<D: Dynamics>(
+    pub fn advance<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         limit: f64,
-    ) -> Result<Advance, IntegrationError<D::Error>>
-    where
-        D::Error: std::error::Error + 'static,
-    {
+    ) -> Result<Advance, IntegrationError<M::Error>> {
         assert!(limit > self.t, "a step from {} s to {limit} s", self.t);
         let system = &mut Counting {
             inner: system,
@@ -179,14 +164,12 @@ impl Solver {
         result
     }
 
-    fn step<D: Dynamics>(
+    fn step<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         limit: f64,
-    ) -> Result<Advance, IntegrationError<D::Error>>
-    where
-        D::Error: std::error::Error + 'static,
-    {
+    ) -> Result<Advance, IntegrationError<M::Error>> {
+        self.settle();
         self.prepare(system, limit)?;
         let mut is_again = false;
         loop {
@@ -198,52 +181,75 @@ impl Solver {
                     step: h,
                 });
             }
-            let attempt = self.attempt(system, h, is_again)?;
-            let found = match attempt {
-                Attempt::Error(error) if error <= 1.0 => self.accept(system, h, is_last, error)?,
-                _ => Found::Undefined,
-            };
+            let (error, found) = self.attempt(system, h, is_again)?;
             let end = if is_last { limit } else { self.t + h };
-            match found {
-                Found::Nothing => {
-                    self.work.steps += 1;
-                    self.t = end;
-                    std::mem::swap(&mut self.x, &mut self.x_end);
-                    std::mem::swap(&mut self.f, &mut self.f_end);
-                    return Ok(Advance::Step);
-                }
-                Found::Event(theta) => {
-                    self.work.steps += 1;
-                    self.t = if theta >= 1.0 {
-                        end
-                    } else {
-                        self.t + theta * h
-                    };
-                    match &self.implicit {
-                        Some(radau) => radau.interpolate(theta, &mut self.x),
-                        None => self.explicit.interpolate(theta, &mut self.x),
-                    }
-                    self.is_known = false;
-                    return Ok(Advance::Event);
-                }
+            let theta = match found {
+                Found::Nothing => None,
+                Found::Event(theta) => Some(theta),
                 Found::Undefined => {
                     self.work.rejections += 1;
                     is_again = true;
-                    self.h = Some(h * self.factor(attempt, false));
+                    self.h = Some(h * self.factor(error).clamp(0.1, 0.9));
+                    continue;
                 }
+            };
+            self.work.steps += 1;
+            self.done = Some(Done { h, error, is_last });
+            return Ok(self.arrive(h, end, theta));
+        }
+    }
+
+    /// Stands at the end of a step of length `h`, or at an event within it.
+    fn arrive(&mut self, h: f64, end: f64, event: Option<f64>) -> Advance {
+        let is_event = event.is_some();
+        match event {
+            None => {
+                self.t = end;
+                std::mem::swap(&mut self.f, &mut self.f_end);
             }
+            Some(theta) => {
+                self.t = if theta >= 1.0 {
+                    end
+                } else {
+                    self.t + theta * h
+                };
+                self.x_end.copy_from_slice(self.watch.state());
+                self.is_known = false;
+            }
+        }
+        std::mem::swap(&mut self.x, &mut self.x_end);
+        match is_event {
+            true => Advance::Event,
+            false => Advance::Step,
+        }
+    }
+
+    /// The length that the last step proposes for the next.
+    fn settle(&mut self) {
+        let Some(Done { h, error, is_last }) = self.done.take() else {
+            return;
+        };
+        let next = h * self.factor(error).clamp(0.2, 8.0);
+        // A step that had to end at the limit says little about the next one.
+        let kept = self.h.filter(|_| is_last).unwrap_or(0.0);
+        self.h = Some(next.max(kept));
+        self.last = Some(error.max(1e-4));
+    }
+
+    /// By how much the next length should differ from that of an attempt with this error.
+    fn factor(&self, error: f64) -> f64 {
+        match error.is_finite() {
+            true => self.scheme.factor(error.max(1e-10), self.last),
+            false => 0.25,
         }
     }
 
     /// What a step starts from: the derivative, the indicators and a first length.
-    fn prepare<D: Dynamics>(
+    fn prepare<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         limit: f64,
-    ) -> Result<(), IntegrationError<D::Error>>
-    where
-        D::Error: std::error::Error + 'static,
-    {
+    ) -> Result<(), IntegrationError<M::Error>> {
         if !self.is_known {
             let is_defined = system.derivatives(self.t, &self.x, &mut self.f)?
                 && self.watch.start(system, self.t, &self.x)?;
@@ -260,9 +266,9 @@ impl Solver {
 
     /// A first length from the sizes of the state and its first two derivatives (Hairer, Nørsett & Wanner,
     /// section II.4).
-    fn first_length<D: Dynamics>(&mut self, system: &mut D, limit: f64) -> Result<f64, D::Error> {
+    fn first_length<M: System>(&mut self, system: &mut M, limit: f64) -> Result<f64, M::Error> {
         let (x, f) = (&self.x, &self.f);
-        let norm = |v: &[f64]| self.scale.norm(v.iter().copied(), x, x);
+        let norm = |v: &[f64]| self.scale.norm(|i| v[i], x, x);
         let (size, slope) = (norm(x), norm(f));
         let longest = limit - self.t;
         let guess = match size < 1e-5 || slope < 1e-5 {
@@ -276,7 +282,7 @@ impl Solver {
         if !system.derivatives(self.t + guess, &self.x_end, &mut self.f_end)? {
             return Ok(guess);
         }
-        let change = self.f_end.iter().zip(f).map(|(a, b)| a - b);
+        let change = |i: usize| self.f_end[i] - f[i];
         let bend = self.scale.norm(change, x, x) / guess;
         let largest = slope.max(bend);
         let second = match largest <= 1e-15 {
@@ -301,122 +307,62 @@ impl Solver {
         }
     }
 
-    fn attempt<D: Dynamics>(
+    /// Tries a step; its error, and what happens in it.
+    fn attempt<M: System>(
         &mut self,
-        system: &mut D,
+        system: &mut M,
         h: f64,
         is_again: bool,
-    ) -> Result<Attempt, IntegrationError<D::Error>>
-    where
-        D::Error: std::error::Error + 'static,
-    {
-        let (t, x, f, scale) = (self.t, &self.x, &self.f, &self.scale);
-        let end = &mut self.x_end;
-        let attempt = match &mut self.implicit {
-            Some(radau) => radau.attempt(system, t, h, x, f, end, scale, is_again)?,
-            None => {
-                let end = (end.as_mut_slice(), self.f_end.as_mut_slice());
-                self.explicit.attempt(system, t, h, x, f, end, scale)?
-            }
-        };
-        Ok(attempt)
-    }
-
-    /// A step whose error is small enough: proposes the next length and looks for events.
-    fn accept<D: Dynamics>(
-        &mut self,
-        system: &mut D,
-        h: f64,
-        is_last: bool,
-        error: f64,
-    ) -> Result<Found, IntegrationError<D::Error>>
-    where
-        D::Error: std::error::Error + 'static,
-    {
-        let factor = self.factor(Attempt::Error(error), true);
-        // A step that had to end at the limit says little about the next one.
-        let kept = self.h.filter(|_| is_last).unwrap_or(0.0);
-        let (mut next, mut is_stiff) = ((h * factor).max(kept), false);
-        match &mut self.implicit {
-            Some(radau) => {
-                if radau.accept(h, &self.x) && (1.0..1.2).contains(&factor) {
-                    next = h.max(kept);
-                }
-                let is_defined = system.derivatives(self.t + h, &self.x_end, &mut self.f_end)?;
-                if !is_defined {
-                    radau.restart();
-                    return Ok(Found::Undefined);
-                }
-            }
-            None => is_stiff = self.explicit.accept(h, &self.x, &self.x_end),
-        }
-        let path = Path {
+    ) -> Result<(f64, Found), M::Error> {
+        let mut step = Step {
             t: self.t,
             h,
-            interpolate: &|theta, x| match &self.implicit {
-                Some(radau) => radau.interpolate(theta, x),
-                None => self.explicit.interpolate(theta, x),
-            },
+            x: &self.x,
+            f: &self.f,
+            x_end: &mut self.x_end,
+            f_end: &mut self.f_end,
+            is_again,
         };
-        let found = self.watch.look(system, &path)?;
+        let error = self.scheme.attempt(system, &mut step, &self.scale)?;
+        if error > 1.0 {
+            return Ok((error, Found::Undefined));
+        }
+        let mut found = Found::Undefined;
+        if self.scheme.accept(system, &mut step)? {
+            let path = Path {
+                t: step.t,
+                h,
+                interpolate: &|theta, x| self.scheme.interpolate(&step, theta, x),
+            };
+            found = self.watch.look(system, &path)?;
+        }
         if found == Found::Undefined {
-            if let Some(radau) = &mut self.implicit {
-                radau.restart();
-            }
-            return Ok(found);
+            self.scheme.restart();
         }
-        self.h = Some(next);
-        self.last = Some(error.max(1e-4));
-        if is_stiff && self.is_automatic && found == Found::Nothing {
-            self.implicit = Some(Radau::new(self.x.len()));
-            self.last = None;
-        }
-        Ok(found)
-    }
-
-    /// By how much the next length differs from this one.
-    fn factor(&self, attempt: Attempt, is_accepted: bool) -> f64 {
-        let Attempt::Error(error) = attempt else {
-            return 0.25;
-        };
-        let error = error.max(1e-10);
-        let factor = match &self.implicit {
-            // Many iterations: a shorter step would converge better.
-            Some(radau) => {
-                let iterations = f64::from(radau.iterations);
-                let safety = 0.9 * 13.0 / (12.0 + iterations);
-                safety * error.powf(-0.25)
-            }
-            // Proportional and integral.
-            None => {
-                let last = self.last.unwrap_or(1e-4);
-                0.9 * error.powf(-0.17) * last.powf(0.04)
-            }
-        };
-        match is_accepted {
-            true => factor.clamp(0.2, 8.0),
-            false => factor.clamp(0.1, 0.9),
-        }
+        Ok((error, found))
     }
 }
 
-/// Counts evaluations.
-struct Counting<'a, D> {
-    inner: &'a mut D,
+/// Counts evaluations, and takes for undefined what is not a number.
+struct Counting<'a, M> {
+    inner: &'a mut M,
     evaluations: u64,
     indicators: u64,
 }
 
-impl<D: Dynamics> Dynamics for Counting<'_, D> {
-    type Error = D::Error;
+impl<M: System> System for Counting<'_, M> {
+    type Error = M::Error;
 
-    fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, D::Error> {
+    #[inline(always)]
+    fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, M::Error> {
         self.evaluations += 1;
         let is_defined = self.inner.derivatives(t, x, dx)?;
-        Ok(is_defined && dx.iter().all(|value| value.is_finite()))
+        // Without a branch for each: this runs in every stage.
+        let sum = dx.iter().fold(0.0, |sum, value| sum + value.abs());
+        Ok(is_defined && sum < f64::INFINITY)
     }
 
-    fn indicators(&mut self, t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, D::Error> {
+    fn indicators(&mut self, t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, M::Error> {
         self.indicators += 1;
         let is_defined = self.inner.indicators(t, x, z)?;
         Ok(is_defined && !z.iter().any(|value| value.is_nan()))
@@ -427,7 +373,7 @@ impl<D: Dynamics> Dynamics for Counting<'_, D> {
         t: f64,
         x: &[f64],
         jacobian: &mut DMatrix<f64>,
-    ) -> Result<bool, D::Error> {
+    ) -> Result<bool, M::Error> {
         self.inner.jacobian(t, x, jacobian)
     }
 }

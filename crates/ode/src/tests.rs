@@ -9,7 +9,7 @@ struct Problem<F, Z> {
     z: Z,
 }
 
-impl<F: Fn(f64, &[f64], &mut [f64]), Z: Fn(f64, &[f64], &mut [f64])> Dynamics for Problem<F, Z> {
+impl<F: Fn(f64, &[f64], &mut [f64]), Z: Fn(f64, &[f64], &mut [f64])> System for Problem<F, Z> {
     type Error = Infallible;
 
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {

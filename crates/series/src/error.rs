@@ -96,8 +96,8 @@ pub enum SeriesError {
         /// Name of the time.
         expected: String,
     },
-    /// The time's unit is not one that we convert.
-    #[error("{file}:{line}: `time` is in `{found}`; expected s, ms or min")]
+    /// The time's unit is not known, or not one of time.
+    #[error("{file}:{line}: `time` is in `{found}`; expected a unit of time, such as s, ms or min")]
     TimeUnit {
         /// The file.
         file: String,

@@ -2,6 +2,7 @@
 
 use super::lines::Lines;
 use super::{Column, Series, SeriesError};
+use pilotage_units::Unit;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -254,16 +255,15 @@ impl<'a, R: BufRead> Rows<'a, R> {
                 expected: time.to_owned(),
             });
         }
-        match unit.as_str() {
-            "s" | "" => Ok(1.0),
-            "ms" => Ok(1e-3),
-            "min" => Ok(60.0),
-            unit => Err(SeriesError::TimeUnit {
-                file,
-                line,
-                found: unit.into(),
-            }),
+        if unit.is_empty() {
+            return Ok(1.0);
         }
+        let seconds = Unit::named(unit).conversion(&Unit::named("s"));
+        (seconds.map(|seconds| seconds.factor)).ok_or_else(|| SeriesError::TimeUnit {
+            file,
+            line,
+            found: unit.clone(),
+        })
     }
 }
 

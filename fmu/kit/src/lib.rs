@@ -45,7 +45,7 @@
 //! | --- | --- |
 //! | [`equations`], [`table`], [`variable`], [mod@unit] | what a model says of itself |
 //! | [`structure`], [`interface`] | what depends on what; what an exporter must know |
-//! | [`simulation`], [`integrate`], [`lti`] | a model that runs: steps, events, exact derivatives |
+//! | [`simulation`], [`lti`] | a model that runs: steps, events, exact derivatives |
 //! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code under the C functions |
 //! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin skins that check pointers and keep panics from the host |
 //! | [`log`], [`problem`] | messages to the importer; everything that can be wrong with a call |
@@ -61,7 +61,6 @@ pub mod fmi3;
 pub mod guard;
 mod guid;
 pub mod instance;
-pub mod integrate;
 pub mod interface;
 mod json;
 pub mod log;

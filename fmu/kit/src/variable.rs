@@ -122,7 +122,7 @@ impl Variable {
     /// A mode, true or false at the start.
     pub fn mode(name: &str, start: bool, description: &str) -> Self {
         let start = Some(f64::from(u8::from(start)));
-        Self::new(name, Unit::one(), Role::Mode, start, description)
+        Self::new(name, Unit::of("1"), Role::Mode, start, description)
     }
 
     /// True for an output.

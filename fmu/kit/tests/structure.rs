@@ -12,7 +12,7 @@ impl Equations for Mixed {
     fn table(&self) -> Table {
         let gain = Variable::parameter(
             "gain",
-            Unit::one(),
+            Unit::of("1"),
             pilotage_kit::Role::Tunable,
             0.0,
             "Gain, 0 at first",

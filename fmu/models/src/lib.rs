@@ -26,7 +26,7 @@ pub use quadcopter::Quadcopter;
 pub use traced::{TraceError, traced};
 
 pub use pilotage_kit::{Role, Scalar, Table, Unit, ValueError, Variable};
-pub use pilotage_kit::{integrate, lti, simulation, structure, unit, variable};
+pub use pilotage_kit::{lti, simulation, structure, unit, variable};
 
 /// A running [`Model`].
 pub type Simulation = pilotage_kit::Simulation<Model>;

@@ -1,11 +1,12 @@
 //! Steps of the running models against analytic and independent solutions.
 
-use pilotage_models::integrate::{IntegrationError, Integrator, Ode, Work};
 use pilotage_models::lti::{Transition, TransitionError};
 use pilotage_models::pilot::PAPER_THETA;
 use pilotage_models::simulation::{SetError, StepFault};
 use pilotage_models::{Model, Pilot, Quadcopter, Simulation};
+use pilotage_ode::{DormandPrince, IntegrationError, Solver, System, Work};
 use proptest::prelude::*;
+use std::convert::Infallible;
 
 /// Classical Runge–Kutta with many small steps: slow, obvious, and written apart from the library.
 fn rk4(f: impl Fn(f64, &[f64]) -> Vec<f64>, x: &[f64], h: f64, steps: usize) -> Vec<f64> {
@@ -30,30 +31,32 @@ fn rk4(f: impl Fn(f64, &[f64]) -> Vec<f64>, x: &[f64], h: f64, steps: usize) -> 
 /// An equation without events.
 struct Flow<F>(F);
 
-impl<F: FnMut(f64, &[f64], &mut [f64])> Ode for Flow<F> {
-    fn derivative(&mut self, time: f64, x: &[f64], dx: &mut [f64]) {
+impl<F: FnMut(f64, &[f64], &mut [f64])> System for Flow<F> {
+    type Error = Infallible;
+
+    fn derivatives(&mut self, time: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         self.0(time, x, dx);
-    }
-
-    fn has_events(&self) -> bool {
-        false
-    }
-
-    fn crossed(&mut self, _: f64, _: &[f64]) -> bool {
-        false
+        Ok(true)
     }
 }
 
-/// Integrates with states of size 1.
+/// Integrates with states of these magnitudes as an FMU does: the first step tried is the whole interval.
 fn integrate<const N: usize>(
     f: impl FnMut(f64, &[f64], &mut [f64]),
-    mut x: [f64; N],
+    x: [f64; N],
+    nominals: [f64; N],
     interval: f64,
     relative: f64,
-) -> Result<([f64; N], Work), IntegrationError> {
-    let mut integrator = Integrator::new(vec![1.0; N]);
-    integrator.run(&mut Flow(f), &mut x, interval, relative)?;
-    Ok((x, integrator.work))
+) -> Result<([f64; N], Work), IntegrationError<Infallible>> {
+    let absolute = nominals.map(|nominal| relative * nominal);
+    let mut solver = Solver::with(DormandPrince::new(N), 0, relative, &absolute);
+    solver.restart(0.0, &x, true);
+    solver.try_first(interval);
+    let mut flow = Flow(f);
+    while solver.time() < interval {
+        solver.advance(&mut flow, interval)?;
+    }
+    Ok((std::array::from_fn(|i| solver.state()[i]), solver.work()))
 }
 
 fn index(model: &Model, name: &str) -> usize {
@@ -162,7 +165,8 @@ fn error_falls_with_the_tolerance() {
         dx[0] = x[1];
         dx[1] = -x[0].sin();
     };
-    let run = |relative| integrate(pendulum, [2.0, 0.0], 20.0, relative).expect("it is smooth");
+    let run =
+        |relative| integrate(pendulum, [2.0, 0.0], [1.0; 2], 20.0, relative).expect("it is smooth");
     let exact = rk4(|_, x| vec![x[1], -x[0].sin()], &[2.0, 0.0], 20.0, 200_000);
     let errors = [1e-5, 1e-7, 1e-9, 1e-11].map(|relative| {
         let (x, _) = run(relative);
@@ -178,8 +182,8 @@ fn error_falls_with_the_tolerance() {
 #[test]
 fn blow_up_is_an_error_and_changes_nothing() {
     let explosion = |_: f64, x: &[f64], dx: &mut [f64]| dx[0] = x[0] * x[0];
-    let error = integrate(explosion, [1.0], 2.0, 1e-9).expect_err("it is infinite at 1 s");
-    let IntegrationError::StepTooSmall { time, .. } = error else {
+    let error = integrate(explosion, [1.0], [1.0], 2.0, 1e-9).expect_err("it is infinite at 1 s");
+    let IntegrationError::StepTooShort { time, .. } = error else {
         panic!("{error}")
     };
     assert!((time - 1.0).abs() < 1e-3);
@@ -472,10 +476,10 @@ fn work_of_a_communication_step() {
     let vehicle = Quadcopter::default();
     let work = |h: f64| -> Work {
         let f = |_: f64, x: &[f64], dx: &mut [f64]| vehicle.derivative(x, -0.3, dx);
-        let mut integrator = Integrator::new(vec![1.0, 0.1, 1.0, 0.1, 0.01, 0.01]);
-        let end = integrator.run(&mut Flow(f), &mut [0.0; 6], h, 1e-9);
-        end.expect("it is smooth");
-        integrator.work
+        let nominals = [1.0, 0.1, 1.0, 0.1, 0.01, 0.01];
+        integrate(f, [0.0; 6], nominals, h, 1e-9)
+            .expect("it is smooth")
+            .1
     };
     insta::assert_debug_snapshot!([0.001, 0.05, 1.0].map(work));
 }

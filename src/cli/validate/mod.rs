@@ -13,8 +13,8 @@ pub(super) use text::to_text;
 
 use super::number::positive;
 use super::{Failure, Outcome, recognise, terminal};
-use crate::fmi::check::{self, Finding};
 use crate::fmi::description::Severity;
+use crate::fmi_check::{self, Finding};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -103,7 +103,7 @@ pub(super) const TIME_LIMIT: Duration = Duration::from_secs(20);
 
 /// Checks one FMU; tries its binary if a time limit for that is given.
 pub(super) fn check(path: &Path, limit: Option<Duration>) -> Result<Report, Failure> {
-    let checked = check::check(path)?;
+    let checked = fmi_check::check(path)?;
     let mut findings = checked.findings;
     let mut is_tried = false;
     if let Some((limit, description)) = limit.zip(checked.description.as_ref()) {

@@ -3,9 +3,9 @@
 use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, terminal};
-use crate::fmi::check::Finding;
-use crate::fmi::check::trial::{self, Told, Trial, What};
 use crate::fmi::description::{ModelDescription, Severity};
+use crate::fmi_check::Finding;
+use crate::fmi_check::trial::{self, Told, Trial, What};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};

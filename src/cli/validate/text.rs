@@ -1,8 +1,8 @@
 //! Findings as lines, and as JSON.
 
 use super::Report;
-use crate::fmi::check::Finding;
 use crate::fmi::description::{Place, Severity};
+use crate::fmi_check::Finding;
 use serde_json::{Value, json};
 
 /// The findings in words, the verdict first.

@@ -6,7 +6,7 @@ use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, CsvRecorder, FmuSlave, Recorder, SeriesRecorder, System,
     Thinned, run,
 };
-use pilotage::export::{Options, Provenance, export_as};
+use pilotage::export::{Export, Provenance};
 use pilotage::fmi::FmiVersion;
 use pilotage::models::{Model, Quadcopter};
 use std::alloc::{GlobalAlloc, Layout, System as Heap};
@@ -140,11 +140,9 @@ fn pairs(folder: &Path) -> Vec<([PathBuf; 2], Vec<[&'static str; 2]>)> {
         ];
         let files = ["pilot", "vehicle"].map(|name| folder.join(format!("{name}{version}.fmu")));
         for (model, file) in models.iter().zip(&files) {
-            let options = Options {
-                version,
-                ..Options::default()
-            };
-            export_as(model, &Provenance::vehicle(None), &options, file).unwrap();
+            let provenance = Provenance::vehicle(None);
+            let export = Export::new(model, &provenance).version(version);
+            export.write(file).unwrap();
         }
         pairs.push((files, vec![["a.stick", "b.stick"], ["b.z", "a.position"]]));
     }

@@ -3,7 +3,7 @@
 
 use super::faults3;
 use crate::foreign::archive;
-use pilotage::fmi::check;
+use pilotage::fmi_check::check;
 
 pub(super) const TERMINALS: &str = "terminalsAndIcons/terminalsAndIcons.xml";
 pub(super) const BUILD: &str = "sources/buildDescription.xml";
@@ -122,7 +122,7 @@ pub(super) fn findings(file: &str, content: &str) -> Vec<String> {
         (file, content.as_bytes()),
     ];
     std::fs::write(&path, archive(&files)).unwrap();
-    let checked = check::check(&path).unwrap();
+    let checked = check(&path).unwrap();
     let of_file = checked.findings.iter().filter(|f| f.file == file);
     of_file.map(ToString::to_string).collect()
 }

@@ -1,7 +1,8 @@
 //! Every rule of the validator: one fault put into a good description, and what is found.
 
 use super::{faults2, faults3};
-use pilotage::fmi::description::{read, validate};
+use pilotage::fmi::description::read;
+use pilotage::fmi_check::validate;
 
 pub(super) fn findings(xml: &str) -> Vec<String> {
     match read(xml.as_bytes()) {

@@ -2,7 +2,8 @@
 //! overflow of the stack or hours of waiting.
 
 use super::{faults2, faults3};
-use pilotage::fmi::description::{ReadError, read, validate};
+use pilotage::fmi::description::{ReadError, read};
+use pilotage::fmi_check::validate;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};

@@ -3,6 +3,7 @@
 use crate::foreign;
 use pilotage::fmi::{Fmu, Instance, Kind, ModelExchangeRun, Reached, RunError, RunOptions};
 use pilotage::integrate::Method;
+use pilotage::models::Model;
 use tempfile::tempdir;
 
 /// A foreign FMU for model exchange, just instantiated.
@@ -260,7 +261,9 @@ fn rounding_errors_in_steady_flight_cost_no_steps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("quadcopter.fmu");
     let provenance = pilotage::export::Provenance::vehicle(None);
-    pilotage::export::export_quadcopter(&Default::default(), &provenance, &path).unwrap();
+    let vehicle = Model::quadcopter(&Default::default());
+    let export = pilotage::export::Export::new(&vehicle, &provenance);
+    export.write(&path).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
     let mut instance = library.instantiate("steady", Kind::ModelExchange).unwrap();
     instance.setup_experiment(None, 0.0, None).unwrap();

@@ -1,6 +1,7 @@
 //! What is written reads back as the same value, whole; and what is read never panics.
 
 use pilotage::fmi::description::*;
+use pilotage::fmi_check::validate;
 use proptest::collection::vec;
 use proptest::option::of;
 use proptest::prelude::*;
@@ -321,18 +322,12 @@ fn variable(version: FmiVersion) -> BoxedStrategy<ScalarVariable> {
 }
 
 fn unit(version: FmiVersion) -> BoxedStrategy<Unit> {
-    let base = (any::<[i32; 8]>(), number(), number()).prop_map(|(e, factor, offset)| BaseUnit {
-        kg: e[0],
-        m: e[1],
-        s: e[2],
-        ampere: e[3],
-        kelvin: e[4],
-        mol: e[5],
-        cd: e[6],
-        rad: e[7],
-        factor,
-        offset,
-    });
+    let base =
+        (any::<[i32; 8]>(), number(), number()).prop_map(|(exponents, factor, offset)| BaseUnit {
+            exponents,
+            factor,
+            offset,
+        });
     let display = (text(), number(), number(), any::<bool>()).prop_map(
         move |(name, factor, offset, inverse)| DisplayUnit {
             name,

@@ -5,6 +5,7 @@ use super::findings::findings;
 use super::{faults2, faults3};
 use pilotage::export::{Provenance, description};
 use pilotage::fmi::description::*;
+use pilotage::fmi_check::validate;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
 use pilotage_kit::Interface;

@@ -1,7 +1,7 @@
 //! The exported library, called as C would call it: nothing is checked on this side.
 
 use libloading::Library;
-use pilotage::export::{self, Provenance};
+use pilotage::export::{self, Export, Provenance};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::Model;
 use pilotage_abi::fmi2::functions::{Function, pointers};
@@ -76,7 +76,7 @@ unsafe extern "C" fn receive(
 impl Raw {
     /// Exports, unpacks and loads.
     pub fn new(model: Model) -> Self {
-        let bytes = export::package(&model, &Provenance::default()).unwrap();
+        let bytes = Export::new(&model, &Provenance::default()).bytes().unwrap();
         let folder = tempfile::tempdir().unwrap();
         let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
         archive.extract(folder.path()).unwrap();

@@ -1,7 +1,7 @@
 //! The exported FMUs in fmpy, a tool that is not ours: both versions, both kinds.
 
 use super::python;
-use pilotage::export::{Options, Provenance, export_as};
+use pilotage::export::{Export, Provenance};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter, Simulation};
@@ -22,11 +22,9 @@ fn exported(folder: &TempDir, model: &Model, version: FmiVersion) -> PathBuf {
     let path = folder
         .path()
         .join(format!("{}-{version}.fmu", model.kind().name()));
-    let options = Options {
-        version,
-        ..Options::default()
-    };
-    export_as(model, &Provenance::default(), &options, &path).expect("it is exported");
+    let provenance = Provenance::default();
+    let export = Export::new(model, &provenance).version(version);
+    export.write(&path).expect("it is exported");
     path
 }
 

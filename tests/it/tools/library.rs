@@ -2,7 +2,7 @@
 
 use crate::command::example;
 use crate::export;
-use pilotage::export::{binary, pack, package};
+use pilotage::export::{binary, pack};
 use std::process::Command;
 
 /// FMI rule 18: libraries run with the C library of systems from 2013 on (glibc 2.17: RHEL 7, Debian 8), be
@@ -80,7 +80,7 @@ fn licences_name_every_crate_in_the_library() {
     names.sort_unstable();
     names.dedup();
     let (model, provenance) = &export::models()[0];
-    let files = export::files(&package(model, provenance).unwrap());
+    let files = export::files(&export::package(model, provenance).unwrap());
     let listed = export::text(&files, "documentation/licenses/license.txt");
     let (_, listed) = listed.split_once("Apache-2.0.txt:\n\n").unwrap();
     assert_eq!(listed.lines().collect::<Vec<_>>(), names);

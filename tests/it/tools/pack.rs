@@ -1,7 +1,7 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
 use crate::command::{Folder, example};
-use pilotage::export::{Options, Provenance, binary, interface, pack, package_as, platform};
+use pilotage::export::{Export, Options, Provenance, binary, interface, pack, platform};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
 use pilotage::fmi::{Fmu, Kind};
@@ -150,11 +150,11 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
     arm[machine..machine + 2].copy_from_slice(&object::elf::EM_AARCH64.to_le_bytes());
     let model = Model::quadcopter(&Quadcopter::default());
     for version in [FmiVersion::V2, FmiVersion::V3] {
-        let options = Options {
-            version,
-            binaries: vec![(platform::named("aarch64-linux").unwrap(), arm.clone())],
-        };
-        let fmu = package_as(&model, &Provenance::default(), &options).unwrap();
+        let fmu = Export::new(&model, &Provenance::default())
+            .version(version)
+            .binary(platform::named("aarch64-linux").unwrap(), arm.clone())
+            .bytes()
+            .unwrap();
         let path = "binaries/aarch64-linux/quadcopter.so".to_owned();
         assert!(names(&fmu).contains(&path));
     }
@@ -165,11 +165,10 @@ fn a_library_of_another_platform_is_taken_if_it_is_one() {
     };
     let name = at(b"\0fmi2GetReal\0");
     arm[name + 5] = b'X';
-    let options = Options {
-        version: FmiVersion::V2,
-        binaries: vec![(platform::named("aarch64-linux").unwrap(), arm)],
-    };
-    let error = package_as(&model, &Provenance::default(), &options).unwrap_err();
+    let error = Export::new(&model, &Provenance::default())
+        .binary(platform::named("aarch64-linux").unwrap(), arm)
+        .bytes()
+        .unwrap_err();
     assert!(
         error
             .to_string()

@@ -1,7 +1,7 @@
 //! The variables of an FMU as the master sees them.
 
 use super::arrays::Arrays;
-use crate::slave::{Base, Kind, Role, Unit, Variable};
+use crate::slave::{Kind, Role, Unit, Variable};
 use pilotage_fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
     VariableKind,
@@ -127,13 +127,8 @@ fn is_settable(variable: &ScalarVariable) -> bool {
 
 fn unit(description: &ModelDescription, name: &str) -> Unit {
     let defined = description.units.iter().find(|u| u.name == name);
-    let base = defined.and_then(|u| u.base).map(|base| Base {
-        exponents: base.exponents().map(|(_, exponent)| exponent),
-        factor: base.factor,
-        offset: base.offset,
-    });
     Unit {
         name: name.to_owned(),
-        base,
+        base: defined.and_then(|unit| unit.base),
     }
 }

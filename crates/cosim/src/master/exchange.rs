@@ -1,16 +1,12 @@
 //! The stepping loop's slaves and the values between them.
 
 use super::crew::Crew;
-use super::history::{Course, History, Outcome, Traits};
-use super::stopwatch::Stopwatch;
-use super::wired::{BEGIN, Failure, Reading, Values, Wired};
+use super::history::{Course, History, Outcome};
+use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
-use crate::algorithms::{Algorithm, Coupling};
+use crate::algorithms::Algorithm;
 use crate::recorder::Signal;
-use crate::report::Calls;
-use crate::slave::{Conversion, Kind, Role, Value};
-use crate::system::{Instance, System};
-use std::collections::HashMap;
+use crate::slave::Value;
 
 /// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
 pub(super) struct Exchange {
@@ -31,192 +27,6 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
-    pub(super) fn new(system: System, coupling: &Coupling) -> Self {
-        let mut exchange = Self {
-            wired: Vec::new(),
-            values: Values::default(),
-            signals: Vec::new(),
-            unrecorded: Vec::new(),
-            fed: Vec::new(),
-            history: History::default(),
-            courses: Vec::new(),
-            seen: Vec::new(),
-            others_before: Vec::new(),
-            others_given: Vec::new(),
-        };
-        // Slot of each output: in the row for reals, in `others` for the rest.
-        let mut slots = HashMap::new();
-        for (slave, instance) in system.instances.into_iter().enumerate() {
-            exchange.add(slave, instance, &mut slots);
-        }
-        let (mut nominals, mut traits) = (Vec::new(), Vec::new());
-        for connection in &system.connections {
-            let Some(&slot) = slots.get(&(connection.from.slave, connection.from.variable)) else {
-                continue;
-            };
-            let source = &exchange.wired[connection.from.slave];
-            let output = &source.slave.variables()[connection.from.variable];
-            let (nominal, is_discrete) = (output.nominal, output.is_discrete);
-            let (from_handle, from) = (output.handle, output.kind);
-            let target = &mut exchange.wired[connection.to.slave];
-            let variable = &target.slave.variables()[connection.to.variable];
-            let (handle, to) = (variable.handle, variable.kind);
-            if from != Kind::Real || to != Kind::Real {
-                let slot = match from == to {
-                    true => slot,
-                    false => exchange.convert(connection.from.slave, from_handle, from, to),
-                };
-                exchange.wired[connection.to.slave]
-                    .other_inputs
-                    .push((handle, slot));
-                continue;
-            }
-            if connection.conversion != Conversion::NONE {
-                let position = target.inputs.len();
-                target.conversions.push((position, connection.conversion));
-            }
-            let known = exchange.fed.iter().position(|&fed| fed == slot);
-            let position = known.unwrap_or_else(|| {
-                exchange.fed.push(slot);
-                nominals.push(nominal);
-                traits.push(Traits {
-                    has_slope: false,
-                    is_discrete,
-                });
-                exchange.fed.len() - 1
-            });
-            target.inputs.push(handle);
-            target.input_slots.push(slot);
-            target.input_positions.push(position);
-        }
-        for slave in 0..exchange.wired.len() {
-            let fed = system.connections.iter().filter(|c| c.to.slave == slave);
-            let fed: Vec<usize> = fed.map(|c| c.to.variable).collect();
-            exchange.wired[slave].finish(&fed, &exchange.fed, coupling);
-        }
-        let n = exchange.fed.len();
-        for wired in exchange.wired.iter().filter(|w| !w.sloped.is_empty()) {
-            for &p in &wired.fed_positions {
-                traits[p].has_slope = !traits[p].is_discrete;
-            }
-        }
-        exchange.history = History::new(nominals, traits);
-        exchange.courses = vec![Course::default(); n];
-        exchange.seen = vec![None; n];
-        exchange.values.slopes = vec![0.0; n];
-        exchange.others_before = exchange.values.others.clone();
-        exchange.others_given = exchange.values.others.clone();
-        exchange
-    }
-
-    /// Takes in a slave; gives each of its outputs, and what else is to be recorded, a slot.
-    fn add(
-        &mut self,
-        position: usize,
-        instance: Instance,
-        slots: &mut HashMap<(usize, usize), usize>,
-    ) {
-        let Instance {
-            name,
-            slave,
-            parts,
-            observed,
-        } = instance;
-        let first = self.values.row.len();
-        let (mut outputs, mut other_outputs) = (Vec::new(), Vec::new());
-        let is_read = |index, role| role == Role::Output || observed.contains(&index);
-        let all = || {
-            let variables = slave.variables().iter().enumerate();
-            variables.filter(|(index, variable)| is_read(*index, variable.role))
-        };
-        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
-            slots.insert((position, index), self.values.row.len());
-            outputs.push(variable.handle);
-            let unit = variable.unit.as_ref();
-            self.add_signal(&name, &variable.name, unit.map_or("", |u| &u.name));
-        }
-        let output_slots = first..self.values.row.len();
-        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
-            let slot = self.values.others.len();
-            slots.insert((position, index), slot);
-            other_outputs.push(Reading {
-                handle: variable.handle,
-                kind: variable.kind,
-                wanted: variable.kind,
-                slot,
-            });
-            self.values.others.push(Value::Integer(0));
-            if variable.kind == Kind::String {
-                self.unrecorded.push(format!("{name}.{}", variable.name));
-                self.values.other_slots.push(None);
-            } else {
-                self.values.other_slots.push(Some(self.values.row.len()));
-                self.add_signal(&name, &variable.name, "");
-            }
-        }
-        self.wired.push(Wired {
-            name,
-            abilities: slave.abilities(),
-            slave,
-            parts,
-            outputs,
-            output_slots,
-            fed: Vec::new(),
-            fed_positions: Vec::new(),
-            changes: Vec::new(),
-            sloped: Vec::new(),
-            slope_values: Vec::new(),
-            is_watchable: false,
-            looked: Vec::new(),
-            middle: Vec::new(),
-            astray: Vec::new(),
-            look_values: Vec::new(),
-            settled: Vec::new(),
-            settled_slots: Vec::new(),
-            settled_values: Vec::new(),
-            settled_others: Vec::new(),
-            has_feedthrough: false,
-            feeds_through: false,
-            other_outputs,
-            inputs: Vec::new(),
-            input_slots: Vec::new(),
-            input_positions: Vec::new(),
-            input_values: Vec::new(),
-            slopes: Vec::new(),
-            used: Vec::new(),
-            defects: Vec::new(),
-            gathered: Vec::new(),
-            errors: Vec::new(),
-            conversions: Vec::new(),
-            other_inputs: Vec::new(),
-            calls: Calls::default(),
-            watch: Stopwatch::default(),
-            ended: None,
-        });
-    }
-
-    /// Has an output read as a value of another type; its slot.
-    fn convert(&mut self, slave: usize, handle: u32, kind: Kind, wanted: Kind) -> usize {
-        let slot = self.values.others.len();
-        self.values.others.push(Value::Integer(0));
-        self.values.other_slots.push(None);
-        self.wired[slave].other_outputs.push(Reading {
-            handle,
-            kind,
-            wanted,
-            slot,
-        });
-        slot
-    }
-
-    fn add_signal(&mut self, instance: &str, variable: &str, unit: &str) {
-        self.values.row.push(f64::NAN);
-        self.signals.push(Signal {
-            name: format!("{instance}.{variable}"),
-            unit: unit.to_owned(),
-        });
-    }
-
     pub(super) fn get_outputs(&mut self, i: usize) -> Result<(), Failure> {
         self.wired[i].get_outputs(&mut self.values)
     }
@@ -294,8 +104,8 @@ impl Exchange {
     /// Interpolates the fed outputs of a slave that stands at the end of the step; with degree 0 the
     /// values at the end are held.
     pub(super) fn interpolate(&mut self, i: usize, degree: usize, h: f64) {
-        for k in 0..self.wired[i].fed_positions.len() {
-            let p = self.wired[i].fed_positions[k];
+        for k in 0..self.wired[i].outputs.fed_positions.len() {
+            let p = self.wired[i].outputs.fed_positions[k];
             let end = self.outcome(p);
             self.courses[p] = match degree {
                 0 => Course::held(end.value),

@@ -1,6 +1,7 @@
 //! Initialization and the stepping loop.
 
 mod algebraic_loop;
+mod assemble;
 mod change;
 mod controller;
 mod crew;
@@ -15,6 +16,7 @@ mod summary;
 mod travel;
 mod watch;
 mod wired;
+mod wires;
 
 use self::exchange::Exchange;
 use self::initialize::initialize;

@@ -59,10 +59,11 @@ impl Strong {
         let all = 0..wired.len();
         let (able, irrevocable): (Vec<usize>, Vec<usize>) =
             all.partition(|&i| wired[i].abilities.rollback);
-        let feeds_repeated = |p: &usize| able.iter().any(|&i| wired[i].input_positions.contains(p));
+        let feeds_repeated =
+            |p: &usize| able.iter().any(|&i| wired[i].inputs.positions.contains(p));
         let unknowns = able
             .iter()
-            .flat_map(|&i| wired[i].fed_positions.iter().copied());
+            .flat_map(|&i| wired[i].outputs.fed_positions.iter().copied());
         let (discrete, unknowns): (Vec<usize>, Vec<usize>) = unknowns
             .filter(feeds_repeated)
             .partition(|&p| exchange.history.is_discrete(p));
@@ -70,8 +71,14 @@ impl Strong {
         for (k, &p) in unknowns.iter().enumerate() {
             place[p] = Some(k);
         }
-        let depends = |&i: &usize| wired[i].input_positions.iter().any(|&p| place[p].is_some());
-        let others = (able.iter()).flat_map(|&i| wired[i].other_inputs.iter());
+        let depends = |&i: &usize| {
+            wired[i]
+                .inputs
+                .positions
+                .iter()
+                .any(|&p| place[p].is_some())
+        };
+        let others = (able.iter()).flat_map(|&i| wired[i].inputs.others.iter());
         let others = others.map(|&(_, slot)| slot).collect();
         let (repeated, once) = able.into_iter().partition(depends);
         let n = unknowns.len();
@@ -251,8 +258,8 @@ impl Strong {
         self.matrix.set_identity();
         for k in 0..self.repeated.len() {
             let i = self.repeated[k];
-            for input in 0..exchange.wired[i].input_positions.len() {
-                let inputs = &exchange.wired[i].input_positions;
+            for input in 0..exchange.wired[i].inputs.positions.len() {
+                let inputs = &exchange.wired[i].inputs.positions;
                 let p = inputs[input];
                 // One output may feed several inputs of a slave.
                 let is_first = !inputs[..input].contains(&p);
@@ -287,7 +294,7 @@ impl Strong {
         go_back(exchange, i)?;
         travel(exchange, i, h)?;
         exchange.courses[p] = course;
-        for &q in &exchange.wired[i].fed_positions {
+        for &q in &exchange.wired[i].outputs.fed_positions {
             if let Some(row) = self.place[q] {
                 let changed = exchange.values.row[exchange.fed[q]];
                 let slope = (changed - self.found[row].value) / change;

@@ -59,7 +59,7 @@ impl Wires {
         };
         let needs_rollback = coupling.algorithm == Algorithm::Strong || coupling.control.is_some();
         let irrevocable = (wired.iter())
-            .filter(|w| needs_rollback && !w.abilities.rollback && !w.inputs.is_empty());
+            .filter(|w| needs_rollback && !w.abilities.rollback && w.inputs.are_fed());
         let scale = stepper.sampler.scale(clock_steps);
         let slaves = wired.iter().map(|w| SlaveReport {
             name: w.name.clone(),
@@ -79,7 +79,7 @@ impl Wires {
                 .map(|w| w.name.clone())
                 .collect(),
             holding: (wired.iter())
-                .filter(|w| stepper.has_courses && !w.inputs.is_empty())
+                .filter(|w| stepper.has_courses && w.inputs.are_fed())
                 .filter(|w| !w.abilities.input_derivatives)
                 .map(|w| w.name.clone())
                 .collect(),
@@ -108,16 +108,16 @@ impl Wire {
             Transfer::Extrapolated | Transfer::Interpolated => 0.0,
         };
         let source = &stepper.exchange.wired[self.source];
-        let is_fed = |&p: &usize| p == target.input_positions[self.input];
-        let change = source.fed_positions.iter().position(is_fed);
-        let change = change.map_or_else(Change::default, |k| source.changes[k].1);
+        let is_fed = |&p: &usize| p == target.inputs.positions[self.input];
+        let change = source.outputs.fed_positions.iter().position(is_fed);
+        let change = change.map_or_else(Change::default, |k| source.outputs.changes[k].1);
         // What is held through a step is wrong by half of the change in it.
         let error = match stepper.is_plain {
             true => CouplingError {
                 mean: 0.5 * h * change.sum,
                 max: 0.5 * change.largest,
             },
-            false => target.errors[self.input],
+            false => target.within.errors[self.input],
         };
         ConnectionReport {
             from: self.from.clone(),

@@ -21,16 +21,16 @@ impl Wired {
         is_revocable: bool,
     ) -> Result<(), Ending> {
         let failed = |failure: Failure| failure.at(t);
-        let mut own = self.input_positions.iter().map(|&p| &courses[p]);
+        let mut own = self.inputs.positions.iter().map(|&p| &courses[p]);
         let is_held = own.clone().all(Course::is_held);
         let is_ramp = self.abilities.input_derivatives && !is_held;
         let ends_elsewhere = match is_ramp {
             true => own.any(Course::is_curved),
             false => !is_held,
         };
-        let needs_ends = self.has_feedthrough && ends_elsewhere;
+        let needs_ends = self.outputs.has_feedthrough && ends_elsewhere;
         let has_two_passes = needs_ends && self.abilities.rollback;
-        let only_ends = needs_ends && !has_two_passes && self.feeds_through;
+        let only_ends = needs_ends && !has_two_passes && self.outputs.feeds_through;
         let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
         self.note_used(courses, (2.0 * place - 1.0) / f64::from(parts));
         let step = h / f64::from(parts);
@@ -62,7 +62,7 @@ impl Wired {
     }
 
     fn note_used(&mut self, courses: &[Course], shift: f64) {
-        for (used, &p) in self.used.iter_mut().zip(&self.input_positions) {
+        for (used, &p) in self.within.used.iter_mut().zip(&self.inputs.positions) {
             let course = &courses[p];
             *used = course.mean + shift * (course.end - course.mean);
         }
@@ -76,7 +76,7 @@ impl Wired {
         to_ends: bool,
         at: f64,
     ) -> Result<(), Failure> {
-        for (value, &p) in self.input_values.iter_mut().zip(&self.input_positions) {
+        for (value, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
             let course = courses[p];
             *value = match to_ends {
                 true => course.to_end().line(at),
@@ -95,18 +95,18 @@ impl Wired {
         h: f64,
     ) -> Result<(), Failure> {
         self.hold(courses, to_ends, at)?;
-        for (slope, &p) in self.slopes.iter_mut().zip(&self.input_positions) {
+        for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
             let course = match to_ends {
                 true => courses[p].to_end(),
                 false => courses[p],
             };
             *slope = 2.0 * course.lean / h;
         }
-        for &(position, conversion) in &self.conversions {
-            self.slopes[position] *= conversion.factor;
+        for &(position, conversion) in &self.inputs.conversions {
+            self.inputs.slopes[position] *= conversion.factor;
         }
         self.calls.sets += 1;
-        let (inputs, slopes) = (&self.inputs, &self.slopes);
+        let (inputs, slopes) = (&self.inputs.handles, &self.inputs.slopes);
         let set = self
             .watch
             .time(|| self.slave.set_input_derivatives(inputs, slopes));
@@ -126,7 +126,7 @@ impl Wired {
         room: &mut [f64],
     ) -> Result<(), Ending> {
         let failed = |failure: Failure| failure.at(span.0);
-        let slots = self.output_slots.clone();
+        let slots = self.outputs.slots.clone();
         let room = &mut room[..slots.len()];
         self.save(END).map_err(failed)?;
         room.copy_from_slice(&values.row[slots.clone()]);

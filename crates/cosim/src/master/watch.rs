@@ -34,7 +34,7 @@ impl Exchange {
     /// Finds the means over the last step of the fed outputs of all slaves that can be asked.
     pub(super) fn watch(&mut self, h: f64) -> Result<(), Ending> {
         for i in 0..self.wired.len() {
-            if !self.wired[i].is_watchable {
+            if !self.wired[i].within.is_watchable {
                 continue;
             }
             let begin = self.history.time();
@@ -51,8 +51,8 @@ impl Exchange {
     }
 
     fn look_away(&mut self, i: usize) {
-        self.wired[i].is_watchable = false;
-        for &p in &self.wired[i].fed_positions {
+        self.wired[i].within.is_watchable = false;
+        for &p in &self.wired[i].outputs.fed_positions {
             self.seen[p] = None;
         }
     }
@@ -65,21 +65,21 @@ impl Exchange {
             span: (self.history.time(), h),
         };
         looks.step_to(0.5)?;
-        let n = looks.wired.fed_positions.len();
+        let n = looks.wired.outputs.fed_positions.len();
         for k in 0..n {
-            looks.wired.middle[k] = looks.wired.looked[k];
+            looks.wired.within.middle[k] = looks.wired.within.looked[k];
         }
         let ends_of = |p| [self.history.last(p), self.values.outcome(&self.fed, p)];
         looks.seek_changes(ends_of)?;
         for k in 0..n {
-            let p = looks.wired.fed_positions[k];
+            let p = looks.wired.outputs.fed_positions[k];
             let ends = ends_of(p);
-            let fine = looks.wired.middle[k].between(ends, h);
+            let fine = looks.wired.within.middle[k].between(ends, h);
             let error = (fine - self.courses[p].mean).abs();
             let magnitude = self.history.magnitudes[p].max(ends[1].value.abs());
             let expected = self.history.smooth_error(p, h, ends[1]).unwrap_or(0.0);
             let is_smooth = error <= SMOOTH * expected || error <= NOISE * magnitude;
-            let astray = looks.wired.astray[k];
+            let astray = looks.wired.within.astray[k];
             let enough = ENOUGH * SMALL * magnitude;
             let mut search = Search {
                 looks: &mut looks,
@@ -142,7 +142,7 @@ impl Looks<'_> {
         let failed = |failure: Failure| failure.at(t);
         self.wired.restore(BEGIN).map_err(failed)?;
         self.wired.set_others(self.others).map_err(failed)?;
-        let positions = &self.wired.input_positions;
+        let positions = &self.wired.inputs.positions;
         match positions.iter().all(|&p| self.courses[p].is_held()) {
             true => self.wired.hold(self.courses, false, 0.0),
             false => self.wired.set_ramps(self.courses, false, 0.0, h),
@@ -155,20 +155,20 @@ impl Looks<'_> {
     /// Looks for points where outputs are others than at the ends and in the middle, where these are the same.
     fn seek_changes(&mut self, ends: impl Fn(usize) -> [Outcome; 2]) -> Result<(), Ending> {
         let flat = |wired: &Wired, k: usize| {
-            let [begin, end] = ends(wired.fed_positions[k]).map(|end| end.value);
-            begin == end && end == wired.middle[k].value
+            let [begin, end] = ends(wired.outputs.fed_positions[k]).map(|end| end.value);
+            begin == end && end == wired.within.middle[k].value
         };
-        let n = self.wired.astray.len();
-        self.wired.astray.fill(None);
+        let n = self.wired.within.astray.len();
+        self.wired.within.astray.fill(None);
         if !(0..n).any(|k| flat(self.wired, k)) {
             return Ok(());
         }
         for part in ELSEWHERE {
             self.step_to(part)?;
             for k in 0..n {
-                let there = self.wired.looked[k];
-                if flat(self.wired, k) && there.value != self.wired.middle[k].value {
-                    self.wired.astray[k] = Some((part, there));
+                let there = self.wired.within.looked[k];
+                if flat(self.wired, k) && there.value != self.wired.within.middle[k].value {
+                    self.wired.within.astray[k] = Some((part, there));
                 }
             }
         }
@@ -196,7 +196,7 @@ impl Search<'_, '_> {
         self.left -= 1;
         let at = 0.5 * (begin + end);
         self.looks.step_to(at)?;
-        let middle = self.looks.wired.looked[self.output];
+        let middle = self.looks.wired.within.looked[self.output];
         let fine = length * middle.between(ends, length * h);
         if (fine - coarse).abs() <= self.enough {
             return Ok(fine);

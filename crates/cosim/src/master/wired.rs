@@ -3,11 +3,11 @@
 use super::change::Change;
 use super::history::Outcome;
 use super::stopwatch::Stopwatch;
+use super::wires::{Inputs, Outputs, Reading, Within};
 use super::{Ending, MasterError, Stage};
 use crate::algorithms::{Algorithm, Coupling};
-use crate::report::{Calls, CouplingError};
-use crate::slave::{Abilities, Conversion, Kind, Progress, Role, Slave, SlaveError, Value};
-use std::ops::Range;
+use crate::report::Calls;
+use crate::slave::{Abilities, Kind, Progress, Slave, SlaveError, Value};
 
 /// Where states are saved: at the begin of a communication step, before the last part of it, and at
 /// its end.
@@ -30,16 +30,6 @@ pub(super) struct Values {
     pub(super) slopes: Vec<f64>,
 }
 
-/// An output that is read by itself.
-pub(super) struct Reading {
-    pub(super) handle: u32,
-    pub(super) kind: Kind,
-    /// Type that it is wanted in.
-    pub(super) wanted: Kind,
-    /// Slot in [`Values::others`].
-    pub(super) slot: usize,
-}
-
 /// A slave with what it exchanges, so that each step needs one call for all its reals.
 pub(super) struct Wired {
     pub(super) name: String,
@@ -47,72 +37,13 @@ pub(super) struct Wired {
     pub(super) abilities: Abilities,
     /// Parts that it takes each communication step in.
     pub(super) parts: u32,
-    /// Handles of all real outputs, and where they go in the row.
-    pub(super) outputs: Vec<u32>,
-    pub(super) output_slots: Range<usize>,
-    /// Slots of those that feed others, and their positions among all fed outputs.
-    pub(super) fed: Vec<usize>,
-    pub(super) fed_positions: Vec<usize>,
-    /// Their slots again, and how they change between communication points.
-    pub(super) changes: Vec<(usize, Change)>,
-    /// Handles of these, if their derivatives are to be read too, and room for them.
-    pub(super) sloped: Vec<u32>,
-    pub(super) slope_values: Vec<f64>,
-    /// Whether they can be seen within a step; what was seen of them last, in the middle, and where else they
-    /// were others than there.
-    pub(super) is_watchable: bool,
-    pub(super) looked: Vec<Outcome>,
-    pub(super) middle: Vec<Outcome>,
-    pub(super) astray: Vec<Option<(f64, Outcome)>>,
-    pub(super) look_values: Vec<f64>,
-    /// Handles and slots of the real outputs without direct feedthrough from a fed input; and which of the
-    /// other outputs have none.
-    pub(super) settled: Vec<u32>,
-    pub(super) settled_slots: Vec<usize>,
-    pub(super) settled_values: Vec<f64>,
-    pub(super) settled_others: Vec<usize>,
-    /// Whether an output, or a fed one, has direct feedthrough from a fed input.
-    pub(super) has_feedthrough: bool,
-    pub(super) feeds_through: bool,
-    /// All other outputs, and those that feed inputs of another type.
-    pub(super) other_outputs: Vec<Reading>,
-    /// Handles of the real inputs that are fed, the row's slots and the positions among all fed
-    /// outputs that feed them, and room for values and slopes.
-    pub(super) inputs: Vec<u32>,
-    pub(super) input_slots: Vec<usize>,
-    pub(super) input_positions: Vec<usize>,
-    pub(super) input_values: Vec<f64>,
-    pub(super) slopes: Vec<f64>,
-    /// Means over the last step of what the inputs were given, in the outputs' units.
-    pub(super) used: Vec<f64>,
-    /// By how much each of these means is wrong.
-    pub(super) defects: Vec<Defect>,
-    /// Integral of the error of each of these means since the last point of the clock.
-    pub(super) gathered: Vec<f64>,
-    /// Integral of the magnitude, and largest magnitude over a step of the clock, of the error of each of these means, where inputs
-    /// are not just held.
-    pub(super) errors: Vec<CouplingError>,
-    /// Which of the values come in another unit.
-    pub(super) conversions: Vec<(usize, Conversion)>,
-    /// Handles of the other inputs that are fed, and slots in `others`.
-    pub(super) other_inputs: Vec<(u32, usize)>,
+    pub(super) inputs: Inputs,
+    pub(super) outputs: Outputs,
+    pub(super) within: Within,
     pub(super) calls: Calls,
     pub(super) watch: Stopwatch,
     /// How its last step ended, if not well, where others stepped at the same time.
     pub(super) ended: Option<Ending>,
-}
-
-/// By how much the mean of an input over a step is wrong.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Defect {
-    /// As well as it is known; with a sign if it was seen.
-    pub(super) size: f64,
-    /// With what it may be beside that, for steps that are to be short enough.
-    pub(super) careful: f64,
-    /// If the output was seen within the step, that; else 0.
-    pub(super) seen: f64,
-    /// If it was not, what it may be where slopes are no guide; else 0.
-    pub(super) unseen: f64,
 }
 
 /// A failed call.
@@ -142,79 +73,43 @@ impl Failure {
 }
 
 impl Wired {
-    /// Completes what follows from the wires: `fed_inputs` are positions of variables, `fed` the slots
-    /// of all outputs that feed others.
-    pub(super) fn finish(&mut self, fed_inputs: &[usize], fed: &[usize], coupling: &Coupling) {
-        let n = self.inputs.len();
-        self.input_values = vec![0.0; n];
-        self.slopes = vec![0.0; n];
-        self.used = vec![0.0; n];
-        self.defects = vec![Defect::default(); n];
-        self.gathered = vec![0.0; n];
-        self.errors = vec![CouplingError::default(); n];
-        for (position, slot) in fed.iter().enumerate() {
-            if self.output_slots.contains(slot) {
-                self.fed.push(*slot);
-                self.fed_positions.push(position);
-            }
-        }
-        let unchanged = self.fed.iter().map(|&slot| (slot, Change::default()));
-        self.changes = unchanged.collect();
-        let is_direct = |handle: u32, kind: Kind| {
-            let mut variables = self.slave.variables().iter();
-            variables
-                .find(|v| v.handle == handle && v.role == Role::Output && v.kind == kind)
-                .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)))
-        };
-        for (k, reading) in self.other_outputs.iter().enumerate() {
-            match is_direct(reading.handle, reading.kind) {
-                true => self.has_feedthrough = true,
-                false => self.settled_others.push(k),
-            }
-        }
-        for (handle, slot) in self.outputs.iter().zip(self.output_slots.clone()) {
-            if is_direct(*handle, Kind::Real) {
-                self.has_feedthrough = true;
-                self.feeds_through |= self.fed.contains(&slot);
-            } else {
-                self.settled.push(*handle);
-                self.settled_slots.push(slot);
-            }
-        }
-        self.settled_values = vec![0.0; self.settled.len()];
+    /// `parts`: how many the user wants it to take each communication step in.
+    pub(super) fn new(
+        name: String,
+        slave: Box<dyn Slave>,
+        parts: u32,
+        inputs: Inputs,
+        outputs: Outputs,
+        coupling: &Coupling,
+    ) -> Self {
+        let abilities = slave.abilities();
         let is_strong = coupling.algorithm == Algorithm::Strong;
-        if is_strong && self.abilities.output_derivatives {
-            let handle = |slot: &usize| self.outputs[slot - self.output_slots.start];
-            self.sloped = self.fed.iter().map(handle).collect();
-            self.slope_values = vec![0.0; self.sloped.len()];
-            self.look_values = vec![0.0; self.sloped.len()];
-            self.looked = vec![Outcome::default(); self.sloped.len()];
-            self.middle = self.looked.clone();
-            self.astray = vec![None; self.sloped.len()];
-            self.is_watchable = self.can_be_watched();
-        }
-        if is_strong && coupling.control.is_some() && self.has_stairs() {
-            self.parts *= 2;
+        let reads_slopes = is_strong && abilities.output_derivatives;
+        let within = Within::new(&inputs, &outputs, reads_slopes, abilities, parts);
+        let is_halved = is_strong && coupling.control.is_some() && inputs.have_stairs(abilities);
+        Self {
+            name,
+            slave,
+            abilities,
+            parts: if is_halved { 2 * parts } else { parts },
+            inputs,
+            outputs,
+            within,
+            calls: Calls::default(),
+            watch: Stopwatch::default(),
+            ended: None,
         }
     }
 
     /// Whether inputs that change within a step become staircases.
     pub(super) fn has_stairs(&self) -> bool {
-        !self.inputs.is_empty() && !self.abilities.input_derivatives && self.abilities.rollback
-    }
-
-    /// Whether its outputs within a step are what they are where a shorter step ends there: it takes such steps, and
-    /// follows lines, of which its outputs show no more than its states do.
-    fn can_be_watched(&self) -> bool {
-        let follows = self.inputs.is_empty() || self.abilities.input_derivatives;
-        let can_go_there = self.abilities.rollback && self.abilities.variable_steps;
-        can_go_there && follows && self.parts == 1 && !self.feeds_through && !self.fed.is_empty()
+        self.inputs.have_stairs(self.abilities)
     }
 
     /// Whether, of inputs that change within a step, it is given the values at the end: its outputs have
     /// direct feedthrough, and no second step can tell these apart from its state.
     pub(super) fn is_given_ends(&self) -> bool {
-        !self.abilities.input_derivatives && self.feeds_through && !self.abilities.rollback
+        !self.abilities.input_derivatives && self.outputs.feeds_through && !self.abilities.rollback
     }
 
     #[cold]
@@ -231,7 +126,8 @@ impl Wired {
     #[cold]
     pub(super) fn misled(&self, input: usize, t: f64, h: f64) -> Ending {
         let mut variables = self.slave.variables().iter();
-        let variable = variables.find(|v| v.handle == self.inputs[input] && v.kind == Kind::Real);
+        let variable =
+            variables.find(|v| v.handle == self.inputs.handles[input] && v.kind == Kind::Real);
         let name = variable.map_or("an input", |v| v.name.as_str());
         let source = format!(
             "in a step of {h} s, what is known of `{name}` between the ends of the step is wrong by as much as \
@@ -243,7 +139,7 @@ impl Wired {
     /// Gives the inputs the values in the row.
     #[inline(always)]
     pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {
-        for (value, &slot) in self.input_values.iter_mut().zip(&self.input_slots) {
+        for (value, &slot) in self.inputs.values.iter_mut().zip(&self.inputs.slots) {
             *value = values.row[slot];
         }
         // In this order: what is set along lines refers to the call that comes last.
@@ -254,15 +150,15 @@ impl Wired {
     /// Gives the inputs that are no reals their values.
     #[inline]
     pub(super) fn set_others(&mut self, others: &[Value]) -> Result<(), Failure> {
-        match self.other_inputs.is_empty() {
+        match self.inputs.others.is_empty() {
             true => Ok(()),
             false => self.set_each_other(others),
         }
     }
 
     fn set_each_other(&mut self, others: &[Value]) -> Result<(), Failure> {
-        for k in 0..self.other_inputs.len() {
-            let (handle, slot) = self.other_inputs[k];
+        for k in 0..self.inputs.others.len() {
+            let (handle, slot) = self.inputs.others[k];
             self.calls.sets += 1;
             let set = self.watch.time(|| self.slave.set(handle, &others[slot]));
             set.map_err(|source| self.failure(Stage::SetInputs, source))?;
@@ -273,22 +169,22 @@ impl Wired {
     /// Converts `input_values` and sets them.
     #[inline(always)]
     pub(super) fn set_reals(&mut self) -> Result<(), Failure> {
-        if self.inputs.is_empty() {
+        if self.inputs.handles.is_empty() {
             return Ok(());
         }
-        if !self.conversions.is_empty() {
+        if !self.inputs.conversions.is_empty() {
             self.convert();
         }
         self.calls.sets += 1;
-        let (inputs, values) = (&self.inputs, &self.input_values);
+        let (inputs, values) = (&self.inputs.handles, &self.inputs.values);
         let set = self.watch.time(|| self.slave.set_reals(inputs, values));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
     #[inline(never)]
     fn convert(&mut self) {
-        for &(position, conversion) in &self.conversions {
-            let value = &mut self.input_values[position];
+        for &(position, conversion) in &self.inputs.conversions {
+            let value = &mut self.inputs.values[position];
             *value = conversion.apply(*value);
         }
     }
@@ -308,7 +204,7 @@ impl Wired {
 
     /// The outputs before the first step.
     pub(super) fn begin_changes(&mut self, values: &Values) {
-        for (slot, change) in &mut self.changes {
+        for (slot, change) in &mut self.outputs.changes {
             *change = Change::from(values.row[*slot]);
         }
     }
@@ -317,7 +213,7 @@ impl Wired {
     #[inline(always)]
     pub(super) fn follow(&mut self, values: &Values, step: u64) -> Result<(), Failure> {
         let mut is_finite = true;
-        for (slot, change) in &mut self.changes {
+        for (slot, change) in &mut self.outputs.changes {
             is_finite &= change.to(values.row[*slot], step);
         }
         match is_finite {
@@ -328,9 +224,12 @@ impl Wired {
 
     #[inline(always)]
     fn read_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
-        if !self.outputs.is_empty() {
+        if !self.outputs.handles.is_empty() {
             self.calls.gets += 1;
-            let (outputs, row) = (&self.outputs, &mut values.row[self.output_slots.clone()]);
+            let (outputs, row) = (
+                &self.outputs.handles,
+                &mut values.row[self.outputs.slots.clone()],
+            );
             let got = self.watch.time(|| self.slave.get_reals(outputs, row));
             got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         }
@@ -341,7 +240,7 @@ impl Wired {
     /// Reads the derivatives of the fed outputs.
     #[inline]
     fn get_slopes(&mut self, values: &mut Values) -> Result<(), Failure> {
-        match self.sloped.is_empty() {
+        match self.within.sloped.is_empty() {
             true => Ok(()),
             false => self.get_each_slope(values),
         }
@@ -349,12 +248,17 @@ impl Wired {
 
     fn get_each_slope(&mut self, values: &mut Values) -> Result<(), Failure> {
         self.calls.gets += 1;
-        let (handles, room) = (&self.sloped, &mut self.slope_values);
+        let (handles, room) = (&self.within.sloped, &mut self.within.slope_values);
         let got = self
             .watch
             .time(|| self.slave.get_output_derivatives(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        for (&p, &slope) in self.fed_positions.iter().zip(&self.slope_values) {
+        for (&p, &slope) in self
+            .outputs
+            .fed_positions
+            .iter()
+            .zip(&self.within.slope_values)
+        {
             values.slopes[p] = slope;
         }
         Ok(())
@@ -363,16 +267,23 @@ impl Wired {
     /// Reads the fed outputs and their derivatives, for nobody but the master.
     pub(super) fn look(&mut self) -> Result<(), Failure> {
         self.calls.gets += 2;
-        let (handles, values, slopes) =
-            (&self.sloped, &mut self.look_values, &mut self.slope_values);
+        let (handles, values, slopes) = (
+            &self.within.sloped,
+            &mut self.within.look_values,
+            &mut self.within.slope_values,
+        );
         let slave = &mut self.slave;
         let got = self.watch.time(|| {
             slave.get_reals(handles, values)?;
             slave.get_output_derivatives(handles, slopes)
         });
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        let pairs = self.look_values.iter().zip(&self.slope_values);
-        for (looked, (&value, &slope)) in self.looked.iter_mut().zip(pairs) {
+        let pairs = self
+            .within
+            .look_values
+            .iter()
+            .zip(&self.within.slope_values);
+        for (looked, (&value, &slope)) in self.within.looked.iter_mut().zip(pairs) {
             *looked = Outcome { value, slope };
         }
         Ok(())
@@ -381,14 +292,14 @@ impl Wired {
     /// Reads the outputs that are no reals.
     #[inline]
     pub(super) fn get_others(&mut self, values: &mut Values) -> Result<(), Failure> {
-        match self.other_outputs.is_empty() {
+        match self.outputs.others.is_empty() {
             true => Ok(()),
             false => self.get_each_other(values),
         }
     }
 
     fn get_each_other(&mut self, values: &mut Values) -> Result<(), Failure> {
-        (0..self.other_outputs.len()).try_for_each(|k| self.get_other(k, values))
+        (0..self.outputs.others.len()).try_for_each(|k| self.get_other(k, values))
     }
 
     fn get_other(&mut self, k: usize, values: &mut Values) -> Result<(), Failure> {
@@ -397,7 +308,7 @@ impl Wired {
             kind,
             wanted,
             slot,
-        } = self.other_outputs[k];
+        } = self.outputs.others[k];
         self.calls.gets += 1;
         let got = self.watch.time(|| self.slave.get(handle, kind));
         let value = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
@@ -411,17 +322,22 @@ impl Wired {
 
     /// Reads the outputs without direct feedthrough.
     pub(super) fn get_settled(&mut self, values: &mut Values) -> Result<(), Failure> {
-        for k in 0..self.settled_others.len() {
-            self.get_other(self.settled_others[k], values)?;
+        for k in 0..self.outputs.settled_others.len() {
+            self.get_other(self.outputs.settled_others[k], values)?;
         }
-        if self.settled.is_empty() {
+        if self.outputs.settled.is_empty() {
             return Ok(());
         }
         self.calls.gets += 1;
-        let (handles, room) = (&self.settled, &mut self.settled_values);
+        let (handles, room) = (&self.outputs.settled, &mut self.outputs.settled_values);
         let got = self.watch.time(|| self.slave.get_reals(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        for (&slot, &value) in self.settled_slots.iter().zip(&self.settled_values) {
+        for (&slot, &value) in self
+            .outputs
+            .settled_slots
+            .iter()
+            .zip(&self.outputs.settled_values)
+        {
             values.row[slot] = value;
         }
         self.check_finite(values)
@@ -430,7 +346,12 @@ impl Wired {
     /// An output that is not finite must not feed others: it would be theirs from then on, and nobody
     /// would know whose it was.
     fn check_finite(&self, values: &Values) -> Result<(), Failure> {
-        match self.fed.iter().find(|&&slot| !values.row[slot].is_finite()) {
+        match self
+            .outputs
+            .fed
+            .iter()
+            .find(|&&slot| !values.row[slot].is_finite())
+        {
             None => Ok(()),
             Some(&slot) => Err(self.not_finite(slot, values.row[slot])),
         }
@@ -444,7 +365,7 @@ impl Wired {
 
     #[cold]
     fn not_finite(&self, slot: usize, value: f64) -> Failure {
-        let handle = self.outputs[slot - self.output_slots.start];
+        let handle = self.outputs.handle(slot);
         let name = self.real_output(handle);
         let source = format!("`{name}` is {value} and feeds others");
         self.failure(Stage::GetOutputs, source.into())

@@ -159,7 +159,7 @@ pub(super) fn plain(error: ZipError) -> io::Error {
 }
 
 /// A name as it is meant: some tools write `\` for `/`, or begin with `./`.
-pub(crate) fn plain_name(written: &str) -> String {
+pub fn plain_name(written: &str) -> String {
     let name = written.replace('\\', "/");
     let parts: Vec<&str> = name.split('/').filter(|part| *part != ".").collect();
     parts.join("/")
@@ -194,7 +194,7 @@ fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError
 
 /// Why a name is no plain relative path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum NameFault {
+pub enum NameFault {
     /// It leads out of the folder.
     Traversal,
     /// It begins at a root or a drive.
@@ -204,7 +204,7 @@ pub(crate) enum NameFault {
 }
 
 /// What is wrong with a [plain](plain_name) name; an empty one is the archive's own folder.
-pub(crate) fn name_fault(name: &str) -> Option<NameFault> {
+pub fn name_fault(name: &str) -> Option<NameFault> {
     let mut parts = name.strip_suffix('/').unwrap_or(name).split('/');
     let is_odd = |part: &str| part.is_empty() || part.contains(char::is_control);
     if parts.clone().any(|part| part == "..") {

@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipWriter};
 ///
 /// # Errors
 /// When it cannot be read, or the folder holds a link or more than the limits allow.
-pub(crate) fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
+pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
     let failed = |source| ArchiveError::Open {
         path: path.to_owned(),
         source,

@@ -6,9 +6,9 @@
 
 mod entries;
 mod error;
-pub(super) mod folder;
+pub mod folder;
 
-pub(super) use entries::{NameFault, name_fault, plain_name};
+pub use entries::{NameFault, name_fault, plain_name};
 pub use error::ArchiveError;
 
 use self::entries::{Entry, check_local_names, first_duplicate, list_entries, plain};

@@ -14,7 +14,6 @@ mod rule;
 mod structure;
 mod text;
 mod units;
-mod validate;
 mod variable;
 mod write;
 
@@ -30,16 +29,15 @@ pub use kind::{
 };
 pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
 pub use read::read;
-pub(crate) use read::{build, terminals};
+pub use read::{build, terminals};
 pub use reading::{Places, ReadError, Reading};
 pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
-pub use validate::{is_date_and_time, validate};
 
 /// Whether XML can be parsed in a time in proportion to its size.
-pub(crate) fn is_within_limits(text: &str) -> bool {
+pub fn is_within_limits(text: &str) -> bool {
     read::limits::check(text).is_ok()
 }
 pub use variable::{Alias, Dimension, ScalarVariable};

@@ -95,8 +95,8 @@ pub struct Reading {
     pub description: ModelDescription,
     /// Where elements stand.
     pub places: Places,
-    /// What does not follow the schema. The rules beyond it are checked by
-    /// [`validate`](super::validate).
+    /// What does not follow the schema. The rules beyond it are another
+    /// crate's: `pilotage_fmi_check::validate`.
     pub findings: Vec<Finding>,
 }
 

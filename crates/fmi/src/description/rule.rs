@@ -432,7 +432,7 @@ pub enum Rule {
 
 impl Rule {
     /// Whether the value read in its place is a guess, so that the FMU cannot be used.
-    pub(super) fn leaves_value_unknown(&self) -> bool {
+    pub fn leaves_value_unknown(&self) -> bool {
         matches!(
             self,
             Self::MissingAttribute { .. }

@@ -5,6 +5,9 @@ use super::{
     RealAttributes,
 };
 
+/// Meaning of a [`Unit`] (FMI 2.0, section 2.2.2): exponents of the base units, factor, offset.
+pub use pilotage_units::Base as BaseUnit;
+
 /// A unit (FMI 2.0, section 2.2.2; FMI 3.0, section 2.4.3).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Unit {
@@ -14,65 +17,6 @@ pub struct Unit {
     pub base: Option<BaseUnit>,
     /// Units for showing values to people.
     pub display_units: Vec<DisplayUnit>,
-}
-
-/// Exponents of the SI base units and the radian: `value in base units = factor·value + offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BaseUnit {
-    /// Exponent of kilogram.
-    pub kg: i32,
-    /// Exponent of metre.
-    pub m: i32,
-    /// Exponent of second.
-    pub s: i32,
-    /// Exponent of ampere (`A`).
-    pub ampere: i32,
-    /// Exponent of kelvin (`K`).
-    pub kelvin: i32,
-    /// Exponent of mole.
-    pub mol: i32,
-    /// Exponent of candela.
-    pub cd: i32,
-    /// Exponent of radian.
-    pub rad: i32,
-    /// Factor from this unit to the base units.
-    pub factor: f64,
-    /// Offset from this unit to the base units.
-    pub offset: f64,
-}
-
-impl Default for BaseUnit {
-    /// The dimensionless unit 1.
-    fn default() -> Self {
-        Self {
-            kg: 0,
-            m: 0,
-            s: 0,
-            ampere: 0,
-            kelvin: 0,
-            mol: 0,
-            cd: 0,
-            rad: 0,
-            factor: 1.0,
-            offset: 0.0,
-        }
-    }
-}
-
-impl BaseUnit {
-    /// The exponents in the schema's order, with the attributes' names.
-    pub fn exponents(&self) -> [(&'static str, i32); 8] {
-        [
-            ("kg", self.kg),
-            ("m", self.m),
-            ("s", self.s),
-            ("A", self.ampere),
-            ("K", self.kelvin),
-            ("mol", self.mol),
-            ("cd", self.cd),
-            ("rad", self.rad),
-        ]
-    }
 }
 
 /// A unit for showing values: `displayed = factor·value + offset`, or `factor/value` if inverse.

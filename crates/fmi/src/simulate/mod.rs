@@ -339,7 +339,7 @@ impl ModelExchangeRun {
         }
         self.model.instance.get_nominals(&mut self.nominals)?;
         let absolute = absolute(&self.nominals, self.options.tolerance);
-        self.solver.set_absolute(&absolute);
+        self.solver.set_tolerances(self.options.tolerance, absolute);
         Ok(())
     }
 

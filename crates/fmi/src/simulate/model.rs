@@ -4,7 +4,7 @@ use crate::description::{ModelDescription, VariableKind};
 use crate::{CallError, Instance};
 use nalgebra::DMatrix;
 use pilotage_abi::fmi2::Status;
-use pilotage_ode::Dynamics;
+use pilotage_ode::System;
 use std::collections::HashMap;
 
 /// An instance in continuous-time mode, with its inputs as functions of time.
@@ -160,7 +160,7 @@ fn defined(result: Result<(), CallError>) -> Result<bool, CallError> {
     }
 }
 
-impl Dynamics for Model {
+impl System for Model {
     type Error = CallError;
 
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, CallError> {

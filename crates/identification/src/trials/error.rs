@@ -61,7 +61,7 @@ pub enum TrialError {
         quantity: &'static str,
     },
     /// A unit that is not convertible to the one in which the project computes.
-    #[error("{file}: `{column}` is in `{found}`; expected one of {}", known.join(", "))]
+    #[error("{file}: `{column}` is in `{found}`; expected {expected}")]
     Unit {
         /// The file.
         file: String,
@@ -69,8 +69,8 @@ pub enum TrialError {
         column: &'static str,
         /// The unit found.
         found: String,
-        /// The units that are understood.
-        known: Vec<&'static str>,
+        /// What is understood.
+        expected: &'static str,
     },
     /// A stick beyond its stops.
     #[error("{file}: stick = {value} at {time} s; expected -1 to 1 (or give the column in %)")]

@@ -4,24 +4,21 @@ use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_series::{Column, Series};
 use pilotage_text::nearest::nearest;
+use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// Least number of recorded positions: below that six parameters mean nothing.
 const MIN_SAMPLES: usize = 10;
 
-/// Lengths that are converted to metres; no unit means metres.
-const LENGTHS: &[(&str, f64)] = &[
-    ("m", 1.0),
-    ("", 1.0),
-    ("mm", 1e-3),
-    ("cm", 1e-2),
-    ("km", 1e3),
-    ("ft", 0.3048),
-];
+/// Unit that lengths are converted to, and of those without one; examples for messages.
+const LENGTH: Quantity = ("m", "a length, such as m, cm or ft");
 
-/// Units of the stick; full deflection is 1.
-const STICKS: &[(&str, f64)] = &[("1", 1.0), ("", 1.0), ("-", 1.0), ("%", 1e-2)];
+/// The same of the stick; full deflection is 1.
+const STICK: Quantity = ("1", "1 or %");
+
+/// Unit, and what is expected.
+type Quantity = (&'static str, &'static str);
 
 /// How far a stick may be beyond its stops, by rounding and calibration, and still be taken for full: 1 % of
 /// the way from stop to stop.
@@ -71,18 +68,18 @@ impl Trial {
         let target = values(
             required(&series, columns.of("target"), origin)?,
             "target",
-            LENGTHS,
+            LENGTH,
             origin,
         )?;
         let position = required(&series, columns.of("position"), origin)?;
-        let position = values(position, "position", LENGTHS, origin)?;
+        let position = values(position, "position", LENGTH, origin)?;
         let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
         let stick = match columns.given("stick") {
             Some(name) => Some(required(&series, name, origin)?),
             None => named(&series, "stick"),
         };
         let mut stick = (stick.filter(recorded))
-            .map(|column| values(column, "stick", STICKS, origin))
+            .map(|column| values(column, "stick", STICK, origin))
             .transpose()?;
         let clipped = stick.as_mut().and_then(|stick| clip(stick));
         let notes = [doubtful_times(&series), clipped];
@@ -192,24 +189,27 @@ fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Colu
     })
 }
 
-/// The column's values in the unit of factor 1.
+/// The column's values in the quantity's unit.
 fn values(
     column: &Column,
     name: &'static str,
-    units: &[(&'static str, f64)],
+    (unit, expected): Quantity,
     file: &str,
 ) -> Result<Vec<f64>, TrialError> {
-    match units.iter().find(|(unit, _)| *unit == column.unit) {
-        Some((_, factor)) => Ok(column.values.iter().map(|value| value * factor).collect()),
+    let own = match column.unit.as_str() {
+        "" => unit,
+        "-" => "1",
+        own => own,
+    };
+    match Unit::named(own).conversion(&Unit::named(unit)) {
+        Some(conversion) => Ok((column.values.iter())
+            .map(|value| conversion.apply(*value))
+            .collect()),
         None => Err(TrialError::Unit {
             file: file.into(),
             column: name,
             found: column.unit.clone(),
-            known: units
-                .iter()
-                .map(|(unit, _)| *unit)
-                .filter(|unit| !unit.is_empty())
-                .collect(),
+            expected,
         }),
     }
 }

@@ -58,7 +58,7 @@ pub fn of_table(table: &Table) -> Result<Quadcopter, VehicleError> {
     table.only(&COEFFICIENTS.map(|coefficient| coefficient.name))?;
     let mut vehicle = Quadcopter::default();
     for field in &COEFFICIENTS {
-        let unit = (field.unit)().symbol();
+        let unit = pilotage_units::pretty(field.unit);
         let value = table.required(field.name, table.number(field.name)?)?;
         let (min, max) = field.range;
         if !(min..=max).contains(&value) {
@@ -83,7 +83,7 @@ pub fn to_toml(vehicle: &Quadcopter) -> String {
     let mut text =
         String::from("# Pitch axis of a quadcopter: the coefficients and their units.\n");
     for field in &COEFFICIENTS {
-        let unit = (field.unit)().symbol();
+        let unit = pilotage_units::pretty(field.unit);
         let assignment = format!("{} = {:?}", field.name, (field.get)(vehicle));
         text += &format!("{assignment:<36} # [{}] {}\n", unit, field.meaning);
     }

@@ -5,10 +5,10 @@ mod step;
 
 pub use step::{Reached, StepError, StepFault};
 
-use crate::integrate::Integrator;
 use crate::lti::Transition;
 use crate::variable::{Role, ValueError, Variable};
 use crate::{At, Equations, Table};
+use pilotage_ode::{DormandPrince, Solver};
 
 /// Relative tolerance of the integrator unless another is set.
 pub const DEFAULT_TOLERANCE: f64 = 1e-9;
@@ -79,7 +79,10 @@ pub struct Simulation<E> {
     /// Number of outputs that the equations compute.
     n_computed: usize,
     now: Snapshot,
-    integrator: Integrator,
+    /// Not Radau: the exported library is to stay small.
+    solver: Solver<DormandPrince>,
+    /// Typical magnitudes of the states and modes.
+    nominals: Vec<f64>,
     /// The exact step of a linear model and what it was computed for (step, then parameters),
     /// and the one before it: a master that looks into its steps goes by halves in between.
     transitions: [Option<(Vec<f64>, Transition)>; 2],
@@ -120,8 +123,11 @@ impl<E: Equations> Simulation<E> {
     pub fn new(equations: E) -> Self {
         let table = equations.table();
         let now = at_start(&table);
+        let nominals = table.nominals_of_x();
+        let method = DormandPrince::new(nominals.len());
         Self {
-            integrator: Integrator::new(table.nominals_of_x()),
+            solver: Solver::with(method, table.n_indicators(), now.tolerance, &nominals),
+            nominals,
             transitions: [None, None],
             space: Space {
                 next: now.states.clone(),

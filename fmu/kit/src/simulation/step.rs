@@ -1,9 +1,13 @@
 //! Steps of co-simulation, and events.
 
 use super::{Simulation, Space};
-use crate::integrate::{End, IntegrationError, Ode};
 use crate::lti::{Transition, TransitionError};
 use crate::{At, Equations, Table};
+use pilotage_ode::{Advance, DormandPrince, IntegrationError, Solver, System};
+use std::convert::Infallible;
+
+/// Steps of the integrator within one step beyond which it is given up.
+const MAX_STEPS: usize = 1_000_000;
 
 /// Events within one step beyond which it is given up: they come faster than time passes.
 const MAX_EVENTS: usize = 1000;
@@ -18,8 +22,24 @@ pub enum StepFault {
     #[error(transparent)]
     Linear(#[from] TransitionError),
     /// The integration was given up.
-    #[error(transparent)]
-    Integration(#[from] IntegrationError),
+    #[error(
+        "{0} (times count from the beginning of the communication step; a solution that grows without bound \
+         and a tolerance that is too strict end so as well)"
+    )]
+    Integration(#[from] IntegrationError<Infallible>),
+    /// The integration takes too long.
+    #[error(
+        "{limit} steps of the integrator were not enough for {step} s, only for {time} s; take a shorter \
+         step or slower coefficients"
+    )]
+    TooManySteps {
+        /// Where, from the step's beginning [s].
+        time: f64,
+        /// The step [s].
+        step: f64,
+        /// The limit.
+        limit: usize,
+    },
     /// A state is no longer finite.
     #[error("state {state} is {value} after {step} s; the model or what drives it is unstable")]
     NotFinite {
@@ -216,7 +236,8 @@ impl<E: Equations> Simulation<E> {
     fn integrate(&mut self, h: f64, stop: bool, elapsed: &mut f64) -> Result<bool, StepFault> {
         let (start, mut events) = (self.now.time, 0);
         // A jump of an input may have been an event.
-        let mut event = self.with_flow(0.0, |flow, x, _| flow.has_jumped(x));
+        let mut event =
+            self.table.n_indicators() > 0 && self.with_flow(|flow, x, _| flow.has_jumped(x));
         loop {
             if event {
                 if stop {
@@ -231,29 +252,30 @@ impl<E: Equations> Simulation<E> {
                     });
                 }
             }
-            let rest = h - *elapsed;
-            if rest <= 0.0 {
+            if *elapsed >= h {
                 return Ok(false);
             }
-            let tolerance = self.now.tolerance;
-            let end = self.with_flow(*elapsed, |flow, x, integrator| {
-                integrator.run(flow, x, rest, tolerance)
-            });
-            event = match end {
-                Ok(End::Interval) => {
-                    *elapsed = h;
-                    false
-                }
-                Ok(End::Event(time)) => {
-                    *elapsed = (*elapsed + time).min(h);
-                    true
-                }
-                Err(error) => {
-                    *elapsed += error.reached();
-                    return Err(error.into());
-                }
-            };
+            event = self.integrate_to_event(h, elapsed)?;
         }
+    }
+
+    /// Integrates to the end of the step `h` or to the first event; whether there is one.
+    ///
+    /// The first length tried is the whole rest: a call depends on its arguments alone, so that equal calls give
+    /// equal bits, and there is no memory to save with an FMU state.
+    fn integrate_to_event(&mut self, h: f64, elapsed: &mut f64) -> Result<bool, StepFault> {
+        let (from, relative) = (*elapsed, self.now.tolerance);
+        self.with_flow(|flow, x, solver| {
+            let absolute = flow.nominals.iter().map(|nominal| relative * nominal);
+            solver.set_tolerances(relative, absolute);
+            solver.restart(from, x, true);
+            solver.try_first(h - from);
+            solver.remember(flow.positive);
+            let result = run(solver, flow, h);
+            x.copy_from_slice(solver.state());
+            *elapsed = solver.time();
+            result
+        })
     }
 
     /// Handles an event within a step, with the inputs as they are there.
@@ -270,44 +292,63 @@ impl<E: Equations> Simulation<E> {
         result.map(|_| ())
     }
 
-    /// Runs `f` on the equations of the rest of a step, and the states.
+    /// Runs `f` on the equations of a step, and the states.
     fn with_flow<R>(
         &mut self,
-        elapsed: f64,
-        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut crate::integrate::Integrator) -> R,
+        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut Solver<DormandPrince>) -> R,
     ) -> R {
         let Self {
             equations,
             table,
             now,
-            integrator,
+            solver,
+            nominals,
             space,
             ..
         } = self;
         let mut flow = Flow {
             equations,
             n_states: table.n_states(),
+            nominals,
             start: now.time,
-            elapsed,
             held: &now.values[table.inputs()],
             slopes: &now.slopes,
             p: &now.values[table.parameters()],
             positive: &now.positive,
             space,
         };
-        f(&mut flow, &mut now.states, integrator)
+        f(&mut flow, &mut now.states, solver)
     }
 }
 
-/// The equations within a step.
+/// Advances to the step's end or to the first event; whether there is one.
+fn run<E: Equations>(
+    solver: &mut Solver<DormandPrince>,
+    flow: &mut Flow<'_, E>,
+    h: f64,
+) -> Result<bool, StepFault> {
+    for _ in 0..MAX_STEPS {
+        let advance = solver.advance(flow, h)?;
+        if advance == Advance::Event || solver.time() >= h {
+            return Ok(advance == Advance::Event);
+        }
+    }
+    Err(StepFault::TooManySteps {
+        time: solver.time(),
+        step: h,
+        limit: MAX_STEPS,
+    })
+}
+
+/// The equations within a step, their time counted from its beginning.
 struct Flow<'s, E> {
     equations: &'s E,
     /// Number of continuous states.
     n_states: usize,
+    /// Typical magnitudes of the states and modes.
+    nominals: &'s [f64],
     /// Time at the step's beginning [s].
     start: f64,
-    /// Where in the step the integration begins [s].
-    elapsed: f64,
     held: &'s [f64],
     slopes: &'s [f64],
     p: &'s [f64],
@@ -316,55 +357,48 @@ struct Flow<'s, E> {
 }
 
 impl<E: Equations> Flow<'_, E> {
-    /// Moves the inputs to a time of the integration; gives the model's time.
-    fn move_inputs(&mut self, time: f64) -> f64 {
-        let passed = self.elapsed + time;
+    /// Moves the inputs to a time of the integration; the equations' arguments there.
+    fn at<'a>(&'a mut self, time: f64, x: &'a [f64]) -> At<'a, f64> {
         let along = self.held.iter().zip(self.slopes);
         for (input, (held, slope)) in self.space.inputs.iter_mut().zip(along) {
-            *input = held + slope * passed;
+            *input = held + slope * time;
         }
-        self.start + passed
+        At {
+            time: self.start + time,
+            x,
+            u: &self.space.inputs,
+            p: self.p,
+        }
     }
 
     /// Whether an indicator has another sign at the beginning than is remembered; one that is 0 has none.
     fn has_jumped(&mut self, x: &[f64]) -> bool {
-        let positive = self.positive;
-        self.crossed(0.0, x) && {
-            let pairs = self.space.indicators.iter().zip(positive);
-            pairs
-                .into_iter()
-                .any(|(z, p)| *z != 0.0 && (*z > 0.0) != *p)
-        }
+        let mut indicators = std::mem::take(&mut self.space.indicators);
+        let equations = self.equations;
+        equations.indicators(self.at(0.0, x), &mut indicators);
+        let mut pairs = indicators.iter().zip(self.positive);
+        let has_jumped = pairs.any(|(z, positive)| *z != 0.0 && (*z > 0.0) != *positive);
+        self.space.indicators = indicators;
+        has_jumped
     }
 }
 
-impl<E: Equations> Ode for Flow<'_, E> {
-    fn derivative(&mut self, time: f64, x: &[f64], dx: &mut [f64]) {
-        let at = At {
-            time: self.move_inputs(time),
-            x,
-            u: &self.space.inputs,
-            p: self.p,
-        };
+impl<E: Equations> System for Flow<'_, E> {
+    type Error = Infallible;
+
+    fn derivatives(&mut self, time: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         // Modes stay as they are between events.
         let (dx, modes) = dx.split_at_mut(self.n_states);
         modes.fill(0.0);
-        self.equations.derivative(at, dx);
+        let equations = self.equations;
+        equations.derivative(self.at(time, x), dx);
+        Ok(true)
     }
 
-    fn has_events(&self) -> bool {
-        !self.positive.is_empty()
-    }
-
-    fn crossed(&mut self, time: f64, x: &[f64]) -> bool {
-        let time = self.move_inputs(time);
-        let Space {
-            inputs, indicators, ..
-        } = &mut *self.space;
-        let (u, p) = (&inputs[..], self.p);
-        self.equations.indicators(At { time, x, u, p }, indicators);
-        let now = indicators.iter().map(|z| *z > 0.0);
-        now.ne(self.positive.iter().copied())
+    fn indicators(&mut self, time: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Infallible> {
+        let equations = self.equations;
+        equations.indicators(self.at(time, x), z);
+        Ok(true)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::variable::Role;
 use crate::{Table, Unit, Variable};
+use pilotage_units::power;
 
 /// Inputs `target`, `position`; outputs `stick`, `error`; `theta1..`, `stick_limit`; `x1_start..`; states
 /// `x1..`. All parameters are 0, the limit of the stick is 1.
@@ -11,7 +12,7 @@ pub(super) fn table(order: usize) -> Table {
     );
     let limit = Variable::parameter(
         "stick_limit",
-        Unit::one(),
+        Unit::of("1"),
         Role::Fixed,
         1.0,
         "Largest magnitude of the stick",
@@ -41,11 +42,11 @@ pub(super) fn table(order: usize) -> Table {
 fn parameter(n: usize, i: usize) -> Variable {
     let (unit, meaning) = match i < n {
         true => (
-            Unit::per_second(n - i),
+            Unit::of(&format!("1/{}", power("s", n - i))),
             "Coefficient of the denominator at s^",
         ),
         false => (
-            Unit::per_metre_second(2 * n - i),
+            Unit::of(&format!("1/(m.{})", power("s", 2 * n - i))),
             "Coefficient of the numerator at s^",
         ),
     };
@@ -57,5 +58,6 @@ fn parameter(n: usize, i: usize) -> Variable {
 fn state(n: usize, i: usize) -> Variable {
     let name = format!("x{}", i + 1);
     let description = format!("State x_{} of the pilot", i + 1);
-    Variable::calculated(&name, Unit::metre_second(n - i), Role::State, &description)
+    let unit = Unit::of(&format!("m.{}", power("s", n - i)));
+    Variable::calculated(&name, unit, Role::State, &description)
 }

@@ -6,20 +6,20 @@ use crate::variable::Role;
 use crate::{Quadcopter, Table, Unit, Variable};
 
 /// Unit, typical magnitude and meaning of a state.
-type State = (fn() -> Unit, f64, &'static str);
+type State = (&'static str, f64, &'static str);
 
 const STATES: [State; N_STATES] = [
-    (Unit::metre, 1.0, "position z"),
-    (Unit::radian, 0.1, "pitch angle φ, nose-up positive"),
-    (Unit::metre_per_second, 1.0, "velocity v"),
-    (Unit::radian_per_second, 0.1, "pitch rate q"),
+    ("m", 1.0, "position z"),
+    ("rad", 0.1, "pitch angle φ, nose-up positive"),
+    ("m/s", 1.0, "velocity v"),
+    ("rad/s", 0.1, "pitch rate q"),
     (
-        Unit::kiloradian_per_second,
+        "krad/s",
         0.01,
         "front rotors' speed minus that of hover, ω_f",
     ),
     (
-        Unit::kiloradian_per_second,
+        "krad/s",
         0.01,
         "back rotors' speed minus that of hover, ω_b",
     ),
@@ -35,7 +35,7 @@ pub(super) fn table() -> Table {
     .with(
         Variable::input(
             "stick",
-            Unit::one(),
+            Unit::of("1"),
             "Stick of the pilot; forward is negative",
         )
         .range(Some(-1.0), Some(1.0)),
@@ -43,11 +43,11 @@ pub(super) fn table() -> Table {
     for c in &COEFFICIENTS {
         let start = (c.get)(&Quadcopter::default());
         let meaning = capitalised(c.meaning);
-        let parameter = Variable::parameter(c.name, (c.unit)(), Role::Fixed, start, &meaning);
+        let parameter = Variable::parameter(c.name, Unit::of(c.unit), Role::Fixed, start, &meaning);
         table = table.with(parameter.range(Some(c.range.0), Some(c.range.1)));
     }
     for (name, (unit, nominal, meaning)) in STATE_NAMES.iter().zip(STATES) {
-        let state = Variable::calculated(name, unit(), Role::Output, &capitalised(meaning));
+        let state = Variable::calculated(name, Unit::of(unit), Role::Output, &capitalised(meaning));
         table = table.state_with(state.nominal(nominal), 0.0);
     }
     table

@@ -3,7 +3,7 @@
 use super::Stepper;
 use crate::master::Ending;
 use crate::master::exchange::Exchange;
-use crate::master::wired::Defect;
+use crate::master::wires::Defect;
 
 /// Error of a step, relative to the outputs' magnitudes, that is nonsense.
 const NONSENSE: f64 = 0.5;
@@ -25,14 +25,14 @@ impl Stepper {
             ..
         } = &mut self.exchange;
         for wired in wired {
-            for (k, &p) in wired.input_positions.iter().enumerate() {
-                let (end, used) = (values.outcome(fed, p), wired.used[k]);
+            for (k, &p) in wired.inputs.positions.iter().enumerate() {
+                let (end, used) = (values.outcome(fed, p), wired.within.used[k]);
                 let defect = (used - history.interpolated(p, 2, h, end).mean).abs();
                 let doubt = history.interpolation_error(p, h, end);
                 let seen = seen[p].map(|mean| used - mean);
                 // What was used is of a lower order than the polynomial, or it is the polynomial.
                 let size = seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, doubt)));
-                wired.defects[k] = Defect {
+                wired.within.defects[k] = Defect {
                     size,
                     careful: size.abs().max(defect + doubt),
                     seen: seen.map_or(0.0, f64::abs),
@@ -45,7 +45,7 @@ impl Stepper {
     /// Adds the errors of the last step.
     pub(super) fn measure(&mut self, h: f64) {
         for wired in &mut self.exchange.wired {
-            for (sum, defect) in wired.gathered.iter_mut().zip(&wired.defects) {
+            for (sum, defect) in wired.within.gathered.iter_mut().zip(&wired.within.defects) {
                 *sum += h * defect.size;
             }
         }
@@ -54,7 +54,12 @@ impl Stepper {
     /// Takes what was added over a step of the clock by `h` [s] for one error, however many steps it took.
     pub(super) fn gather(&mut self, h: f64) {
         for wired in &mut self.exchange.wired {
-            for (error, sum) in wired.errors.iter_mut().zip(&mut wired.gathered) {
+            for (error, sum) in wired
+                .within
+                .errors
+                .iter_mut()
+                .zip(&mut wired.within.gathered)
+            {
                 let sum = std::mem::take(sum).abs();
                 error.mean += sum;
                 error.max = error.max.max(sum / h);
@@ -68,10 +73,10 @@ impl Stepper {
         let exchange = &self.exchange;
         let mut largest = (0.0_f64, (0, 0));
         for (slave, wired) in exchange.wired.iter().enumerate() {
-            for (k, &p) in wired.input_positions.iter().enumerate() {
+            for (k, &p) in wired.inputs.positions.iter().enumerate() {
                 let magnitude = exchange.history.magnitudes[p];
                 let now = magnitude.max(exchange.outcome(p).value.abs());
-                let error = error(&wired.defects[k], magnitude, now);
+                let error = error(&wired.within.defects[k], magnitude, now);
                 if error > largest.0 {
                     largest = (error, (slave, k));
                 }
@@ -122,8 +127,8 @@ impl Stepper {
                 continue;
             }
             wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
-            for &p in &wired.fed_positions {
-                let effect = self.room[fed[p] - wired.output_slots.start].abs() / 3.0;
+            for &p in &wired.outputs.fed_positions {
+                let effect = self.room[fed[p] - wired.outputs.slots.start].abs() / 3.0;
                 largest = largest.max(effect / history.magnitudes[p]);
             }
         }

@@ -7,7 +7,7 @@ use crate::description::Finding;
 use std::collections::BTreeSet;
 
 /// All that is wrong with a buildDescription.xml. `document` is `text`, parsed.
-pub(crate) fn build(
+pub fn build(
     text: &str,
     document: &roxmltree::Document,
     description: &ModelDescription,

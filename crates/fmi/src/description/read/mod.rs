@@ -15,8 +15,8 @@ mod types;
 mod variable2;
 mod variable3;
 
-pub(crate) use build::build;
-pub(crate) use terminals::terminals;
+pub use build::build;
+pub use terminals::terminals;
 
 use super::text::decode;
 use super::*;

@@ -6,7 +6,7 @@ use crate::description::Finding;
 use std::collections::BTreeSet;
 
 /// All that is wrong with a terminalsAndIcons.xml. `document` is `text`, parsed.
-pub(crate) fn terminals(
+pub fn terminals(
     text: &str,
     document: &roxmltree::Document,
     description: &ModelDescription,

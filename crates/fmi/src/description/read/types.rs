@@ -2,6 +2,7 @@
 
 use super::element::Element;
 use super::*;
+use pilotage_units::BASE_UNITS;
 
 pub(super) fn unit(e: &Element) -> Unit {
     let mut unit = Unit {
@@ -24,16 +25,8 @@ pub(super) fn unit(e: &Element) -> Unit {
 }
 
 fn base_unit(e: &Element) -> BaseUnit {
-    let exponent = |name| e.int(name).unwrap_or(0);
     let unit = BaseUnit {
-        kg: exponent("kg"),
-        m: exponent("m"),
-        s: exponent("s"),
-        ampere: exponent("A"),
-        kelvin: exponent("K"),
-        mol: exponent("mol"),
-        cd: exponent("cd"),
-        rad: exponent("rad"),
+        exponents: BASE_UNITS.map(|name| e.int(name).unwrap_or(0)),
         factor: e.real("factor").unwrap_or(1.0),
         offset: e.real("offset").unwrap_or(0.0),
     };

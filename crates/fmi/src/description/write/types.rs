@@ -2,6 +2,7 @@
 
 use super::xml::{Xml, xs_float};
 use super::*;
+use pilotage_units::BASE_UNITS;
 
 impl Unit {
     pub(super) fn write(&self, xml: &mut Xml) {
@@ -9,7 +10,7 @@ impl Unit {
         xml.text("name", &self.name);
         if let Some(base) = &self.base {
             xml.open("BaseUnit");
-            for (name, exponent) in base.exponents() {
+            for (name, exponent) in BASE_UNITS.into_iter().zip(base.exponents) {
                 xml.int_if(name, (exponent != 0).then_some(exponent));
             }
             write_factor_offset(xml, base.factor, base.offset);

@@ -2,8 +2,8 @@
 
 use super::subject::{Subject, Trace};
 use super::{Stop, Teller};
-use crate::description::Severity;
-use crate::fmu::Library;
+use pilotage_fmi::description::Severity;
+use pilotage_fmi::fmu::Library;
 
 /// Steps that are compared.
 const STEPS: u32 = 4;

@@ -5,7 +5,7 @@
 
 use super::subject::Subject;
 use super::{Stop, Teller};
-use crate::instance::{EventUpdate, MAX_EVENT_ROUNDS};
+use pilotage_fmi::instance::{EventUpdate, MAX_EVENT_ROUNDS};
 
 /// Steps of Euler in a step of the plan.
 const SUBSTEPS: u32 = 10;

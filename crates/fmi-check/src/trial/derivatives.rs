@@ -5,9 +5,9 @@
 
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
-use crate::Kind;
-use crate::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
-use crate::fmu::Library;
+use pilotage_fmi::Kind;
+use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
+use pilotage_fmi::fmu::Library;
 
 /// Relative size of the change of a known.
 const CHANGE: f64 = 1e-4;
@@ -157,7 +157,7 @@ fn states(subject: &Subject) -> Vec<Place> {
             .get((index as usize).checked_sub(1)?)?;
         is_double(variable).then_some((index, variable))
     };
-    let state = |(position, entry): (usize, &crate::description::Unknown)| {
+    let state = |(position, entry): (usize, &pilotage_fmi::description::Unknown)| {
         let (_, derivative) = at(entry.index)?;
         let VariableKind::Real(real) = &derivative.kind else {
             return None;

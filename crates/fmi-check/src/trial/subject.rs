@@ -2,12 +2,12 @@
 
 use super::exchange::Solver;
 use super::{Facts, Stop, Teller};
-use crate::description::{
+use pilotage_fmi::description::{
     BaseType, Causality, ModelDescription, Precision, ScalarVariable, Severity,
 };
-use crate::fmu::Library;
-use crate::instance::{Saved, Serialized};
-use crate::{CallError, Instance, Kind, Message, Options, Step};
+use pilotage_fmi::fmu::Library;
+use pilotage_fmi::instance::{Saved, Serialized};
+use pilotage_fmi::{CallError, Instance, Kind, Message, Options, Step};
 use std::sync::Arc;
 
 /// When to start and how to go on.

@@ -1,8 +1,8 @@
 //! One thing that is wrong with an FMU, wherever in it.
 
-use crate::Kind;
-use crate::archive::DESCRIPTION;
-use crate::description::{self, FmiVersion, ModelDescription, Place, Severity};
+use pilotage_fmi::Kind;
+use pilotage_fmi::archive::DESCRIPTION;
+use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Place, Severity};
 use std::fmt;
 
 /// One thing that is wrong with an FMU.

@@ -18,8 +18,9 @@ mod unknowns;
 mod variables;
 
 pub use dates::is_date_and_time;
+pub(crate) use start::shown;
 
-use super::*;
+use pilotage_fmi::description::*;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Everything that is wrong with a description, schema and rules, in the order of the file.

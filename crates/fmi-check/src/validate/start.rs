@@ -75,7 +75,7 @@ fn real_rules(real: &RealVariable, declared: Option<&TypeKind>) -> Vec<Rule> {
     };
     let min = own.min.or(inherited_min).unwrap_or(f64::NEG_INFINITY);
     let max = own.max.or(inherited_max).unwrap_or(f64::INFINITY);
-    let text = |value: f64| real.precision.text(value);
+    let text = |value: f64| shown(real.precision, value);
     if min > max {
         rules.push(Rule::MinAboveMax {
             min: text(min),
@@ -146,15 +146,13 @@ fn not_an_item(name: &str, starts: &[i128], declared: Option<&TypeKind>) -> Opti
     })
 }
 
-impl Precision {
-    /// A number as messages show it.
-    pub(crate) fn text(self, value: f64) -> String {
-        match self {
-            // With an exponent instead of many zeros.
-            Self::Double => format!("{value:?}"),
-            Self::Single => format!("{:?}", value as f32),
-        }
-        .trim_end_matches(".0")
-        .to_owned()
+/// A number as messages show it.
+pub(crate) fn shown(precision: Precision, value: f64) -> String {
+    match precision {
+        // With an exponent instead of many zeros.
+        Precision::Double => format!("{value:?}"),
+        Precision::Single => format!("{:?}", value as f32),
     }
+    .trim_end_matches(".0")
+    .to_owned()
 }

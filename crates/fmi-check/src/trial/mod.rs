@@ -11,11 +11,11 @@ mod subject;
 mod values;
 
 use super::Finding;
-use crate::binding::{BindingError, Missing};
-use crate::description::{ModelDescription, Severity};
-use crate::fmu::Library;
-use crate::memory::{self, Watch};
-use crate::{CallError, Fmu, FmuError, Kind, environment};
+use pilotage_fmi::binding::{BindingError, Missing};
+use pilotage_fmi::description::{ModelDescription, Severity};
+use pilotage_fmi::fmu::Library;
+use pilotage_fmi::memory::{self, Watch};
+use pilotage_fmi::{CallError, Fmu, FmuError, Kind, take_stray_messages};
 use pilotage_text::causes::with_causes;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -336,7 +336,7 @@ impl Teller<'_> {
     /// The usual way through a simulation, and what the FMU says on it.
     fn simulate(&mut self, library: &Library) -> Result<(), Stop> {
         let watch = Watch::new();
-        environment::take_strays();
+        take_stray_messages();
         let mut subject = Subject::start(library, "trial", self)?;
         self.stage("stepping");
         for _ in 0..subject.plan.steps {
@@ -364,7 +364,7 @@ impl Teller<'_> {
         if watch.strays() > 0 {
             self.error("it calls freeMemory with what it did not get by allocateMemory".into());
         }
-        if environment::take_strays() > 0 {
+        if take_stray_messages() > 0 {
             self.error("it logs with an environment that it was not given".into());
         }
     }

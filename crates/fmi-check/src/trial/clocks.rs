@@ -2,10 +2,10 @@
 
 use super::subject::Subject;
 use super::{Stop, Teller};
-use crate::Kind;
-use crate::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
-use crate::fmu::Library;
 use pilotage_abi::fmi3::IntervalQualifier;
+use pilotage_fmi::Kind;
+use pilotage_fmi::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
+use pilotage_fmi::fmu::Library;
 
 /// A clock and when it first ticks.
 struct Due {

@@ -3,12 +3,12 @@
 use super::finding::NOT_USED;
 use super::layout::{extension, identifiers};
 use super::{Finding, Rule};
-use crate::archive::Archive;
-use crate::binary;
-use crate::description::{FmiVersion, ModelDescription};
-use crate::platform::{Platform, processor};
 use object::{Architecture, BinaryFormat, Object, ObjectKind};
 use pilotage_abi::{Part, fmi2, fmi3};
+use pilotage_fmi::archive::Archive;
+use pilotage_fmi::binary;
+use pilotage_fmi::description::{FmiVersion, ModelDescription};
+use pilotage_fmi::platform::{Platform, processor};
 use std::collections::BTreeSet;
 
 /// All that is wrong with the libraries.

@@ -1,11 +1,18 @@
 //! An FMU against the standard: archive, description, files, binaries of every platform, and behaviour.
 //!
+//! ```
+//! let reading = pilotage_fmi::description::read(b"<fmiModelDescription fmiVersion=\"2.0\"/>").expect("it is XML");
+//! let findings = pilotage_fmi_check::validate(&reading);
+//! assert!(findings.iter().any(|finding| finding.to_string().contains("modelName")));
+//! ```
+//!
 //! Nothing stops at the first finding. What needs the binary to run is told apart ([`trial`]): whoever
 //! calls it should do so in a process of its own, since a broken FMU may end it.
 //!
 //! | module | what it checks |
 //! | --- | --- |
 //! | `directory` | the zip directory as it stands in the file, entry by entry |
+//! | `validate` | the description: the rules that no schema holds |
 //! | `layout` | which files there are, whether they are those that the description names, terminalsAndIcons.xml, buildDescription.xml |
 //! | `binaries` | each platform's library: format, architecture, functions, what it needs |
 //! | [`trial`] | the binary of this machine, run |
@@ -15,11 +22,13 @@ mod directory;
 mod finding;
 mod layout;
 pub mod trial;
+mod validate;
 
 pub use finding::{Finding, Rule};
+pub use validate::{is_date_and_time, validate};
 
-use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
-use super::description::{self, FmiVersion, ModelDescription, Severity};
+use pilotage_fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
+use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Severity};
 use pilotage_text::causes::with_causes;
 use std::io::Read;
 use std::path::Path;
@@ -93,7 +102,7 @@ fn described(archive: &mut Archive) -> Checked {
     match description::read(&bytes) {
         Err(error) => refused(with_causes(&error)),
         Ok(reading) => Checked {
-            findings: (description::validate(&reading).iter())
+            findings: (validate(&reading).iter())
                 .map(|f| Finding::description(reading.description.fmi_version, f))
                 .collect(),
             description: reading.into_usable().ok(),

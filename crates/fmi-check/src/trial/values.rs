@@ -2,12 +2,13 @@
 
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
-use crate::description::{
+use crate::validate::shown;
+use pilotage_fmi::description::{
     BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, Severity,
     TypeKind, VariableKind,
 };
-use crate::instance::Number;
-use crate::{CallError, Instance};
+use pilotage_fmi::instance::Number;
+use pilotage_fmi::{CallError, Instance};
 
 /// Relative difference up to which a start value is the description's: some tools print few digits.
 const START_TOLERANCE: f64 = 1e-6;
@@ -40,7 +41,7 @@ impl Teller<'_> {
             let is_same = found[0] == start || difference <= START_TOLERANCE * start.abs();
             if !is_same {
                 let name = &variable.name;
-                let [found, start] = [found[0], start].map(|value| Precision::Double.text(value));
+                let [found, start] = [found[0], start].map(|value| shown(Precision::Double, value));
                 let what = format!(
                     "`{name}` starts with {found} in the binary and with {start} in the description"
                 );

@@ -1,9 +1,9 @@
 //! The zip directory as it stands in the file (PKWARE APPNOTE 6.3, sections 4.3 and 4.4), for a list of
-//! all that is wrong with it. What is then opened, is opened by [`Archive`](crate::archive).
+//! all that is wrong with it. What is then opened, is opened by [`Archive`](pilotage_fmi::archive).
 
 use super::{Finding, Rule};
-use crate::archive::{DESCRIPTION, NameFault, name_fault, plain_name};
-use crate::description::FmiVersion;
+use pilotage_fmi::archive::{DESCRIPTION, NameFault, name_fault, plain_name};
+use pilotage_fmi::description::FmiVersion;
 use std::collections::HashMap;
 
 /// An entry of the central directory.
@@ -22,7 +22,7 @@ struct Entry {
 }
 
 /// All that is wrong with the archive's entries; nothing if it has no directory, which
-/// [`Archive::open`](crate::archive::Archive::open) tells.
+/// [`Archive::open`](pilotage_fmi::archive::Archive::open) tells.
 pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
     let Some(entries) = read(bytes) else {
         return Vec::new();

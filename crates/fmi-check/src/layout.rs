@@ -1,9 +1,9 @@
 //! Which files an FMU has (FMI 2.0, section 2.3; FMI 3.0, section 2.5).
 
 use super::{Finding, Rule};
-use crate::archive::Archive;
-use crate::description::{self, FmiVersion, ModelDescription, is_within_limits};
-use crate::platform::{self, Platform, processor};
+use pilotage_fmi::archive::Archive;
+use pilotage_fmi::description::{self, FmiVersion, ModelDescription, is_within_limits};
+use pilotage_fmi::platform::{self, Platform, processor};
 use std::collections::BTreeSet;
 
 /// Second part of a platform tuple (FMI 3.0, section 2.5.1.1).
@@ -38,7 +38,8 @@ pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Ve
 }
 
 /// Judges an XML file beside the description.
-type Judge = fn(&str, &roxmltree::Document, &ModelDescription) -> Vec<crate::description::Finding>;
+type Judge =
+    fn(&str, &roxmltree::Document, &ModelDescription) -> Vec<pilotage_fmi::description::Finding>;
 
 /// XML files that FMI 3.0 defines beside the description, and FMI 2.0.4 takes over.
 const XML_FILES: [(&str, Judge); 2] = [

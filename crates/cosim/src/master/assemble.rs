@@ -1,0 +1,194 @@
+//! From a system to what is exchanged: each output gets a slot, each input the slot that feeds it.
+
+use super::exchange::Exchange;
+use super::history::{Course, History, Traits};
+use super::wired::{Values, Wired};
+use super::wires::{Inputs, Outlets, Outputs, Reading, Wire};
+use crate::algorithms::Coupling;
+use crate::recorder::Signal;
+use crate::slave::{Kind, Role, Value};
+use crate::system::{Connection, Instance, System};
+use std::collections::HashMap;
+
+impl Exchange {
+    pub(super) fn new(system: System, coupling: &Coupling) -> Self {
+        let mut assembly = Assembly::default();
+        let instances = &system.instances;
+        let mut outlets: Vec<Outlets> = (instances.iter().enumerate())
+            .map(|(slave, instance)| assembly.outlets(slave, instance))
+            .collect();
+        let mut wires: Vec<Vec<Wire>> = instances.iter().map(|_| Vec::new()).collect();
+        for connection in &system.connections {
+            let wire = assembly.wire(connection, instances, &mut outlets);
+            wires[connection.to.slave].extend(wire);
+        }
+        let Assembly {
+            values,
+            signals,
+            unrecorded,
+            fed,
+            nominals,
+            mut traits,
+            ..
+        } = assembly;
+        let parts = system.instances.into_iter().zip(outlets).zip(wires);
+        let wired = parts
+            .enumerate()
+            .map(|(slave, ((instance, outlets), wires))| {
+                let inputs = system.connections.iter().filter(|c| c.to.slave == slave);
+                let inputs: Vec<usize> = inputs.map(|c| c.to.variable).collect();
+                let outputs = Outputs::new(outlets, instance.slave.as_ref(), &inputs, &fed);
+                let Instance {
+                    name, slave, parts, ..
+                } = instance;
+                Wired::new(name, slave, parts, Inputs::new(&wires), outputs, coupling)
+            });
+        let wired: Vec<Wired> = wired.collect();
+        for wired in wired.iter().filter(|w| !w.within.sloped.is_empty()) {
+            for &p in &wired.outputs.fed_positions {
+                traits[p].has_slope = !traits[p].is_discrete;
+            }
+        }
+        let n = fed.len();
+        Self {
+            wired,
+            signals,
+            unrecorded,
+            fed,
+            history: History::new(nominals, traits),
+            courses: vec![Course::default(); n],
+            seen: vec![None; n],
+            others_before: values.others.clone(),
+            others_given: values.others.clone(),
+            values: Values {
+                slopes: vec![0.0; n],
+                ..values
+            },
+        }
+    }
+}
+
+/// What grows with the slaves and connections.
+#[derive(Default)]
+struct Assembly {
+    values: Values,
+    signals: Vec<Signal>,
+    unrecorded: Vec<String>,
+    /// Slot of each output, by slave and variable: in the row for reals, in the other values for the rest.
+    slots: HashMap<(usize, usize), usize>,
+    /// Slots in the row of the real outputs that feed others, their nominal values and traits.
+    fed: Vec<usize>,
+    nominals: Vec<f64>,
+    traits: Vec<Traits>,
+}
+
+impl Assembly {
+    /// Gives each output of a slave, and what else is to be recorded, a slot.
+    fn outlets(&mut self, position: usize, instance: &Instance) -> Outlets {
+        let Instance {
+            name,
+            slave,
+            observed,
+            ..
+        } = instance;
+        let first = self.values.row.len();
+        let mut handles = Vec::new();
+        let is_read = |index, role| role == Role::Output || observed.contains(&index);
+        let all = || {
+            let variables = slave.variables().iter().enumerate();
+            variables.filter(|(index, variable)| is_read(*index, variable.role))
+        };
+        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
+            self.slots.insert((position, index), self.values.row.len());
+            handles.push(variable.handle);
+            let unit = variable.unit.as_ref();
+            self.add_signal(name, &variable.name, unit.map_or("", |u| &u.name));
+        }
+        let slots = first..self.values.row.len();
+        let mut others = Vec::new();
+        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
+            let is_text = variable.kind == Kind::String;
+            let column = (!is_text).then_some(self.values.row.len());
+            let reading = self.reading(variable.handle, variable.kind, variable.kind, column);
+            self.slots.insert((position, index), reading.slot);
+            others.push(reading);
+            match is_text {
+                true => self.unrecorded.push(format!("{name}.{}", variable.name)),
+                false => self.add_signal(name, &variable.name, ""),
+            }
+        }
+        Outlets {
+            handles,
+            slots,
+            others,
+        }
+    }
+
+    /// A place among the values that are no reals, and perhaps in that column of the row.
+    fn reading(&mut self, handle: u32, kind: Kind, wanted: Kind, column: Option<usize>) -> Reading {
+        let slot = self.values.others.len();
+        self.values.others.push(Value::Integer(0));
+        self.values.other_slots.push(column);
+        Reading {
+            handle,
+            kind,
+            wanted,
+            slot,
+        }
+    }
+
+    fn add_signal(&mut self, instance: &str, variable: &str, unit: &str) {
+        self.values.row.push(f64::NAN);
+        self.signals.push(Signal {
+            name: format!("{instance}.{variable}"),
+            unit: unit.to_owned(),
+        });
+    }
+
+    /// The wire of a connection; an output of another type than the input is read as a value of that type.
+    fn wire(
+        &mut self,
+        connection: &Connection,
+        instances: &[Instance],
+        outlets: &mut [Outlets],
+    ) -> Option<Wire> {
+        let (from, to) = (connection.from, connection.to);
+        let slot = *self.slots.get(&(from.slave, from.variable))?;
+        let output = &instances[from.slave].slave.variables()[from.variable];
+        let input = &instances[to.slave].slave.variables()[to.variable];
+        let handle = input.handle;
+        if output.kind == Kind::Real && input.kind == Kind::Real {
+            let position = self.position(slot, output.nominal, output.is_discrete);
+            return Some(Wire {
+                handle,
+                slot,
+                real: Some((position, connection.conversion)),
+            });
+        }
+        let mut wire = Wire {
+            handle,
+            slot,
+            real: None,
+        };
+        if output.kind != input.kind {
+            let reading = self.reading(output.handle, output.kind, input.kind, None);
+            wire.slot = reading.slot;
+            outlets[from.slave].others.push(reading);
+        }
+        Some(wire)
+    }
+
+    /// Position of a real output among those that feed others.
+    fn position(&mut self, slot: usize, nominal: f64, is_discrete: bool) -> usize {
+        let known = self.fed.iter().position(|&fed| fed == slot);
+        known.unwrap_or_else(|| {
+            self.fed.push(slot);
+            self.nominals.push(nominal);
+            self.traits.push(Traits {
+                has_slope: false,
+                is_discrete,
+            });
+            self.fed.len() - 1
+        })
+    }
+}

@@ -1,0 +1,115 @@
+//! Dormand–Prince, and Radau IIA where that is better.
+
+use super::System;
+use super::dormand_prince::DormandPrince;
+use super::radau::Radau;
+use super::scheme::{Scale, Scheme, Step};
+use super::solver::{Solver, Work};
+
+/// Which method solves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Dormand–Prince, and Radau IIA from where the problem comes to look stiff.
+    #[default]
+    Automatic,
+    /// Dormand–Prince of order 5(4): explicit.
+    DormandPrince,
+    /// Radau IIA of order 5: implicit.
+    Radau,
+}
+
+/// How exact the solution shall be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Error that a step may have, relative to each state.
+    pub relative: f64,
+    /// Error that a step may have beside that, of each state in its unit.
+    pub absolute: Vec<f64>,
+    /// Which method solves.
+    pub method: Method,
+    /// Longest step [s].
+    pub longest_step: f64,
+}
+
+/// One of the two methods, chosen by the user or by the problem.
+#[derive(Debug)]
+pub struct Automatic {
+    explicit: DormandPrince,
+    implicit: Option<Radau>,
+    /// Whether the method may change, and whether it is to before the next step.
+    is_free: bool,
+    is_stiff: bool,
+}
+
+impl Solver {
+    /// For `indicators` event indicators and as many states as there are absolute tolerances. It is started
+    /// by [`Self::restart`].
+    pub fn new(indicators: usize, options: Options) -> Self {
+        let n = options.absolute.len();
+        let scheme = Automatic {
+            explicit: DormandPrince::new(n),
+            implicit: (options.method == Method::Radau).then(|| Radau::new(n)),
+            is_free: options.method == Method::Automatic,
+            is_stiff: false,
+        };
+        let mut solver = Self::with(scheme, indicators, options.relative, &options.absolute);
+        solver.longest_step = options.longest_step;
+        solver
+    }
+
+    /// Whether the implicit method is in use.
+    pub fn is_implicit(&self) -> bool {
+        self.scheme.implicit.is_some()
+    }
+}
+
+impl Scheme for Automatic {
+    fn attempt<M: System>(
+        &mut self,
+        system: &mut M,
+        step: &mut Step,
+        scale: &Scale,
+    ) -> Result<f64, M::Error> {
+        if std::mem::take(&mut self.is_stiff) {
+            self.implicit = Some(Radau::new(step.x.len()));
+        }
+        match &mut self.implicit {
+            Some(radau) => radau.attempt(system, step, scale),
+            None => self.explicit.attempt(system, step, scale),
+        }
+    }
+
+    fn accept<M: System>(&mut self, system: &mut M, step: &mut Step) -> Result<bool, M::Error> {
+        if let Some(radau) = &mut self.implicit {
+            return radau.accept(system, step);
+        }
+        self.is_stiff = self.is_free && self.explicit.looks_stiff(step);
+        self.explicit.accept(system, step)
+    }
+
+    fn interpolate(&self, step: &Step, theta: f64, x: &mut [f64]) {
+        match &self.implicit {
+            Some(radau) => radau.interpolate(step, theta, x),
+            None => self.explicit.interpolate(step, theta, x),
+        }
+    }
+
+    fn factor(&self, error: f64, last: Option<f64>) -> f64 {
+        match &self.implicit {
+            Some(radau) => radau.factor(error, last),
+            None => self.explicit.factor(error, last),
+        }
+    }
+
+    fn restart(&mut self) {
+        if let Some(radau) = &mut self.implicit {
+            radau.restart();
+        }
+    }
+
+    fn count(&self, work: &mut Work) {
+        if let Some(radau) = &self.implicit {
+            radau.count(work);
+        }
+    }
+}

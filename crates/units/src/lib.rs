@@ -1,0 +1,136 @@
+//! Units by their names: what `m/s`, `kg.m2`, `1/(m.s3)`, `deg/s`, `ft/min` or `rad·s^-1` mean, and how values in
+//! one unit become values in another.
+//!
+//! ```
+//! use pilotage_units::Unit;
+//!
+//! let conversion = Unit::named("km/h").conversion(&Unit::named("m/s")).expect("both are speeds");
+//! assert!((conversion.apply(36.0) - 10.0).abs() < 1e-14);
+//! assert!(Unit::named("kg").conversion(&Unit::named("s")).is_none());
+//! ```
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | `table` | symbols and prefixes: the only place that lists them |
+//! | [`product`] | names as products of symbols, read and written |
+
+pub mod product;
+mod table;
+
+pub use product::{Product, power};
+
+/// The base units: those of the SI and the radian, as in FMI (2.0.5, section 2.2.2).
+pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+
+/// What a unit means: `value in base units = factor·value + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Base {
+    /// Exponents of [`BASE_UNITS`].
+    pub exponents: [i32; 8],
+    /// Factor to the base units.
+    pub factor: f64,
+    /// Offset to the base units.
+    pub offset: f64,
+}
+
+impl Default for Base {
+    /// The dimensionless unit 1.
+    fn default() -> Self {
+        Self {
+            exponents: [0; 8],
+            factor: 1.0,
+            offset: 0.0,
+        }
+    }
+}
+
+impl Base {
+    /// What a name means; `None` if it is not known.
+    pub fn of(name: &str) -> Option<Self> {
+        match table::shifted(name) {
+            Some(base) => Some(base),
+            None => Product::parse(name).map(|product| product.base()),
+        }
+    }
+}
+
+/// A unit by its name and, where it is known, its meaning.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Name, for example `m/s`.
+    pub name: String,
+    /// Meaning.
+    pub base: Option<Base>,
+}
+
+/// How a value in one unit becomes one in another: `factor·value + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conversion {
+    /// Factor.
+    pub factor: f64,
+    /// Offset, in the second unit.
+    pub offset: f64,
+}
+
+impl Conversion {
+    /// The same unit.
+    pub const NONE: Self = Self {
+        factor: 1.0,
+        offset: 0.0,
+    };
+
+    /// The value in the second unit; unchanged bits if both are the same.
+    pub fn apply(self, value: f64) -> f64 {
+        match self == Self::NONE {
+            true => value,
+            false => self.factor * value + self.offset,
+        }
+    }
+}
+
+impl Unit {
+    /// The unit of that name, with its meaning where the name is known.
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            base: Base::of(name),
+        }
+    }
+
+    /// How values in this unit become values in `other` (FMI 2.0.5, section 2.2.2); `None` if they
+    /// mean different things, or one has no definition and the names differ.
+    pub fn conversion(&self, other: &Self) -> Option<Conversion> {
+        match (&self.base, &other.base) {
+            (Some(from), Some(to)) if from.exponents == to.exponents => Some(match from == to {
+                true => Conversion::NONE,
+                false => Conversion {
+                    factor: from.factor / to.factor,
+                    offset: (from.offset - to.offset) / to.factor,
+                },
+            }),
+            (Some(_), Some(_)) => None,
+            _ => (self.name == other.name).then_some(Conversion::NONE),
+        }
+    }
+}
+
+/// A name as people write it: `kg·m²`, `µs/rad`; empty for dimensionless.
+pub fn pretty(name: &str) -> String {
+    if name == "1" {
+        return String::new();
+    }
+    let mut previous = ' ';
+    let superscript = |c: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(c.to_digit(10)? as usize);
+    name.replace("us", "µs")
+        .chars()
+        .map(|c| {
+            let after_letter = previous.is_alphabetic() || "⁰¹²³⁴⁵⁶⁷⁸⁹".contains(previous);
+            previous = match c {
+                '.' => '·',
+                _ if after_letter => superscript(c).unwrap_or(c),
+                _ => c,
+            };
+            previous
+        })
+        .collect()
+}
