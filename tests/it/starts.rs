@@ -5,7 +5,7 @@
 mod pilots;
 
 use pilotage::identification::solve::SPARE_STARTS;
-use pilotage::identification::{Fit, Options, Trial, fit, random_starts, start};
+use pilotage::identification::{Fit, InitialState, Options, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
@@ -52,6 +52,30 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
             "{name} {seed}: {} {best}",
             fit.objective
         );
+    }
+}
+
+/// With free initial states each run tumbles on its own. The figures are the best known before the runs were
+/// looked at one by one: of the bench's random starts, of which the default fit fell 2.2 % and 1.8 % short.
+#[test]
+fn free_runs_find_better_tumbles_than_any_start_of_all() {
+    for (name, seed, best) in [("plain", 1, 10.512772), ("noisy", 3, 27.247340)] {
+        let trials = flights(name, seed);
+        let options = Options {
+            initial_state: InitialState::Free,
+            ..Options::default()
+        };
+        let fit = fitted(&trials, &options);
+        assert!(fit.converged, "{name} {seed}: {}", fit.status);
+        assert!(fit.is_feasible(), "{name} {seed}: {}", fit.violation);
+        assert!(
+            fit.objective <= best * 1.001,
+            "{name} {seed}: {} {best}",
+            fit.objective
+        );
+        let first = &fit.starts[0];
+        assert_eq!(first.number, fit.starts.len(), "the start that came last");
+        assert_eq!(fit.agreeing(), 1, "it is alone, which the fit says");
     }
 }
 
