@@ -44,7 +44,8 @@ impl From<Vec<f64>> for Start {
 pub struct Starts {
     /// Those that all run.
     pub all: Vec<Start>,
-    /// Those that join, one after another, while one start alone leads to the best objective.
+    /// Those that join, one after another, while one start alone leads to the best objective; where
+    /// [`Self::tumbles`], while none has converged.
     pub spare: Vec<Start>,
     /// True where the best that these lead to is to be looked at with other initial states ([`tumbles`]).
     pub tumbles: bool,
@@ -97,7 +98,11 @@ pub(super) fn multi_start<D: Dynamics + Clone, C: ParameterConstraints + Clone>(
     }
     finish(&mut attempts, options, &mut watched);
     for start in &starts.spare {
-        let Some(best) = lone(&attempts).filter(|_| watched.stopped.is_none()) else {
+        let joins = match starts.tumbles {
+            true => best_converged(&attempts).is_none().then_some(f64::INFINITY),
+            false => lone(&attempts),
+        };
+        let Some(best) = joins.filter(|_| watched.stopped.is_none()) else {
             break;
         };
         watched.starts += 1;

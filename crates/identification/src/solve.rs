@@ -444,7 +444,7 @@ fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
-        (None, None) if is_free(options) => (0, 0),
+        (None, None) if options.initial_state == InitialState::VehicleAtRest => (0, 0),
         (None, None) => (SPARE_STARTS, 0),
     };
     let mut all = random_starts::draw(options, SEED, count);
