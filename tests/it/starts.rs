@@ -5,7 +5,7 @@
 mod pilots;
 
 use pilotage::identification::solve::SPARE_STARTS;
-use pilotage::identification::{Fit, Options, Trial, fit, random_starts, start};
+use pilotage::identification::{Fit, InitialState, Options, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
@@ -53,6 +53,25 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
             fit.objective
         );
     }
+}
+
+/// With free initial states each run tumbles on its own. The figure is the best known before the runs were
+/// looked at one by one: of the bench's random starts, of which the default fit fell 1.8 % short.
+#[test]
+fn free_runs_find_better_tumbles_than_any_start_of_all() {
+    let best = 27.247340;
+    let trials = flights("noisy", 3);
+    let options = Options {
+        initial_state: InitialState::Free,
+        ..Options::default()
+    };
+    let fit = fitted(&trials, &options);
+    assert!(fit.converged, "{}", fit.status);
+    assert!(fit.is_feasible(), "{}", fit.violation);
+    assert!(fit.objective <= best, "{} {best}", fit.objective);
+    let first = &fit.starts[0];
+    assert_eq!(first.number, fit.starts.len(), "the start that came last");
+    assert_eq!(fit.agreeing(), 1, "it is alone, which the fit says");
 }
 
 /// Beyond a pole of -2/h forward Euler is unstable, here by the power of 300 samples: there the elimination

@@ -20,6 +20,8 @@ pub struct Scales {
 /// A system's tapes: `[ẋ; y]`, and its derivatives by states and parameters.
 #[derive(Debug)]
 pub struct Differentiated {
+    /// The system.
+    pub system: System,
     states: usize,
     inputs: usize,
     parameters: usize,
@@ -39,7 +41,8 @@ pub struct Differentiated {
 /// The model seen through scaled variables `x̄ = x / s_x`, `θ̄ = θ / s_θ`.
 #[derive(Debug, Clone)]
 pub struct NodeModel {
-    tapes: Arc<Differentiated>,
+    /// Its tapes, which know nothing of scales.
+    pub tapes: Arc<Differentiated>,
     /// Scales of its variables.
     pub scales: Scales,
     /// Entries `(row, column)` of `∂f̄/∂[x̄; θ̄]` that may be other than zero, column by column.
@@ -128,6 +131,7 @@ impl Differentiated {
             |variable: usize| (system.parameter(0)..system.variables()).contains(&variable);
         let all = system.variables() + rows.len();
         Self {
+            system: system.clone(),
             states: system.states,
             inputs: system.inputs,
             parameters: system.parameters,
@@ -141,6 +145,12 @@ impl Differentiated {
             },
             pairs: order.iter().map(|k| pairs[*k]).collect(),
         }
+    }
+
+    /// The same at a known θ: without parameters.
+    pub fn at(&self, theta: &[f64]) -> Self {
+        let values: Vec<Option<f64>> = theta.iter().map(|value| Some(*value)).collect();
+        Self::new(&self.system.with_parameters(&values))
     }
 
     /// `[ẋ; y]` at one point, in any number type.

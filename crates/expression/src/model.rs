@@ -117,29 +117,7 @@ impl Model {
             let place = place.ok_or_else(|| unknown("parameter", name, self.parameters.iter()))?;
             fixed[place] = Some(value);
         }
-        let old = &self.system;
-        let mut graph = Graph::default();
-        let free = fixed.iter().filter(|value| value.is_none()).count();
-        let mut next = 0..old.variables() - old.parameters + free;
-        let mut variable = |graph: &mut Graph| graph.variable(next.next().expect("enough"));
-        let mut variables: Vec<Node> = (0..old.variables() - old.parameters)
-            .map(|_| variable(&mut graph))
-            .collect();
-        for value in &fixed {
-            variables.push(match value {
-                Some(value) => graph.constant(*value),
-                None => variable(&mut graph),
-            });
-        }
-        let derivatives = graph.import(&old.graph, &old.derivatives, &variables);
-        let outputs = graph.import(&old.graph, &old.outputs, &variables);
-        let system = System {
-            graph,
-            derivatives,
-            outputs,
-            parameters: free,
-            ..*old
-        };
+        let system = self.system.with_parameters(&fixed);
         let names = self.parameters.iter().zip(&fixed);
         let left = names.filter(|(_, value)| value.is_none());
         let parameters = left.map(|(name, _)| name.clone()).collect();

@@ -66,6 +66,29 @@ impl System {
         })
     }
 
+    /// The same with those parameters as numbers that have a value; the others stay, in their order.
+    pub fn with_parameters(&self, values: &[Option<f64>]) -> Self {
+        let free = values.iter().filter(|value| value.is_none()).count();
+        let first = self.variables() - self.parameters;
+        let mut graph = Graph::default();
+        let all: Vec<Node> = (0..first + free).map(|k| graph.variable(k)).collect();
+        let (mut variables, mut left) = (all[..first].to_vec(), all[first..].iter());
+        for value in values {
+            let constant = value.map(|value| graph.constant(value));
+            let node = constant.or_else(|| left.next().copied());
+            variables.push(node.expect("as many as have no value"));
+        }
+        let derivatives = graph.import(&self.graph, &self.derivatives, &variables);
+        let outputs = graph.import(&self.graph, &self.outputs, &variables);
+        Self {
+            graph,
+            derivatives,
+            outputs,
+            parameters: free,
+            ..*self
+        }
+    }
+
     /// Number of variables.
     pub fn variables(&self) -> usize {
         1 + self.states + self.inputs + self.parameters

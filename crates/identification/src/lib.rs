@@ -13,6 +13,7 @@ pub mod options;
 pub mod pilot_file;
 pub mod problem;
 mod projection;
+mod race;
 pub mod random_starts;
 pub mod result;
 pub mod simulate;
@@ -21,6 +22,7 @@ pub mod start;
 pub mod statistics;
 pub mod synthetic;
 pub mod trials;
+mod tumbles;
 pub mod vehicle;
 
 pub use closed_loop::ClosedLoop;

@@ -1,8 +1,9 @@
 //! The SQP from several starts: losers stop early, the most promising is finished.
 
-use super::result::{AGREE, FEASIBLE, StartReport, agree};
+use super::race::{Race, TIE};
+use super::result::{FEASIBLE, StartReport, agree};
 use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
-use super::{Fit, Options, RunFit};
+use super::{Fit, Options, RunFit, tumbles};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
@@ -10,16 +11,11 @@ use std::time::Instant;
 
 /// SQP iterations from each start before the most promising is finished.
 const SCOUT_ITERATIONS: usize = 60;
-/// Iterations over which a start must gain half of what it lies behind.
-const RACE_WINDOW: usize = 10;
-/// Iterations over which a start beside the best must gain something, and the relative gain that counts.
-const TIE_WINDOW: usize = 2;
-const TIE: f64 = 1e-5;
-/// Relative difference below which two objectives are equal.
-const ROUNDING: f64 = 1e-8;
+/// Times that the best start tries other tumbles.
+const ROUNDS: u64 = 4;
 /// Scaled violation of the constraints below which the states are nearly consistent, so that the objective
 /// tells how promising a start is.
-const NEAR: f64 = 1e-2;
+pub(super) const NEAR: f64 = 1e-2;
 
 /// Where a solve starts.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,8 +43,11 @@ impl From<Vec<f64>> for Start {
 pub struct Starts {
     /// Those that all run.
     pub all: Vec<Start>,
-    /// Those that join, one after another, while one start alone leads to the best objective.
+    /// Those that join, one after another, while one start alone leads to the best objective; where
+    /// [`Self::tumbles`], while none has converged.
     pub spare: Vec<Start>,
+    /// True where the best that these lead to is to be looked at with other initial states ([`tumbles`]).
+    pub tumbles: bool,
     /// Descents of the linearised problem that ended elsewhere.
     pub lost: usize,
     /// SQP iterations that finding them took.
@@ -98,7 +97,11 @@ pub(super) fn multi_start(
     }
     finish(&mut attempts, options, &mut watched);
     for start in &starts.spare {
-        let Some(best) = lone(&attempts).filter(|_| watched.stopped.is_none()) else {
+        let joins = match starts.tumbles {
+            true => best_converged(&attempts).is_none().then_some(f64::INFINITY),
+            false => lone(&attempts),
+        };
+        let Some(best) = joins.filter(|_| watched.stopped.is_none()) else {
             break;
         };
         watched.starts += 1;
@@ -106,6 +109,9 @@ pub(super) fn multi_start(
         finish(&mut attempts, options, &mut watched);
     }
     let skipped = starts.all.len().saturating_sub(attempts.len());
+    if starts.tumbles {
+        tumble(&mut attempts, options, &mut watched);
+    }
     let mut fit = report(&attempts, watched.stopped, skipped, runs);
     fit.iterations += starts.iterations;
     fit.tried += starts.lost;
@@ -129,6 +135,42 @@ fn finish(attempts: &mut [Attempt], options: &Options, watched: &mut Watched<'_,
             Some(attempt) if watched.stopped.is_none() => attempt.go_on(best, options, watched),
             _ => return,
         }
+    }
+}
+
+/// Adds a start that begins where the best has converged, and goes on from better tumbles of its runs
+/// ([`tumbles`]), round by round.
+fn tumble(attempts: &mut Vec<Attempt>, options: &Options, watched: &mut Watched<'_, '_>) {
+    let Some(best) = attempts.iter().find(|a| a.has_converged()) else {
+        return;
+    };
+    let mut attempt = best.again(attempts.len());
+    let mut converged = None;
+    watched.starts += 1;
+    for round in 0..ROUNDS {
+        let mut watch = |done| watched.search((round as f64 + done) / ROUNDS as f64);
+        let z = &attempt.solution.iterate.z;
+        let better = tumbles::better(&attempt.problem, z, options, round, &mut watch);
+        if let Some(z) = better {
+            attempt.improve(z, SCOUT_ITERATIONS, options, watched);
+        }
+        if watched.stopped.is_some() {
+            break;
+        }
+        if attempt.has_converged() {
+            converged = Some(attempt.solution.clone());
+        }
+    }
+    if !attempt.has_converged() && watched.stopped.is_none() {
+        let z = attempt.solution.iterate.z.clone();
+        attempt.improve(z, options.max_iterations, options, watched);
+    }
+    if let (false, Some(converged)) = (attempt.has_converged(), converged) {
+        attempt.course.near = converged.iterate.f;
+        attempt.solution = converged;
+    }
+    if attempt.solution.iterate.f < best.solution.iterate.f {
+        attempts.insert(0, attempt);
     }
 }
 
@@ -168,6 +210,14 @@ impl Watched<'_, '_> {
         self.stopped = flow.break_value();
         flow
     }
+
+    /// Shows the part of a search that is done; true where it is to end.
+    fn search(&mut self, done: f64) -> bool {
+        let order = self.order;
+        let flow = (self.observer)(&Progress::Search { order, done });
+        self.stopped = flow.break_value();
+        self.stopped.is_some()
+    }
 }
 
 /// How a solve goes.
@@ -206,10 +256,7 @@ impl Course {
     ) -> Solution {
         let clock = Instant::now();
         let (number, before) = (self.number, self.iterations);
-        let mut race = Race {
-            best,
-            window: Vec::new(),
-        };
+        let mut race = Race::against(best);
         let mut watch = |iteration: &Iteration| {
             self.see(iteration);
             let flow = watched.show(number, before, iteration);
@@ -249,6 +296,21 @@ impl Attempt {
     fn may_go_on(&self, options: &Options) -> bool {
         let cut_short = [Status::IterationLimit, Status::Stopped].contains(&self.solution.status);
         cut_short && self.course.iterations < options.max_iterations
+    }
+
+    /// Another start, which is where this one has come to.
+    fn again(&self, number: usize) -> Self {
+        Self {
+            problem: self.problem.clone(),
+            solution: self.solution.clone(),
+            course: Course {
+                number,
+                iterations: 0,
+                seconds: 0.0,
+                ..self.course
+            },
+            descents: 1,
+        }
     }
 
     fn report(&self) -> StartReport {
@@ -297,33 +359,21 @@ impl Attempt {
         let z = self.solution.iterate.z.clone();
         self.solution = (self.course).run(&self.problem, z, (left, best), options, watched);
     }
-}
 
-/// Whether a start still may beat the best so far.
-struct Race {
-    best: f64,
-    window: Vec<f64>,
-}
-
-impl Race {
-    /// True when the states are consistent and the objective is behind the best and hardly moves: it
-    /// gained less than half of what is left over [`RACE_WINDOW`] iterations, or nothing that counts
-    /// over [`TIE_WINDOW`] and ends where the best is.
-    fn is_lost(&mut self, iteration: &Iteration) -> bool {
-        let f = iteration.objective;
-        self.window.push(f);
-        let gained = |window: usize| {
-            let earlier = self.window.len().checked_sub(window + 1);
-            earlier.map_or(f64::INFINITY, |k| (self.window[k] - f).abs())
-        };
-        let behind = f - self.best;
-        match behind > AGREE * self.best {
-            true => iteration.kkt.primal < NEAR && gained(RACE_WINDOW) < 0.5 * behind,
-            false => {
-                iteration.kkt.primal < 1e-4
-                    && behind > -ROUNDING * self.best
-                    && gained(TIE_WINDOW) < TIE * self.best
-            }
+    /// Goes to where these variables lead, if that is feasible and better.
+    fn improve(
+        &mut self,
+        z: Vec<f64>,
+        limit: usize,
+        options: &Options,
+        watched: &mut Watched<'_, '_>,
+    ) {
+        let (before, near) = (self.solution.iterate.f, self.course.near);
+        let unraced = (limit.min(options.max_iterations), f64::INFINITY);
+        let solution = (self.course).run(&self.problem, z, unraced, options, watched);
+        match solution.iterate.f <= before && solution.kkt.primal < FEASIBLE {
+            true => self.solution = solution,
+            false => self.course.near = near,
         }
     }
 }

@@ -69,8 +69,8 @@ pub struct Options {
     pub start: Option<Vec<f64>>,
     /// Random starts beside the others ([`super::random_starts`]). None, the default: where runs begin at rest
     /// up to [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another,
-    /// as long as one start alone leads to the best objective; [`super::solve::FREE_STARTS`] where all initial
-    /// states are free; none beside a start of the user's.
+    /// as long as one start alone leads to the best objective; as many where all initial states are free, until one
+    /// has converged; none with the vehicle alone at rest, and none beside a start of the user's.
     pub random_starts: Option<usize>,
     /// Limit on |y_p|, dimensionless. Default: 1.
     pub stick_limit: f64,

@@ -85,7 +85,7 @@ fn pilot(options: &Options, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
 }
 
 /// Log-uniform.
-fn between([low, high]: [f64; 2], unit: f64) -> f64 {
+pub(super) fn between([low, high]: [f64; 2], unit: f64) -> f64 {
     low * (high / low).powf(unit)
 }
 

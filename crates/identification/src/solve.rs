@@ -101,9 +101,6 @@ pub const MANY_TRIALS: usize = 24;
 /// Random starts that join at most, without being asked for: see [`Options::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
-/// Random starts where every initial state is free.
-pub const FREE_STARTS: usize = 8;
-
 /// Pilots drawn for the search where initial states are free .
 const DRAWS: usize = 2000;
 
@@ -115,7 +112,7 @@ const SEED: u64 = 0;
 pub const SHORT_STEP: f64 = 0.01;
 
 /// Scaled KKT residual of a fit that only gives a start.
-const ROUGH_TOLERANCE: f64 = 1e-4;
+pub(super) const ROUGH_TOLERANCE: f64 = 1e-4;
 
 /// Highest order of an identified pilot.
 pub const MAX_ORDER: usize = 6;
@@ -129,7 +126,7 @@ pub const FARTHEST: f64 = 1e9;
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
 pub enum Progress<'a> {
-    /// Pilots are looked at in the linearised problem, for starts.
+    /// Starts are looked for: pilots in the linearised problem, or other initial states of the best.
     Search {
         /// Their order.
         order: usize,
@@ -363,6 +360,10 @@ pub fn candidates(
     }
     let (joining, spare) = random(options);
     starts.all.extend(joining.into_iter().map(Start::from));
+    starts.tumbles = options.initial_state == InitialState::Free
+        && options.objective == Objective::Response
+        && options.start.is_none()
+        && trials.len() <= MANY_TRIALS;
     if trials.len() <= MANY_TRIALS {
         starts.spare = spare.into_iter().map(Start::from).collect();
     }
@@ -442,9 +443,7 @@ fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
-        // Free states of the vehicle make optima that no search of the linearised problem sees.
-        (None, None) if options.initial_state == InitialState::Free => (FREE_STARTS, FREE_STARTS),
-        (None, None) if is_free(options) => (0, 0),
+        (None, None) if options.initial_state == InitialState::VehicleAtRest => (0, 0),
         (None, None) => (SPARE_STARTS, 0),
     };
     let mut all = random_starts::draw(options, SEED, count);

@@ -242,7 +242,7 @@ fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> V
 }
 
 /// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
-fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f64>) {
+pub(super) fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f64>) {
     let dt = h / substeps as f64;
     let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
         x.iter().zip(k).map(|(x, k)| x + s * k).collect()

@@ -92,7 +92,7 @@ pub struct Args {
     )]
     start: Option<Vec<f64>>,
     /// Random starts beside the others; where it is missing and runs begin at rest, up to 8 as long as one start
-    /// alone leads to the best sum of squares, and 8 where all initial states are free.
+    /// alone leads to the best sum of squares.
     #[arg(long, value_name = "N", value_parser = whole::<usize>, allow_hyphen_values = true)]
     random_starts: Option<usize>,
     /// The vehicle that was flown (TOML); the default vehicle where it is missing.

@@ -460,7 +460,7 @@ impl Condensed {
         });
         step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
         if hessian == Hessian::Exact {
-            let rows = self.parameter_hessian.chunks_exact(dtheta.len());
+            let rows = self.parameter_hessian.chunks_exact(dtheta.len().max(1));
             for (row, d) in rows.zip(dtheta) {
                 step.curvature += d * dense::dot(row, dtheta);
             }
