@@ -46,7 +46,7 @@ pub struct Starts {
     /// Those that join, one after another, while one start alone leads to the best objective; where
     /// [`Self::tumbles`], while none has converged.
     pub spare: Vec<Start>,
-    /// True where the best that these lead to is to be looked at with other initial states ([`tumbles`]).
+    /// True where the best that these lead to is to be looked at with other initial states (module `tumbles`).
     pub tumbles: bool,
     /// Descents of the linearised problem that ended elsewhere.
     pub lost: usize,

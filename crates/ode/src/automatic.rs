@@ -27,7 +27,7 @@ pub struct Options {
     pub absolute: Vec<f64>,
     /// Which method solves.
     pub method: Method,
-    /// Longest step [s].
+    /// Longest step \[s\].
     pub longest_step: f64,
 }
 

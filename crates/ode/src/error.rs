@@ -11,7 +11,7 @@ pub enum IntegrationError<E: std::error::Error + 'static> {
     /// The derivatives are not defined where the solver has to start.
     #[error("the derivatives are not defined at {time} s")]
     Undefined {
-        /// Where [s].
+        /// Where \[s\].
         time: f64,
     },
     /// No step is short enough.
@@ -19,9 +19,9 @@ pub enum IntegrationError<E: std::error::Error + 'static> {
         "at {time} s a step of {step:e} s still has too large an error: is there a jump that is no event, or a pole?"
     )]
     StepTooShort {
-        /// Where [s].
+        /// Where \[s\].
         time: f64,
-        /// Length of the last attempt [s].
+        /// Length of the last attempt \[s\].
         step: f64,
     },
 }

@@ -40,7 +40,7 @@ pub struct Solver<S = Automatic> {
     /// The derivative at `(t, x)`, if known.
     f: Vec<f64>,
     is_known: bool,
-    /// Length to try next [s], if there is a proposal.
+    /// Length to try next \[s\], if there is a proposal.
     h: Option<f64>,
     /// The step that `h` was tried for, if the next length is still to follow from it.
     done: Option<Done>,
@@ -104,7 +104,7 @@ impl<S: Scheme> Solver<S> {
         self.scheme.restart();
     }
 
-    /// After [`Self::restart`]: the length to try first [s], in place of a guess.
+    /// After [`Self::restart`]: the length to try first \[s\], in place of a guess.
     pub fn try_first(&mut self, h: f64) {
         self.h = Some(h);
     }
@@ -123,7 +123,7 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// Where it stands [s].
+    /// Where it stands \[s\].
     pub fn time(&self) -> f64 {
         self.t
     }
@@ -140,7 +140,7 @@ impl<S: Scheme> Solver<S> {
         work
     }
 
-    /// One step, at most to `limit` [s], which is hit exactly, and no further than to an event.
+    /// One step, at most to `limit` \[s\], which is hit exactly, and no further than to an event.
     ///
     /// # Errors
     /// If an evaluation fails, or no step is short enough.
@@ -293,7 +293,7 @@ impl<S: Scheme> Solver<S> {
         Ok(if length.is_finite() { length } else { guess })
     }
 
-    /// The next step's length [s], and whether it ends at the limit.
+    /// The next step's length \[s\], and whether it ends at the limit.
     fn length(&self, limit: f64) -> (f64, bool) {
         let rest = limit - self.t;
         let wanted = self.h.unwrap_or(rest).min(self.longest_step);

@@ -33,9 +33,9 @@ pub enum StepFault {
          step or slower coefficients"
     )]
     TooManySteps {
-        /// Where, from the step's beginning [s].
+        /// Where, from the step's beginning \[s\].
         time: f64,
-        /// The step [s].
+        /// The step \[s\].
         step: f64,
         /// The limit.
         limit: usize,
@@ -347,7 +347,7 @@ struct Flow<'s, E> {
     n_states: usize,
     /// Typical magnitudes of the states and modes.
     nominals: &'s [f64],
-    /// Time at the step's beginning [s].
+    /// Time at the step's beginning \[s\].
     start: f64,
     held: &'s [f64],
     slopes: &'s [f64],
