@@ -12,7 +12,7 @@ static BLOCKS: Mutex<BTreeSet<usize>> = Mutex::new(BTreeSet::new());
 /// How often such an instance gave back what it had not got.
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
-/// What a spoilt text is full of.
+/// What a poisoned text is full of.
 pub const SPOILT: u8 = b'?';
 
 type Allocate = unsafe extern "C" fn(usize, usize) -> *mut c_void;

@@ -2,18 +2,18 @@
 
 mod access;
 mod arrays;
+mod fmi3;
+mod impulse_response;
 mod linear;
 mod model_exchange;
-mod newer;
-mod responses;
 mod variables;
 
 pub use model_exchange::ModelExchangeSlave;
 
 use self::access::Access;
 use self::arrays::Arrays;
+use self::fmi3::Fmi3;
 use self::linear::Knowns;
-use self::newer::Newer;
 use self::variables::variables;
 use super::slave::{
     Abilities, Experiment, Kind, Linear, Progress, Slave, SlaveError, Value, Variable,
@@ -61,7 +61,7 @@ pub struct FmuSlave {
     /// Where it stands [s].
     time: f64,
     /// Of FMI 3.0.
-    newer: Option<Newer>,
+    fmi3: Option<Fmi3>,
     /// Saved states, and when the next time event comes after each [s].
     saved: Vec<(Saved, Option<f64>)>,
     /// The order 1, for each variable of a call.
@@ -83,11 +83,11 @@ impl FmuSlave {
     /// If the FMU refuses.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
-        let (newer, options) = match description.fmi_version {
+        let (fmi3, options) = match description.fmi_version {
             FmiVersion::V2 => (None, pilotage_fmi::Options::default()),
             FmiVersion::V3 => {
-                let (newer, options) = Newer::of(description);
-                (Some(newer), options)
+                let (fmi3, options) = Fmi3::of(description);
+                (Some(fmi3), options)
             }
         };
         let instance = library.instantiate_with(name, pilotage_fmi::Kind::CoSimulation, options)?;
@@ -95,8 +95,8 @@ impl FmuSlave {
         let variables = variables(description, &arrays);
         let access = Access::with(description, arrays);
         Ok(Self {
-            abilities: abilities(description, &instance, &access, newer.as_ref()),
-            newer,
+            abilities: abilities(description, &instance, &access, fmi3.as_ref()),
+            fmi3,
             time: 0.0,
             saved: Vec::new(),
             orders: vec![1; variables.len()],
@@ -128,16 +128,16 @@ impl Slave for FmuSlave {
 
     fn exit_initialization(&mut self) -> Result<(), SlaveError> {
         self.instance.exit_initialization_mode()?;
-        match &mut self.newer {
-            Some(newer) => newer.begin(&mut self.instance),
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.begin(&mut self.instance),
             None => Ok(()),
         }
     }
 
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
         let (access, instance) = (&self.access, &mut self.instance);
-        match &mut self.newer {
-            Some(newer) => newer.set_reals(access, instance, handles, values),
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.set_reals(access, instance, handles, values),
             None => Ok(access.set_reals(instance, handles, values)?),
         }
     }
@@ -148,10 +148,10 @@ impl Slave for FmuSlave {
     }
 
     fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
-        if let Some(newer) = &mut self.newer
-            && newer.is_for_events(handle, value)
+        if let Some(fmi3) = &mut self.fmi3
+            && fmi3.is_for_events(handle, value)
         {
-            return newer.defer(&self.access, &mut self.instance, handle, value);
+            return fmi3.defer(&self.access, &mut self.instance, handle, value);
         }
         self.access.set(&mut self.instance, handle, value)
     }
@@ -162,8 +162,8 @@ impl Slave for FmuSlave {
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.time = t + h;
-        match &mut self.newer {
-            Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), false),
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.step(&self.access, &mut self.instance, (t, h), false),
             None => match self.instance.do_step(t, h) {
                 Ok(Step::Done) => Ok(Progress::Done),
                 other => Ok(progress(other?, t)),
@@ -187,7 +187,7 @@ impl Slave for FmuSlave {
             let system = self.knowns.by_derivatives(&mut self.instance)?;
             return Ok(system.into());
         }
-        responses::linearize(self, step)
+        impulse_response::linearize(self, step)
     }
 
     fn abilities(&self) -> Abilities {
@@ -195,24 +195,24 @@ impl Slave for FmuSlave {
     }
 
     fn save(&mut self, place: usize) -> Result<(), SlaveError> {
-        if let Some(newer) = &mut self.newer {
-            newer.flush(&self.access, &mut self.instance)?;
+        if let Some(fmi3) = &mut self.fmi3 {
+            fmi3.flush(&self.access, &mut self.instance)?;
         }
         while self.saved.len() <= place {
             self.saved.push((self.instance.save()?, None));
         }
         let (saved, next_event) = &mut self.saved[place];
         *saved = self.instance.save_into(*saved)?;
-        *next_event = self.newer.as_ref().and_then(|newer| newer.next_event);
+        *next_event = self.fmi3.as_ref().and_then(|fmi3| fmi3.next_event);
         Ok(())
     }
 
     fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
         match self.saved.get(place) {
             Some(&(saved, next_event)) => {
-                if let Some(newer) = &mut self.newer {
-                    newer.forget();
-                    newer.next_event = next_event;
+                if let Some(fmi3) = &mut self.fmi3 {
+                    fmi3.forget();
+                    fmi3.next_event = next_event;
                 }
                 Ok(self.instance.restore(saved)?)
             }
@@ -222,20 +222,20 @@ impl Slave for FmuSlave {
 
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
         self.time = t + h;
-        match &mut self.newer {
-            Some(newer) => newer.step(&self.access, &mut self.instance, (t, h), true),
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.step(&self.access, &mut self.instance, (t, h), true),
             None => Ok(progress(self.instance.do_step_revocably(t, h)?, t)),
         }
     }
 
     fn next_jump(&self, t: f64) -> Option<f64> {
-        let newer = self.newer.as_ref()?;
-        newer.next_event.filter(|&next| next > t)
+        let fmi3 = self.fmi3.as_ref()?;
+        fmi3.next_event.filter(|&next| next > t)
     }
 
     fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
-        if let Some(newer) = &mut self.newer {
-            return newer.set_slopes(handles, slopes);
+        if let Some(fmi3) = &mut self.fmi3 {
+            return fmi3.set_slopes(handles, slopes);
         }
         let orders = &self.orders[..handles.len()];
         Ok(self
@@ -272,7 +272,7 @@ fn abilities(
     description: &ModelDescription,
     instance: &Instance,
     access: &Access,
-    newer: Option<&Newer>,
+    fmi3: Option<&Fmi3>,
 ) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
@@ -282,8 +282,8 @@ fn abilities(
         rollback: cs.can_get_and_set_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
         // In FMI 3.0 there are intermediate updates for this.
-        input_derivatives: match newer {
-            Some(newer) => newer.has_ramps() && is_simple,
+        input_derivatives: match fmi3 {
+            Some(fmi3) => fmi3.has_ramps() && is_simple,
             None => cs.can_interpolate_inputs,
         },
         output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,

@@ -1,7 +1,7 @@
 //! From a system to what is exchanged: each output gets a slot, each input the slot that feeds it.
 
 use super::exchange::Exchange;
-use super::history::{Course, History, Traits};
+use super::history::{History, InputProfile, Traits};
 use super::wired::{Values, Wired};
 use super::wires::{Inputs, Outlets, Outputs, Reading, Wire};
 use crate::algorithms::Coupling;
@@ -56,7 +56,7 @@ impl Exchange {
             unrecorded,
             fed,
             history: History::new(nominals, traits),
-            courses: vec![Course::default(); n],
+            profiles: vec![InputProfile::default(); n],
             seen: vec![None; n],
             others_before: values.others.clone(),
             others_given: values.others.clone(),

@@ -1,7 +1,7 @@
 //! The stepping loop's slaves and the values between them.
 
-use super::crew::Crew;
-use super::history::{Course, History, Outcome};
+use super::history::{History, InputProfile, Outcome};
+use super::thread_pool::ThreadPool;
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::algorithms::Algorithm;
@@ -18,7 +18,7 @@ pub(super) struct Exchange {
     pub(super) fed: Vec<usize>,
     pub(super) history: History,
     /// How the fed outputs go within the step, by position.
-    pub(super) courses: Vec<Course>,
+    pub(super) profiles: Vec<InputProfile>,
     /// Their means over the last step, of those that were seen within it.
     pub(super) seen: Vec<Option<f64>>,
     /// Outputs that are no reals, at the begin of the step, and what the slaves are given for them.
@@ -36,7 +36,7 @@ impl Exchange {
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
-        crew: Option<&mut Crew>,
+        pool: Option<&mut ThreadPool>,
         t: f64,
         h: f64,
     ) -> Result<(), Ending> {
@@ -54,8 +54,8 @@ impl Exchange {
         for wired in &mut self.wired {
             wired.set_newest(values).map_err(failed)?;
         }
-        match crew {
-            Some(crew) => crew.step(&mut self.wired, t, h)?,
+        match pool {
+            Some(pool) => pool.step(&mut self.wired, t, h)?,
             None => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
         }
         for wired in &mut self.wired {
@@ -86,7 +86,7 @@ impl Exchange {
             };
             wired.set_others(others).map_err(failed)?;
             let (parts, span) = (wired.parts, (t, h));
-            wired.travel(&mut self.values, &self.courses, span, parts, is_revocable)?;
+            wired.substeps(&mut self.values, &self.profiles, span, parts, is_revocable)?;
             if algorithm == Algorithm::GaussSeidel {
                 self.interpolate(i, degree, h);
             }
@@ -97,7 +97,7 @@ impl Exchange {
     /// Continues all fed outputs by polynomials of that degree.
     pub(super) fn extrapolate(&mut self, degree: usize, h: f64) {
         for p in 0..self.fed.len() {
-            self.courses[p] = self.history.extrapolated(p, degree, h);
+            self.profiles[p] = self.history.extrapolated(p, degree, h);
         }
     }
 
@@ -107,8 +107,8 @@ impl Exchange {
         for k in 0..self.wired[i].outputs.fed_positions.len() {
             let p = self.wired[i].outputs.fed_positions[k];
             let end = self.outcome(p);
-            self.courses[p] = match degree {
-                0 => Course::held(end.value),
+            self.profiles[p] = match degree {
+                0 => InputProfile::held(end.value),
                 _ => self.history.interpolated(p, degree, h, end),
             };
         }

@@ -4,20 +4,20 @@
 const KEPT: usize = 3;
 
 /// A slope at the begin that differs from the line to the end by more than so many times all else belongs to a
-/// transient that is over within the step: an exponential is when it falls to less than `e⁻³`, where both courses
+/// transient that is over within the step: an exponential is when it falls to less than `e⁻³`, where both profiles
 /// are equally wrong.
 const TRANSIENT: f64 = 2.0;
 
 /// How a value goes within a step, as far as a slave can be told: its mean; the line `mean ± lean`
 /// with the same first moment (the projection on polynomials of degree 1); and its value at the end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Course {
+pub(super) struct InputProfile {
     pub(super) mean: f64,
     pub(super) lean: f64,
     pub(super) end: f64,
 }
 
-impl Course {
+impl InputProfile {
     /// A constant.
     pub(super) fn held(value: f64) -> Self {
         Self {
@@ -68,9 +68,9 @@ struct Transient {
 }
 
 impl Transient {
-    fn course(&self, h: f64, end: Outcome) -> Course {
+    fn profile(&self, h: f64, end: Outcome) -> InputProfile {
         let (rise, part) = (h * end.slope, self.height * self.length);
-        Course {
+        InputProfile {
             mean: end.value - 0.5 * rise + part,
             lean: 0.5 * rise + 3.0 * part * (2.0 * self.length - 1.0),
             end: end.value,
@@ -150,11 +150,11 @@ impl History {
 
     /// The next `h` [s] along the polynomial of that degree (or as many points as there are) through
     /// the last points.
-    pub(super) fn extrapolated(&self, p: usize, degree: usize, h: f64) -> Course {
+    pub(super) fn extrapolated(&self, p: usize, degree: usize, h: f64) -> InputProfile {
         let y = self.value(0, p);
         let degree = degree.min(self.len - 1);
         if degree == 0 || self.traits[p].is_discrete {
-            return Course::held(y);
+            return InputProfile::held(y);
         }
         let first = self.first_difference(p);
         let (mut mean, mut end) = (y + 0.5 * h * first, y + h * first);
@@ -164,7 +164,7 @@ impl History {
             end += second * h * (h + h1);
         }
         let lean = 0.5 * (end - y);
-        Course { mean, lean, end }
+        InputProfile { mean, lean, end }
     }
 
     /// The slope to be expected after the next `h` [s]. One that would carry the output beyond its magnitude is that of
@@ -188,12 +188,18 @@ impl History {
     /// (Hermite's) where these are known, or along a [transient](Transient) and a line; else along the
     /// polynomial of degree 1 or 2 (if there are points enough), whose means are the trapezoidal rule and the
     /// Adams-Moulton formula of order 3 for unequal steps. What is discrete is held as it was at the begin.
-    pub(super) fn interpolated(&self, p: usize, degree: usize, h: f64, end: Outcome) -> Course {
+    pub(super) fn interpolated(
+        &self,
+        p: usize,
+        degree: usize,
+        h: f64,
+        end: Outcome,
+    ) -> InputProfile {
         if self.traits[p].is_discrete {
-            return Course::held(self.value(0, p));
+            return InputProfile::held(self.value(0, p));
         }
         if let Some(transient) = self.transient(p, h, end) {
-            return transient.course(h, end);
+            return transient.profile(h, end);
         }
         let begin = self.points[0][p];
         let half = 0.5 * (end.value - begin.value);
@@ -204,7 +210,7 @@ impl History {
         } else if degree.min(self.len) >= 2 {
             mean -= h * h / 6.0 * self.difference_with(p, h, end.value);
         }
-        Course {
+        InputProfile {
             mean,
             lean,
             end: end.value,

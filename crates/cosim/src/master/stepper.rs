@@ -3,10 +3,10 @@
 mod errors;
 
 use super::controller::Controller;
-use super::crew::Crew;
 use super::exchange::Exchange;
 use super::stopwatch::Sampler;
 use super::strong::Strong;
+use super::thread_pool::ThreadPool;
 use super::wired::Failure;
 use super::{Ending, MasterError};
 use crate::algorithms::{Algorithm, Control, Coupling};
@@ -49,7 +49,7 @@ pub(super) struct Stepper {
     parts_left: u32,
     room: Vec<f64>,
     /// Threads, if slaves step at the same time.
-    crew: Option<Crew>,
+    pool: Option<ThreadPool>,
     pub(super) sampler: Sampler,
 }
 
@@ -86,7 +86,7 @@ impl Stepper {
             points: 0,
             parts_left: 0,
             room: vec![0.0; exchange.values.row.len()],
-            crew: (coupling.parallel && is_plain).then(|| Crew::new(exchange.wired.len())),
+            pool: (coupling.parallel && is_plain).then(|| ThreadPool::new(exchange.wired.len())),
             sampler: Sampler::new(coupling.measure),
             exchange,
         })
@@ -126,8 +126,8 @@ impl Stepper {
     #[inline]
     fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
-            let (algorithm, crew) = (self.coupling.algorithm, self.crew.as_mut());
-            (self.exchange).advance_held(algorithm, &self.order, crew, t, h)?;
+            let (algorithm, pool) = (self.coupling.algorithm, self.pool.as_mut());
+            (self.exchange).advance_held(algorithm, &self.order, pool, t, h)?;
             // All steps are equally long.
             match self.steps.accepted {
                 0 => self.count(h),

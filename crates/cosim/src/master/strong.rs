@@ -116,7 +116,7 @@ impl Strong {
         exchange.keep_others();
         self.advance_irrevocable(exchange, h)?;
         for &p in &self.discrete {
-            exchange.courses[p] = exchange.history.extrapolated(p, 0, h);
+            exchange.profiles[p] = exchange.history.extrapolated(p, 0, h);
         }
         for (tried, &p) in self.tried.iter_mut().zip(&self.unknowns) {
             *tried = Outcome {
@@ -160,9 +160,9 @@ impl Strong {
     ) -> Result<bool, Ending> {
         self.set_courses(exchange, h);
         for k in 0..self.once.len() {
-            travel(exchange, self.once[k], h)?;
+            substeps(exchange, self.once[k], h)?;
         }
-        self.travel(exchange, h)?;
+        self.substeps(exchange, h)?;
         let (mut size, mut is_slow, mut matrices) = (self.difference(exchange, h), false, 0);
         for _ in 0..self.iteration.max {
             if size <= self.iteration.tolerance {
@@ -193,7 +193,7 @@ impl Strong {
         }
         exchange.extrapolate(self.fallback, h);
         for &i in &self.irrevocable {
-            travel(exchange, i, h)?;
+            substeps(exchange, i, h)?;
         }
         for &i in &self.irrevocable {
             exchange.interpolate(i, self.degree, h);
@@ -204,14 +204,14 @@ impl Strong {
     /// Lets the fed outputs go to the values that are tried.
     fn set_courses(&self, exchange: &mut Exchange, h: f64) {
         for (&p, &end) in self.unknowns.iter().zip(&self.tried) {
-            exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
+            exchange.profiles[p] = exchange.history.interpolated(p, self.degree, h, end);
         }
     }
 
     /// One step of all slaves that depend on what is tried, from where they stand.
-    fn travel(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
+    fn substeps(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         for k in 0..self.repeated.len() {
-            travel(exchange, self.repeated[k], h)?;
+            substeps(exchange, self.repeated[k], h)?;
         }
         for (found, &p) in self.found.iter_mut().zip(&self.unknowns) {
             *found = exchange.outcome(p);
@@ -248,7 +248,7 @@ impl Strong {
         for &i in &self.repeated {
             go_back(exchange, i)?;
         }
-        self.travel(exchange, h)
+        self.substeps(exchange, h)
     }
 
     /// Forms `I - ∂F/∂z` by differences: of each slave, one repeated step for each output that feeds
@@ -286,14 +286,14 @@ impl Strong {
         p: usize,
         column: usize,
     ) -> Result<(), Ending> {
-        let course = exchange.courses[p];
-        let change = DIFFERENCE * exchange.history.magnitudes[p].max(course.end.abs());
+        let profile = exchange.profiles[p];
+        let change = DIFFERENCE * exchange.history.magnitudes[p].max(profile.end.abs());
         let mut end = self.tried[column];
         end.value += change;
-        exchange.courses[p] = exchange.history.interpolated(p, self.degree, h, end);
+        exchange.profiles[p] = exchange.history.interpolated(p, self.degree, h, end);
         go_back(exchange, i)?;
-        travel(exchange, i, h)?;
-        exchange.courses[p] = course;
+        substeps(exchange, i, h)?;
+        exchange.profiles[p] = profile;
         for &q in &exchange.wired[i].outputs.fed_positions {
             if let Some(row) = self.place[q] {
                 let changed = exchange.values.row[exchange.fed[q]];
@@ -305,15 +305,15 @@ impl Strong {
     }
 }
 
-/// A communication step of one slave by `h`, inputs along their courses.
-fn travel(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
+/// A communication step of one slave by `h`, inputs along their profiles.
+fn substeps(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
     let t = exchange.history.time();
     let wired = &mut exchange.wired[i];
     let is_set = wired.set_others(&exchange.others_given);
     is_set.map_err(|failure: Failure| failure.at(t))?;
     let (parts, is_revocable) = (wired.parts, wired.abilities.rollback);
-    let (values, courses) = (&mut exchange.values, &exchange.courses);
-    wired.travel(values, courses, (t, h), parts, is_revocable)
+    let (values, profiles) = (&mut exchange.values, &exchange.profiles);
+    wired.substeps(values, profiles, (t, h), parts, is_revocable)
 }
 
 fn go_back(exchange: &mut Exchange, i: usize) -> Result<(), Ending> {

@@ -4,7 +4,7 @@
 
 use super::Ending;
 use super::exchange::Exchange;
-use super::history::{Course, Outcome};
+use super::history::{InputProfile, Outcome};
 use super::wired::{BEGIN, END, Failure, Values, Wired};
 use crate::slave::Value;
 
@@ -60,7 +60,7 @@ impl Exchange {
     fn watch_slave(&mut self, i: usize, h: f64) -> Result<(), Ending> {
         let mut looks = Looks {
             wired: &mut self.wired[i],
-            courses: &self.courses,
+            profiles: &self.profiles,
             others: &self.others_given,
             span: (self.history.time(), h),
         };
@@ -75,7 +75,7 @@ impl Exchange {
             let p = looks.wired.outputs.fed_positions[k];
             let ends = ends_of(p);
             let fine = looks.wired.within.middle[k].between(ends, h);
-            let error = (fine - self.courses[p].mean).abs();
+            let error = (fine - self.profiles[p].mean).abs();
             let magnitude = self.history.magnitudes[p].max(ends[1].value.abs());
             let expected = self.history.smooth_error(p, h, ends[1]).unwrap_or(0.0);
             let is_smooth = error <= SMOOTH * expected || error <= NOISE * magnitude;
@@ -129,7 +129,7 @@ impl Outcome {
 /// A slave that goes from the begin of a step to points within it.
 struct Looks<'a> {
     wired: &'a mut Wired,
-    courses: &'a [Course],
+    profiles: &'a [InputProfile],
     others: &'a [Value],
     /// Begin and length of the step [s].
     span: (f64, f64),
@@ -143,9 +143,9 @@ impl Looks<'_> {
         self.wired.restore(BEGIN).map_err(failed)?;
         self.wired.set_others(self.others).map_err(failed)?;
         let positions = &self.wired.inputs.positions;
-        match positions.iter().all(|&p| self.courses[p].is_held()) {
-            true => self.wired.hold(self.courses, false, 0.0),
-            false => self.wired.set_ramps(self.courses, false, 0.0, h),
+        match positions.iter().all(|&p| self.profiles[p].is_held()) {
+            true => self.wired.hold(self.profiles, false, 0.0),
+            false => self.wired.set_ramps(self.profiles, false, 0.0, h),
         }
         .map_err(failed)?;
         self.wired.step(t, part * h, true)?;

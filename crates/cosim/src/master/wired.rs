@@ -86,7 +86,8 @@ impl Wired {
         let is_strong = coupling.algorithm == Algorithm::Strong;
         let reads_slopes = is_strong && abilities.output_derivatives;
         let within = Within::new(&inputs, &outputs, reads_slopes, abilities, parts);
-        let is_halved = is_strong && coupling.control.is_some() && inputs.have_stairs(abilities);
+        let is_halved =
+            is_strong && coupling.control.is_some() && inputs.have_hold_error(abilities);
         Self {
             name,
             slave,
@@ -102,8 +103,8 @@ impl Wired {
     }
 
     /// Whether inputs that change within a step become staircases.
-    pub(super) fn has_stairs(&self) -> bool {
-        self.inputs.have_stairs(self.abilities)
+    pub(super) fn has_hold_error(&self) -> bool {
+        self.inputs.have_hold_error(self.abilities)
     }
 
     /// Whether, of inputs that change within a step, it is given the values at the end: its outputs have

@@ -56,7 +56,7 @@ impl Inputs {
     }
 
     /// Whether those that change within a step become staircases.
-    pub(super) fn have_stairs(&self, abilities: Abilities) -> bool {
+    pub(super) fn have_hold_error(&self, abilities: Abilities) -> bool {
         self.are_fed() && !abilities.input_derivatives && abilities.rollback
     }
 }

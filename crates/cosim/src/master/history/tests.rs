@@ -28,7 +28,7 @@ fn history(c: [f64; 4], has_slope: bool) -> History {
 }
 
 /// Mean, lean and end over the next step by Simpson's rule, which is exact for them in many parts.
-fn exact(c: [f64; 4]) -> Course {
+fn exact(c: [f64; 4]) -> InputProfile {
     let n = 1000;
     let (mut mean, mut moment) = (0.0, 0.0);
     for k in 0..=2 * n {
@@ -43,14 +43,14 @@ fn exact(c: [f64; 4]) -> Course {
         mean += value;
         moment += value * (2.0 * part - 1.0);
     }
-    Course {
+    InputProfile {
         mean,
         lean: 3.0 * moment,
         end: at(c, TIMES[2] + H).value,
     }
 }
 
-fn assert_close(found: Course, expected: Course) {
+fn assert_close(found: InputProfile, expected: InputProfile) {
     for (found, expected) in [
         (found.mean, expected.mean),
         (found.lean, expected.lean),
@@ -78,13 +78,13 @@ fn transients_are_not_taken_for_cubics() {
         };
         let mut history = History::new(vec![1.0], vec![traits]);
         history.push(0.0, std::iter::once(at(0.0)));
-        let course = history.interpolated(0, 1, H, at(H));
+        let profile = history.interpolated(0, 1, H, at(H));
         let (length, rest) = (1.0 / (rate * H), (-rate * H).exp());
         // ∫ e^{-x/length} and ∫ (2 x - 1) e^{-x/length} over 0 to 1.
         let decay = length * (1.0 - rest);
         let moment = 2.0 * length * (decay - rest) - decay;
         let (mean, lean) = (1.0 + H - 3.0 * decay, H - 9.0 * moment);
-        let found = [course.mean - mean, course.lean - lean];
+        let found = [profile.mean - mean, profile.lean - lean];
         assert!(
             found.iter().all(|e| e.abs() < 0.4 * length),
             "{rate}: {found:?}"

@@ -104,29 +104,29 @@ impl Stepper {
     pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
         let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
         match self.strong.is_some() && self.can_reject {
-            true => Ok(largest.max(self.error_of_stairs(h)?)),
+            true => Ok(largest.max(self.hold_error(h)?)),
             false => Ok(largest),
         }
     }
 
-    fn error_of_stairs(&mut self, h: f64) -> Result<f64, Ending> {
+    fn hold_error(&mut self, h: f64) -> Result<f64, Ending> {
         let mut largest = 0.0_f64;
         let span = (self.exchange.history.time(), h);
         for slave in 0..self.exchange.wired.len() {
             let Exchange {
                 wired,
                 values,
-                courses,
+                profiles,
                 history,
                 fed,
                 others_given,
                 ..
             } = &mut self.exchange;
             let wired = &mut wired[slave];
-            if !wired.has_stairs() {
+            if !wired.has_hold_error() {
                 continue;
             }
-            wired.effect_of_stairs(values, courses, others_given, span, &mut self.room)?;
+            wired.effect_of_hold_error(values, profiles, others_given, span, &mut self.room)?;
             for &p in &wired.outputs.fed_positions {
                 let effect = self.room[fed[p] - wired.outputs.slots.start].abs() / 3.0;
                 largest = largest.max(effect / history.magnitudes[p]);

@@ -19,7 +19,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// What an instance of FMI 3.0 is asked for and how it is stepped (FMI 3.0, sections 4.1.2 and 4.2).
 #[derive(Debug)]
-pub(super) struct Newer {
+pub(super) struct Fmi3 {
     /// The FMU has event mode: events within steps end these and are handled here, discrete inputs are
     /// set there.
     has_event_mode: bool,
@@ -98,7 +98,7 @@ fn lock(ramps: &Mutex<Ramps>) -> std::sync::MutexGuard<'_, Ramps> {
     ramps.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Newer {
+impl Fmi3 {
     /// What the FMU can, and how an instance is asked for it.
     pub(super) fn of(description: &ModelDescription) -> (Self, Options) {
         let cs = description.co_simulation.as_ref();
@@ -146,7 +146,7 @@ impl Newer {
             intermediate_update: update,
             ..Options::default()
         };
-        let newer = Self {
+        let fmi3 = Self {
             has_event_mode,
             discrete: match has_event_mode {
                 true => discrete.map(|v| v.value_reference).collect(),
@@ -158,7 +158,7 @@ impl Newer {
             next_event: None,
             ramps,
         };
-        (newer, options)
+        (fmi3, options)
     }
 
     /// Whether inputs can change within a step.

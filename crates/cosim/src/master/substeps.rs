@@ -1,38 +1,38 @@
 //! A communication step of one slave whose inputs change within it.
 
-use super::history::Course;
+use super::history::InputProfile;
 use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
 use super::{Ending, Stage};
 use crate::slave::Value;
 
 impl Wired {
-    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `courses`, and
+    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `profiles`, and
     /// reads the outputs.
     ///
     /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
     /// feedthrough show the inputs' values at the end; where these are others, they come from a last
     /// part that ends there, before the slave goes back and takes the right one.
-    pub(super) fn travel(
+    pub(super) fn substeps(
         &mut self,
         values: &mut Values,
-        courses: &[Course],
+        profiles: &[InputProfile],
         (t, h): (f64, f64),
         parts: u32,
         is_revocable: bool,
     ) -> Result<(), Ending> {
         let failed = |failure: Failure| failure.at(t);
-        let mut own = self.inputs.positions.iter().map(|&p| &courses[p]);
-        let is_held = own.clone().all(Course::is_held);
+        let mut own = self.inputs.positions.iter().map(|&p| &profiles[p]);
+        let is_held = own.clone().all(InputProfile::is_held);
         let is_ramp = self.abilities.input_derivatives && !is_held;
         let ends_elsewhere = match is_ramp {
-            true => own.any(Course::is_curved),
+            true => own.any(InputProfile::is_curved),
             false => !is_held,
         };
         let needs_ends = self.outputs.has_feedthrough && ends_elsewhere;
         let has_two_passes = needs_ends && self.abilities.rollback;
         let only_ends = needs_ends && !has_two_passes && self.outputs.feeds_through;
         let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
-        self.note_used(courses, (2.0 * place - 1.0) / f64::from(parts));
+        self.note_used(profiles, (2.0 * place - 1.0) / f64::from(parts));
         let step = h / f64::from(parts);
         for part in 0..parts {
             let begin = t + f64::from(part) * step;
@@ -40,8 +40,8 @@ impl Wired {
             if has_two_passes && part + 1 == parts {
                 self.save(LAST_PART).map_err(failed)?;
                 match is_ramp {
-                    true => self.set_ramps(courses, true, at(0.0), h).map_err(failed)?,
-                    false => self.hold(courses, true, 1.0).map_err(failed)?,
+                    true => self.set_ramps(profiles, true, at(0.0), h).map_err(failed)?,
+                    false => self.hold(profiles, true, 1.0).map_err(failed)?,
                 }
                 self.step(begin, step, true)?;
                 self.get_outputs(values).map_err(failed)?;
@@ -49,9 +49,9 @@ impl Wired {
             }
             match is_ramp {
                 true => self
-                    .set_ramps(courses, only_ends, at(0.0), h)
+                    .set_ramps(profiles, only_ends, at(0.0), h)
                     .map_err(failed)?,
-                false => self.hold(courses, only_ends, at(place)).map_err(failed)?,
+                false => self.hold(profiles, only_ends, at(place)).map_err(failed)?,
             }
             self.step(begin, step, is_revocable)?;
         }
@@ -61,10 +61,10 @@ impl Wired {
         }
     }
 
-    fn note_used(&mut self, courses: &[Course], shift: f64) {
+    fn note_used(&mut self, profiles: &[InputProfile], shift: f64) {
         for (used, &p) in self.within.used.iter_mut().zip(&self.inputs.positions) {
-            let course = &courses[p];
-            *used = course.mean + shift * (course.end - course.mean);
+            let profile = &profiles[p];
+            *used = profile.mean + shift * (profile.end - profile.mean);
         }
     }
 
@@ -72,15 +72,15 @@ impl Wired {
     /// values if so.
     pub(super) fn hold(
         &mut self,
-        courses: &[Course],
+        profiles: &[InputProfile],
         to_ends: bool,
         at: f64,
     ) -> Result<(), Failure> {
         for (value, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
-            let course = courses[p];
+            let profile = profiles[p];
             *value = match to_ends {
-                true => course.to_end().line(at),
-                false => course.line(at),
+                true => profile.to_end().line(at),
+                false => profile.line(at),
             };
         }
         self.set_reals()
@@ -89,18 +89,18 @@ impl Wired {
     /// The same with the slopes of the lines in a step of `h` [s].
     pub(super) fn set_ramps(
         &mut self,
-        courses: &[Course],
+        profiles: &[InputProfile],
         to_ends: bool,
         at: f64,
         h: f64,
     ) -> Result<(), Failure> {
-        self.hold(courses, to_ends, at)?;
+        self.hold(profiles, to_ends, at)?;
         for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
-            let course = match to_ends {
-                true => courses[p].to_end(),
-                false => courses[p],
+            let profile = match to_ends {
+                true => profiles[p].to_end(),
+                false => profiles[p],
             };
-            *slope = 2.0 * course.lean / h;
+            *slope = 2.0 * profile.lean / h;
         }
         for &(position, conversion) in &self.inputs.conversions {
             self.inputs.slopes[position] *= conversion.factor;
@@ -117,10 +117,10 @@ impl Wired {
     /// inputs within each part does, times 3. `others` are its inputs that are no reals; `room` is for as many values as there are outputs.
     ///
     /// The slave stands at the end of the step before and after.
-    pub(super) fn effect_of_stairs(
+    pub(super) fn effect_of_hold_error(
         &mut self,
         values: &mut Values,
-        courses: &[Course],
+        profiles: &[InputProfile],
         others: &[Value],
         span: (f64, f64),
         room: &mut [f64],
@@ -132,7 +132,7 @@ impl Wired {
         room.copy_from_slice(&values.row[slots.clone()]);
         self.restore(BEGIN).map_err(failed)?;
         self.set_others(others).map_err(failed)?;
-        self.travel(values, courses, span, self.parts / 2, true)?;
+        self.substeps(values, profiles, span, self.parts / 2, true)?;
         self.restore(END).map_err(failed)?;
         for (fine, coarse) in room.iter_mut().zip(&mut values.row[slots]) {
             (*fine, *coarse) = (*fine - *coarse, *fine);

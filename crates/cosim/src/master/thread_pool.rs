@@ -13,7 +13,7 @@ const LOOKS: u32 = 2_000;
 const LOOKS_IN_ALL: u32 = 10_000;
 
 /// Threads that wait for steps by looking, and sleep only when none comes for long.
-pub(super) struct Crew {
+pub(super) struct ThreadPool {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -34,7 +34,7 @@ struct Shared {
     has_panicked: AtomicBool,
 }
 
-impl Crew {
+impl ThreadPool {
     /// For so many slaves: as many threads, this one included, as rayon would use (`RAYON_NUM_THREADS`), but
     /// no more than there are slaves or processors.
     pub(super) fn new(slaves: usize) -> Self {
@@ -66,7 +66,7 @@ impl Crew {
     /// came first.
     pub(super) fn step(&mut self, slaves: &mut [Wired], t: f64, h: f64) -> Result<(), Ending> {
         let shared = &*self.shared;
-        assert_eq!(slaves.len(), shared.count, "the slaves of this crew");
+        assert_eq!(slaves.len(), shared.count, "the slaves of this pool");
         shared.slaves.store(slaves.as_mut_ptr(), Ordering::Relaxed);
         shared.time.store(t.to_bits(), Ordering::Relaxed);
         shared.step.store(h.to_bits(), Ordering::Relaxed);
@@ -93,7 +93,7 @@ impl Crew {
     }
 }
 
-impl Drop for Crew {
+impl Drop for ThreadPool {
     fn drop(&mut self) {
         self.shared.is_over.store(true, Ordering::SeqCst);
         self.shared.round.fetch_add(1, Ordering::SeqCst);
@@ -114,7 +114,7 @@ impl Shared {
                 return;
             }
             // SAFETY: `i` was given out once in this round, and the slaves are borrowed mutably by
-            // `Crew::step`, which waits until all `count` of them are done.
+            // `ThreadPool::step`, which waits until all `count` of them are done.
             let wired = unsafe { &mut *self.slaves.load(Ordering::Relaxed).add(i) };
             let t = f64::from_bits(self.time.load(Ordering::Relaxed));
             let h = f64::from_bits(self.step.load(Ordering::Relaxed));
