@@ -138,10 +138,9 @@ impl Model {
         let drivers = drivers(parts, connections)?;
         let mut joint = Joint::new(parts, drivers);
         let mut derivatives = Vec::new();
-        for part in 0..parts.len() {
+        for (part, (_, model)) in parts.iter().enumerate() {
             joint.drive(part, &|_| true)?;
-            let own = &parts[part].1.system;
-            derivatives.extend(joint.import(part, &own.derivatives));
+            derivatives.extend(joint.import(part, &model.system.derivatives));
         }
         let mut outputs = Vec::new();
         for (part, (_, model)) in parts.iter().enumerate() {
