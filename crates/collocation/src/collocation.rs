@@ -46,7 +46,8 @@ impl Collocation {
     /// sample; those before are measured.
     ///
     /// # Panics
-    /// Where a run has not as many inputs, recordings or initial states as the model.
+    /// Where a run breaks what [`Run`] asks for, or has not as many inputs, recordings or initial states as the model;
+    /// where bounds are not in order.
     pub fn new(
         tapes: Arc<Differentiated>,
         constraints: ParameterConstraints,
@@ -57,11 +58,12 @@ impl Collocation {
     ) -> Self {
         let model = NodeModel::new(tapes, scales);
         let (n, p, inputs) = (model.n_states(), model.n_parameters(), model.n_inputs());
-        let measured = model.n_outputs() - bounds.len();
-        for run in &runs {
-            let sizes = [run.initial.len(), run.inputs[0].len(), run.measured.len()];
-            assert_eq!(sizes, [n, inputs, measured], "states, inputs, recordings");
-        }
+        let measured = model.n_outputs().checked_sub(bounds.len());
+        let measured = measured.expect("no more bounds than outputs");
+        assert!(n > 0 && !runs.is_empty(), "a model with states, and a run");
+        let are_bounds = |(least, most): &(f64, f64)| least <= most;
+        assert!(bounds.iter().all(are_bounds), "lower and upper bounds");
+        runs.iter().for_each(|run| run.check([n, inputs, measured]));
         let grids: Vec<Grid> = runs
             .iter()
             .map(|run| Grid::new(scheme, run, inputs))

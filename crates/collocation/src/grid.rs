@@ -113,6 +113,11 @@ impl Grid {
             run.inputs_at(*time, &mut out[..n_inputs]);
             out[n_inputs] = *time;
         }
+        // A sample is compared at its own inputs, before a jump too.
+        for (sample, point) in grid.observed.iter().enumerate() {
+            let first = point * (n_inputs + 1);
+            grid.inputs[first..first + n_inputs].copy_from_slice(&run.inputs[sample]);
+        }
         grid
     }
 
@@ -194,9 +199,9 @@ impl Grid {
                 (&[(j, 1.0)], []) => Some(element.first + j),
                 _ => None,
             };
-            // Another sample of the same instant has a point of its own.
-            let is_open = |i: &usize| self.points[*i].sample.is_none();
-            let found = node.and_then(|k| point_of[k]).filter(is_open);
+            // Of samples of one instant the last is the mesh's: inputs may jump there.
+            let is_last = run.time.get(sample + 1) != Some(&time);
+            let found = node.and_then(|k| point_of[k]).filter(|_| is_last);
             let index = found.unwrap_or_else(|| {
                 let own = &self.element_points[element.points..];
                 let state = match node {

@@ -11,6 +11,12 @@
 //! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
 //! eliminates the states at a cost linear in their number ([`Condensed`]).
 //!
+//! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
+//! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
+//! one), and start states (those of [`Differentiated::simulate`], an explicit method, or, of stiff models, from
+//! the data). A parameter that no measured output depends on stays where it starts; the
+//! solution's `curvature` is then 0.
+//!
 //! Take it where a model is given by equations and data by samples. A single short fit of a model that can
 //! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
 //!

@@ -28,6 +28,36 @@ pub struct Recording {
 }
 
 impl Run {
+    /// Holds the run against what its fields ask for, and the model's numbers of states, inputs and recordings.
+    ///
+    /// # Panics
+    /// At the first that does not hold.
+    pub(super) fn check(&self, [states, inputs, measured]: [usize; 3]) {
+        let (mesh, time) = (&self.mesh, &self.time);
+        assert!(mesh.len() > 1, "a mesh has at least two boundaries");
+        assert!(mesh.is_sorted_by(|a, b| a < b), "a mesh increases strictly");
+        assert!(time.len() > 1, "a run has at least two samples");
+        assert!(time.is_sorted(), "times of samples increase");
+        let slack = 1e-9 * (mesh[mesh.len() - 1] - mesh[0]);
+        let is_within =
+            mesh[0] - slack <= time[0] && time[time.len() - 1] <= mesh[mesh.len() - 1] + slack;
+        assert!(is_within, "samples lie within the mesh");
+        assert_eq!(self.initial.len(), states, "initial states");
+        assert_eq!(self.inputs.len(), time.len(), "inputs at each sample");
+        for (k, row) in self.inputs.iter().enumerate() {
+            assert_eq!(row.len(), inputs, "inputs at sample {k}");
+        }
+        assert_eq!(self.measured.len(), measured, "recordings");
+        for own in &self.measured {
+            assert_eq!(own.values.len(), time.len(), "values of a recording");
+            let is_value = |value: &f64| !value.is_infinite();
+            assert!(
+                own.values.iter().all(is_value),
+                "recorded values are finite, or NaN"
+            );
+        }
+    }
+
     /// Inputs at a time \[s\]; constant before the first sample and after the last.
     pub fn inputs_at(&self, time: f64, out: &mut [f64]) {
         let after = self.time.partition_point(|t| *t <= time);

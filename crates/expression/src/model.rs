@@ -4,6 +4,7 @@ use super::graph::{Graph, Node};
 use super::operation::Operation;
 use super::system::{Point, System};
 use super::trace::{Obstacle, Traced};
+use std::collections::HashSet;
 
 /// A system `ẋ = f(t, x, u; p)` whose variables and outputs have names.
 #[derive(Debug, Clone)]
@@ -33,6 +34,9 @@ pub enum ModelError {
         /// Those that there are.
         known: String,
     },
+    /// Two things of one name.
+    #[error("two are called {0}; give the parts and their signals names of their own")]
+    Same(String),
     /// An input that two signals drive.
     #[error("the input {0} is connected twice; one signal drives an input")]
     Twice(String),
@@ -56,14 +60,23 @@ impl Model {
     ///
     /// # Errors
     /// Where the equations do what no graph says.
+    ///
+    /// # Panics
+    /// When they do not return as many derivatives and outputs as there are names.
     pub fn trace(
         [states, inputs, parameters, outputs]: [&[&str]; 4],
         equations: impl FnOnce(Point<'_>) -> [Vec<Traced>; 2],
     ) -> Result<Self, Obstacle> {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let sizes = [states, inputs, parameters].map(<[&str]>::len);
+        let system = System::trace(sizes, equations)?;
+        assert_eq!(
+            system.outputs.len(),
+            outputs.len(),
+            "an output for each name"
+        );
         Ok(Self {
-            system: System::trace(sizes, equations)?,
+            system,
             states: owned(states),
             inputs: owned(inputs),
             parameters: owned(parameters),
@@ -133,8 +146,10 @@ impl Model {
     /// `part.name`, part by part.
     ///
     /// # Errors
-    /// Where a name is unknown, an input is driven twice, or the connections close a loop without a state.
+    /// Where a name is unknown or stands twice, an input is driven twice, or the connections close a loop without a
+    /// state.
     pub fn join(parts: &[(&str, Self)], connections: &[(&str, &str)]) -> Result<Self, ModelError> {
+        check_names(parts)?;
         let drivers = drivers(parts, connections)?;
         let mut joint = Joint::new(parts, drivers);
         let mut derivatives = Vec::new();
@@ -181,6 +196,26 @@ impl Model {
     }
 }
 
+/// Refuses names that stand twice.
+fn check_names(parts: &[(&str, Model)]) -> Result<(), ModelError> {
+    let mut seen = HashSet::new();
+    for (part, model) in parts {
+        let own = [
+            &model.states,
+            &model.inputs,
+            &model.parameters,
+            &model.outputs,
+        ];
+        for name in own.into_iter().flatten() {
+            let name = format!("{part}.{name}");
+            if !seen.insert(name.clone()) {
+                return Err(ModelError::Same(name));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// What drives an input: a part and its signal.
 type Driver = Option<(usize, Node)>;
 
@@ -190,10 +225,12 @@ fn drivers(
     connections: &[(&str, &str)],
 ) -> Result<Vec<Vec<Driver>>, ModelError> {
     let split = |name: &str| {
-        let found = parts.iter().enumerate().find_map(|(k, (part, _))| {
+        let found = parts.iter().enumerate().filter_map(|(k, (part, _))| {
             let rest = name.strip_prefix(part)?;
             Some((k, rest.strip_prefix('.')?.to_owned()))
         });
+        // Of parts `a` and `a.b` the longer one is meant.
+        let found = found.max_by_key(|(k, _)| parts[*k].0.len());
         let known = parts.iter().map(|(part, _)| format!("{part}."));
         found.ok_or_else(|| ModelError::Unknown {
             role: "part",
@@ -207,7 +244,15 @@ fn drivers(
     let mut drivers: Vec<Vec<Driver>> = none.collect();
     for (from, to) in connections {
         let ((source, signal), (target, input)) = (split(from)?, split(to)?);
-        let node = parts[source].1.signal(&signal)?;
+        let node = parts[source].1.signal(&signal);
+        let node = node.map_err(|error| match error {
+            ModelError::Unknown { role, known, .. } => ModelError::Unknown {
+                role,
+                name: (*from).to_owned(),
+                known,
+            },
+            other => other,
+        })?;
         let inputs = &parts[target].1.inputs;
         let place = inputs.iter().position(|own| *own == input);
         let place = place.ok_or_else(|| unknown("input", to, inputs.iter()))?;

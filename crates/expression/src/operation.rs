@@ -56,7 +56,7 @@ pub enum Function {
     Acosh,
     Atanh,
     Abs,
-    /// 1, 0 or -1.
+    /// 1 or -1, as `f64::signum` says: 1 at 0.
     Sign,
 }
 
@@ -88,14 +88,9 @@ impl Function {
                 true => -x,
                 false => x,
             },
-            Self::Sign => T::from(sign(x.re())),
+            Self::Sign => T::from(x.re().signum()),
         }
     }
-}
-
-/// 1, 0 or -1; not a number where `x` is none.
-fn sign(x: f64) -> f64 {
-    if x == 0.0 { 0.0 } else { x.signum() }
 }
 
 /// What joins two numbers.

@@ -185,6 +185,20 @@ fn equations_that_look_at_numbers_are_told() {
         Tape::new(&graph, 1, |_| false, &[&nodes]).evaluate(&[3.0]),
         [1.5]
     );
+    // A loop that waits for a number ends, and so does a panic for what was seen.
+    let newton = |x: &[Traced]| {
+        let mut root = x[0];
+        while (root * root - 2.0).re().abs().partial_cmp(&1e-12) != Some(std::cmp::Ordering::Less) {
+            root = root - (root * root - 2.0) / (root * 2.0);
+        }
+        vec![root]
+    };
+    assert_eq!(trace(1, newton).unwrap_err(), Obstacle::Comparison);
+    let unwrapping = trace(1, |x| {
+        assert!(x[0].re() > 0.0, "of the user");
+        x.to_vec()
+    });
+    assert_eq!(unwrapping.unwrap_err(), Obstacle::Comparison);
     let panicked = std::panic::catch_unwind(|| trace(1, |_| panic!("of the equations")));
     assert!(panicked.is_err() && trace(1, |x| x.to_vec()).is_ok());
 }
@@ -235,7 +249,7 @@ fn wires_that_are_wrong_are_named() {
     assert!(join(&[("a.x", "b.u"), ("b.x", "b.u")]).contains("b.u is connected twice"));
     assert_eq!(
         join(&[("a.y", "b.u")]),
-        "no signal is called y; there are double, x, u"
+        "no signal is called a.y; there are double, x, u"
     );
     assert_eq!(
         join(&[("a.x", "b.v")]),
@@ -245,6 +259,15 @@ fn wires_that_are_wrong_are_named() {
         join(&[("c.x", "b.u")]),
         "no part is called c.x; there are a., b."
     );
+    assert_eq!(
+        join(&[("b.q", "a.u")]),
+        "no signal is called b.q; there are double, x, u"
+    );
+    let same = [("a", lag()), ("a", lag())];
+    let same = Model::join(&same, &[]).map(|_| ()).unwrap_err();
+    assert_eq!(same, ModelError::Same("a.x".into()));
+    let nested = [("a", lag()), ("a.b", lag())];
+    assert!(Model::join(&nested, &[("a.x", "a.b.u"), ("a.b.x", "a.u")]).is_ok());
     // With a state between, a loop is none.
     let loops = [("a.x", "b.u"), ("b.x", "a.u")];
     assert!(Model::join(&[("a", lag()), ("b", lag())], &loops).is_ok());

@@ -11,6 +11,7 @@ use std::iter::{Product, Sum};
 use std::ops::{
     Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign,
 };
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 thread_local! {
     static RECORDING: RefCell<Option<Recording>> = const { RefCell::new(None) };
@@ -19,7 +20,12 @@ thread_local! {
 struct Recording {
     graph: Graph,
     obstacle: Option<Obstacle>,
+    /// How often a number was looked at that is none.
+    looks: usize,
 }
+
+/// Equations that look at numbers more often than this may never end.
+const MOST_LOOKS: usize = 1000;
 
 /// Why equations cannot be taken down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -53,16 +59,21 @@ pub fn trace(
     let recording = Recording {
         graph,
         obstacle: None,
+        looks: 0,
     };
     let before = RECORDING.replace(Some(recording));
     let restore = Restore(before);
-    let found = equations(&variables);
+    let found = catch_unwind(AssertUnwindSafe(|| equations(&variables)));
     let recording = RECORDING.take();
     drop(restore);
-    let Recording { graph, obstacle } = recording.expect("set above");
-    match obstacle {
-        Some(obstacle) => Err(obstacle),
-        None => Ok((graph, found.into_iter().map(|own| own.0).collect())),
+    let Recording {
+        graph, obstacle, ..
+    } = recording.expect("set above");
+    match (obstacle, found) {
+        // What looks at numbers may panic or go round in circles for what it sees.
+        (Some(obstacle), _) => Err(obstacle),
+        (None, Ok(found)) => Ok((graph, found.into_iter().map(|own| own.0).collect())),
+        (None, Err(panic)) => resume_unwind(panic),
     }
 }
 
@@ -90,13 +101,19 @@ impl Traced {
 
     /// Its value, where it is a number; what looks at others meets an obstacle.
     fn known(self) -> f64 {
-        record(|own| {
+        let (value, looks) = record(|own| {
             let value = own.graph.value(self.0);
             if value.is_none() {
                 own.obstacle.get_or_insert(Obstacle::Comparison);
+                own.looks += 1;
             }
-            value.unwrap_or(f64::NAN)
-        })
+            (value.unwrap_or(f64::NAN), own.looks)
+        });
+        if looks > MOST_LOOKS {
+            // Out of a loop that waits for a number; no message, since `trace` tells the obstacle.
+            resume_unwind(Box::new("a loop on numbers"));
+        }
+        value
     }
 
     fn missing(self) -> Self {

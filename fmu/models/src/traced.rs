@@ -1,6 +1,6 @@
 //! Equations of the SDK's trait as an expression graph: what is fitted and linearised.
 
-use pilotage_expression::{Model, Obstacle};
+use pilotage_expression::{Model, Obstacle, Traced};
 use pilotage_kit::{At, Equations, Table};
 
 /// Why a model cannot be taken down.
@@ -14,6 +14,14 @@ pub enum TraceError {
         /// Why.
         obstacle: Obstacle,
     },
+    /// An output or derivative that the equations do not write.
+    #[error("model {model}: the equations do not write {variable}, which its table declares")]
+    Unwritten {
+        /// Name of the model.
+        model: String,
+        /// The variable.
+        variable: String,
+    },
     /// It has events.
     #[error("model {0} has events, which a fit does not follow: fit it without them")]
     Events(String),
@@ -23,7 +31,7 @@ pub enum TraceError {
 /// write, as they are written: a [limit](Table::limited) is no part of them.
 ///
 /// # Errors
-/// Where the equations compare numbers, or have events.
+/// Where the equations compare numbers, have events, or leave an output out.
 pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
     let table = equations.table();
     let name = || table.name().to_owned();
@@ -41,23 +49,35 @@ pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
         names(table.computed_outputs().collect()),
     ];
     let model = Model::trace(lists.each_ref().map(Vec::as_slice), |point| {
-        let zero = point.time * 0.0;
         let at = At {
             time: point.time,
             x: point.x,
             u: point.u,
             p: point.p,
         };
-        let mut dx = vec![zero; table.n_states()];
-        let mut y = vec![zero; table.computed_outputs().count()];
+        let unwritten = Traced::from(f64::NAN);
+        let mut dx = vec![unwritten; table.n_states()];
+        let mut y = vec![unwritten; table.computed_outputs().count()];
         equations.derivative(at, &mut dx);
         equations.output(at, &mut y);
         [dx, y]
     });
-    model.map_err(|obstacle| TraceError::Obstacle {
+    let model = model.map_err(|obstacle| TraceError::Obstacle {
         model: name(),
         obstacle,
-    })
+    })?;
+    let system = &model.system;
+    let written = (system.derivatives.iter().zip(&model.states))
+        .chain(system.outputs.iter().zip(&model.outputs));
+    for (node, variable) in written {
+        if system.graph.value(*node).is_some_and(f64::is_nan) {
+            return Err(TraceError::Unwritten {
+                model: name(),
+                variable: variable.clone(),
+            });
+        }
+    }
+    Ok(model)
 }
 
 /// Names and start values of a table's parameters.
