@@ -100,17 +100,21 @@ impl Grid {
             observed: Vec::new(),
             combinations: 0,
         };
-        let mut point_times = Vec::new();
+        // Times of the points, and whether a jump of the inputs is still to come there.
+        let mut point_times: Vec<(f64, bool)> = Vec::new();
         for part in scheme.elements(&run.mesh) {
             let start = run.mesh[part.first];
-            let h = run.mesh[part.first + part.intervals] - start;
-            grid.add_element(start, h, part.tableau, &mut point_times);
+            let end = run.mesh[part.first + part.intervals];
+            grid.add_element((start, end), part.tableau, run, &mut point_times);
         }
         grid.observe(run, &mut point_times);
         grid.inputs = vec![0.0; (n_inputs + 1) * grid.points.len()];
         let inputs = grid.inputs.chunks_exact_mut(n_inputs + 1);
-        for (out, time) in inputs.zip(&point_times) {
-            run.inputs_at(*time, &mut out[..n_inputs]);
+        for (out, (time, is_before)) in inputs.zip(&point_times) {
+            match is_before {
+                true => run.inputs_before(*time, &mut out[..n_inputs]),
+                false => run.inputs_at(*time, &mut out[..n_inputs]),
+            }
             out[n_inputs] = *time;
         }
         // A sample is compared at its own inputs, before a jump too.
@@ -142,9 +146,16 @@ impl Grid {
         self.combinations > 0 && self.points.iter().any(takes)
     }
 
-    fn add_element(&mut self, start: f64, h: f64, tableau: Arc<Tableau>, times: &mut Vec<f64>) {
-        let first = self.nodes() - 1;
-        let at = |c: f64| if c == 1.0 { start + h } else { start + c * h };
+    fn add_element(
+        &mut self,
+        (start, end): (f64, f64),
+        tableau: Arc<Tableau>,
+        run: &Run,
+        times: &mut Vec<(f64, bool)>,
+    ) {
+        let (first, h) = (self.nodes() - 1, end - start);
+        // The end to the last bit: inputs may jump there.
+        let at = |c: f64| if c == 1.0 { end } else { start + c * h };
         self.times
             .extend(tableau.abscissae[1..].iter().map(|c| at(*c)));
         let element = Element {
@@ -153,8 +164,10 @@ impl Grid {
             h,
             tableau,
         };
-        // The point at the common boundary exists when the element before is collocated there too.
-        let shared = self.elements.last().and_then(|last| {
+        // The point at the common boundary exists when the element before is collocated there too, and serves both
+        // unless inputs jump there.
+        let before = self.elements.last().filter(|_| !run.jumps_at(start));
+        let shared = before.and_then(|last| {
             let mut own = self.points_of(last).iter().copied();
             own.rfind(
                 |i| matches!(self.points[*i as usize].state, PointState::Node(k) if k == first),
@@ -177,13 +190,13 @@ impl Grid {
                 state,
                 sample: None,
             });
-            times.push(at(point.c));
+            times.push((at(point.c), point.c == 1.0));
         }
         self.elements.push(element);
     }
 
     /// Finds or adds the point of each sample.
-    fn observe(&mut self, run: &Run, times: &mut Vec<f64>) {
+    fn observe(&mut self, run: &Run, times: &mut Vec<(f64, bool)>) {
         let mut point_of = vec![None; self.nodes()];
         for (i, point) in self.points.iter().enumerate() {
             if let PointState::Node(k) = point.state {
@@ -199,9 +212,9 @@ impl Grid {
                 (&[(j, 1.0)], []) => Some(element.first + j),
                 _ => None,
             };
-            // Of samples of one instant the last is the mesh's: inputs may jump there.
-            let is_last = run.time.get(sample + 1) != Some(&time);
-            let found = node.and_then(|k| point_of[k]).filter(|_| is_last);
+            // Samples of one instant have points of their own: inputs may jump there.
+            let is_alone = |_: &usize| !run.jumps_at(time);
+            let found = node.and_then(|k| point_of[k]).filter(is_alone);
             let index = found.unwrap_or_else(|| {
                 let own = &self.element_points[element.points..];
                 let state = match node {
@@ -212,7 +225,7 @@ impl Grid {
                     state,
                     sample: None,
                 });
-                times.push(time);
+                times.push((time, false));
                 self.points.len() - 1
             });
             self.points[index].sample = Some(sample as u32);

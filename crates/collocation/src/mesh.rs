@@ -10,7 +10,7 @@ pub struct Run {
     pub mesh: Vec<f64>,
     /// Times of the samples \[s\], increasing, within the mesh.
     pub time: Vec<f64>,
-    /// Inputs at each sample; linear in between.
+    /// Inputs at each sample; linear in between. Of two samples of one time the first is before a jump.
     pub inputs: Vec<Vec<f64>>,
     /// What was recorded of each measured output.
     pub measured: Vec<Recording>,
@@ -60,7 +60,22 @@ impl Run {
 
     /// Inputs at a time \[s\]; constant before the first sample and after the last.
     pub fn inputs_at(&self, time: f64, out: &mut [f64]) {
-        let after = self.time.partition_point(|t| *t <= time);
+        self.inputs_between(self.time.partition_point(|t| *t <= time), time, out);
+    }
+
+    /// The same, but before the jump where inputs jump: where two samples are of that time.
+    pub fn inputs_before(&self, time: f64, out: &mut [f64]) {
+        self.inputs_between(self.time.partition_point(|t| *t < time), time, out);
+    }
+
+    /// Whether inputs may jump at a time.
+    pub(super) fn jumps_at(&self, time: f64) -> bool {
+        let first = self.time.partition_point(|t| *t < time);
+        self.time.get(first + 1) == Some(&time)
+    }
+
+    /// On the line from the sample before the one of that number to it.
+    fn inputs_between(&self, after: usize, time: f64, out: &mut [f64]) {
         let from = after.saturating_sub(1);
         let to = after.min(self.time.len() - 1);
         let span = self.time[to] - self.time[from];

@@ -80,8 +80,11 @@ impl Differentiated {
     pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
         let n = self.n_states();
         let mut u = vec![0.0; self.n_inputs()];
-        let mut rate = |time: f64, x: &[f64]| {
-            run.inputs_at(time, &mut u);
+        let mut rate = |time: f64, x: &[f64], is_end: bool| {
+            match is_end {
+                true => run.inputs_before(time, &mut u),
+                false => run.inputs_at(time, &mut u),
+            }
             self.evaluate(time, x, &u, theta)
         };
         let along = |x: &[f64], dx: &[f64], h: f64| -> Vec<f64> {
@@ -95,10 +98,15 @@ impl Differentiated {
             let h = duration / steps;
             for k in 0..steps as usize {
                 let t = times[0] + h * k as f64;
-                let k1 = rate(t, &x);
-                let k2 = rate(t + h / 2.0, &along(&x, &k1, h / 2.0));
-                let k3 = rate(t + h / 2.0, &along(&x, &k2, h / 2.0));
-                let k4 = rate(t + h, &along(&x, &k3, h));
+                let k1 = rate(t, &x, false);
+                let k2 = rate(t + h / 2.0, &along(&x, &k1, h / 2.0), false);
+                let k3 = rate(t + h / 2.0, &along(&x, &k2, h / 2.0), false);
+                let end = if k + 1 == steps as usize {
+                    times[1]
+                } else {
+                    t + h
+                };
+                let k4 = rate(end, &along(&x, &k3, h), true);
                 let next: Vec<f64> = (0..n)
                     .map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
                     .collect();

@@ -14,12 +14,22 @@ fn times(count: u32, step: f64) -> Vec<f64> {
     (0..count).map(|k| step * f64::from(k)).collect()
 }
 
-/// θ of a fit from this start, and the solution.
+/// θ of a fit from this start by Gauss's method, and the solution.
 fn fitted(
     system: &System,
     runs: Vec<Run>,
     start: &[f64],
     initial: &[f64],
+    bounds: &[(f64, f64)],
+) -> (Vec<f64>, Solution, Collocation) {
+    by_scheme(Scheme::Gauss(2), system, runs, (start, initial), bounds)
+}
+
+fn by_scheme(
+    scheme: Scheme,
+    system: &System,
+    runs: Vec<Run>,
+    (start, initial): (&[f64], &[f64]),
     bounds: &[(f64, f64)],
 ) -> (Vec<f64>, Solution, Collocation) {
     let model = Arc::new(Differentiated::new(system));
@@ -28,7 +38,7 @@ fn fitted(
         .collect();
     let scales = Scales::of(&states, start);
     let free = ParameterConstraints::default();
-    let problem = Collocation::new(model, free, Scheme::Gauss(2), runs, scales, bounds);
+    let problem = Collocation::new(model, free, scheme, runs, scales, bounds);
     let z = problem.variables(&states, start);
     let quiet = &mut |_: &_| ControlFlow::Continue(());
     let solution = solve(&problem, z, &Options::default(), quiet);
@@ -195,4 +205,104 @@ fn samples_of_one_instant_are_counted_each() {
         .sum();
     assert!((objective - smaller - scattered).abs() < 1e-9);
     assert!(scattered > 0.1);
+}
+
+/// `ẋ = u - a x` under a square wave, `y = x + b u`: each jump is two samples, before and after it, and stands on a
+/// boundary of the mesh. The states are exact, interval by interval.
+#[test]
+fn inputs_jump_between_two_samples_of_one_instant() {
+    let system = System::trace([1, 1, 2], |at| {
+        let (x, u) = (at.x[0], at.u[0]);
+        [vec![u - at.p[0] * x], vec![x + at.p[1] * u]]
+    });
+    let truth = [0.7, 2.0];
+    let (mut time, mut inputs, mut values) = (vec![0.0], vec![vec![1.0]], Vec::new());
+    let (mut x, mut u) = (0.0, 1.0);
+    values.push(x + truth[1] * u);
+    for k in 1..=80 {
+        x = u / truth[0] + (x - u / truth[0]) * (-truth[0] * 0.1_f64).exp();
+        for is_after in [false, true].into_iter().take(1 + usize::from(k % 10 == 0)) {
+            u = if is_after { -u } else { u };
+            time.push(0.1 * f64::from(k));
+            inputs.push(vec![u]);
+            values.push(x + truth[1] * u);
+        }
+    }
+    let mut mesh = time.clone();
+    mesh.dedup();
+    let run = Run {
+        mesh,
+        inputs,
+        measured: vec![Recording {
+            values,
+            weight: 1.0,
+        }],
+        initial: vec![Some(0.0)],
+        time,
+    };
+    let system = system.unwrap();
+    let simulated = Differentiated::new(&system).simulate(&run, &truth, &[0.0]);
+    assert!((simulated.last().unwrap()[0] - x).abs() < 1e-8);
+    for (scheme, tolerance) in [
+        (Scheme::HermiteSimpson, 1e-6),
+        (Scheme::Trapezoid, 2e-3),
+        (Scheme::Radau(3), 1e-6),
+        (Scheme::Lobatto(3), 1e-6),
+        (Scheme::Gauss(2), 1e-6),
+    ] {
+        let runs = vec![run.clone()];
+        let start: (&[f64], &[f64]) = (&[0.5, 1.0], &[0.0]);
+        let (theta, solution, _) = by_scheme(scheme, &system, runs, start, &[]);
+        assert_eq!(solution.status, Status::Converged);
+        assert_near(&theta, &truth, tolerance);
+    }
+}
+
+#[test]
+fn runs_that_break_the_contract_are_refused() {
+    let system = System::trace([1, 1, 1], |at| {
+        [vec![at.u[0] - at.p[0] * at.x[0]], vec![at.x[0]]]
+    });
+    let model = Arc::new(Differentiated::new(&system.unwrap()));
+    let time = times(5, 0.1);
+    let good = Run {
+        mesh: time.clone(),
+        inputs: vec![vec![1.0]; 5],
+        measured: vec![Recording {
+            values: vec![0.0; 5],
+            weight: 1.0,
+        }],
+        initial: vec![None],
+        time,
+    };
+    let is_refused = |change: &dyn Fn(&mut Run)| {
+        let mut run = good.clone();
+        change(&mut run);
+        let made = std::panic::AssertUnwindSafe(|| {
+            let scales = Scales {
+                states: vec![1.0],
+                parameters: vec![1.0],
+            };
+            let free = ParameterConstraints::default();
+            Collocation::new(
+                model.clone(),
+                free,
+                Scheme::Trapezoid,
+                vec![run],
+                scales,
+                &[],
+            )
+        });
+        std::panic::catch_unwind(made).is_err()
+    };
+    assert!(!is_refused(&|_| {}));
+    assert!(is_refused(&|run| run.mesh[4] = 0.35));
+    assert!(is_refused(&|run| run.mesh[0] = 0.05));
+    assert!(is_refused(&|run| run.mesh.swap(1, 2)));
+    assert!(is_refused(&|run| run.time.swap(1, 2)));
+    assert!(is_refused(&|run| run.inputs[3].clear()));
+    assert!(is_refused(&|run| run.inputs.push(vec![1.0])));
+    assert!(is_refused(&|run| run.measured[0].values.push(1.0)));
+    assert!(is_refused(&|run| run.measured[0].values[2] = f64::INFINITY));
+    assert!(is_refused(&|run| run.initial.push(None)));
 }
