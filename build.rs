@@ -25,6 +25,9 @@ fn main() {
         "fmu",
         "crates/ode",
         "crates/units",
+        "crates/text",
+        "crates/expression",
+        "crates/language",
     ] {
         println!("cargo::rerun-if-changed={input}");
     }

@@ -3,7 +3,7 @@
 
 use libloading::Library;
 use pilotage::cosim::recorder::Signal;
-use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, Recorder, System, run};
+use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, Recorder, System, run};
 use pilotage::export::{Export, Provenance};
 use pilotage::fmi::{Fmu, fmu};
 use pilotage::models::pilot::PAPER_THETA;
@@ -91,8 +91,8 @@ impl Recorder for Nothing {
 fn coupled(libraries: &[fmu::Library; 2], recorder: &mut dyn Recorder) -> f64 {
     let mut system = System::new();
     for (library, name) in libraries.iter().zip(["pilot", "quadcopter"]) {
-        let slave = FmuSlave::new(library, name).expect("the FMU instantiates");
-        system.add(name, Box::new(slave)).expect("names differ");
+        let component = FmuComponent::new(library, name).expect("the FMU instantiates");
+        system.add(name, Box::new(component)).expect("names differ");
     }
     system
         .connect("pilot.stick", "quadcopter.stick")

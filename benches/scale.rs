@@ -9,7 +9,7 @@
 //! ```
 
 use clap::Parser;
-use pilotage::identification::{Options, Trial, fit};
+use pilotage::identification::{FitOptions, Trial, fit};
 use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flights, Human};
 use pilotage::transcription::Scheme;
@@ -31,7 +31,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     start: Option<Vec<f64>>,
     /// Collocation scheme.
-    #[arg(long, default_value_t = Options::default().scheme)]
+    #[arg(long, default_value_t = FitOptions::default().scheme)]
     scheme: Scheme,
     /// One size alone, printed as JSON: runs.
     #[arg(long, requires = "rate")]
@@ -85,10 +85,10 @@ fn measured(
 ) -> Result<Value, Box<dyn Error>> {
     let trials = flights(runs, rate)?;
     let before = peak_memory();
-    let options = Options {
+    let options = FitOptions {
         start,
         scheme,
-        ..Options::default()
+        ..FitOptions::default()
     };
     let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
     Ok(json!({

@@ -7,7 +7,7 @@
 //! ```
 
 use pilotage::identification::joint::Joint;
-use pilotage::identification::{Fit, FitError, InitialPosition, Mesh, Options, Trial, fit};
+use pilotage::identification::{Fit, FitError, FitOptions, InitialPosition, Mesh, Trial, fit};
 use pilotage::transcription::Differentiated;
 use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
@@ -100,14 +100,14 @@ fn page() -> Option<PathBuf> {
 
 /// One line of the table.
 fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError> {
-    let options = Options {
+    let options = FitOptions {
         scheme,
         mesh,
         // The flights begin where the first sample says, and what is asked for is the scheme's error alone.
         initial_position: InitialPosition::Known,
         stable_loop: false,
         start: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
-        ..Options::default()
+        ..FitOptions::default()
     };
     let once = || fit(trials, &options, &mut |_| ControlFlow::Continue(()));
     let fit = once()?;
@@ -160,7 +160,7 @@ fn percent(value: f64, sign: bool) -> String {
 
 /// A flight of the continuous-time model from rest, by the classical Runge–Kutta method.
 fn flight(target: f64) -> Trial {
-    let Options { vehicle, pilot, .. } = Options::default();
+    let FitOptions { vehicle, pilot, .. } = FitOptions::default();
     let model = Differentiated::new(&Joint { vehicle, pilot }.system());
     let substeps = (1.0 / (RATE * STEP)).round() as usize;
     let samples = (DURATION * RATE).round() as usize + 1;

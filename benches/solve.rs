@@ -5,7 +5,7 @@
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
-use pilotage::identification::{Fit, FitError, InitialState, Options, TrialSet, fit};
+use pilotage::identification::{Fit, FitError, FitOptions, InitialState, TrialSet, fit};
 use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -21,9 +21,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     let mut fits = Vec::new();
     for scheme in SCHEMES {
-        let options = Options {
+        let options = FitOptions {
             scheme,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
         println!(
@@ -41,14 +41,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // Near one optimum: every scheme from the default scheme's θ, as compare.py begins, at rest.
         let default = fits
             .iter()
-            .find(|(scheme, _)| *scheme == Options::default().scheme);
+            .find(|(scheme, _)| *scheme == FitOptions::default().scheme);
         let start = default.map(|(_, fit)| fit.theta.clone());
         let near = |scheme: Scheme| -> Result<String, FitError> {
-            let options = Options {
+            let options = FitOptions {
                 scheme,
                 start: start.clone(),
                 initial_state: InitialState::AtRest,
-                ..Options::default()
+                ..FitOptions::default()
             };
             let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
             Ok(format!("{:?}: {}", scheme.name(), json(&fit)))

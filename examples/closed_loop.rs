@@ -5,7 +5,7 @@
 //! The smaller the communication step, the closer the coupled models come to the joint ODE. At the
 //! step of 50 ms at which people are recorded, the choice of algorithm shows.
 
-use pilotage::cosim::{Algorithm, Clock, NativeSlave, SeriesRecorder, System, run};
+use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::identification::joint::Joint;
 use pilotage::identification::{Trial, simulate};
 use pilotage::models::{Model, Pilot, Quadcopter};
@@ -32,8 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Where the vehicle is at the end, coupled with the given communication step [s].
 fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
-    let pilot = NativeSlave::new(Model::pilot(&THETA, f64::INFINITY));
-    let quadcopter = NativeSlave::new(Model::quadcopter(&Quadcopter::default()));
+    let pilot = NativeComponent::new(Model::pilot(&THETA, f64::INFINITY));
+    let quadcopter = NativeComponent::new(Model::quadcopter(&Quadcopter::default()));
     system.add("pilot", Box::new(pilot))?;
     system.add("quadcopter", Box::new(quadcopter))?;
     system.connect("pilot.stick", "quadcopter.stick")?;

@@ -8,7 +8,7 @@
 
 use pilotage::identification::joint::Joint;
 use pilotage::identification::statistics::rms;
-use pilotage::identification::{Objective, Options, TrialSet, fit, simulate};
+use pilotage::identification::{FitOptions, Objective, TrialSet, fit, simulate};
 use std::error::Error;
 use std::ops::ControlFlow;
 
@@ -16,9 +16,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let paths: Vec<_> = std::env::args().skip(1).map(Into::into).collect();
     let trials = TrialSet::read(&paths)?.fit;
     for objective in Objective::ALL {
-        let options = Options {
+        let options = FitOptions {
             objective,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
         let joint = Joint {

@@ -6,14 +6,14 @@
 //! and stick, gives back the pilot's four parameters and the rover's drag, although both signals are noisy. The
 //! same `Rover` then drives in a co-simulation; `pilotage pack` would make an FMU of it.
 
-use pilotage::cosim::{Algorithm, Clock, NativeSlave, SeriesRecorder, System, run};
+use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::expression::Model;
 use pilotage::models::{Model as BuiltIn, traced};
-use pilotage::sqp::{Options, Status};
+use pilotage::sqp::{SqpOptions, Status};
 use pilotage::transcription::{
     Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
 };
-use pilotage_kit::{At, Equations, Scalar, Table};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let bounds = [(-1.0, 1.0)];
     let problem = Collocation::new(model, free, Scheme::HermiteSimpson, runs, scales, &bounds);
     let z = problem.variables(&states, &start);
-    let solution = solve(&problem, z, &Options::default(), &mut |_| {
+    let solution = solve(&problem, z, &SqpOptions::default(), &mut |_| {
         ControlFlow::Continue(())
     });
     if solution.status != Status::Converged {
@@ -128,9 +128,9 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
 /// Where the rover is after 20 s in the co-simulation master, its target 1 m ahead.
 fn driven(found: &[f64]) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
-    let pilot = NativeSlave::new(BuiltIn::pilot(&found[..4], 1.0));
+    let pilot = NativeComponent::new(BuiltIn::pilot(&found[..4], 1.0));
     system.add("pilot", Box::new(pilot))?;
-    system.add("rover", Box::new(NativeSlave::new(Rover)))?;
+    system.add("rover", Box::new(NativeComponent::new(Rover)))?;
     system.connect("pilot.stick", "rover.stick")?;
     system.connect("rover.position", "pilot.position")?;
     system.set("pilot.target", "1")?;

@@ -8,7 +8,8 @@
 //! From the six shipped flights to a pilot, to FMUs of pilot and vehicle, to both flying together:
 //!
 //! ```
-//! use pilotage::{Algorithm, Clock, Export, FitOptions, FmuSlave, Model, Provenance, SeriesRecorder, System, TrialSet};
+//! use pilotage::{Algorithm, Clock, Export, FitOptions, FmuComponent, Model};
+//! use pilotage::{Provenance, SeriesRecorder, System, TrialSet};
 //! use std::ops::ControlFlow;
 //!
 //! let trials = TrialSet::read(&["examples/trials/trials.toml".into()])?.fit;
@@ -23,8 +24,8 @@
 //! Export::new(&vehicle, &Provenance::vehicle(None)).write(&quadcopter)?;
 //!
 //! let mut system = System::new();
-//! system.add("pilot", Box::new(FmuSlave::open(&pilot, "pilot")?))?;
-//! system.add("quadcopter", Box::new(FmuSlave::open(&quadcopter, "quadcopter")?))?;
+//! system.add("pilot", Box::new(FmuComponent::open(&pilot, "pilot")?))?;
+//! system.add("quadcopter", Box::new(FmuComponent::open(&quadcopter, "quadcopter")?))?;
 //! system.connect("pilot.stick", "quadcopter.stick")?;
 //! system.connect("quadcopter.z", "pilot.position")?;
 //! system.set("pilot.target", "10")?;
@@ -37,16 +38,18 @@
 //! ```
 //!
 //! That is most of what a program needs; all else is in the crates of which these names are taken:
-//! `pilotage-identification` (trials, fit, doubts, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
-//! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-kit` (FMUs of models of your own), and
+//! `pilotage-identification` (trials, fit, diagnostics, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
+//! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of models of your own), and
 //! beneath them `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 
 #[doc(inline)]
 pub use export::{Export, Provenance};
 #[doc(inline)]
-pub use pilotage_cosim::{Algorithm, Clock, FmuSlave, SeriesRecorder, System, run as co_simulate};
+pub use pilotage_cosim::{
+    Algorithm, Clock, FmuComponent, SeriesRecorder, System, run as co_simulate,
+};
 #[doc(inline)]
-pub use pilotage_identification::{Fit, Options as FitOptions, Trial, TrialSet, fit};
+pub use pilotage_identification::{Fit, FitOptions, Trial, TrialSet, fit};
 #[doc(inline)]
 pub use pilotage_models::Model;
 
@@ -54,11 +57,11 @@ pub mod export;
 
 // For the command, the tests and the benches: the parts by their short names.
 #[doc(hidden)]
+pub mod atomic_file;
+#[doc(hidden)]
 pub mod cli;
 #[doc(hidden)]
 pub mod date;
-#[doc(hidden)]
-pub mod output;
 #[doc(hidden)]
 pub mod report;
 #[doc(hidden)]
@@ -69,7 +72,7 @@ pub use {
     pilotage_identification::{synthetic, vehicle},
     pilotage_linear as linear, pilotage_models as models, pilotage_ode as integrate,
     pilotage_series as series, pilotage_sqp as sqp,
-    pilotage_text::{causes, document, nearest},
+    pilotage_text::{document, error_chain, suggestion},
 };
 
 /// Has the compiler read the examples of the guide.

@@ -1,13 +1,13 @@
-//! From which cost of a step on it pays to let slaves step at the same time.
+//! From which cost of a step on it pays to let components step at the same time.
 
-use pilotage::cosim::slave::SlaveError;
+use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
-    Algorithm, Clock, Coupling, Kind, Progress, Role, Slave, System, Value, Variable, run,
+    Algorithm, Clock, Component, Coupling, Progress, Role, System, ValueKind, Variable, run,
 };
 use std::time::{Duration, Instant};
 
-/// Slaves side by side, and what their steps take [µs].
-const SLAVES: usize = 4;
+/// Components side by side, and what their steps take [µs].
+const COMPONENTS: usize = 4;
 const COSTS: [f64; 8] = [0.5, 1.0, 2.0, 5.0, 10.0, 50.0, 200.0, 1000.0];
 
 /// Takes its time and does nothing.
@@ -16,33 +16,21 @@ struct Busy {
     variables: [Variable; 1],
 }
 
-impl Slave for Busy {
+impl Component for Busy {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), ComponentError> {
         Ok(())
     }
 
-    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         values.fill(0.0);
         Ok(())
     }
 
-    fn set(&mut self, _handle: u32, _value: &Value) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
-        Ok(Value::Real(0.0))
-    }
-
-    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, ComponentError> {
         let started = Instant::now();
         while started.elapsed() < self.cost {
             std::hint::spin_loop();
@@ -51,18 +39,18 @@ impl Slave for Busy {
     }
 }
 
-/// Microseconds for a communication step of all slaves; the least of some runs.
+/// Microseconds for a communication step of all components; the least of some runs.
 fn step(cost: f64, parallel: bool) -> f64 {
     let steps = (5e4 / cost).clamp(50.0, 5000.0) as u64;
     let once = || {
         let mut system = System::new();
-        for k in 0..SLAVES {
-            let slave = Busy {
+        for k in 0..COMPONENTS {
+            let component = Busy {
                 cost: Duration::from_nanos((1e3 * cost) as u64),
-                variables: [Variable::new("y", 0, Kind::Real, Role::Output)],
+                variables: [Variable::new("y", 0, ValueKind::Real, Role::Output)],
             };
             system
-                .add(format!("busy{k}"), Box::new(slave))
+                .add(format!("busy{k}"), Box::new(component))
                 .expect("names differ");
         }
         let clock = Clock::new(0.0, steps as f64, 1.0).expect("it divides");
@@ -81,7 +69,7 @@ fn step(cost: f64, parallel: bool) -> f64 {
 pub fn print() {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     println!(
-        "{SLAVES} slaves one after another and at the same time, {threads} processors; µs per communication step:"
+        "{COMPONENTS} components one after another and at the same time, {threads} processors; µs per communication step:"
     );
     let mut pays_from = None;
     for cost in COSTS {

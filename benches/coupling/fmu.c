@@ -6,11 +6,11 @@
 
 typedef struct {
     double input, output;
-} Slave;
+} Component;
 
 typedef const char *String;
 
-static void calculate(Slave *s, double h) {
+static void calculate(Component *s, double h) {
 #ifdef INTEGRATOR
     s->output += h * s->input;
 #else
@@ -24,7 +24,7 @@ const char *fmi2GetVersion(void) { return "2.0"; }
 int fmi2SetDebugLogging(void *c, int on, size_t n, const String categories[]) { return 0; }
 void *fmi2Instantiate(String name, int type, String guid, String resources, const void *callbacks,
                       int visible, int logging) {
-    return calloc(1, sizeof(Slave));
+    return calloc(1, sizeof(Component));
 }
 void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetupExperiment(void *c, int has_tolerance, double tolerance, double start, int has_stop,
@@ -32,14 +32,14 @@ int fmi2SetupExperiment(void *c, int has_tolerance, double tolerance, double sta
 int fmi2EnterInitializationMode(void *c) { calculate(c, 0.0); return 0; }
 int fmi2ExitInitializationMode(void *c) { calculate(c, 0.0); return 0; }
 int fmi2Terminate(void *c) { return 0; }
-int fmi2Reset(void *c) { Slave *s = c; s->input = s->output = 0.0; return 0; }
+int fmi2Reset(void *c) { Component *s = c; s->input = s->output = 0.0; return 0; }
 int fmi2GetReal(void *c, const unsigned vr[], size_t n, double values[]) {
-    Slave *s = c;
+    Component *s = c;
     for (size_t i = 0; i < n; i++) values[i] = vr[i] == 0 ? s->input : s->output;
     return 0;
 }
 int fmi2SetReal(void *c, const unsigned vr[], size_t n, const double values[]) {
-    Slave *s = c;
+    Component *s = c;
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != 0) return 3;
         s->input = values[i];

@@ -11,9 +11,9 @@ typedef struct {
     int (*set)(void *, const unsigned[], size_t, const double[]);
     int (*get)(void *, const unsigned[], size_t, double[]);
     int (*step)(void *, double, double, int);
-} Slave;
+} Component;
 
-static Slave open_slave(const char *path) {
+static Component open_component(const char *path) {
     void *library = dlopen(path, RTLD_NOW);
     if (!library) { fprintf(stderr, "%s\n", dlerror()); exit(1); }
     void *(*instantiate)(const char *, int, const char *, const char *, const void *, int, int) =
@@ -21,7 +21,7 @@ static Slave open_slave(const char *path) {
     int (*setup)(void *, int, double, double, int, double) = dlsym(library, "fmi2SetupExperiment");
     int (*enter)(void *) = dlsym(library, "fmi2EnterInitializationMode");
     int (*leave)(void *) = dlsym(library, "fmi2ExitInitializationMode");
-    Slave s = { instantiate("i", 1, "", "", NULL, 0, 0), dlsym(library, "fmi2SetReal"),
+    Component s = { instantiate("i", 1, "", "", NULL, 0, 0), dlsym(library, "fmi2SetReal"),
                 dlsym(library, "fmi2GetReal"), dlsym(library, "fmi2DoStep") };
     if (setup(s.instance, 0, 0.0, 0.0, 0, 0.0) | enter(s.instance) | leave(s.instance)) exit(1);
     return s;
@@ -29,7 +29,7 @@ static Slave open_slave(const char *path) {
 
 int main(int argc, char **argv) {
     if (argc != 5) return 2;
-    Slave controller = open_slave(argv[1]), integrator = open_slave(argv[2]);
+    Component controller = open_component(argv[1]), integrator = open_component(argv[2]);
     long steps = atol(argv[3]);
     double h = atof(argv[4]), u, y;
     const unsigned input = 0, output = 1;

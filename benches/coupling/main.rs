@@ -12,8 +12,8 @@ mod python;
 
 use pilotage::cosim::recorder::Signal;
 use pilotage::cosim::{
-    Algorithm, Clock, Coupling, CsvRecorder, Ending, FmuSlave, Recorder, SeriesRecorder, System,
-    run,
+    Algorithm, Clock, Coupling, CsvRecorder, Ending, FmuComponent, Recorder, SeriesRecorder,
+    System, run,
 };
 use pilotage::fmi::{Fmu, fmu};
 use std::hint::black_box;
@@ -116,8 +116,8 @@ fn into_csv(libraries: &[fmu::Library; 2], mut recorder: CsvRecorder<std::fs::Fi
 fn system(libraries: &[fmu::Library; 2]) -> System {
     let mut system = System::new();
     for (library, name) in libraries.iter().zip(["controller", "integrator"]) {
-        let slave = FmuSlave::new(library, name).expect("the FMU instantiates");
-        system.add(name, Box::new(slave)).expect("names differ");
+        let component = FmuComponent::new(library, name).expect("the FMU instantiates");
+        system.add(name, Box::new(component)).expect("names differ");
     }
     for (from, to) in [
         ("controller.y", "integrator.u"),

@@ -10,7 +10,7 @@
 
 use pilotage::identification::problem;
 use pilotage::identification::solve::{SHORT_STEP, candidates};
-use pilotage::identification::{InitialState, Options, Progress, TrialSet, start};
+use pilotage::identification::{FitOptions, InitialState, Progress, TrialSet, start};
 use pilotage::sqp::{self, Iteration, Solution, Status};
 use pilotage::transcription::{Collocation, Condensed, Scales};
 use serde_json::{Value, json};
@@ -35,12 +35,12 @@ fn answer(request: &Value) -> Result<Value, Failure> {
     let manifest = PathBuf::from(text(request, "manifest")?);
     let set = TrialSet::read(&[manifest])?;
     let initial_state = text(request, "initial_state")?;
-    let options = Options {
+    let options = FitOptions {
         scheme: text(request, "scheme")?.parse()?,
         initial_state: (InitialState::ALL.into_iter())
             .find(|s| s.as_str() == initial_state)
             .ok_or_else(|| format!("no initial state is called {initial_state}"))?,
-        ..Options::default()
+        ..FitOptions::default()
     };
     match &request["theta"] {
         Value::Null => {
@@ -62,7 +62,7 @@ fn answer(request: &Value) -> Result<Value, Failure> {
 
 fn race(
     set: &TrialSet,
-    options: &Options,
+    options: &FitOptions,
     theta: &[f64],
     request: &Value,
 ) -> Result<Value, Failure> {
@@ -74,11 +74,11 @@ fn race(
     let start = problem.variables(&states, theta);
     let (setup_seconds, _) = clock.seconds();
 
-    let sqp_options = sqp::Options {
+    let sqp_options = sqp::SqpOptions {
         tolerance: number(request, "tolerance")?,
         max_iterations: number(request, "max_iterations")? as usize,
         short_step: SHORT_STEP,
-        ..sqp::Options::default()
+        ..sqp::SqpOptions::default()
     };
     let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
     let (mut seconds, mut wall_seconds) = (Vec::new(), Vec::new());
@@ -134,7 +134,7 @@ fn race(
 fn solve(
     problem: &Collocation,
     start: Vec<f64>,
-    options: &sqp::Options,
+    options: &sqp::SqpOptions,
     limit: Duration,
     record: &mut dyn FnMut(&Iteration),
 ) -> Solution {

@@ -83,7 +83,7 @@ pub fn measure() -> Figures {
     let free = ParameterConstraints::default();
     let problem = Collocation::new(model, free, Scheme::Trapezoid, runs, scales, &[]);
     let z = problem.variables(&states, &start);
-    let options = pilotage_sqp::Options::default();
+    let options = pilotage_sqp::SqpOptions::default();
     let mut figures = Figures {
         unknowns: z.len(),
         iterations: 0,

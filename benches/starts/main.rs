@@ -17,7 +17,7 @@ mod pilots;
 use clap::Parser;
 use pilotage::identification::solve::Iterate;
 use pilotage::identification::{
-    Doubt, Fit, InitialState, Options, Progress, Trial, fit, random_starts,
+    Diagnostic, Fit, FitOptions, InitialState, Progress, Trial, fit, random_starts,
 };
 use pilotage::sqp::Status;
 use pilotage::synthetic::Human;
@@ -39,10 +39,10 @@ const WINDOW: usize = 10;
 #[derive(Debug, Parser)]
 struct Args {
     /// What is known of the states at the first sample.
-    #[arg(long, default_value = Options::default().initial_state.as_str())]
+    #[arg(long, default_value = FitOptions::default().initial_state.as_str())]
     initial_state: String,
     /// Collocation scheme.
-    #[arg(long, default_value_t = Options::default().scheme)]
+    #[arg(long, default_value_t = FitOptions::default().scheme)]
     scheme: Scheme,
     /// Data sets of each human.
     #[arg(long, default_value_t = 10)]
@@ -125,12 +125,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 impl Args {
-    fn options(&self) -> Result<Options, String> {
+    fn options(&self) -> Result<FitOptions, String> {
         let state = (InitialState::ALL.into_iter()).find(|s| s.as_str() == self.initial_state);
-        Ok(Options {
+        Ok(FitOptions {
             initial_state: state.ok_or("no such initial state")?,
             scheme: self.scheme,
-            ..Options::default()
+            ..FitOptions::default()
         })
     }
 
@@ -196,7 +196,7 @@ fn write(sets: &[DataSet], folder: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// The default fit and the random starts.
-fn study<'a>(data: &'a DataSet, options: &Options, count: usize) -> Outcome<'a> {
+fn study<'a>(data: &'a DataSet, options: &FitOptions, count: usize) -> Outcome<'a> {
     let fit = fit(&data.trials, options, &mut |_| ControlFlow::Continue(()))
         .expect("six flights can be fitted");
     let mut outcome = Outcome {
@@ -225,8 +225,8 @@ fn study<'a>(data: &'a DataSet, options: &Options, count: usize) -> Outcome<'a> 
 
 /// The fit from one random start; none when its last iterate is infeasible. It ends early when it crawls
 /// behind the best so far.
-fn random_fit(trials: &[Trial], options: &Options, start: Vec<f64>, best: f64) -> Option<Fit> {
-    let options = Options {
+fn random_fit(trials: &[Trial], options: &FitOptions, start: Vec<f64>, best: f64) -> Option<Fit> {
+    let options = FitOptions {
         start: Some(start),
         ..options.clone()
     };
@@ -261,13 +261,15 @@ impl Outcome<'_> {
 
     /// True when the fit itself says that there may be a better optimum, or that it has not converged.
     fn says_so(&self) -> bool {
-        let of_starts = |d: &Doubt| {
+        let of_starts = |d: &Diagnostic| {
             matches!(
                 d,
-                Doubt::OneStart { .. } | Doubt::Lower { .. } | Doubt::WildStart { .. }
+                Diagnostic::OneStart { .. }
+                    | Diagnostic::Lower { .. }
+                    | Diagnostic::WildStart { .. }
             )
         };
-        !self.fit.converged || self.fit.doubts.iter().any(of_starts)
+        !self.fit.converged || self.fit.diagnostics.iter().any(of_starts)
     }
 
     fn to_json(&self, args: &Args) -> Value {

@@ -2,9 +2,9 @@
 //! model exchange.
 //!
 //! One library serves every model: which one, and with which start values, stands in the FMU's
-//! `resources/model.toml`, so that exporting needs no compiler. All else is [`pilotage_kit`]'s.
+//! `resources/model.toml`, which may be a user's model file, so that exporting needs no compiler. All else is [`pilotage_sdk`]'s.
 
-pilotage_kit::export!(
-    pilotage_models::Model,
-    pilotage_models::Model::from_resources
+pilotage_sdk::export!(
+    pilotage_models::AnyModel,
+    pilotage_models::AnyModel::from_resources
 );

@@ -3,15 +3,17 @@
 use super::fit::summary;
 use super::made::{made, program, quoted};
 use super::progress::Progress;
-use super::{Failure, Outcome, folder, terminal, validate};
-use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuSlave, System};
+use super::{Failure, Outcome, folder, overwrite, terminal, validate};
+use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
 use crate::export::{Export, Provenance};
 use crate::identification::statistics::rms;
-use crate::identification::{Fit, Identification, Options, PilotFile, Trial, TrialSet, pilot_file};
+use crate::identification::{
+    Fit, FitOptions, Identification, PilotFile, Trial, TrialSet, pilot_file,
+};
 use crate::models::Model;
 use crate::report::{self, ClosedLoop, Report, significant};
 use crate::series::Series;
-use crate::{output, vehicle};
+use crate::vehicle;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -51,7 +53,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     folder::create_new(&args.output, args.force)?;
     let demo = Demo {
         folder: args.output,
-        options: Options::default(),
+        options: FitOptions::default(),
     };
     let trials = demo.trials()?;
     let found = demo.fit(trials)?;
@@ -75,7 +77,7 @@ struct Flight {
 
 struct Demo {
     folder: PathBuf,
-    options: Options,
+    options: FitOptions,
 }
 
 impl Demo {
@@ -84,9 +86,7 @@ impl Demo {
     }
 
     fn save(&self, file: &str, content: &[u8]) -> Result<(), Failure> {
-        let path = self.path(file);
-        let written = output::write(&path, content);
-        written.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+        overwrite::save(&self.path(file), content)
     }
 
     /// Writes the example trials out and reads them as any user's.
@@ -127,8 +127,11 @@ impl Demo {
                 significant(residual, 3)
             ),
         )?;
-        for doubt in &fitted.doubts {
-            say("", &format!("doubt ({}): {doubt}", doubt.code()))?;
+        for diagnostic in &fitted.diagnostics {
+            say(
+                "",
+                &format!("diagnostic ({}): {diagnostic}", diagnostic.code()),
+            )?;
         }
         Ok(found)
     }
@@ -192,8 +195,8 @@ impl Demo {
     fn fly(&self, target: f64, duration: f64) -> Result<Vec<u8>, Failure> {
         let mut system = System::new();
         for name in ["pilot", "quadcopter"] {
-            let slave = FmuSlave::open(&self.path(&format!("{name}.fmu")), name)?;
-            system.add(name, Box::new(slave))?;
+            let component = FmuComponent::open(&self.path(&format!("{name}.fmu")), name)?;
+            system.add(name, Box::new(component))?;
         }
         system.connect("pilot.stick", "quadcopter.stick")?;
         system.connect("quadcopter.z", "pilot.position")?;

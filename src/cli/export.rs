@@ -1,10 +1,11 @@
 //! `pilotage export`: models as FMUs.
 
 use super::made::{program, quoted};
-use super::overwrite::{Kind, Overwrite};
+use super::model::open::ModelArgs;
+use super::overwrite::{OutputKind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::document;
-use crate::export::{Export, Options, Provenance, date, platform};
+use crate::export::{Export, ExportOptions, Provenance, date, platform};
 use crate::fmi::description::FmiVersion;
 use crate::fmi_check::is_date_and_time;
 use crate::identification::PilotFile;
@@ -17,9 +18,23 @@ use std::path::{Path, PathBuf};
 
 /// Arguments of `pilotage export`.
 #[derive(Debug, clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:\n  \
+        pilotage export model.toml -o model.fmu            a model file (docs/models.md)\n  \
+        pilotage export crossover --fmi 3                  a built-in model (`pilotage models`)\n  \
+        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found"
+)]
 pub struct Args {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
+    #[command(flatten)]
+    model: Option<ModelArgs>,
+    /// The FMU to write [default: the model's name].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    fmu: FmuArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -105,7 +120,7 @@ impl FmuArgs {
             (self.binary.iter()).filter_map(|argument| Some(argument.split_once('=')?.1));
         let inputs = libraries.map(PathBuf::from);
         let inputs: Vec<PathBuf> = inputs.chain(model.map(Path::to_owned)).collect();
-        self.overwrite.check(&inputs, &[(output, Kind::Fmu)])
+        self.overwrite.check(&inputs, &[(output, OutputKind::Fmu)])
     }
 
     /// Adds author and date.
@@ -129,7 +144,7 @@ impl FmuArgs {
     }
 
     /// What was asked for, libraries read.
-    pub fn options(&self) -> Result<Options, Failure> {
+    pub fn options(&self) -> Result<ExportOptions, Failure> {
         let read = |argument: &String| {
             let Some((platform, file)) = argument.split_once('=') else {
                 let message = format!("--binary {argument} has no file");
@@ -139,7 +154,7 @@ impl FmuArgs {
                 .map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
             Ok((platform::named(platform)?, bytes))
         };
-        Ok(Options {
+        Ok(ExportOptions {
             version: match self.fmi {
                 Version::V2 => FmiVersion::V2,
                 Version::V3 => FmiVersion::V3,
@@ -161,7 +176,15 @@ const UNSTABLE: &str =
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    match args.command {
+    let command = match (args.command, args.model) {
+        (Some(command), _) => command,
+        (None, Some(model)) => return text(&model, args.output, &args.fmu),
+        (None, None) => {
+            return Err(Failure::new("no model is named")
+                .hint("name a model file, or `pilot` or `quadcopter`; `pilotage export --help` has examples"));
+        }
+    };
+    match command {
         Command::Pilot {
             pilot,
             preset,
@@ -198,11 +221,28 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
 }
 
+/// Exports a model file.
+fn text(args: &ModelArgs, output: Option<PathBuf>, fmu: &FmuArgs) -> Result<Outcome, Failure> {
+    let file = args.file();
+    let model = args.open()?;
+    let own = &model.compiled().file;
+    let output = output.unwrap_or_else(|| PathBuf::from(format!("{}.fmu", own.name)));
+    fmu.check_output(file.as_deref(), &output)?;
+    let shown = file.as_deref().and_then(Path::file_name);
+    let shown = shown.map_or(own.file.clone(), |name| name.to_string_lossy().into());
+    let mut provenance = Provenance::model_file(&shown, &own.source);
+    fmu.sign(&mut provenance)?;
+    Export::text(&model, &provenance)
+        .options(fmu.options()?)
+        .write(&output)?;
+    told(&provenance, &output)
+}
+
 /// The pilot of a result file.
 fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), Failure> {
     recognise::expect(
         [&file.to_owned()],
-        &[recognise::Kind::Pilot],
+        &[recognise::FileKind::Pilot],
         "a pilot file (TOML)",
     )?;
     let pilot = PilotFile::read(file)?;
@@ -236,12 +276,16 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
 fn write(
     model: &Model,
     provenance: &Provenance,
-    options: Options,
+    options: ExportOptions,
     output: &Path,
 ) -> Result<Outcome, Failure> {
     Export::new(model, provenance)
         .options(options)
         .write(output)?;
+    told(provenance, output)
+}
+
+fn told(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
     let mut text = format!("wrote {}\n", output.display());
     if let Some(caveat) = &provenance.caveat {
         text += &format!("note: {caveat}\n");

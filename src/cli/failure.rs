@@ -1,8 +1,11 @@
 //! How a command ends.
 
-use crate::causes::with_causes;
+use crate::document::Place;
+use crate::error_chain::error_chain;
 use std::error::Error;
 use std::fmt;
+use std::io;
+use std::path::Path;
 
 /// How a command that could run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,9 +32,22 @@ impl Failure {
         }
     }
 
+    /// A file that cannot be written.
+    pub fn cannot_write(path: &Path, error: &io::Error) -> Self {
+        Self::new(format!("cannot write {}: {error}", path.display()))
+    }
+
     /// What is wrong, without the hint.
     pub fn message(&self) -> &str {
         &self.message
+    }
+
+    /// Says where it is, if that is in a file.
+    pub fn at(mut self, place: Option<&Place>) -> Self {
+        if let Some(place) = place {
+            self.message = format!("{place}: {}", self.message);
+        }
+        self
     }
 
     /// Adds what to do next.
@@ -54,6 +70,6 @@ impl fmt::Display for Failure {
 impl<E: Error> From<E> for Failure {
     /// Joins the chain of sources into one message: `what: why: why`.
     fn from(error: E) -> Self {
-        Self::new(with_causes(&error))
+        Self::new(error_chain(&error))
     }
 }

@@ -20,3 +20,25 @@ pub fn mode(mode: &Mode) -> String {
         mode.damping
     )
 }
+
+/// Longest cell that the others of its column are filled up to: one long text must not blow up all lines.
+const WIDEST: usize = 120;
+
+/// Columns of equal width, as far as that is reasonable.
+pub fn aligned<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |column: usize| {
+        let widths = rows.iter().map(|row| row[column].chars().count());
+        widths.max().unwrap_or(0).min(WIDEST)
+    };
+    let widths: [usize; N] = std::array::from_fn(width);
+    let mut text = String::new();
+    for row in rows {
+        let begin = text.len();
+        for (cell, &width) in row.iter().zip(&widths) {
+            text += &format!("{cell:<width$}  ");
+        }
+        text.truncate(begin + text[begin..].trim_end().len());
+        text += "\n";
+    }
+    text
+}

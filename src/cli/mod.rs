@@ -13,11 +13,14 @@ mod info;
 mod interrupt;
 mod linearize;
 mod made;
+mod model;
+mod models;
 mod number;
 mod overwrite;
 mod pack;
 mod progress;
 mod recognise;
+mod system;
 mod terminal;
 mod trials;
 mod validate;
@@ -47,8 +50,12 @@ enum Command {
     Fit(Box<fit::Args>),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
-    /// Write a pilot or a quadcopter as an FMU.
-    Export(export::Args),
+    /// List the built-in pilots and vehicles, or print one.
+    Models(models::Args),
+    /// Check, simulate or step a model file.
+    Model(model::Args),
+    /// Write a model file, a pilot or a quadcopter as an FMU.
+    Export(Box<export::Args>),
     /// Make an FMU of a model of your own.
     Pack(pack::Args),
     /// Wire FMUs together and simulate them.
@@ -71,7 +78,9 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Vehicle(args) => vehicle::run(args),
-        Command::Export(args) => export::run(args),
+        Command::Models(args) => models::run(args),
+        Command::Model(args) => model::run(args),
+        Command::Export(args) => export::run(*args),
         Command::Pack(args) => pack::run(args),
         Command::Cosim(args) => cosim::run(*args),
         Command::Linearize(args) => linearize::run(*args),

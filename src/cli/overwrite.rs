@@ -1,7 +1,8 @@
 //! What the commands write, told from what else may stand in its place.
 
 use super::Failure;
-use crate::output::{self, Planned, Refusal};
+use crate::atomic_file::{self, Planned, Refusal};
+use crate::cosim::description::HEADER;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ pub struct Overwrite {
 
 /// What is written; the command that writes it may replace what it wrote before.
 #[derive(Debug, Clone, Copy)]
-pub enum Kind {
+pub enum OutputKind {
     /// A pilot file.
     Pilot,
     /// A report page.
@@ -31,16 +32,28 @@ pub enum Kind {
     Matlab,
     /// A linear system as a table.
     Matrices,
+    /// A system file.
+    System,
 }
 
 impl Overwrite {
     /// Refuses outputs that would destroy something: to be called before the work.
-    pub fn check(&self, inputs: &[PathBuf], outputs: &[(&Path, Kind)]) -> Result<(), Failure> {
+    pub fn check(
+        &self,
+        inputs: &[PathBuf],
+        outputs: &[(&Path, OutputKind)],
+    ) -> Result<(), Failure> {
         let planned: Vec<Planned> = (outputs.iter())
             .map(|(path, kind)| kind.planned(path))
             .collect();
-        output::check(inputs, &planned, self.force).map_err(refused)
+        atomic_file::check(inputs, &planned, self.force).map_err(refused)
     }
+}
+
+/// Writes a file, whole or not at all.
+pub fn save(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Failure> {
+    let written = atomic_file::write(path, content.as_ref());
+    written.map_err(|error| Failure::cannot_write(path, &error))
 }
 
 /// Refuses outputs that are inputs, in a folder that has been found free for whatever is written.
@@ -52,7 +65,7 @@ pub fn keep(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<(), Failure> {
         grows: false,
     };
     let planned: Vec<Planned> = outputs.iter().map(|path| planned(path)).collect();
-    output::check(inputs, &planned, true).map_err(refused)
+    atomic_file::check(inputs, &planned, true).map_err(refused)
 }
 
 fn refused(refusal: Refusal) -> Failure {
@@ -66,7 +79,7 @@ fn refused(refusal: Refusal) -> Failure {
     Failure::from(refusal).hint(hint)
 }
 
-impl Kind {
+impl OutputKind {
     fn planned(self, path: &Path) -> Planned<'_> {
         let (what, is_own): (_, fn(&Path) -> bool) = match self {
             Self::Pilot => ("a pilot file", |path| head(path).starts_with("# A pilot: ")),
@@ -80,6 +93,7 @@ impl Kind {
             Self::Matlab => ("a script", |path| {
                 first_line(path).ends_with("made by pilotage linearize")
             }),
+            Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Matrices => ("a table of matrices", |path| {
                 first_line(path).split(',').next() == Some("row")
             }),

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
     pilotage pack libmy_vehicle.so --fmi 3   takes a library that is built\n\n\
     docs/fmu-models.md shows how to write a model.")]
 pub struct Args {
-    /// Folder of a crate, or shared library, made with `pilotage_kit::export!`.
+    /// Folder of a crate, or shared library, made with `pilotage_sdk::export!`.
     model: PathBuf,
     /// The FMU to write; the model's name where none is given.
     #[arg(short, long)]
@@ -30,7 +30,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let what = "the folder of a crate, or a shared library";
     recognise::expect(
         [&args.model],
-        &[recognise::Kind::Library, recognise::Kind::Folder],
+        &[recognise::FileKind::Library, recognise::FileKind::Folder],
         what,
     )?;
     let options = args.fmu.options()?;

@@ -2,6 +2,7 @@
 
 use super::Failure;
 use super::overwrite::head;
+use crate::cosim::description::KEYS;
 use crate::document::Document;
 use crate::models::COEFFICIENTS;
 use std::fs::File;
@@ -10,7 +11,7 @@ use zip::ZipArchive;
 
 /// What a file is, by its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileKind {
     /// A zip archive or a folder with a model description: an FMU.
     Fmu,
     /// Another zip archive.
@@ -21,6 +22,10 @@ pub enum Kind {
     Pilot,
     /// The coefficients of a vehicle.
     Vehicle,
+    /// Equations.
+    Model,
+    /// Instances and wires.
+    System,
     /// A list of trials.
     Manifest,
     /// A table over time with what a trial must have.
@@ -37,7 +42,7 @@ pub enum Kind {
 /// passes: whoever reads it says what is wrong.
 pub fn expect<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
-    expected: &[Kind],
+    expected: &[FileKind],
     what: &str,
 ) -> Result<(), Failure> {
     for path in paths {
@@ -50,34 +55,64 @@ pub fn expect<'a>(
     Ok(())
 }
 
+/// Whether a file is a model file.
+pub fn is_model(path: &Path) -> bool {
+    of(path) == Some(FileKind::Model)
+}
+
+/// Whether a file is a system file.
+pub fn is_system(path: &Path) -> bool {
+    of(path) == Some(FileKind::System)
+}
+
+/// Whether a file is a system file, or TOML that is nothing else either: reading it as one tells what is wrong.
+pub fn may_be_system(path: &Path) -> bool {
+    is_system(path) || (is_toml(path) && path.is_file() && of(path).is_none())
+}
+
+/// Whether a file is TOML by its name.
+pub fn is_toml(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "toml")
+}
+
+/// Whether a file is an FMU.
+pub fn is_fmu(path: &Path) -> bool {
+    of(path) == Some(FileKind::Fmu)
+}
+
 /// What a file is; `None` where that is not known, or only reading it once would tell (a pipe).
-fn of(path: &Path) -> Option<Kind> {
+fn of(path: &Path) -> Option<FileKind> {
     if path.is_dir() {
         let is_fmu = path.join("modelDescription.xml").is_file();
         return Some(match is_fmu {
-            true => Kind::Fmu,
-            false => Kind::Folder,
+            true => FileKind::Fmu,
+            false => FileKind::Folder,
         });
     }
     if !path.is_file() {
         return None;
     }
-    let text = head(path);
+    // Of TOML all is needed: the beginning alone may be none.
+    let text = match is_toml(path) {
+        true => std::fs::read_to_string(path).unwrap_or_else(|_| head(path)),
+        false => head(path),
+    };
     if text.starts_with("PK\u{3}\u{4}") {
         return Some(archive(path));
     }
     if text.starts_with("\u{7f}ELF") || text.starts_with("MZ") {
-        return Some(Kind::Library);
+        return Some(FileKind::Library);
     }
     let begin = text.trim_start().to_ascii_lowercase();
     if begin.starts_with("<!doctype html") || begin.starts_with("<html") {
-        return Some(Kind::Page);
+        return Some(FileKind::Page);
     }
     toml(&text).or_else(|| table(&text))
 }
 
 /// What a zip archive is, by its entries; one that cannot be read is left to those who look closer.
-fn archive(path: &Path) -> Kind {
+fn archive(path: &Path) -> FileKind {
     let entries = File::open(path)
         .ok()
         .and_then(|file| ZipArchive::new(file).ok());
@@ -86,35 +121,37 @@ fn archive(path: &Path) -> Kind {
         names.any(|name| name.is_ok_and(|name| name.ends_with("modelDescription.xml")))
     };
     match entries.is_none_or(is_fmu) {
-        true => Kind::Fmu,
-        false => Kind::Archive,
+        true => FileKind::Fmu,
+        false => FileKind::Archive,
     }
 }
 
 /// What a TOML file is, by its fields.
-fn toml(text: &str) -> Option<Kind> {
+fn toml(text: &str) -> Option<FileKind> {
     let document = Document::parse(text, "").ok()?;
     let names = document.root().names();
     let is_coefficient = |name: &&str| COEFFICIENTS.iter().any(|field| field.name == *name);
     match names.as_slice() {
-        names if names.contains(&"theta") => Some(Kind::Pilot),
-        names if names.contains(&"run") => Some(Kind::Manifest),
+        names if names.contains(&"theta") => Some(FileKind::Pilot),
+        _ if document.root().is_table("model") => Some(FileKind::Model),
+        names if KEYS.iter().any(|key| names.contains(key)) => Some(FileKind::System),
+        names if names.contains(&"run") => Some(FileKind::Manifest),
         names if names.iter().filter(|name| is_coefficient(name)).count() >= 3 => {
-            Some(Kind::Vehicle)
+            Some(FileKind::Vehicle)
         }
         _ => None,
     }
 }
 
 /// What a CSV file is, by its header.
-fn table(text: &str) -> Option<Kind> {
+fn table(text: &str) -> Option<FileKind> {
     let is_header = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
     let header = text.lines().find(is_header)?.to_ascii_lowercase();
     let names: Vec<&str> = header.split(',').map(|cell| name(cell.trim())).collect();
     let has = |wanted: &str| names.contains(&wanted);
     match names.len() > 1 && names[0] == "time" {
-        true if has("target") && has("position") => Some(Kind::Trial),
-        true => Some(Kind::Table),
+        true if has("target") && has("position") => Some(FileKind::Trial),
+        true => Some(FileKind::Table),
         false => None,
     }
 }
@@ -124,7 +161,7 @@ fn name(cell: &str) -> &str {
     cell.split([' ', '[', '(']).next().unwrap_or(cell)
 }
 
-impl Kind {
+impl FileKind {
     fn words(self) -> &'static str {
         match self {
             Self::Fmu => "an FMU",
@@ -132,6 +169,8 @@ impl Kind {
             Self::Folder => "a folder",
             Self::Pilot => "a pilot file",
             Self::Vehicle => "a vehicle file",
+            Self::Model => "a model file",
+            Self::System => "a system file",
             Self::Manifest => "a list of trials",
             Self::Trial => "a recorded flight",
             Self::Table => "a table over time",
@@ -154,6 +193,12 @@ impl Kind {
             Self::Vehicle => format!(
                 "a vehicle belongs to `--vehicle {file}`, `pilotage export quadcopter {file}` or `pilotage cosim {file}`"
             ),
+            Self::Model => format!(
+                "a model file belongs to `pilotage model check {file}`, `pilotage export {file}` or `pilotage cosim {file}`"
+            ),
+            Self::System => {
+                format!("a system belongs to `pilotage cosim {file}`, `linearize` or `info`")
+            }
             Self::Manifest => format!("trials belong to `pilotage fit {file}` or `trials check`"),
             Self::Trial => format!(
                 "a flight belongs to `pilotage fit {file}`, or feeds an FMU by `cosim --input {file}`"

@@ -1,12 +1,11 @@
 //! `pilotage trials`: recorded flights, checked or made.
 
-use super::cosim::wiring::pair;
 use super::made::{program, quoted};
 use super::number::{number, whole};
-use super::recognise::{self, Kind};
+use super::recognise::{self, FileKind};
+use super::system::flags::pair;
 use super::{Failure, Outcome, folder, overwrite, terminal, vehicle};
 use crate::identification::trials::{ColumnNames, Summary, TrialError, TrialSet};
-use crate::output;
 use crate::report::{short, significant, target_of};
 use crate::series::SeriesError;
 use crate::synthetic::{Flight, Flights, Human};
@@ -50,7 +49,11 @@ impl Columns {
     /// Reads trials and manifests.
     pub fn read(&self, paths: &[PathBuf]) -> Result<TrialSet, Failure> {
         let what = "recorded flights (CSV) or lists of them (TOML)";
-        recognise::expect(paths, &[Kind::Trial, Kind::Table, Kind::Manifest], what)?;
+        recognise::expect(
+            paths,
+            &[FileKind::Trial, FileKind::Table, FileKind::Manifest],
+            what,
+        )?;
         let read = TrialSet::read_with(paths, &ColumnNames::new(&self.named)?);
         read.map_err(|error| {
             let quantity = match &error {
@@ -242,9 +245,7 @@ impl Synth {
     }
 
     fn save(&self, file: &str, content: &str) -> Result<(), Failure> {
-        let path = self.output.join(file);
-        let written = output::write(&path, content.as_bytes());
-        written.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+        overwrite::save(&self.output.join(file), content)
     }
 }
 

@@ -1,6 +1,6 @@
 //! `pilotage vehicle`: the coefficients of the vehicle.
 
-use super::recognise::{self, Kind};
+use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, terminal};
 use crate::models::{COEFFICIENTS, Quadcopter};
 use crate::vehicle::{self, PitchLoop};
@@ -56,7 +56,7 @@ pub fn resolve(file: Option<&Path>) -> Result<Quadcopter, Failure> {
 pub fn read(file: &Path) -> Result<Quadcopter, Failure> {
     recognise::expect(
         [&file.to_owned()],
-        &[Kind::Vehicle],
+        &[FileKind::Vehicle],
         "a vehicle file (TOML)",
     )?;
     Ok(vehicle::read(file)?)

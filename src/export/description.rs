@@ -3,11 +3,11 @@
 
 use super::Provenance;
 use crate::fmi::description as fmi;
-use pilotage_kit::log::LOG_CATEGORIES;
-use pilotage_kit::simulation::DEFAULT_TOLERANCE;
-use pilotage_kit::structure::Unknown;
-use pilotage_kit::variable::reference;
-use pilotage_kit::{Interface, Role, Unit, Variable};
+use pilotage_sdk::log::LOG_CATEGORIES;
+use pilotage_sdk::simulation::DEFAULT_TOLERANCE;
+use pilotage_sdk::structure::Unknown;
+use pilotage_sdk::variable::reference;
+use pilotage_sdk::{Interface, Role, Unit, Variable};
 
 /// Stop time that a simulation takes if the user says nothing: that of the paper's runs [s].
 const STOP_TIME: f64 = 15.0;
@@ -29,8 +29,8 @@ pub fn description(
         .map(str::to_owned)
         .collect();
     let indicators = interface.structure.indicators.len();
-    let newer = version == fmi::FmiVersion::V3;
-    let described = described(interface, newer);
+    let is_fmi3 = version == fmi::FmiVersion::V3;
+    let described = described(interface, is_fmi3);
     fmi::ModelDescription {
         fmi_version: version,
         model_name: interface.name.clone(),
@@ -42,9 +42,10 @@ pub fn description(
         generation_date_and_time: provenance.date.clone(),
         generation_tool: Some(concat!("pilotage ", env!("CARGO_PKG_VERSION")).into()),
         naming_convention: fmi::NamingConvention::Structured,
-        number_of_event_indicators: (!newer).then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
-        model_exchange: Some(model_exchange(interface, newer)),
-        co_simulation: Some(co_simulation(interface, newer)),
+        number_of_event_indicators: (!is_fmi3)
+            .then(|| u32::try_from(indicators).unwrap_or(u32::MAX)),
+        model_exchange: Some(model_exchange(interface, is_fmi3)),
+        co_simulation: Some(co_simulation(interface, is_fmi3)),
         units: units(&interface.variables[..described]),
         log_categories: log_categories(),
         default_experiment: Some(fmi::DefaultExperiment {
@@ -54,7 +55,7 @@ pub fn description(
             step_size: Some(STEP_SIZE),
         }),
         variables: (0..described)
-            .map(|index| variable(interface, index, newer))
+            .map(|index| variable(interface, index, is_fmi3))
             .collect(),
         structure: structure(interface, version),
         ..fmi::ModelDescription::default()
@@ -64,50 +65,50 @@ pub fn description(
 /// How many of the variables are described: all, but for the time, which is the last one, where nothing
 /// depends on it. FMI 3.0 wants it always; in FMI 2.0 some importers want a start value of it, which the
 /// standard forbids.
-fn described(interface: &Interface, newer: bool) -> usize {
+fn described(interface: &Interface, is_fmi3: bool) -> usize {
     let last = interface.variables.len() - 1;
     let s = &interface.structure;
     let mut unknowns = (s.outputs.iter())
         .chain(&s.derivatives)
         .chain(&s.indicators)
         .chain(&s.initial);
-    let is_needed = newer || unknowns.any(|u| u.dependencies.iter().any(|d| d.index == last));
+    let is_needed = is_fmi3 || unknowns.any(|u| u.dependencies.iter().any(|d| d.index == last));
     last + usize::from(is_needed)
 }
 
-/// `newer`: with what FMI 3.0 alone has.
-fn model_exchange(interface: &Interface, newer: bool) -> fmi::ModelExchange {
+/// `is_fmi3`: with what FMI 3.0 alone has.
+fn model_exchange(interface: &Interface, is_fmi3: bool) -> fmi::ModelExchange {
     fmi::ModelExchange {
         model_identifier: interface.name.clone(),
         completed_integrator_step_not_needed: true,
-        can_not_use_memory_management_functions: !newer,
+        can_not_use_memory_management_functions: !is_fmi3,
         can_get_and_set_fmu_state: true,
         can_serialize_fmu_state: true,
         provides_directional_derivative: true,
-        provides_adjoint_derivatives: newer,
-        provides_per_element_dependencies: newer,
+        provides_adjoint_derivatives: is_fmi3,
+        provides_per_element_dependencies: is_fmi3,
         ..fmi::ModelExchange::default()
     }
 }
 
-fn co_simulation(interface: &Interface, newer: bool) -> fmi::CoSimulation {
+fn co_simulation(interface: &Interface, is_fmi3: bool) -> fmi::CoSimulation {
     let events = !interface.structure.indicators.is_empty();
     fmi::CoSimulation {
         model_identifier: interface.name.clone(),
         can_handle_variable_communication_step_size: true,
-        can_interpolate_inputs: !newer,
+        can_interpolate_inputs: !is_fmi3,
         max_output_derivative_order: 1,
-        can_not_use_memory_management_functions: !newer,
+        can_not_use_memory_management_functions: !is_fmi3,
         can_get_and_set_fmu_state: true,
         can_serialize_fmu_state: true,
         provides_directional_derivative: true,
-        provides_adjoint_derivatives: newer,
-        provides_per_element_dependencies: newer,
-        has_event_mode: newer,
+        provides_adjoint_derivatives: is_fmi3,
+        provides_per_element_dependencies: is_fmi3,
+        has_event_mode: is_fmi3,
         // Inputs go straight from the begin of a step to its end: more than held.
-        recommended_intermediate_input_smoothness: i32::from(newer),
-        provides_intermediate_update: newer,
-        might_return_early_from_do_step: newer && events,
+        recommended_intermediate_input_smoothness: i32::from(is_fmi3),
+        provides_intermediate_update: is_fmi3,
+        might_return_early_from_do_step: is_fmi3 && events,
         ..fmi::CoSimulation::default()
     }
 }
@@ -126,7 +127,10 @@ fn log_categories() -> Vec<fmi::LogCategory> {
 fn units(variables: &[Variable]) -> Vec<fmi::Unit> {
     let mut units: Vec<fmi::Unit> = Vec::new();
     // Booleans have none.
-    for variable in variables.iter().filter(|v| !v.is_boolean()) {
+    for variable in variables
+        .iter()
+        .filter(|v| !v.is_boolean() && v.unit.is_some())
+    {
         if !units.iter().any(|unit| unit.name == variable.unit.name) {
             units.push(unit(&variable.unit));
         }
@@ -148,7 +152,7 @@ fn unit(unit: &Unit) -> fmi::Unit {
     }
 }
 
-fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVariable {
+fn variable(interface: &Interface, index: usize, is_fmi3: bool) -> fmi::ScalarVariable {
     use fmi::{Causality as C, Initial as I, Variability as V};
     let variable = &interface.variables[index];
     let (causality, variability, initial) = match variable.role {
@@ -157,7 +161,7 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
         Role::Mode => (C::Output, V::Discrete, Some(I::Exact)),
         Role::Fixed => (C::Parameter, V::Fixed, Some(I::Exact)),
         Role::Tunable => (C::Parameter, V::Tunable, Some(I::Exact)),
-        Role::State | Role::Derivative | Role::Indicator => {
+        Role::State | Role::Local | Role::Derivative | Role::Indicator => {
             (C::Local, V::Continuous, Some(I::Calculated))
         }
         Role::Time => (C::Independent, V::Continuous, None),
@@ -173,7 +177,7 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
     fmi::ScalarVariable {
         description: Some(variable.description.clone()),
         initial,
-        intermediate_update: newer && variable.role == Role::Input,
+        intermediate_update: is_fmi3 && variable.role == Role::Input,
         ..fmi::ScalarVariable::new(&variable.name, reference, causality, variability, kind)
     }
 }
@@ -181,7 +185,7 @@ fn variable(interface: &Interface, index: usize, newer: bool) -> fmi::ScalarVari
 fn real(interface: &Interface, index: usize) -> fmi::RealVariable {
     let variable = &interface.variables[index];
     let attributes = fmi::RealAttributes {
-        unit: Some(variable.unit.name.clone()),
+        unit: Some(variable.unit.name.clone()).filter(|_| variable.unit.is_some()),
         display_unit: variable.unit.display.as_ref().map(|(name, _)| name.clone()),
         min: variable.min,
         max: variable.max,

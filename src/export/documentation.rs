@@ -2,10 +2,12 @@
 
 use super::package::{Contents, picture_path};
 use super::{EXTRA, Provenance};
-use pilotage_kit::variable::reference;
-use pilotage_kit::{Interface, Variable};
+use pilotage_language::ModelFile;
+use pilotage_sdk::variable::reference;
+use pilotage_sdk::{Interface, Variable};
 
 const APACHE: &str = include_str!("licenses/Apache-2.0.txt");
+const MIT: &str = include_str!("licenses/MIT.txt");
 const LICENSES: &str = include_str!("licenses/README.txt");
 const STYLE: &str = include_str!("style.css");
 
@@ -15,6 +17,7 @@ pub(super) fn files(contents: &Contents<'_>) -> Vec<(&'static str, String)> {
         ("index.html", page(contents)),
         ("licenses/license.txt", LICENSES.into()),
         ("licenses/Apache-2.0.txt", APACHE.into()),
+        ("licenses/MIT.txt", MIT.into()),
     ]
 }
 
@@ -34,6 +37,15 @@ pub(super) fn provenance(interface: &Interface, provenance: &Provenance) -> Stri
             .map(|(name, _)| format!("source: {name}")),
     );
     lines.join("\n") + "\n"
+}
+
+/// The equations of a model file, as HTML.
+pub(super) fn equations(file: &ModelFile) -> String {
+    format!(
+        "<h2>Equations</h2>\n<pre>\n{}</pre>\n{}",
+        escaped(&file.equations()),
+        include_str!("text.html")
+    )
 }
 
 fn page(contents: &Contents<'_>) -> String {
@@ -77,7 +89,7 @@ fn page(contents: &Contents<'_>) -> String {
 
 fn table(variables: &[Variable]) -> String {
     let mut html = String::from(
-        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>Kind</th><th>Start</th>\
+        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>ModelKind</th><th>Start</th>\
          <th>Range</th><th>Meaning</th></tr>\n",
     );
     for (index, v) in variables.iter().enumerate() {
@@ -87,21 +99,12 @@ fn table(variables: &[Variable]) -> String {
             v.unit.symbol(),
             v.role.name().to_owned(),
             v.start.map_or(String::new(), |start| start.to_string()),
-            range(v),
+            v.allowed().unwrap_or_default(),
             escaped(&v.description),
         ];
         html += &format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"));
     }
     html + "</table>\n"
-}
-
-fn range(variable: &Variable) -> String {
-    match (variable.min, variable.max) {
-        (Some(min), Some(max)) => format!("{min} to {max}"),
-        (Some(min), None) => format!("from {min}"),
-        (None, Some(max)) => format!("up to {max}"),
-        (None, None) => String::new(),
-    }
 }
 
 fn escaped(text: &str) -> String {

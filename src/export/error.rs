@@ -6,16 +6,16 @@ use std::path::PathBuf;
 /// Why an FMU could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// A crate relies on the kit's sources, and they are gone.
+    /// A crate relies on the SDK's sources, and they are gone.
     #[error(
-        "{} asks for pilotage-kit, whose sources were in {} when this command was built; give it as pilotage-kit = {{ path = \"...\" }}, or install pilotage again",
-        manifest.display(), kit.display()
+        "{} asks for pilotage-sdk, whose sources were in {} when this command was built; give it as pilotage-sdk = {{ path = \"...\" }}, or install pilotage again",
+        manifest.display(), sdk.display()
     )]
-    NoKit {
+    NoSdk {
         /// The crate's manifest.
         manifest: PathBuf,
         /// Where the sources were.
-        kit: PathBuf,
+        sdk: PathBuf,
     },
     /// A start value that its variable cannot have.
     #[error("the model cannot be exported")]

@@ -1,8 +1,8 @@
 //! What a model's library says of itself, read back: the inverse of
-//! [`Interface::to_json`](pilotage_kit::Interface::to_json).
+//! [`Interface::to_json`](pilotage_sdk::Interface::to_json).
 
-use pilotage_kit::structure::{Dependency, Structure, Unknown};
-use pilotage_kit::{Interface, Role, Unit, Variable};
+use pilotage_sdk::structure::{Dependency, Structure, Unknown};
+use pilotage_sdk::{Interface, Role, Unit, Variable};
 use serde_json::Value;
 
 /// The interface that a library's text describes.

@@ -9,10 +9,10 @@
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | what a library says of its model |
 //! | [`pack`] | FMUs of a user's models |
-//! | `kit` | where those crates find the kit |
+//! | `sdk` | where those crates find the SDK |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
-//! | `picture`, `terminals` | model.png; what FMI 3.0 has for it |
+//! | `pictures`, `terminals` | model.png; what FMI 3.0 has for it |
 //! | [`date`] | when an FMU is made |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
@@ -22,12 +22,11 @@ pub mod description;
 mod documentation;
 mod error;
 pub mod interface;
-mod kit;
 mod old_glibc;
 pub mod pack;
 pub mod package;
-mod picture;
 pub mod platform;
+mod sdk;
 mod terminals;
 
 pub use description::description;
@@ -35,11 +34,11 @@ pub use error::ExportError;
 pub use package::Contents;
 pub use platform::Platform;
 
+use crate::atomic_file;
 use crate::fmi::description::FmiVersion;
 use crate::models::model::MODEL_FILE;
-use crate::models::{Kind, Model};
-use crate::output;
-use pilotage_kit::Interface;
+use crate::models::{Model, ModelKind, TextModel};
+use pilotage_sdk::Interface;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -107,6 +106,18 @@ impl Provenance {
         }
     }
 
+    /// A model file; `file` is its name, `source` what it says of where its equations come from.
+    pub fn model_file(file: &str, source: &str) -> Self {
+        let origin = format!("The model file {file}, which stands in resources/{MODEL_FILE}.");
+        Self {
+            origin: match source {
+                "" => origin,
+                source => format!("{origin} Its source: {source}."),
+            },
+            ..Self::default()
+        }
+    }
+
     /// A vehicle; `file` is the text of the vehicle file, none for the default vehicle.
     pub fn vehicle(file: Option<String>) -> Self {
         let origin = match file {
@@ -127,7 +138,7 @@ impl Provenance {
 
 /// Which FMU to make of a model.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct ExportOptions {
     /// The version of the standard.
     pub version: FmiVersion,
     /// Libraries that were built elsewhere, besides that for this platform.
@@ -146,18 +157,34 @@ pub struct Options {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Export<'a> {
-    model: &'a Model,
+    subject: Subject<'a>,
     provenance: &'a Provenance,
-    options: Options,
+    options: ExportOptions,
+}
+
+/// What is exported.
+#[derive(Debug, Clone, Copy)]
+enum Subject<'a> {
+    Model(&'a Model),
+    Text(&'a TextModel),
 }
 
 impl<'a> Export<'a> {
     /// Of this model.
     pub fn new(model: &'a Model, provenance: &'a Provenance) -> Self {
+        Self::of(Subject::Model(model), provenance)
+    }
+
+    /// Of the model of a model file.
+    pub fn text(model: &'a TextModel, provenance: &'a Provenance) -> Self {
+        Self::of(Subject::Text(model), provenance)
+    }
+
+    fn of(subject: Subject<'a>, provenance: &'a Provenance) -> Self {
         Self {
-            model,
+            subject,
             provenance,
-            options: Options::default(),
+            options: ExportOptions::default(),
         }
     }
 
@@ -174,7 +201,7 @@ impl<'a> Export<'a> {
     }
 
     /// With all of these options.
-    pub fn options(mut self, options: Options) -> Self {
+    pub fn options(mut self, options: ExportOptions) -> Self {
         self.options = options;
         self
     }
@@ -184,22 +211,47 @@ impl<'a> Export<'a> {
     /// # Errors
     /// When a start value is not finite or out of range, or a library is not for its platform.
     pub fn bytes(self) -> Result<Vec<u8>, ExportError> {
-        let model = self.model;
-        model.check()?;
         let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
-        package::archive(&Contents {
-            name: model.kind().name(),
-            interface: &Interface::of(model),
-            provenance: self.provenance,
-            version: self.options.version,
-            binaries: self.options.binaries.into_iter().chain(own).collect(),
-            about: match model.kind() {
-                Kind::Pilot(_) => PILOT,
-                Kind::Quadcopter => QUADCOPTER,
-            },
-            picture: picture::png(model),
-            resources: BTreeMap::from([(MODEL_FILE.to_owned(), model.to_file().into_bytes())]),
-        })
+        let binaries = self.options.binaries.into_iter().chain(own).collect();
+        let (provenance, version) = (self.provenance, self.options.version);
+        match self.subject {
+            Subject::Model(model) => {
+                model.check()?;
+                package::archive(&Contents {
+                    name: model.kind().name(),
+                    interface: &Interface::of(model),
+                    provenance,
+                    version,
+                    binaries,
+                    about: match model.kind() {
+                        ModelKind::Pilot(_) => PILOT,
+                        ModelKind::Quadcopter => QUADCOPTER,
+                    },
+                    picture: match model.kind() {
+                        ModelKind::Pilot(_) => include_bytes!("pictures/pilot.png"),
+                        ModelKind::Quadcopter => include_bytes!("pictures/quadcopter.png"),
+                    },
+                    resources: BTreeMap::from([(
+                        MODEL_FILE.to_owned(),
+                        model.to_file().into_bytes(),
+                    )]),
+                })
+            }
+            Subject::Text(model) => {
+                model.variables().check()?;
+                let (interface, file) = (Interface::of(model), &model.compiled().file);
+                package::archive(&Contents {
+                    name: &file.name,
+                    interface: &interface,
+                    provenance,
+                    version,
+                    binaries,
+                    about: &documentation::equations(file),
+                    picture: package::BLOCK,
+                    resources: resources(model),
+                })
+            }
+        }
     }
 
     /// Writes the FMU, completely or not at all.
@@ -212,8 +264,20 @@ impl<'a> Export<'a> {
     }
 }
 
+/// The model file and its tables.
+fn resources(model: &TextModel) -> BTreeMap<String, Vec<u8>> {
+    let compiled = model.compiled();
+    let tables = compiled.tables.iter();
+    let tables = tables.map(|(name, table)| (name.clone(), table.text.clone().into_bytes()));
+    let own = (
+        MODEL_FILE.to_owned(),
+        compiled.file.text.clone().into_bytes(),
+    );
+    tables.chain([own]).collect()
+}
+
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {
-    output::write(path, bytes).map_err(|source| ExportError::Write {
+    atomic_file::write(path, bytes).map_err(|source| ExportError::Write {
         path: path.to_owned(),
         source,
     })

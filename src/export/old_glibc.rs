@@ -4,7 +4,7 @@
 //! older systems then refuse to load it. So FMUs are linked against stand-ins for glibc's libraries, which
 //! offer every function in its version of glibc 2.17 (2012; RHEL 7 and all that came after). What is newer
 //! is offered without a version: it is used where it is there, as Rust's standard library does with `statx`.
-//! The functions that cannot be missed are in the kit (`fmu/kit/src/old_glibc.rs`). Beside these lies the
+//! The functions that cannot be missed are in the SDK (`fmu/sdk/src/old_glibc.rs`). Beside these lies the
 //! unwinder as a static library, so that no `libgcc_s` has to be there.
 //!
 //! Both the build script and [`super::pack`] use this file.

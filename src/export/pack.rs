@@ -1,19 +1,17 @@
-//! FMUs of a user's own models: crates or libraries made with `pilotage_kit::export!`.
+//! FMUs of a user's own models: crates or libraries made with `pilotage_sdk::export!`.
 
-use super::package::{Contents, archive};
-use super::{
-    ExportError, Platform, Provenance, interface, kit, old_glibc, picture, platform, write,
-};
+use super::package::{BLOCK, Contents, archive};
+use super::{ExportError, Platform, Provenance, interface, old_glibc, platform, sdk, write};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
-use pilotage_kit::Interface;
+use pilotage_sdk::Interface;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The function that `pilotage_kit::export!` adds to those of FMI.
+/// The function that `pilotage_sdk::export!` adds to those of FMI.
 const INTERFACE: &CStr = c"pilotageInterface";
 
 /// Builds the crate in a folder, and gives its library and its licence.
@@ -31,7 +29,7 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
     };
     let manifest = std::fs::canonicalize(folder.join("Cargo.toml")).map_err(read)?;
     let [workspace, target] = folders(&manifest);
-    let kit = kit::setting(&manifest, workspace.as_deref())?;
+    let sdk = sdk::setting(&manifest, workspace.as_deref())?;
     let mut build = cargo();
     build
         .args(["build", "--release"])
@@ -41,7 +39,7 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
         .args(["--config", "profile.release.lto=\"fat\""])
         .args(["--config", "profile.release.codegen-units=1"])
         .args(["--config", &flags(workspace, target)])
-        .args(kit.iter().flat_map(|setting| ["--config", setting]));
+        .args(sdk.iter().flat_map(|setting| ["--config", setting]));
     if old_glibc::IS_HERE {
         // With a target, the flags are not those of build scripts.
         build.args(["--target", old_glibc::TARGET]);
@@ -158,7 +156,7 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     // SAFETY: by `export!` the function of that name has this type.
     let function = unsafe { loaded.get::<unsafe extern "C" fn() -> *const c_char>(INTERFACE) };
     let function = function.map_err(|_| {
-        refuse("it was not made by pilotage_kit::export!, or reads its model from resources".into())
+        refuse("it was not made by pilotage_sdk::export!, or reads its model from resources".into())
     })?;
     // SAFETY: it takes no arguments and gives a C string that lives as long as the library.
     let text = unsafe { CStr::from_ptr(function()) };
@@ -173,7 +171,7 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
 pub fn pack<E: From<ExportError>>(
     library: &Path,
     provenance: &Provenance,
-    options: &super::Options,
+    options: &super::ExportOptions,
     path: impl FnOnce(&Interface) -> Result<PathBuf, E>,
 ) -> Result<PathBuf, E> {
     let bytes = std::fs::read(library).map_err(|source| ExportError::Read {
@@ -191,7 +189,7 @@ pub fn pack<E: From<ExportError>>(
         version: options.version,
         binaries: options.binaries.iter().cloned().chain(own).collect(),
         about: "",
-        picture: picture::block(&interface),
+        picture: BLOCK,
         resources: BTreeMap::new(),
     })?;
     write(&path, &archive)?;

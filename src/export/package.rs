@@ -4,7 +4,7 @@ use super::{
     EXTRA, ExportError, Platform, Provenance, description, documentation, platform, terminals,
 };
 use crate::fmi::description::{FmiVersion, ModelDescription};
-use pilotage_kit::Interface;
+use pilotage_sdk::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
@@ -25,8 +25,8 @@ pub struct Contents<'c> {
     pub binaries: Vec<(Platform, Vec<u8>)>,
     /// Equations and advice for the documentation, as HTML.
     pub about: &'c str,
-    /// The picture for the model's block, as PNG.
-    pub picture: Vec<u8>,
+    /// model.png, the picture that tools show on the model's block.
+    pub picture: &'static [u8],
     /// Files for `resources`.
     pub resources: BTreeMap<String, Vec<u8>>,
 }
@@ -62,6 +62,9 @@ pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
     })?;
     Ok(archive.into_inner())
 }
+
+/// The picture of a model that has none of its own.
+pub const BLOCK: &[u8] = include_bytes!("pictures/block.png");
 
 /// Where the picture goes.
 pub(super) fn picture_path(version: FmiVersion) -> String {
@@ -114,7 +117,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     for (name, content) in &contents.resources {
         entries.insert(format!("resources/{name}"), content.clone());
     }
-    entries.insert(picture_path(version), contents.picture.clone());
+    entries.insert(picture_path(version), contents.picture.to_vec());
     if version == FmiVersion::V3 {
         let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
         entries.insert(path, terminals::file(interface).into_bytes());

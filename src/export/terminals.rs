@@ -1,6 +1,6 @@
 //! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal of all inputs and outputs.
 
-use pilotage_kit::{Interface, Role, Variable};
+use pilotage_sdk::{Interface, Role, Variable};
 
 /// The folder of the file, and of the icon.
 pub(super) const FOLDER: &str = "terminalsAndIcons";

@@ -86,7 +86,7 @@ pub fn loop_page(page: &LoopPage) -> String {
         body += &verdict(stability);
     }
     for note in page.notes {
-        body += &format!("<p class=\"doubt\">{}</p>\n", escape(note));
+        body += &format!("<p class=\"caution\">{}</p>\n", escape(note));
     }
     if !page.loops.is_empty() {
         body += &loops(page.loops);
@@ -103,7 +103,7 @@ pub fn loop_page(page: &LoopPage) -> String {
 fn verdict(stability: &Stability) -> String {
     let class = match stability.class {
         "bad" => " class=\"warning\"",
-        "doubtful" => " class=\"doubt\"",
+        "doubtful" => " class=\"caution\"",
         _ => "",
     };
     format!("<p{class}>{}</p>\n", escape(&stability.words))

@@ -9,6 +9,7 @@ mod number;
 mod page;
 mod plot;
 mod simulation;
+mod steps;
 mod tables;
 mod thin;
 
@@ -19,4 +20,5 @@ pub use number::{short, significant};
 pub use page::{Report, page};
 pub use plot::{Axes, Line, Mark, Plot};
 pub use simulation::{Simulation, simulation_page};
+pub use steps::{StepFigure, step_page};
 pub use tables::target_of;

@@ -5,7 +5,7 @@ use super::html::{Made, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::tables;
 use crate::identification::statistics::rms;
-use crate::identification::{Doubt, Fit, Identification, Objective, RunFit};
+use crate::identification::{Diagnostic, Fit, Identification, Objective, RunFit};
 use crate::models::Pilot;
 
 /// What a report shows.
@@ -83,10 +83,15 @@ fn response(report: &Report, targets: &Targets) -> String {
 fn head(report: &Report) -> String {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
-    let (class, verdict) = match (fit.converged, fit.doubts.first()) {
+    let (class, verdict) = match (fit.converged, fit.diagnostics.first()) {
         (false, _) => ("bad", format!("not converged: {}", fit.status)),
-        (true, Some(doubt)) if doubt.is_fatal() => ("bad", format!("no answer: {}", doubt.code())),
-        (true, Some(doubt)) => ("doubtful", format!("converged, in doubt: {}", doubt.code())),
+        (true, Some(diagnostic)) if diagnostic.is_fatal() => {
+            ("bad", format!("no answer: {}", diagnostic.code()))
+        }
+        (true, Some(diagnostic)) => (
+            "doubtful",
+            format!("converged, in doubt: {}", diagnostic.code()),
+        ),
         (true, None) => ("good", "converged".to_owned()),
     };
     let unit = match options.objective.unit() {
@@ -101,7 +106,7 @@ fn head(report: &Report) -> String {
                  converge. Do not use them as a result: try another <code>--start</code>, \
                  <code>--initial-state vehicle-at-rest</code> or a higher <code>--max-iterations</code>.</p>\n";
     }
-    html += &doubts(fit);
+    html += &diagnostics(fit);
     html += &format!(
         "<div class=\"formula\">{}</div>\n",
         transfer_function(options.pilot, &fit.theta)
@@ -122,16 +127,20 @@ fn head(report: &Report) -> String {
 }
 
 /// What speaks against the result, before the result.
-fn doubts(fit: &Fit) -> String {
-    let item = |doubt: &Doubt| {
-        let class = if doubt.is_fatal() { "warning" } else { "doubt" };
-        let words = escape(&doubt.to_string());
+fn diagnostics(fit: &Fit) -> String {
+    let item = |diagnostic: &Diagnostic| {
+        let class = if diagnostic.is_fatal() {
+            "warning"
+        } else {
+            "caution"
+        };
+        let words = escape(&diagnostic.to_string());
         format!(
             "<p class=\"{class}\"><b>{}</b>: {words}.</p>\n",
-            doubt.code()
+            diagnostic.code()
         )
     };
-    fit.doubts.iter().map(item).collect()
+    fit.diagnostics.iter().map(item).collect()
 }
 
 /// The pilot's transfer function from the error [m] to the stick, as a fraction.
@@ -207,11 +216,11 @@ fn numbers(report: &Report) -> String {
 mod tests {
     use super::*;
     use crate::identification::joint::Joint;
-    use crate::identification::{Options, Trial, TrialSet, simulate};
+    use crate::identification::{FitOptions, Trial, TrialSet, simulate};
     use crate::synthetic::{Flights, Human};
 
     /// A fit as it could be: the trials flown in closed loop.
-    fn plausible_fit(options: &Options, trials: &[Trial], theta: &[f64]) -> Fit {
+    fn plausible_fit(options: &FitOptions, trials: &[Trial], theta: &[f64]) -> Fit {
         let joint = Joint {
             vehicle: options.vehicle,
             pilot: options.pilot,
@@ -236,13 +245,13 @@ mod tests {
             runs: runs.collect(),
             closed_loop: None,
             unbounded: None,
-            doubts: Vec::new(),
+            diagnostics: Vec::new(),
         }
     }
 
     #[test]
     fn a_page_holds_all_its_parts_and_nothing_from_outside() {
-        let options = Options::default();
+        let options = FitOptions::default();
         let flights = Flights::default()
             .fly(&Human::default(), &options.vehicle)
             .unwrap();

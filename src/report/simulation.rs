@@ -4,7 +4,7 @@ use super::html::{Made, escape, facts, figure, header, section, table, whole};
 use super::number;
 use super::plot::{Axes, Line, N_COLOURS, Plot, colour};
 use super::tables;
-use crate::cosim::{ConnectionReport, Report, SlaveReport};
+use crate::cosim::{ConnectionReport, InstanceReport, Report};
 use crate::series::{Column, Series};
 
 /// Most figures of a page.
@@ -39,7 +39,7 @@ pub fn simulation_page(page: &Simulation) -> String {
         body += &format!("<p class=\"warning\">{}</p>\n", escape(warning));
     }
     for note in page.notes {
-        body += &format!("<p class=\"doubt\">{}</p>\n", escape(note));
+        body += &format!("<p class=\"caution\">{}</p>\n", escape(note));
     }
     body += &facts(page.facts);
     body += &signals(page.series);
@@ -142,8 +142,8 @@ fn connections(connections: &[ConnectionReport]) -> String {
 }
 
 fn instances(report: &Report) -> String {
-    let row = |slave: &SlaveReport| {
-        let calls = &slave.calls;
+    let row = |instance: &InstanceReport| {
+        let calls = &instance.calls;
         let counts = [
             calls.sets,
             calls.steps,
@@ -152,12 +152,12 @@ fn instances(report: &Report) -> String {
             calls.restores,
         ];
         let counts = counts.map(|count| count.to_string());
-        let mut row = vec![escape(&slave.name)];
+        let mut row = vec![escape(&instance.name)];
         row.extend(counts);
-        row.push(number::html(slave.seconds, 3));
+        row.push(number::html(instance.seconds, 3));
         row
     };
-    let mut rows: Vec<_> = report.slaves.iter().map(row).collect();
+    let mut rows: Vec<_> = report.instances.iter().map(row).collect();
     let mut master = vec!["master and result".to_owned()];
     master.extend(std::iter::repeat_n(String::new(), 5));
     master.push(number::html(report.master_seconds, 3));

@@ -6,7 +6,7 @@ use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::statistics::rms;
 use crate::identification::trials::Summary;
-use crate::identification::{Fit, Identification, InitialState, Mesh, Objective, Options};
+use crate::identification::{Fit, FitOptions, Identification, InitialState, Mesh, Objective};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
 
@@ -136,7 +136,7 @@ pub fn runs(found: &Identification) -> String {
     table(&header, &[1, 2, 3, 4, 5, 6, 7, 8, 9], &rows)
 }
 
-pub fn solve(fit: &Fit, options: &Options) -> String {
+pub fn solve(fit: &Fit, options: &FitOptions) -> String {
     let unit = match options.objective {
         Objective::Response => " m²",
         Objective::Stick => "",
@@ -208,7 +208,7 @@ fn starts(fit: &Fit) -> String {
     fit.starts.iter().map(line).collect::<Vec<_>>().join("<br>")
 }
 
-pub fn vehicle(options: &Options) -> String {
+pub fn vehicle(options: &FitOptions) -> String {
     let rows: Vec<_> = (COEFFICIENTS.iter())
         .map(|field| {
             vec![
@@ -237,7 +237,7 @@ fn mesh(mesh: Mesh) -> String {
     }
 }
 
-fn scheme(options: &Options) -> String {
+fn scheme(options: &FitOptions) -> String {
     let (name, order) = (options.scheme.name(), options.scheme.order());
     let paper = if name == "euler" { ", the paper's" } else { "" };
     format!("{name} (order {order}{paper})")

@@ -1,4 +1,4 @@
-"""The virtual environment with CasADi and IPOPT, in the ignored folder .venv/casadi."""
+"""Virtual environments for scripts, in the ignored folder .venv."""
 
 import os
 import subprocess
@@ -10,14 +10,13 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 
 
-def enter():
-    """Continues the running script inside the environment; makes it where it is missing."""
-    home = ROOT / ".venv" / "casadi"
+def enter(name="casadi", install=("-r", HERE / "requirements.txt")):
+    """Continues the running script inside an environment; makes it where it is missing: CasADi with IPOPT."""
+    home = ROOT / ".venv" / name
     python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     if Path(sys.prefix).resolve() == home.resolve():
         return
     if not python.exists():
         venv.create(home, with_pip=True)
-        requirements = HERE / "requirements.txt"
-        subprocess.run([python, "-m", "pip", "install", "-q", "-r", requirements], check=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", *install], check=True)
     sys.exit(subprocess.run([python, *sys.argv]).returncode)

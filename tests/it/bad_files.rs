@@ -204,7 +204,7 @@ fn manifests() {
         (
             "not TOML",
             "[[run]\nfile = 1\n",
-            "set.toml:1: not TOML: unclosed array table, expected `]`",
+            "set.toml:1:7: not TOML: unclosed array table, expected `]`",
         ),
         (
             "no runs",
@@ -214,27 +214,27 @@ fn manifests() {
         (
             "unknown table",
             "[[runs]]\nfile = \"good.csv\"\n",
-            "set.toml:1: unknown field `runs`; did you mean `run`?; known are run",
+            "set.toml:1:3: unknown field `runs`; did you mean `run`?; known are run",
         ),
         (
             "unknown field",
             "[[run]]\nfile = \"good.csv\"\nwieght = 2\n",
-            "set.toml:3: unknown field `wieght`; did you mean `weight`?; known are file, weight, use",
+            "set.toml:3:1: unknown field `wieght`; did you mean `weight`?; known are file, weight, use",
         ),
         (
             "no file",
             "# set\n[[run]]\nweight = 2\n",
-            "set.toml:2: the field `file` is missing",
+            "set.toml:2:1: the field `file` is missing",
         ),
         (
             "file is a number",
             "[[run]]\nfile = 3\n",
-            "set.toml:2: `file` is a number; expected a string",
+            "set.toml:2:8: `file` is a number; expected a string",
         ),
         (
             "run is a table",
             "run = { file = \"good.csv\" }\n",
-            "set.toml:1: `run` is a table; expected an array of tables",
+            "set.toml:1:7: `run` is a table; expected an array of tables",
         ),
         (
             "negative weight",
@@ -274,11 +274,11 @@ fn vehicles() {
     let known = "known are mass, arm_length, inertia, gravity, hover_speed, propeller_lag, \
                  propeller_gain, attitude_gain, rate_gain, max_pitch";
     let cases = [
-        ("not TOML", vehicle("mass = 1.2", "mass 1.2"), "v.toml:2: not TOML: key with no value, expected `=`".into()),
-        ("unknown field", vehicle("rate_gain", "rate_gian"), format!("v.toml:10: unknown field `rate_gian`; did you mean `rate_gain`?; {known}")),
-        ("missing field", vehicle("mass = ", "# "), "v.toml:1: the field `mass` is missing".into()),
-        ("duplicate field", vehicle("arm_length", "mass"), "v.toml:3: not TOML: duplicate key".into()),
-        ("a string", vehicle("1.2", "\"1.2 kg\""), "v.toml:2: `mass` is a string; expected a number".into()),
+        ("not TOML", vehicle("mass = 1.2", "mass 1.2"), "v.toml:2:6: not TOML: key with no value, expected `=`".into()),
+        ("unknown field", vehicle("rate_gain", "rate_gian"), format!("v.toml:10:1: unknown field `rate_gian`; did you mean `rate_gain`?; {known}")),
+        ("missing field", vehicle("mass = ", "# "), "v.toml:1:1: the field `mass` is missing".into()),
+        ("duplicate field", vehicle("arm_length", "mass"), "v.toml:3:1: not TOML: `mass` stands twice".into()),
+        ("a string", vehicle("1.2", "\"1.2 kg\""), "v.toml:2:8: `mass` is a string; expected a number".into()),
         ("negative mass", vehicle("1.2", "-1.2"), "v.toml:2: mass = -1.2 kg is out of range; expected 0.001 to 10000 kg (mass m)".into()),
         ("grams", vehicle("mass = 1.2", "mass = 12000"), "v.toml:2: mass = 12000 kg is out of range; expected 0.001 to 10000 kg (mass m)".into()),
         ("not a number", vehicle("14.48", "nan"), "v.toml:7: propeller_lag = NaN 1/s is out of range; expected 0.1 to 1000 1/s (propeller lag a)".into()),
@@ -297,17 +297,17 @@ fn pilots() {
     let good = "converged = true\nstick_limit = 1.0\n\n[theta]\ntheta1 = 1.0\ntheta2 = 2.0\n";
     let known = "known are tool, status, converged, stick_limit, theta, pole, closed_loop, doubt, fit, vehicle, data";
     let cases: &[(&str, String, String)] = &[
-        ("not TOML", good.replace("[theta]", "[theta"), "p.toml:4: not TOML: unclosed table, expected `]`".into()),
-        ("unknown field", good.replace("converged", "convergd"), format!("p.toml:1: unknown field `convergd`; did you mean `converged`?; {known}")),
-        ("no theta", "converged = true\n".into(), "p.toml:1: the field `theta` is missing".into()),
-        ("theta is a list", "theta = [1, 2]\n".into(), "p.toml:1: `theta` is an array; expected a table".into()),
+        ("not TOML", good.replace("[theta]", "[theta"), "p.toml:4:7: not TOML: unclosed table, expected `]`".into()),
+        ("unknown field", good.replace("converged", "convergd"), format!("p.toml:1:1: unknown field `convergd`; did you mean `converged`?; {known}")),
+        ("no theta", "converged = true\n".into(), "p.toml:1:1: the field `theta` is missing".into()),
+        ("theta is a list", "theta = [1, 2]\n".into(), "p.toml:1:9: `theta` is an array; expected a table".into()),
         ("no parameters", "[theta]\n".into(), "p.toml:1: [theta] has 0 parameters; a pilot of order n has 2n: theta1 to theta2n".into()),
         ("an odd number", good.replace("theta2 = 2.0\n", ""), "p.toml:4: [theta] has 1 parameters; a pilot of order n has 2n: theta1 to theta2n".into()),
-        ("a gap in the numbers", good.replace("theta2", "theta3"), "p.toml:6: unknown field `theta3`; did you mean `theta1`?; known are theta1, theta2".into()),
-        ("a string", good.replace("2.0", "\"2\""), "p.toml:6: `theta2` is a string; expected a number".into()),
+        ("a gap in the numbers", good.replace("theta2", "theta3"), "p.toml:6:1: unknown field `theta3`; did you mean `theta1`?; known are theta1, theta2".into()),
+        ("a string", good.replace("2.0", "\"2\""), "p.toml:6:10: `theta2` is a string; expected a number".into()),
         ("not a number", good.replace("2.0", "nan"), "p.toml:6: theta2 = NaN; expected a finite number".into()),
         ("no stick", good.replace("stick_limit = 1.0", "stick_limit = 0"), "p.toml:2: stick_limit = 0; expected a finite number above 0".into()),
-        ("converged is a word", good.replace("true", "\"yes\""), "p.toml:1: `converged` is a string; expected true or false".into()),
+        ("converged is a word", good.replace("true", "\"yes\""), "p.toml:1:13: `converged` is a string; expected true or false".into()),
         ("not converged", good.replace("true", "false"), "p.toml: the fit did not converge\nhint: fit again (more iterations, another --start), or pass --allow-unconverged to export its best iterate".into()),
     ];
     for (what, content, message) in cases {

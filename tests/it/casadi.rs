@@ -1,7 +1,7 @@
 //! The fit against CasADi and IPOPT, which solved the same problems once: tests/casadi/compare.py
 //! wrote the numbers that are compared here.
 
-use pilotage::identification::{InitialState, Options, TrialSet, fit};
+use pilotage::identification::{FitOptions, InitialState, TrialSet, fit};
 use pilotage::transcription::Scheme;
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -42,12 +42,12 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
         assert_eq!(ipopt["status"], "Solve_Succeeded", "{}", scheme.name());
         let expected = theta(ipopt);
         let start = Some(expected.iter().copied().map(rounded).collect());
-        let options = Options {
+        let options = FitOptions {
             scheme,
             start,
             initial_state: InitialState::AtRest,
             tolerance: 1e-9,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(())).unwrap();
         let name = scheme.name();

@@ -3,11 +3,11 @@
 use crate::command::{Folder, exported};
 use crate::joint_ode::Loop;
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, Ending, NativeSlave, SeriesRecorder, Slave, System,
-    fmu_slave, run,
+    Algorithm, Clock, Component, Control, Coupling, Ending, NativeComponent, SeriesRecorder,
+    System, fmu_component, run,
 };
 use pilotage::export::{Export, Provenance};
-use pilotage::fmi::Kind;
+use pilotage::fmi::InterfaceType;
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::{Model, Quadcopter};
 use pilotage::series::Series;
@@ -38,14 +38,14 @@ fn models() -> [Model; 2] {
 }
 
 /// Pilot and quadcopter of the folder's FMUs.
-fn slaves(folder: &Folder, kind: Kind) -> [Box<dyn Slave>; 2] {
+fn components(folder: &Folder, kind: InterfaceType) -> [Box<dyn Component>; 2] {
     ["pilot", "quadcopter"].map(|name| {
         let path = folder.path(&format!("{name}.fmu"));
-        fmu_slave::open(&path, name, Some(kind)).unwrap()
+        fmu_component::open(&path, name, Some(kind)).unwrap()
     })
 }
 
-fn wired([pilot, quadcopter]: [Box<dyn Slave>; 2]) -> System {
+fn wired([pilot, quadcopter]: [Box<dyn Component>; 2]) -> System {
     let mut system = System::new();
     system.add("pilot", pilot).unwrap();
     system.add("quadcopter", quadcopter).unwrap();
@@ -95,10 +95,10 @@ fn every_kind_of_fmu_is_coupled_to_a_micrometre_and_says_so() {
             let export = Export::new(&model, &provenance).version(version);
             export.write(&path).unwrap();
         }
-        for kind in [Kind::CoSimulation, Kind::ModelExchange] {
+        for kind in [InterfaceType::CoSimulation, InterfaceType::ModelExchange] {
             let clock = Clock::new(0.0, stop, h).unwrap();
             let mut recorder = SeriesRecorder::default();
-            let system = wired(slaves(&folder, kind));
+            let system = wired(components(&folder, kind));
             let run = run(system, &clock, None, Algorithm::Strong, &mut recorder).unwrap();
             assert!(run.report.holding.is_empty());
             let z = &recorder.series.column("quadcopter.z").unwrap().values;
@@ -159,10 +159,10 @@ fn poles_however_fast_are_flown_by_every_kind_of_fmu() {
                     let export = Export::new(&model, &provenance).version(version);
                     export.write(path).unwrap();
                 }
-                for kind in [Kind::CoSimulation, Kind::ModelExchange] {
+                for kind in [InterfaceType::CoSimulation, InterfaceType::ModelExchange] {
                     let clock = Clock::new(0.0, stop, h).unwrap();
                     let mut recorder = SeriesRecorder::default();
-                    let system = wired(slaves(&folder, kind));
+                    let system = wired(components(&folder, kind));
                     let run = run(system, &clock, None, Algorithm::Strong, &mut recorder).unwrap();
                     let case = format!("{} poles, -{a}, FMI {version}, {kind:?}", theta.len() / 2);
                     assert!(
@@ -183,10 +183,10 @@ fn poles_however_fast_are_flown_by_every_kind_of_fmu() {
     }
 }
 
-/// What the native slaves' convergence to the joint equations shows (`cosim::joint`) then holds for the
+/// What the native components' convergence to the joint equations shows (`cosim::joint`) then holds for the
 /// FMUs.
 #[test]
-fn fmus_and_native_slaves_give_the_same_bits() {
+fn fmus_and_native_components_give_the_same_bits() {
     let folder = folder_with_fmus();
     let clock = Clock::new(0.0, 15.0, 0.05).unwrap();
     let controlled = Coupling {
@@ -203,13 +203,20 @@ fn fmus_and_native_slaves_give_the_same_bits() {
         extrapolated,
         controlled,
     ] {
-        let both: [[Box<dyn Slave>; 2]; 2] = [
-            slaves(&folder, Kind::CoSimulation),
-            models().map(|model| Box::new(NativeSlave::new(model)) as Box<dyn Slave>),
+        let both: [[Box<dyn Component>; 2]; 2] = [
+            components(&folder, InterfaceType::CoSimulation),
+            models().map(|model| Box::new(NativeComponent::new(model)) as Box<dyn Component>),
         ];
-        let [fmus, natives] = both.map(|slaves| {
+        let [fmus, natives] = both.map(|components| {
             let mut recorder = SeriesRecorder::default();
-            let run = run(wired(slaves), &clock, Some(1e-9), coupling, &mut recorder).unwrap();
+            let run = run(
+                wired(components),
+                &clock,
+                Some(1e-9),
+                coupling,
+                &mut recorder,
+            )
+            .unwrap();
             assert_eq!(run.report.irrevocable, Vec::<String>::new());
             (run.report.steps, recorder.series)
         });
@@ -233,7 +240,7 @@ fn fmus_and_native_slaves_give_the_same_bits() {
 fn model_exchange_is_coupled_as_tightly() {
     let folder = folder_with_fmus();
     let z = |kind| {
-        let system = wired(slaves(&folder, kind));
+        let system = wired(components(&folder, kind));
         let clock = Clock::new(0.0, 5.0, 0.05).unwrap();
         let mut recorder = SeriesRecorder::default();
         let run = run(system, &clock, Some(1e-9), Algorithm::Strong, &mut recorder).unwrap();
@@ -242,7 +249,10 @@ fn model_exchange_is_coupled_as_tightly() {
         assert_eq!(run.report.steps.unconverged, 0);
         recorder.series.column("quadcopter.z").unwrap().values[100]
     };
-    let (exchange, co_simulation) = (z(Kind::ModelExchange), z(Kind::CoSimulation));
+    let (exchange, co_simulation) = (
+        z(InterfaceType::ModelExchange),
+        z(InterfaceType::CoSimulation),
+    );
     let difference = (exchange - co_simulation).abs();
     assert!(difference < 1e-8, "{exchange} {co_simulation}");
 }

@@ -5,6 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
+/// Pilot and quadcopter in closed loop.
+pub const CONNECTIONS: [&str; 4] = [
+    "--connect",
+    "pilot.stick=quadcopter.stick",
+    "--connect",
+    "quadcopter.z=pilot.position",
+];
+
 /// What a run of the program left.
 #[derive(Debug)]
 pub struct Ended {

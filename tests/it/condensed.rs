@@ -3,7 +3,7 @@
 
 use crate::random_collocation::{Random, SCHEMES, iterate, problem, problem_on_samples};
 use nalgebra::{DMatrix, DVector};
-use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
+use pilotage::identification::{FitOptions, InitialState, Trial, problem as fit, start};
 use pilotage::sqp::problem::Pattern;
 use pilotage::sqp::{
     self, Curvature, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem,
@@ -308,7 +308,7 @@ fn trials() -> Vec<Trial> {
 const BUTTERWORTH: [f64; 6] = [1.0, 2.0, 2.0, -0.03, -0.1, 0.0];
 
 /// The identification problem from that pilot: problem, variables.
-fn identification(options: &Options) -> (Random, Vec<f64>) {
+fn identification(options: &FitOptions) -> (Random, Vec<f64>) {
     let trials = trials();
     let theta = BUTTERWORTH;
     let states: Vec<_> = trials
@@ -432,10 +432,10 @@ fn every_step_of_an_identification_is_optimal() {
         .into_iter()
         .zip(InitialState::ALL.into_iter().cycle())
     {
-        let options = Options {
+        let options = FitOptions {
             scheme,
             initial_state,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let (problem, z) = identification(&options);
         let mut qp = Checked {
@@ -444,9 +444,9 @@ fn every_step_of_an_identification_is_optimal() {
             worst: (0.0, 0.0),
             steps: 0,
         };
-        let limits = sqp::Options {
+        let limits = sqp::SqpOptions {
             max_iterations: 8,
-            ..sqp::Options::default()
+            ..sqp::SqpOptions::default()
         };
         sqp::solve(&problem, &mut qp, z, &limits, &mut |_| {
             ControlFlow::Continue(())
@@ -513,10 +513,10 @@ impl<Q: QpSolver<Random>> QpSolver<Random> for Watched<'_, Q> {
 fn iterates(problem: &Random, z: Vec<f64>, qp: impl QpSolver<Random>) -> Vec<Iteration> {
     let mut log = Vec::new();
     let relaxed = std::cell::Cell::new(false);
-    let limits = sqp::Options {
+    let limits = sqp::SqpOptions {
         max_iterations: 40,
         tolerance: 1e-6,
-        ..sqp::Options::default()
+        ..sqp::SqpOptions::default()
     };
     sqp::solve(
         problem,

@@ -1,7 +1,7 @@
 //! `pilotage cosim`: inputs from tables, values from files, the choice of what is recorded, and results
 //! that survive.
 
-use crate::command::{Ended, Folder};
+use crate::command::{CONNECTIONS, Ended, Folder};
 use crate::foreign;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -230,12 +230,12 @@ fn files_of_values_that_are_wrong_name_the_line() {
         (
             "v.toml",
             "[good]\ny = 1\n\"k\" = 1\nk = 2\n",
-            "v.toml:4: not TOML: duplicate key",
+            "v.toml:4:1: not TOML: `k` stands twice",
         ),
         (
             "v.toml",
             "good.y = [1]\n",
-            "v.toml:1: `y` is an array; expected a number, true, false or a string",
+            "v.toml:1:10: `y` is an array; expected a number, true, false or a string",
         ),
         (
             "v.csv",
@@ -469,23 +469,16 @@ fn models_run_without_being_exported() {
     }
     let run = |kind: &str, to: &str| {
         let [pilot, quadcopter] = ["pilot", "quadcopter"].map(|name| format!("{name}.{kind}"));
-        let ended = folder.pilotage(&[
-            "cosim",
-            &pilot,
-            &quadcopter,
-            "--connect",
-            "pilot.stick=quadcopter.stick",
-            "--connect",
-            "quadcopter.z=pilot.position",
+        let flight = [
             "--set",
             "pilot.target=10",
             "--stop-time",
             "5",
             "--step",
             "0.05",
-            "-o",
-            to,
-        ]);
+        ];
+        let files = ["cosim", &pilot, &quadcopter];
+        let ended = folder.pilotage(&[&files[..], &CONNECTIONS, &flight, &["-o", to]].concat());
         assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
         folder.read(to)
     };

@@ -147,7 +147,7 @@ where
         &[(-limit, limit)],
     );
     let start = vec![0.0; problem.n_variables()];
-    let options = sqp::Options::default();
+    let options = sqp::SqpOptions::default();
     sqp::solve(&problem, &mut Q::default(), start, &options, &mut |_| {
         ControlFlow::Continue(())
     })

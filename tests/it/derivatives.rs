@@ -4,7 +4,7 @@ use crate::random_collocation::{Draw, Random, SCHEMES, iterate, problem};
 use pilotage::expression::System;
 use pilotage::identification::constraints::RouthHurwitz;
 use pilotage::identification::joint::{Joint, open_loop};
-use pilotage::identification::{InitialState, Options, Trial, problem as fit, start};
+use pilotage::identification::{FitOptions, InitialState, Trial, problem as fit, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
 use pilotage::transcription::node::NodeModel;
@@ -287,10 +287,10 @@ fn derivatives_of_the_identification_problems_are_exact() {
     let (trials, theta) = ([trial.clone()], [0.3, 1.2, 1.1, -0.2, -0.1, -0.3]);
     for scheme in SCHEMES {
         for initial_state in InitialState::ALL {
-            let options = Options {
+            let options = FitOptions {
                 scheme,
                 initial_state,
-                ..Options::default()
+                ..FitOptions::default()
             };
             let states = vec![start::joint_states(&trial, &options, &theta)];
             let problem = fit::response(&trials, &options, Scales::of(&states, &theta));

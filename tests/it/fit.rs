@@ -92,11 +92,11 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
     // Forward Euler at 20 Hz is not the equations.
     let verdict = "converged, in doubt (2): ";
     assert!(ended.stdout.starts_with(verdict), "{}", ended.stdout);
-    assert!(ended.stdout.contains("\ndoubt (mesh-error): "));
+    assert!(ended.stdout.contains("\ndiagnostic (mesh-error): "));
     assert!(
         ended
             .stdout
-            .contains("\ndoubt (loop-on-bound): the closed loop lies on its stability bound")
+            .contains("\ndiagnostic (loop-on-bound): the closed loop lies on its stability bound")
     );
     for unit in [
         "1/s³\n",

@@ -1,7 +1,9 @@
 //! How a fit is watched, limited and stopped.
 
 use crate::command::{Ended, Folder, example};
-use pilotage::identification::{Doubt, InitialState, Options, Progress, Trial, TrialSet, fit};
+use pilotage::identification::{
+    Diagnostic, FitOptions, InitialState, Progress, Trial, TrialSet, fit,
+};
 use pilotage::sqp::Status;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
@@ -239,7 +241,7 @@ fn trials() -> Vec<Trial> {
 
 #[test]
 fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
-    let whole = fit(&trials(), &Options::default(), &mut |_| {
+    let whole = fit(&trials(), &FitOptions::default(), &mut |_| {
         ControlFlow::Continue(())
     })
     .unwrap();
@@ -255,7 +257,7 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
     );
     let stopped = fit(
         &trials(),
-        &Options::default(),
+        &FitOptions::default(),
         &mut |progress| match progress {
             Progress::Iterate(at)
                 if (at.order, at.start, at.iteration.number) == (3, first.number, 2) =>
@@ -277,14 +279,14 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         .find(|start| start.number == first.number + 1);
     assert_eq!(next.unwrap().status, pilotage::sqp::Status::Interrupted);
     assert_eq!(stopped.skipped, starts - stopped.starts.len());
-    let told = |doubt: &Doubt| doubt.code() == "stopped-early";
-    assert_eq!(stopped.doubts.iter().any(told), stopped.skipped > 0);
+    let told = |diagnostic: &Diagnostic| diagnostic.code() == "stopped-early";
+    assert_eq!(stopped.diagnostics.iter().any(told), stopped.skipped > 0);
 }
 
 #[test]
 fn a_stop_before_anything_has_converged_gives_the_best_iterate() {
     let mut seen = Vec::new();
-    let stopped = fit(&trials(), &Options::default(), &mut |progress| {
+    let stopped = fit(&trials(), &FitOptions::default(), &mut |progress| {
         match progress {
             Progress::Iterate(at) if at.order == 3 => seen.push(at.iteration.objective),
             _ => (),
@@ -307,9 +309,9 @@ fn a_stop_before_anything_has_converged_gives_the_best_iterate() {
 /// Where initial states are free, the starts are looked for first; whoever stops then waits for no solve.
 #[test]
 fn the_search_for_starts_is_watched_and_stopped() {
-    let options = Options {
+    let options = FitOptions {
         initial_state: InitialState::VehicleAtRest,
-        ..Options::default()
+        ..FitOptions::default()
     };
     let mut seen = Vec::new();
     let mut iterations = 0;

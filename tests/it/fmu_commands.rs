@@ -325,7 +325,7 @@ fn fmus_of_fmi_3_are_simulated_as_the_kind_that_is_wanted() {
     assert!(
         ended
             .stderr
-            .contains("256 does not fit into a variable of type u8"),
+            .contains("`a.u8_in` cannot be 256: it is from 0 to 255"),
         "{}",
         ended.stderr
     );

@@ -2,7 +2,7 @@
 //! what every co-simulation of the two is measured by.
 
 use pilotage::identification::joint::Joint;
-use pilotage::integrate::{Method, Options, Solver, System};
+use pilotage::integrate::{Method, Solver, SolverOptions, System};
 use pilotage::models::quadcopter::N_STATES;
 use pilotage::models::{Pilot, Quadcopter, Scalar};
 use std::convert::Infallible;
@@ -115,7 +115,7 @@ impl Loop {
         for i in 0..order {
             absolute[self.n_states() - 1 - i] /= pole.powi(i as i32 + 1);
         }
-        let options = Options {
+        let options = SolverOptions {
             relative: 1e-11,
             absolute,
             method: Method::Radau,

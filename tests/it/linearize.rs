@@ -1,14 +1,14 @@
 //! `pilotage linearize` and what it stands on: against the exact Jacobian of the joint equations, against
 //! transfer functions multiplied out, and against NumPy.
 
-use crate::command::{Ended, Folder};
+use crate::command::{CONNECTIONS, Ended, Folder};
 use crate::foreign;
 use crate::joint_ode::ByHand;
 use num_dual::Dual64;
-use pilotage::cosim::slave::{Linear, SlaveError, Value as Given};
+use pilotage::cosim::component::{ComponentError, Linear};
 use pilotage::cosim::{
-    Algorithm, Clock, Ending, Kind, Linearization, NativeSlave, Progress, Role, SeriesRecorder,
-    Slave, System, Variable, linearize,
+    Algorithm, Clock, Component, Ending, Linearization, NativeComponent, Progress, Role,
+    SeriesRecorder, System, ValueKind, Variable, linearize,
 };
 use pilotage::identification::joint::Joint;
 use pilotage::linear::StateSpace;
@@ -18,12 +18,6 @@ use std::io::{Cursor, Read};
 
 /// A pilot who brings the vehicle to its target.
 const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
-const CONNECTIONS: [&str; 4] = [
-    "--connect",
-    "pilot.stick=quadcopter.stick",
-    "--connect",
-    "quadcopter.z=pilot.position",
-];
 pub const LOOP: [&str; 2] = ["--loop", "pilot.stick=quadcopter.stick"];
 
 /// A state off the trim, where the vehicle is not what it is at hover: pilot, then vehicle.
@@ -53,7 +47,9 @@ fn native() -> Linearization {
         ("pilot", Model::pilot(&THETA, 1.0)),
         ("quadcopter", Model::quadcopter(&Quadcopter::default())),
     ] {
-        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+        system
+            .add(name, Box::new(NativeComponent::new(model)))
+            .unwrap();
     }
     system.connect("pilot.stick", "quadcopter.stick").unwrap();
     system.connect("quadcopter.z", "pilot.position").unwrap();
@@ -196,47 +192,36 @@ pub fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
     ended
 }
 
-/// A slave whose equations have no derivative where it stands.
+/// A component whose equations have no derivative where it stands.
 struct Kink(Vec<Variable>);
 
-impl Slave for Kink {
+impl Component for Kink {
     fn variables(&self) -> &[Variable] {
         &self.0
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), ComponentError> {
         Ok(())
     }
 
-    fn set_reals(&mut self, _handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         values.fill(0.0);
         Ok(())
     }
 
-    fn set(&mut self, _handle: u32, _value: &Given) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn get(&mut self, _handle: u32, _kind: Kind) -> Result<Given, SlaveError> {
-        Ok(Given::Real(0.0))
-    }
-
-    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, ComponentError> {
         Ok(Progress::Done)
     }
 
-    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+    fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {
         let names = [
             vec!["x".to_owned()],
             vec!["u".to_owned()],
             vec!["y".to_owned()],
         ];
         let columns = [[-1.0, 1.0], [f64::NAN, 0.0]];
-        let system = StateSpace::from_columns(names, |k| Ok::<_, SlaveError>(columns[k].to_vec()))?;
+        let system =
+            StateSpace::from_columns(names, |k| Ok::<_, ComponentError>(columns[k].to_vec()))?;
         Ok(system.into())
     }
 }
@@ -246,8 +231,8 @@ impl Slave for Kink {
 fn a_derivative_that_is_no_number_is_named() {
     let mut system = System::new();
     let variables = vec![
-        Variable::new("u", 0, Kind::Real, Role::Input),
-        Variable::new("y", 1, Kind::Real, Role::Output),
+        Variable::new("u", 0, ValueKind::Real, Role::Input),
+        Variable::new("y", 1, ValueKind::Real, Role::Output),
     ];
     system.add("kink", Box::new(Kink(variables))).unwrap();
     let clock = Clock::standing(0.0, 1.0).unwrap();
@@ -537,7 +522,7 @@ fn the_page_of_a_loop_tells_all() {
 
 /// FMU and model file mix, and what a table feeds is an input from outside, at the value that it has there.
 #[test]
-fn mixed_slaves_and_a_table() {
+fn mixed_components_and_a_table() {
     let folder = folder_with_models();
     let ended = folder.pilotage(&["export", "pilot", "pilot.toml"]);
     assert_eq!(ended.code, 0);

@@ -49,8 +49,7 @@ fn reals_feed_integers_while_they_are_whole() {
     assert_eq!(ended.code, 0, "y stays 0: {ended:?}");
     let ended = folder.pilotage(&[&RUN[..], &wires, &["--set", "a.u=1"]].concat());
     assert_eq!(ended.code, 1, "{ended:?}");
-    let why =
-        "`y` feeds an Integer, but 0.3934693402873666 is no whole number that an Integer can hold";
+    let why = "`a.y` -> `b.n_in`: 0.3934693402873666 is no whole number that an Integer can hold";
     assert!(ended.stderr.contains(why), "{ended:?}");
 }
 
@@ -113,7 +112,10 @@ fn aliases_are_names_like_others() {
     let ended = folder.pilotage(&[&RUN[..], &twice].concat());
     assert_eq!(
         (ended.code, ended.stderr.as_str()),
-        (2, "error: `a.k` is set twice\n")
+        (
+            2,
+            "error: `a.k` is set twice\nhint: leave one of the two values out\n"
+        )
     );
 }
 

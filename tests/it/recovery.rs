@@ -2,7 +2,7 @@
 
 use crate::joint_ode::ByHand;
 use pilotage::identification::joint::Joint;
-use pilotage::identification::{Fit, Options, Trial, fit};
+use pilotage::identification::{Fit, FitOptions, Trial, fit};
 use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
@@ -10,10 +10,10 @@ use std::ops::ControlFlow;
 const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.1, -0.6, -0.1];
 
 /// Weights `a_ij` of the unknown nodes of an interval, one row each.
-type Table = &'static [&'static [f64]];
+type Weights = &'static [&'static [f64]];
 
 /// Schemes whose nodes are their stages (Hairer & Wanner II, table 5.7: Lobatto IIIA).
-const TABLES: [(Scheme, Table); 3] = [
+const TABLES: [(Scheme, Weights); 3] = [
     (Scheme::Euler, &[&[1.0, 0.0]]),
     (Scheme::Trapezoid, &[&[0.5, 0.5]]),
     (
@@ -25,7 +25,7 @@ const TABLES: [(Scheme, Table); 3] = [
     ),
 ];
 
-fn joint(options: &Options) -> Joint {
+fn joint(options: &FitOptions) -> Joint {
     Joint {
         vehicle: options.vehicle,
         pilot: options.pilot,
@@ -45,7 +45,7 @@ fn along(x: &[f64], terms: &[(f64, &Vec<f64>)]) -> Vec<f64> {
 }
 
 /// One step of a scheme: its equations `X_i = X_0 + h Σ a_ij f(X_j)` by fixed-point iteration.
-fn scheme_step(joint: &Joint, table: Table, x: &[f64], target: f64, h: f64) -> Vec<f64> {
+fn scheme_step(joint: &Joint, table: Weights, x: &[f64], target: f64, h: f64) -> Vec<f64> {
     let mut nodes = vec![x.to_vec(); table.len() + 1];
     for _ in 0..1000 {
         let rates: Vec<_> = nodes.iter().map(|x| derivative(joint, x, target)).collect();
@@ -93,7 +93,7 @@ fn exact_step(joint: &Joint, x: &[f64], target: f64, h: f64) -> Vec<f64> {
 
 /// A run from rest to a target [m]: duration and interval [s].
 fn trial(
-    options: &Options,
+    options: &FitOptions,
     target: f64,
     (duration, h): (f64, f64),
     step: impl Fn(&Joint, &[f64], f64, f64) -> Vec<f64>,
@@ -121,7 +121,7 @@ fn trial(
     }
 }
 
-fn fitted(trials: &[Trial], options: &Options) -> Fit {
+fn fitted(trials: &[Trial], options: &FitOptions) -> Fit {
     let fit = fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap();
     assert!(
         fit.converged,
@@ -144,10 +144,10 @@ fn error(fit: &Fit) -> f64 {
 #[test]
 fn data_of_the_discretised_model_give_its_parameters_back() {
     for (scheme, table) in TABLES {
-        let options = Options {
+        let options = FitOptions {
             scheme,
             tolerance: 1e-10,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let step =
             |joint: &Joint, x: &[f64], target: f64, h: f64| scheme_step(joint, table, x, target, h);
@@ -164,11 +164,11 @@ fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
         (Scheme::Trapezoid, 0.025),
         (Scheme::HermiteSimpson, 0.05),
     ] {
-        let options = Options {
+        let options = FitOptions {
             scheme,
             start: Some(THETA.to_vec()),
             tolerance: 1e-10,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let error_at = |h: f64| {
             error(&fitted(

@@ -5,7 +5,7 @@
 mod pilots;
 
 use pilotage::identification::solve::SPARE_STARTS;
-use pilotage::identification::{Fit, InitialState, Options, Trial, fit, random_starts, start};
+use pilotage::identification::{Fit, FitOptions, InitialState, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
 use pilotage::transcription::Scheme;
@@ -16,20 +16,20 @@ fn flights(name: &str, seed: u64) -> Vec<Trial> {
     pilots::flights(human, seed).unwrap()
 }
 
-fn fitted(trials: &[Trial], options: &Options) -> Fit {
+fn fitted(trials: &[Trial], options: &FitOptions) -> Fit {
     fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
 /// The least objective of converged fits from random starts, others than those that the fit itself draws.
 fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
     let from = |start| {
-        let options = Options {
+        let options = FitOptions {
             start: Some(start),
-            ..Options::default()
+            ..FitOptions::default()
         };
         fitted(trials, &options)
     };
-    let fits = random_starts::draw(&Options::default(), seed, count)
+    let fits = random_starts::draw(&FitOptions::default(), seed, count)
         .into_iter()
         .map(from);
     let converged = fits.filter(|fit| fit.converged).map(|fit| fit.objective);
@@ -43,7 +43,7 @@ fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
 fn the_default_start_is_as_good_as_the_best_of_random_ones() {
     for (name, seed, count) in [("plain", 1, 4), ("eager", 1, 4), ("eager", 6, 8)] {
         let trials = flights(name, seed);
-        let fit = fitted(&trials, &Options::default());
+        let fit = fitted(&trials, &FitOptions::default());
         assert!(fit.converged, "{name} {seed}: {}", fit.status);
         let best = best_of_random(&trials, seed, count);
         assert!(best.is_finite(), "{name} {seed}: no random start converged");
@@ -61,9 +61,9 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
 fn free_runs_find_better_tumbles_than_any_start_of_all() {
     let best = 27.247340;
     let trials = flights("noisy", 3);
-    let options = Options {
+    let options = FitOptions {
         initial_state: InitialState::Free,
-        ..Options::default()
+        ..FitOptions::default()
     };
     let fit = fitted(&trials, &options);
     assert!(fit.converged, "{}", fit.status);
@@ -105,10 +105,10 @@ fn a_pole_that_runs_to_the_edge_of_eulers_stability_stays_at_it() {
     ];
     for ((human, seed), start, optimum) in cases {
         let trials = pilots::flights(&human, seed).unwrap();
-        let options = Options {
+        let options = FitOptions {
             scheme: Scheme::Euler,
             start: Some(start.to_vec()),
-            ..Options::default()
+            ..FitOptions::default()
         };
         let fit = fitted(&trials, &options);
         assert!(fit.converged, "{seed}: {}", fit.status);
@@ -134,7 +134,7 @@ fn of_many_trials_all_count() {
         Trial::parse(csv.as_bytes(), &flight.name).unwrap()
     };
     let trials: Vec<Trial> = flown.unwrap().iter().map(trial).collect();
-    let fit = fitted(&trials, &Options::default());
+    let fit = fitted(&trials, &FitOptions::default());
     assert!(fit.converged, "{}", fit.status);
     assert_eq!(fit.runs.len(), 30);
     let best = best_of_random(&trials, 1, 2);
@@ -152,9 +152,9 @@ fn of_many_trials_all_count() {
 fn random_starts_join_where_one_start_is_alone() {
     let trials = flights("eager", 8);
     let with = |count| {
-        let options = Options {
+        let options = FitOptions {
             random_starts: count,
-            ..Options::default()
+            ..FitOptions::default()
         };
         fitted(&trials, &options)
     };
@@ -177,9 +177,9 @@ fn a_pilot_of_higher_order_never_fits_worse() {
     let mut before = f64::INFINITY;
     // A first-order pilot has no lead: it cannot fly this vehicle.
     for order in 2..=3 {
-        let options = Options {
+        let options = FitOptions {
             pilot: Pilot { order },
-            ..Options::default()
+            ..FitOptions::default()
         };
         let fit = fitted(&trials, &options);
         assert!(fit.converged, "order {order}: {}", fit.status);
@@ -195,7 +195,7 @@ fn a_pilot_of_higher_order_never_fits_worse() {
 #[test]
 fn a_pair_leaves_the_transfer_function_as_it_is() {
     let trials = flights("plain", 1);
-    let options = Options::default();
+    let options = FitOptions::default();
     let sticks: Vec<Vec<f64>> = trials.iter().filter_map(|t| t.stick.clone()).collect();
     let theta = [1.1, 1.8, -2e-4, -0.06];
     // At s = 0.7 1/s; ascending coefficients, the denominator without its leading one.

@@ -1,7 +1,7 @@
 //! A fit does not depend on the number of threads, to the last bit.
 
 use crate::command::example;
-use pilotage::identification::{Fit, Mesh, Options, TrialSet, fit};
+use pilotage::identification::{Fit, FitOptions, Mesh, TrialSet, fit};
 use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
 use std::ops::ControlFlow;
@@ -22,7 +22,7 @@ fn bits(fit: &Fit) -> Vec<u64> {
         .collect()
 }
 
-fn with_threads(threads: usize, options: &Options) -> Fit {
+fn with_threads(threads: usize, options: &FitOptions) -> Fit {
     let set = TrialSet::read(&[example("trials/trials.toml")]).unwrap();
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -32,7 +32,7 @@ fn with_threads(threads: usize, options: &Options) -> Fit {
     fit.unwrap()
 }
 
-fn alike_for_any_number_of_threads(options: &Options) {
+fn alike_for_any_number_of_threads(options: &FitOptions) {
     let one = with_threads(1, options);
     assert!(one.converged, "{}", one.status);
     for threads in [2, 5] {
@@ -44,22 +44,22 @@ fn alike_for_any_number_of_threads(options: &Options) {
 
 #[test]
 fn the_shipped_trials_give_the_same_bits() {
-    alike_for_any_number_of_threads(&Options::default());
+    alike_for_any_number_of_threads(&FitOptions::default());
 }
 
 #[test]
 fn random_starts_give_the_same_bits() {
-    alike_for_any_number_of_threads(&Options {
+    alike_for_any_number_of_threads(&FitOptions {
         random_starts: Some(3),
-        ..Options::default()
+        ..FitOptions::default()
     });
 }
 
 #[test]
 fn a_mesh_apart_from_the_samples_gives_the_same_bits() {
-    alike_for_any_number_of_threads(&Options {
+    alike_for_any_number_of_threads(&FitOptions {
         scheme: Scheme::Gauss(2),
         mesh: Mesh::Step(0.23),
-        ..Options::default()
+        ..FitOptions::default()
     });
 }

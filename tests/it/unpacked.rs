@@ -1,6 +1,6 @@
 //! The folder of an unpacked FMU is taken where its file is, with the same results.
 
-use crate::command::{Ended, Folder};
+use crate::command::{CONNECTIONS, Ended, Folder};
 use std::fs;
 use std::path::Path;
 use zip::ZipArchive;
@@ -39,16 +39,10 @@ fn content(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 /// A command with the files and with the folders; what it wrote into `file` is the same.
 fn assert_same(folder: &Folder, command: &[&str], file: &str) -> Ended {
-    let wires = [
-        "--connect",
-        "pilot.stick=quadcopter.stick",
-        "--connect",
-        "quadcopter.z=pilot.position",
-        "--set",
-        "pilot.target=10",
-    ];
+    let target = ["--set", "pilot.target=10"];
     let run = |fmus: [&str; 2]| {
-        let ended = folder.pilotage(&[&command[..1], &fmus, &wires, &command[1..]].concat());
+        let parts = [&command[..1], &fmus, &CONNECTIONS, &target, &command[1..]];
+        let ended = folder.pilotage(&parts.concat());
         let written = fs::read(folder.path(file)).unwrap_or_else(|_| panic!("{ended:?}"));
         fs::remove_file(folder.path(file)).unwrap();
         (ended, written)

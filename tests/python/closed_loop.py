@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.util import read_csv
 
 
-class Slave:
+class Component:
     """An FMU at its start time, with names instead of value references."""
 
     def __init__(self, name, path, stop):
@@ -58,8 +58,8 @@ def closed_loop(pilot, quadcopter, algorithm, target, steps, h):
     # Neither stick nor z depends on an input at once: one exchange makes the values consistent.
     quadcopter.set("stick", pilot.get("stick"))
     pilot.set("position", quadcopter.get("z"))
-    for slave in (pilot, quadcopter):
-        slave.fmu.exitInitializationMode()
+    for component in (pilot, quadcopter):
+        component.fmu.exitInitializationMode()
     rows = [pilot.row() | quadcopter.row()]
     for k in range(steps):
         t = k * h
@@ -78,11 +78,11 @@ def closed_loop(pilot, quadcopter, algorithm, target, steps, h):
 def main():
     pilot, quadcopter, result, algorithm = sys.argv[1:5]
     target, stop, h = map(float, sys.argv[5:])
-    slaves = Slave("pilot", pilot, stop), Slave("quadcopter", quadcopter, stop)
+    components = Component("pilot", pilot, stop), Component("quadcopter", quadcopter, stop)
     steps = round(stop / h)
-    rows = closed_loop(*slaves, algorithm, target, steps, h)
-    for slave in slaves:
-        slave.close()
+    rows = closed_loop(*components, algorithm, target, steps, h)
+    for component in components:
+        component.close()
     table = read_csv(result)
     # To fmpy a column is named `instance.variable [unit]`.
     table.dtype.names = tuple(name.split(" [")[0] for name in table.dtype.names)

@@ -15,26 +15,26 @@ class Fmu:
     def __init__(self, path, name):
         description = read_model_description(path)
         self.references = {v.name: v.valueReference for v in description.modelVariables}
-        self.slave = Fmi2Slave(path, model_identifier=description.coSimulation.modelIdentifier)
-        self.slave.instantiate(name, Fmi2Type.CO_SIMULATION, guid=description.guid)
-        self.slave.setup_experiment(start_time=0.0)
-        self.slave.enter_initialization_mode()
+        self.component = Fmi2Slave(path, model_identifier=description.coSimulation.modelIdentifier)
+        self.component.instantiate(name, Fmi2Type.CO_SIMULATION, guid=description.guid)
+        self.component.setup_experiment(start_time=0.0)
+        self.component.enter_initialization_mode()
 
     def get(self, *names):
-        return self.slave.get_real([self.references[name] for name in names])
+        return self.component.get_real([self.references[name] for name in names])
 
     def set(self, name, value):
-        self.slave.set_real([self.references[name]], [value])
+        self.component.set_real([self.references[name]], [value])
 
 
 pilot, quadcopter = Fmu(sys.argv[1], "pilot"), Fmu(sys.argv[2], "quadcopter")
 pilot.set("target", target)
 for fmu in (pilot, quadcopter):
-    fmu.slave.exit_initialization_mode()
+    fmu.component.exit_initialization_mode()
 for k in range(round(stop / step)):
     (stick,), (z,) = pilot.get("stick"), quadcopter.get("z")
     quadcopter.set("stick", stick)
     pilot.set("position", z)
     for fmu in (pilot, quadcopter):
-        fmu.slave.do_step(k * step, step)
+        fmu.component.do_step(k * step, step)
 print("outputs", *(repr(v) for v in quadcopter.get("z", "phi", "v", "q", "omega_f", "omega_b")))

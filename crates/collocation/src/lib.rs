@@ -47,7 +47,7 @@
 //! let (scheme, free) = (Scheme::Gauss(3), ParameterConstraints::default());
 //! let problem = Collocation::new(model, free, scheme, vec![run], Scales::of(&states, &start), &[]);
 //! let z = problem.variables(&states, &start);
-//! let options = pilotage_sqp::Options::default();
+//! let options = pilotage_sqp::SqpOptions::default();
 //! let solution = pilotage_collocation::solve(&problem, z, &options, &mut |_| ControlFlow::Continue(()));
 //! let found = problem.physical_theta(&solution.iterate.z);
 //! assert!((found[0] - 0.9).abs() < 1e-6 && (found[1] - 3.0).abs() < 1e-6, "{found:?}");
@@ -80,5 +80,5 @@ pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
-pub use solve::solve;
+pub use solve::{rk4, solve};
 pub use tableau::Scheme;

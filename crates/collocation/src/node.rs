@@ -22,10 +22,6 @@ pub struct Scales {
 pub struct Differentiated {
     /// The system.
     pub system: System,
-    states: usize,
-    inputs: usize,
-    parameters: usize,
-    outputs: usize,
     /// Entries `(row, column)` of `∂f/∂[x; θ]` that may be other than zero, column by column.
     entries: Vec<(usize, usize)>,
     /// For each output, the columns of `[x; θ]` where its gradient may be other than zero.
@@ -132,10 +128,6 @@ impl Differentiated {
         let all = system.variables() + rows.len();
         Self {
             system: system.clone(),
-            states: system.states,
-            inputs: system.inputs,
-            parameters: system.parameters,
-            outputs: system.outputs.len(),
             entries,
             columns,
             values: Tape::new(&graph, system.variables(), is_early, &[&rows]),
@@ -166,27 +158,22 @@ impl Differentiated {
 
     /// Number of states.
     pub fn n_states(&self) -> usize {
-        self.states
+        self.system.states
     }
 
     /// Number of inputs.
     pub fn n_inputs(&self) -> usize {
-        self.inputs
+        self.system.inputs
     }
 
     /// Number of parameters.
     pub fn n_parameters(&self) -> usize {
-        self.parameters
+        self.system.parameters
     }
 
     /// Number of outputs.
     pub fn n_outputs(&self) -> usize {
-        self.outputs
-    }
-
-    /// The variable of the first parameter.
-    fn first_parameter(&self) -> usize {
-        1 + self.states + self.inputs
+        self.system.outputs.len()
     }
 }
 
@@ -194,13 +181,13 @@ impl NodeModel {
     /// The model with its scales.
     pub fn new(tapes: Arc<Differentiated>, scales: Scales) -> Self {
         let inverse: Vec<f64> = scales.states.iter().map(|s| 1.0 / s).collect();
-        let scale = |variable: usize| match variable.checked_sub(tapes.states) {
+        let scale = |variable: usize| match variable.checked_sub(tapes.n_states()) {
             None => scales.states[variable],
             Some(parameter) => scales.parameters[parameter],
         };
         let entries = tapes.entries.iter();
         let gradients = tapes.columns.iter();
-        let first = tapes.outputs;
+        let first = tapes.n_outputs();
         Self {
             entry_scales: entries.map(|&(i, j)| scale(j) * inverse[i]).collect(),
             gradient_scales: gradients
@@ -210,7 +197,11 @@ impl NodeModel {
                 .map(|&(a, b)| scale(a) * scale(b))
                 .collect(),
             entries: tapes.entries.clone(),
-            state_entries: tapes.entries.iter().filter(|e| e.1 < tapes.states).count(),
+            state_entries: tapes
+                .entries
+                .iter()
+                .filter(|e| e.1 < tapes.n_states())
+                .count(),
             shared: tapes.derivatives.is_early(0)[first..first + tapes.entries.len()].to_vec(),
             pairs: tapes.pairs.clone(),
             inverse,
@@ -221,22 +212,22 @@ impl NodeModel {
 
     /// Number of states.
     pub fn n_states(&self) -> usize {
-        self.tapes.states
+        self.tapes.n_states()
     }
 
     /// Number of inputs.
     pub fn n_inputs(&self) -> usize {
-        self.tapes.inputs
+        self.tapes.n_inputs()
     }
 
     /// Number of parameters.
     pub fn n_parameters(&self) -> usize {
-        self.tapes.parameters
+        self.tapes.n_parameters()
     }
 
     /// Number of outputs.
     pub fn n_outputs(&self) -> usize {
-        self.tapes.outputs
+        self.tapes.n_outputs()
     }
 
     /// Columns of an output's gradient over `[x̄; θ̄]`.
@@ -265,7 +256,7 @@ impl NodeModel {
         let mut registers = tape.registers();
         let values = theta.iter().zip(&self.scales.parameters);
         for (k, (value, scale)) in values.enumerate() {
-            registers.set(self.tapes.first_parameter() + k, [value * scale; LANES]);
+            registers.set(self.tapes.system.parameter(k), [value * scale; LANES]);
         }
         tape.run(0, &mut registers);
         registers
@@ -274,15 +265,15 @@ impl NodeModel {
     /// Sets a group of points: scaled states; inputs, with the time behind them.
     #[inline(always)]
     fn set(&self, registers: &mut Registers<LANES>, x: [&[f64]; LANES], input: [&[f64]; LANES]) {
-        let n = self.scales.states.len();
+        let (system, n) = (&self.tapes.system, self.scales.states.len());
         let x = x.map(|own| &own[..n]);
         for (i, scale) in self.scales.states.iter().enumerate() {
-            registers.set(1 + i, scaled(*scale, x.map(|own| own[i])));
+            registers.set(system.state(i), scaled(*scale, x.map(|own| own[i])));
         }
-        let inputs = self.tapes.inputs;
+        let inputs = system.inputs;
         let input = input.map(|own| &own[..=inputs]);
         for i in 0..inputs {
-            registers.set(1 + n + i, input.map(|own| own[i]));
+            registers.set(system.input(i), input.map(|own| own[i]));
         }
         registers.set(0, input.map(|own| own[inputs]));
     }
@@ -302,7 +293,7 @@ impl Values<'_> {
         let (model, tape) = (self.model, &self.model.tapes.values);
         model.set(&mut self.registers, x, input);
         tape.run(1, &mut self.registers);
-        let (rates, own) = tape.outputs(0).split_at(model.tapes.states);
+        let (rates, own) = tape.outputs(0).split_at(model.tapes.n_states());
         for ((f, register), inverse) in f.iter_mut().zip(rates).zip(&model.inverse) {
             *f = scaled(*inverse, self.registers.get(*register));
         }
@@ -329,17 +320,9 @@ impl Derivatives<'_> {
     #[inline(always)]
     pub fn jacobian(&self, out: &mut [Lanes]) {
         let model = self.model;
-        let own = &model.tapes.derivatives.outputs(0)[model.tapes.outputs..];
+        let own = &model.tapes.derivatives.outputs(0)[model.tapes.n_outputs()..];
         for ((out, register), scale) in out.iter_mut().zip(own).zip(&model.entry_scales) {
             *out = scaled(*scale, self.registers.get(*register));
-        }
-    }
-
-    /// Adds the derivatives of `omegaᵀ f̄` over `[x̄; θ̄]`, with the Jacobian's entries, to `out`.
-    #[inline(always)]
-    pub fn pull_back(&self, jacobian: &[Lanes], omega: &[Lanes], out: &mut [Lanes]) {
-        for (value, &(l, c)) in jacobian.iter().zip(&self.model.entries) {
-            out[c] = plus(out[c], omega[l], *value);
         }
     }
 
@@ -348,7 +331,7 @@ impl Derivatives<'_> {
     pub fn gradient(&self, output: usize, out: &mut [Lanes]) {
         let model = self.model;
         let before: usize = model.tapes.columns[..output].iter().map(Vec::len).sum();
-        let first = model.tapes.outputs + model.entries.len() + before;
+        let first = model.tapes.n_outputs() + model.entries.len() + before;
         let own = &model.tapes.derivatives.outputs(0)[first..];
         let scales = &model.gradient_scales[output];
         for ((out, register), scale) in out.iter_mut().zip(own).zip(scales) {
@@ -361,8 +344,8 @@ impl Derivatives<'_> {
     #[inline(always)]
     pub fn second_order(&mut self, f: &[Lanes], outputs: &[Lanes], out: &mut [Lanes]) {
         let (model, tape) = (self.model, &self.model.tapes.derivatives);
-        let first = model.tapes.first_parameter() + model.tapes.parameters;
-        let n = model.tapes.states;
+        let first = model.tapes.system.variables();
+        let n = model.tapes.n_states();
         for (k, (weight, inverse)) in f.iter().zip(&model.inverse).enumerate() {
             self.registers
                 .set(first + k, times(*weight, [*inverse; LANES]));
@@ -375,5 +358,19 @@ impl Derivatives<'_> {
         for ((out, register), scale) in own.zip(&model.pair_scales) {
             *out = scaled(*scale, self.registers.get(*register));
         }
+    }
+}
+
+/// Adds the derivatives of `ωᵀ f̄` over `[x̄; θ̄]` at a group of points to `out`, given the Jacobian's values at these
+/// entries; `omega` gives a rate's weights.
+#[inline(always)]
+pub fn pull_back(
+    entries: &[(usize, usize)],
+    jacobian: &[Lanes],
+    omega: impl Fn(usize) -> Lanes,
+    out: &mut [Lanes],
+) {
+    for (value, &(l, c)) in jacobian.iter().zip(entries) {
+        out[c] = plus(out[c], omega(l), *value);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::node::{Differentiated, Scales};
 use super::{Collocation, Condensed, Run};
-use pilotage_sqp::{Iteration, Options, Solution, SparseQp, Status};
+use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status};
 use std::ops::ControlFlow;
 
 /// Steps of the simulation between two samples, at least, and the longest one [s].
@@ -13,7 +13,7 @@ const LONGEST_STEP: f64 = 0.01;
 pub fn solve(
     problem: &Collocation,
     z: Vec<f64>,
-    options: &Options,
+    options: &SqpOptions,
     observer: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
 ) -> Solution {
     match Condensed::takes(problem) {
@@ -78,38 +78,25 @@ impl Differentiated {
     /// steps of 10 ms at most, and four at least between two samples. They are a start for the solver; a
     /// state that grows beyond all bounds stays where it was.
     pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
-        let n = self.n_states();
         let mut u = vec![0.0; self.n_inputs()];
-        let mut rate = |time: f64, x: &[f64], is_end: bool| {
-            match is_end {
-                true => run.inputs_before(time, &mut u),
-                false => run.inputs_at(time, &mut u),
-            }
-            self.evaluate(time, x, &u, theta)
-        };
-        let along = |x: &[f64], dx: &[f64], h: f64| -> Vec<f64> {
-            x.iter().zip(dx).map(|(x, dx)| x + h * dx).collect()
-        };
         let mut states = vec![initial.to_vec()];
         for times in run.time.windows(2) {
             let mut x = states[states.len() - 1].clone();
             let duration = times[1] - times[0];
             let steps = (duration / LONGEST_STEP).ceil().max(LEAST_STEPS);
-            let h = duration / steps;
             for k in 0..steps as usize {
-                let t = times[0] + h * k as f64;
-                let k1 = rate(t, &x, false);
-                let k2 = rate(t + h / 2.0, &along(&x, &k1, h / 2.0), false);
-                let k3 = rate(t + h / 2.0, &along(&x, &k2, h / 2.0), false);
-                let end = if k + 1 == steps as usize {
-                    times[1]
-                } else {
-                    t + h
-                };
-                let k4 = rate(end, &along(&x, &k3, h), true);
-                let next: Vec<f64> = (0..n)
-                    .map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
-                    .collect();
+                let mut next = x.clone();
+                rk4(&mut next, duration / steps, 1, |x, c| {
+                    let part = (k as f64 + c) / steps;
+                    // The end to the last bit: inputs may jump there.
+                    if part == 1.0 {
+                        run.inputs_before(times[1], &mut u);
+                        return self.evaluate(times[1], x, &u, theta);
+                    }
+                    let time = times[0] + duration * part;
+                    run.inputs_at(time, &mut u);
+                    self.evaluate(time, x, &u, theta)
+                });
                 if next.iter().all(|v| v.is_finite()) {
                     x = next;
                 }
@@ -117,5 +104,25 @@ impl Differentiated {
             states.push(x);
         }
         states
+    }
+}
+
+/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
+///
+/// `f` may give more than the derivatives: what stands behind them is left.
+pub fn rk4(x: &mut [f64], h: f64, substeps: usize, mut f: impl FnMut(&[f64], f64) -> Vec<f64>) {
+    let dt = h / substeps as f64;
+    let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
+        x.iter().zip(k).map(|(x, k)| x + s * k).collect()
+    };
+    for step in 0..substeps {
+        let c = |part: f64| (step as f64 + part) / substeps as f64;
+        let k1 = f(x, c(0.0));
+        let k2 = f(&shifted(x, &k1, dt / 2.0), c(0.5));
+        let k3 = f(&shifted(x, &k2, dt / 2.0), c(0.5));
+        let k4 = f(&shifted(x, &k3, dt), c(1.0));
+        for (i, x) in x.iter_mut().enumerate() {
+            *x += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+        }
     }
 }

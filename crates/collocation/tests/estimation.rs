@@ -6,7 +6,7 @@ use pilotage_collocation::{
     solve,
 };
 use pilotage_expression::System;
-use pilotage_sqp::{Options, Solution, Status};
+use pilotage_sqp::{Solution, SqpOptions, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -41,7 +41,7 @@ fn by_scheme(
     let problem = Collocation::new(model, free, scheme, runs, scales, bounds);
     let z = problem.variables(&states, start);
     let quiet = &mut |_: &_| ControlFlow::Continue(());
-    let solution = solve(&problem, z, &Options::default(), quiet);
+    let solution = solve(&problem, z, &SqpOptions::default(), quiet);
     (
         problem.physical_theta(&solution.iterate.z),
         solution,

@@ -95,7 +95,7 @@ impl Clock {
         })
     }
 
-    /// No step at all: the slaves are initialised at `start` \[s\], for a simulation in steps of `step` \[s\].
+    /// No step at all: the components are initialised at `start` \[s\], for a simulation in steps of `step` \[s\].
     ///
     /// # Errors
     /// As [`Clock::new`].

@@ -1,22 +1,23 @@
-//! Co-simulation: slaves that are wired together and stepped side by side.
+//! Co-simulation: components that are wired together and stepped side by side.
 //!
 //! ```text
-//! slaves + connections -> System -> run(clock, algorithm) -> Recorder
+//! components + connections -> System -> run(clock, algorithm) -> Recorder
 //! ```
 //!
-//! The master knows [`Slave`]s, not FMUs, and counts time (`t = t0 + k·h`) instead of summing it. It
+//! The master knows [`Component`]s, not FMUs, and counts time (`t = t0 + k·h`) instead of summing it. It
 //! never gets a value after a set without a step between them, as FMI 2.0 asks (section 4.2.4).
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | [`slave`] | what a slave offers: variables, and ten calls |
-//! | [`fmu_slave`] | FMUs of FMI 2.0 and 3.0 as slaves: co-simulation, and model exchange with a solver |
-//! | [`native_slave`] | models in Rust as slaves |
+//! | [`component`] | what a component offers: variables, and ten calls |
+//! | [`fmu_component`] | FMUs of FMI 2.0 and 3.0 as components: co-simulation, and model exchange with a solver |
+//! | [`native_component`] | models in Rust as components |
 //! | [`system`] | who is wired to whom, checked |
+//! | [`description`] | what a system is made of, as files and command lines say it |
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
-//! | [`mod@linearize`] | the linear system about where the slaves stand, and its loops |
+//! | [`mod@linearize`] | the linear system about where the components stand, and its loops |
 //! | [`recorder`] | where the rows go |
 //! | [`report`] | what a run did, and how far its coupling is to be trusted |
 //! | [`selection`] | which signals are recorded, and how often |
@@ -24,30 +25,33 @@
 
 pub mod algorithms;
 pub mod clock;
-pub mod fmu_slave;
+pub mod component;
+pub mod description;
+pub mod fmu_component;
 pub mod linearize;
 pub mod master;
-pub mod native_slave;
+pub mod native_component;
 pub mod recorder;
 pub mod report;
 pub mod selection;
-pub mod slave;
 pub mod source;
 pub mod system;
 
 pub use algorithms::{Algorithm, Control, Coupling, Iteration, MAX_EXTRAPOLATION};
 pub use clock::Clock;
-pub use fmu_slave::{FmuSlave, ModelExchangeSlave};
+pub use component::{
+    Abilities, Base, Component, Conversion, Experiment, Progress, Role, Unit, Value, ValueKind,
+    Variable,
+};
+pub use description::{DescriptionError, SystemDescription};
+pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{Ending, MasterError, Run, run};
-pub use native_slave::NativeSlave;
+pub use native_component::NativeComponent;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{
-    Calls, ConnectionReport, CouplingError, Divergence, Report, SlaveReport, Steps, Transfer,
+    Calls, ConnectionReport, CouplingError, Divergence, InstanceReport, Report, Steps, Transfer,
 };
 pub use selection::{Selection, SelectionError, Thinned};
-pub use slave::{
-    Abilities, Base, Conversion, Experiment, Kind, Progress, Role, Slave, Unit, Value, Variable,
-};
 pub use source::{Source, SourceError};
 pub use system::{System, SystemError};

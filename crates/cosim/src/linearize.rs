@@ -2,27 +2,27 @@
 
 use super::algorithms::Coupling;
 use super::clock::Clock;
+use super::component::{Component, Linear};
 use super::master::{Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
-use super::slave::{Linear, Slave};
 use super::system::System;
 use nalgebra::Complex;
 use pilotage_linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wire};
-use pilotage_text::nearest::{did_you_mean, nearest};
+use pilotage_text::suggestion::{did_you_mean, suggestion};
 use thiserror::Error;
 
 /// Why a coupled system has no linear one.
 #[derive(Debug, Error)]
 pub enum LinearizeError {
     /// The loop at the connection is asked for, but there is none.
-    #[error("there is no connection `{from}={to}`{}", did_you_mean(nearest.as_deref()))]
+    #[error("there is no connection `{from}={to}`{}", did_you_mean(suggestion.as_deref()))]
     NoConnection {
         /// Output.
         from: String,
         /// Input.
         to: String,
         /// A connection that is alike.
-        nearest: Option<String>,
+        suggestion: Option<String>,
     },
     /// Nothing comes back to where a loop is cut.
     #[error("the connection `{from}={to}` is in no loop: what goes in there does not come back")]
@@ -37,14 +37,14 @@ pub enum LinearizeError {
     AlgebraicLoop(#[from] AlgebraicLoop),
 }
 
-/// The slaves' linear systems and the wires between them.
+/// The components' linear systems and the wires between them.
 #[derive(Debug, Clone)]
 pub struct Linearization {
-    /// The slaves side by side; names are `instance.variable`.
+    /// The components side by side; names are `instance.variable`.
     pub parts: StateSpace,
     /// Wires between them.
     pub wires: Vec<Wire>,
-    /// Connections that carry no changes: of other types than reals, or of what a slave counts as constant.
+    /// Connections that carry no changes: of other types than reals, or of what a component counts as constant.
     pub constant: Vec<String>,
     /// How the parts were found whose derivatives are not known.
     pub notes: Vec<String>,
@@ -60,7 +60,7 @@ pub struct Loop {
 }
 
 /// Runs a system to the clock's stop and linearises it there. There is no linearization if the run ends
-/// earlier, or a slave cannot be linearised: [`Run::ending`] says why.
+/// earlier, or a component cannot be linearised: [`Run::ending`] says why.
 ///
 /// # Errors
 /// As [`run`](super::run).
@@ -81,8 +81,8 @@ pub fn linearize(
         .collect();
     let mut parts: Vec<StateSpace> = Vec::new();
     let mut notes = Vec::new();
-    let mut look = |slave: &mut dyn Slave| {
-        let Linear { system, note } = slave.linearize(clock.step())?;
+    let mut look = |component: &mut dyn Component| {
+        let Linear { system, note } = component.linearize(clock.step())?;
         system.check_finite()?;
         let instance = &names[parts.len()];
         notes.extend(note.map(|note| format!("`{instance}` {note}")));
@@ -165,7 +165,8 @@ impl Linearization {
             LinearizeError::NoConnection {
                 from: from.to_owned(),
                 to: to.to_owned(),
-                nearest: nearest(&wanted, names.iter().map(String::as_str)).map(str::to_owned),
+                suggestion: suggestion(&wanted, names.iter().map(String::as_str))
+                    .map(str::to_owned),
             }
         })
     }

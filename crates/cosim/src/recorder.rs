@@ -13,7 +13,7 @@ pub struct Signal {
 }
 
 /// Takes the rows of a run as they are computed.
-pub trait Recorder {
+pub trait Recorder: Send {
     /// Called once, before the first row.
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()>;
 
@@ -117,7 +117,7 @@ impl<W: Write> CsvRecorder<W> {
     }
 }
 
-impl<W: Write> Recorder for CsvRecorder<W> {
+impl<W: Write + Send> Recorder for CsvRecorder<W> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
         let mut header = b"time".to_vec();
         for signal in signals {

@@ -5,23 +5,23 @@
 pub struct Report {
     /// The communication steps.
     pub steps: Steps,
-    /// Each slave, in the order in which they were added.
-    pub slaves: Vec<SlaveReport>,
+    /// Each instance, in the order in which they were added.
+    pub instances: Vec<InstanceReport>,
     /// Each connection of reals.
     pub connections: Vec<ConnectionReport>,
-    /// Names of the slaves that feed on others and cannot go back to a saved state, where the
+    /// Names of the instances that feed on others and cannot go back to a saved state, where the
     /// coupling would need it: strong coupling gives them extrapolated inputs, and with step-size
     /// control no step is repeated.
     pub irrevocable: Vec<String>,
-    /// Names of the slaves that cannot vary their steps, where [jumps became ramps](Steps::ramps).
+    /// Names of the instances that cannot vary their steps, where [jumps became ramps](Steps::ramps).
     pub fixed: Vec<String>,
-    /// Names of the slaves that hold their inputs within each step, or part of it, where these could change:
+    /// Names of the instances that hold their inputs within each step, or part of it, where these could change:
     /// they take no input derivatives (FMI 2.0) and no intermediate updates (FMI 3.0).
     pub holding: Vec<String>,
-    /// Time of the stepping loop without the calls to the slaves \[s\]: the master and the recorder. With
-    /// slaves that step at the same time, it says little.
+    /// Time of the stepping loop without the calls to the instances \[s\]: the master and the recorder. With
+    /// components that step at the same time, it says little.
     pub master_seconds: f64,
-    /// Steps of the clock in which calls were timed; the slaves' times are estimates from these. All of
+    /// Steps of the clock in which calls were timed; the components' times are estimates from these. All of
     /// them with [`Coupling::measure`](super::Coupling::measure).
     pub timed_steps: u64,
 }
@@ -32,10 +32,10 @@ pub struct Steps {
     /// Steps that count.
     pub accepted: u64,
     /// Steps that were taken back, since their error was too large (of strong coupling in steps of fixed length: seen to
-    /// be a hundredth of the signal, or else, it may be half of it) or a slave could not do them.
+    /// be a hundredth of the signal, or else, it may be half of it) or a component could not do them.
     pub rejected: u64,
     /// Accepted steps whose error was larger than the tolerance, since they were the shortest allowed
-    /// or a slave could not go back.
+    /// or a component could not go back.
     pub over_tolerance: u64,
     /// Corrections of strong coupling, each of which repeats the step.
     pub corrections: u64,
@@ -47,7 +47,7 @@ pub struct Steps {
     pub repeated: u64,
     /// Steps in which such values did not settle; those of their begin were passed on.
     pub unsettled: u64,
-    /// Jumps of signals at which steps were cut, and those that became ramps over a step, since a slave
+    /// Jumps of signals at which steps were cut, and those that became ramps over a step, since a component
     /// cannot vary its steps.
     pub jumps: u64,
     /// See [`Self::jumps`].
@@ -58,7 +58,7 @@ pub struct Steps {
     pub longest: f64,
 }
 
-/// Calls to a slave after initialization.
+/// Calls to an instance after initialization.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Calls {
     /// Setting inputs or their derivatives.
@@ -73,9 +73,9 @@ pub struct Calls {
     pub restores: u64,
 }
 
-/// What a slave did.
+/// What an instance did.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SlaveReport {
+pub struct InstanceReport {
     /// Name.
     pub name: String,
     /// Its calls.

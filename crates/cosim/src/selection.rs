@@ -1,9 +1,9 @@
 //! Which signals of a run are recorded, and how often.
 
+use super::component::{Conversion, Role, ValueKind};
 use super::recorder::{Recorder, Signal};
-use super::slave::{Conversion, Kind, Role};
 use super::system::{Port, System};
-use pilotage_text::nearest::{did_you_mean, nearest};
+use pilotage_text::suggestion::{did_you_mean, suggestion};
 use std::collections::{HashMap, HashSet};
 use std::io;
 use thiserror::Error;
@@ -12,12 +12,12 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SelectionError {
     /// A pattern that fits no variable.
-    #[error("no variable is named like `{pattern}`{}", did_you_mean(nearest.as_deref()))]
+    #[error("no variable is named like `{pattern}`{}", did_you_mean(suggestion.as_deref()))]
     Nothing {
         /// The pattern.
         pattern: String,
         /// The most similar name.
-        nearest: Option<String>,
+        suggestion: Option<String>,
     },
     /// Patterns that fit only variables that no table of numbers can hold.
     #[error("`{pattern}` is text and cannot be in a table of numbers")]
@@ -67,10 +67,10 @@ impl Selection {
                 let all = names.iter().map(|(_, name)| name.as_str());
                 return Err(SelectionError::Nothing {
                     pattern: pattern.clone(),
-                    nearest: nearest(pattern, all).map(str::to_owned),
+                    suggestion: suggestion(pattern, all).map(str::to_owned),
                 });
             }
-            let is_number = |port: Port| system.variable(port).kind != Kind::String;
+            let is_number = |port: Port| system.variable(port).kind != ValueKind::String;
             if !fitting.iter().any(|(port, _)| is_number(*port)) {
                 let pattern = pattern.clone();
                 return Err(SelectionError::Text { pattern });
@@ -86,14 +86,14 @@ impl Selection {
         Ok(Self::of(system, chosen))
     }
 
-    /// All outputs but those of some slaves, in whose stead the inputs that they feed are recorded:
+    /// All outputs but those of some components, in whose stead the inputs that they feed are recorded:
     /// what a table feeds is known best by the name of the input.
     pub fn without(system: &mut System, sources: &[String]) -> Self {
-        let is_source = |port: Port| sources.contains(&system.instances[port.slave].name);
+        let is_source = |port: Port| sources.contains(&system.instances[port.instance].name);
         let is_wanted = |port: &Port| {
             let variable = system.variable(*port);
             let is_fed = |from: Port| is_source(from) && variable.role == Role::Input;
-            variable.kind != Kind::String
+            variable.kind != ValueKind::String
                 && match system.feeding(*port) {
                     Some((from, _)) => is_fed(from),
                     None => variable.role == Role::Output && !is_source(*port),

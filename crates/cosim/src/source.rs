@@ -1,7 +1,8 @@
-//! Signals over time, from a table, as a slave that feeds others.
+//! Signals over time, from a table, as a component that feeds others.
 
-use super::slave::{
-    Abilities, Experiment, Kind, Linear, Progress, Role, Slave, SlaveError, Unit, Value, Variable,
+use super::component::{
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Role, Unit, Value,
+    ValueKind, Variable,
 };
 use pilotage_linear::StateSpace;
 use pilotage_series::{Column, Series};
@@ -37,7 +38,7 @@ pub enum SourceError {
         /// Its time \[s\].
         time: f64,
         /// The type of the input that it shall feed.
-        kind: Kind,
+        kind: ValueKind,
     },
     /// Text cannot come from a table of numbers.
     #[error("column `{column}` holds numbers and cannot feed a String")]
@@ -53,8 +54,8 @@ pub enum SourceError {
 /// in several rows is a jump: from it on the last of these rows counts. Before the first and after the
 /// last sample of a column its value is held.
 ///
-/// A master sees a table as it sees any slave, at its communication points; so that a jump is one for a master
-/// that interpolates between them, [`next_jump`](Slave::next_jump) tells when it comes.
+/// A master sees a table as it sees any component, at its communication points; so that a jump is one for a master
+/// that interpolates between them, [`next_jump`](Component::next_jump) tells when it comes.
 #[derive(Debug, Clone)]
 pub struct Source {
     variables: Vec<Variable>,
@@ -91,7 +92,7 @@ impl Source {
         for (column, handle) in series.columns.into_iter().zip(0..) {
             source.variables.push(Variable {
                 unit: (!column.unit.is_empty()).then(|| Unit::named(&column.unit)),
-                ..Variable::new(&column.name, handle, Kind::Real, Role::Output)
+                ..Variable::new(&column.name, handle, ValueKind::Real, Role::Output)
             });
             source.columns.push(samples(&times, column)?);
         }
@@ -109,17 +110,17 @@ impl Source {
     ///
     /// # Errors
     /// If a sample is no value of that type.
-    pub fn hold_as(&mut self, column: usize, kind: Kind) -> Result<(), SourceError> {
+    pub fn hold_as(&mut self, column: usize, kind: ValueKind) -> Result<(), SourceError> {
         let variable = &mut self.variables[column];
         let name = || variable.name.clone();
         let samples = &mut self.columns[column];
         let fits = |value: f64| match kind {
-            Kind::Real => true,
-            Kind::Integer | Kind::Enumeration => (value as i64) as f64 == value,
-            Kind::Boolean => value == 0.0 || value == 1.0,
-            Kind::String => false,
+            ValueKind::Real => true,
+            ValueKind::Integer | ValueKind::Enumeration => (value as i64) as f64 == value,
+            ValueKind::Boolean => value == 0.0 || value == 1.0,
+            ValueKind::String => false,
         };
-        if kind == Kind::String {
+        if kind == ValueKind::String {
             return Err(SourceError::Text { column: name() });
         }
         if let Some(k) = samples.values.iter().position(|&value| !fits(value)) {
@@ -132,12 +133,12 @@ impl Source {
         }
         samples.is_held = true;
         variable.kind = kind;
-        variable.unit = variable.unit.take().filter(|_| kind == Kind::Real);
+        variable.unit = variable.unit.take().filter(|_| kind == ValueKind::Real);
         self.find_jumps();
         Ok(())
     }
 
-    fn value(&self, handle: u32) -> Result<f64, SlaveError> {
+    fn value(&self, handle: u32) -> Result<f64, ComponentError> {
         match self.columns.get(handle as usize) {
             Some(samples) => Ok(samples.at(self.time)),
             None => Err(format!("there is no column {handle}").into()),
@@ -206,49 +207,41 @@ fn is_reached(sample: f64, time: f64) -> bool {
     sample <= time + ROUNDING * time.abs().max(sample.abs())
 }
 
-impl Slave for Source {
+impl Component for Source {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
 
-    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
         self.time = experiment.start;
         Ok(())
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, handles: &[u32], _values: &[f64]) -> Result<(), ComponentError> {
         match handles.first() {
             Some(handle) => Err(format!("column {handle} cannot be set").into()),
             None => Ok(()),
         }
     }
 
-    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         for (&handle, value) in handles.iter().zip(values) {
             *value = self.value(handle)?;
         }
         Ok(())
     }
 
-    fn set(&mut self, handle: u32, _value: &Value) -> Result<(), SlaveError> {
-        self.set_reals(&[handle], &[])
-    }
-
-    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+    fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
         let value = self.value(handle)?;
         Ok(match kind {
-            Kind::Real => Value::Real(value),
-            Kind::Integer | Kind::Enumeration => Value::Integer(value as i64),
-            Kind::Boolean => Value::Boolean(value != 0.0),
-            Kind::String => return Err("a column of numbers has no text".into()),
+            ValueKind::Real => Value::Real(value),
+            ValueKind::Integer | ValueKind::Enumeration => Value::Integer(value as i64),
+            ValueKind::Boolean => Value::Boolean(value != 0.0),
+            ValueKind::String => return Err("a column of numbers has no text".into()),
         })
     }
 
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.time = t + h;
         Ok(Progress::Done)
     }
@@ -268,7 +261,7 @@ impl Slave for Source {
         self.jumps.get(next).copied()
     }
 
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
         if self.saved.len() <= place {
             self.saved.resize(place + 1, self.time);
         }
@@ -276,7 +269,7 @@ impl Slave for Source {
         Ok(())
     }
 
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         match self.saved.get(place) {
             Some(&time) => self.time = time,
             None => return Err(format!("no time is saved in place {place}").into()),
@@ -285,7 +278,7 @@ impl Slave for Source {
     }
 
     /// Nothing: what it feeds are inputs from outside.
-    fn linearize(&mut self, _step: f64) -> Result<Linear, SlaveError> {
+    fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {
         Ok(StateSpace::empty().into())
     }
 }
@@ -295,14 +288,14 @@ mod tests {
     use super::*;
 
     /// What a column gives at these times.
-    fn followed(csv: &str, kind: Kind, times: &[f64]) -> Vec<f64> {
+    fn followed(csv: &str, kind: ValueKind, times: &[f64]) -> Vec<f64> {
         let after = csv.replace(' ', "\n");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("f.csv");
         std::fs::write(&path, after).unwrap();
         let series = Series::read_table(&path).unwrap();
         let mut source = Source::new(series).unwrap();
-        if kind != Kind::Real {
+        if kind != ValueKind::Real {
             source.hold_as(0, kind).unwrap();
         }
         let at = |time: &f64| {
@@ -316,7 +309,7 @@ mod tests {
     fn reals_go_along_straight_lines_and_jump_where_a_time_repeats() {
         let csv = "time,u 0,1 1,3 1,10 3, 4,7";
         let times = [-1.0, 0.0, 0.5, 1.0 - 1e-9, 1.0, 2.0, 4.0, 9.0];
-        let found = followed(csv, Kind::Real, &times);
+        let found = followed(csv, ValueKind::Real, &times);
         let expected = [1.0, 1.0, 2.0, 3.0 - 2e-9, 10.0, 9.0, 7.0, 7.0];
         for (found, expected) in found.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
@@ -327,7 +320,11 @@ mod tests {
     fn other_types_are_held() {
         let csv = "time,u 0,1 1,0 3,1";
         let times = [0.0, 0.9, 1.0, 2.9, 3.0];
-        for kind in [Kind::Boolean, Kind::Integer, Kind::Enumeration] {
+        for kind in [
+            ValueKind::Boolean,
+            ValueKind::Integer,
+            ValueKind::Enumeration,
+        ] {
             assert_eq!(followed(csv, kind, &times), [1.0, 1.0, 0.0, 0.0, 1.0]);
         }
     }
@@ -339,7 +336,7 @@ mod tests {
             let decimal = format!("{:.3}", h * f64::from(k));
             let csv = format!("time,u 0,0 {decimal},0 {decimal},1");
             let times = [f64::from(k) * h, f64::from(k - 1) * h];
-            assert_eq!(followed(&csv, Kind::Real, &times), [1.0, 0.0], "{h}");
+            assert_eq!(followed(&csv, ValueKind::Real, &times), [1.0, 0.0], "{h}");
         }
     }
 
@@ -374,11 +371,11 @@ mod tests {
         let mut source = Source::new(Series { columns, ..series }).unwrap();
         let refused = |source: &mut Source, kind| source.hold_as(0, kind).unwrap_err().to_string();
         assert_eq!(
-            refused(&mut source, Kind::Integer),
+            refused(&mut source, ValueKind::Integer),
             "column `a` is 2.5 at 2 s, which is no Integer"
         );
         assert_eq!(
-            refused(&mut source, Kind::String),
+            refused(&mut source, ValueKind::String),
             "column `a` holds numbers and cannot feed a String"
         );
     }

@@ -14,7 +14,7 @@ impl Graph {
             if needed[k] && depends[k] {
                 by[k] = match self.operations()[k] {
                     Operation::Variable(_) => self.constant(1.0),
-                    operation => self.chain(k, operation, &by),
+                    _ => self.chain(self.node(k), &by),
                 };
             }
         }
@@ -42,13 +42,13 @@ impl Graph {
         variables.iter().map(own).collect()
     }
 
-    /// The chain rule for one operation, whose arguments have these derivatives.
-    fn chain(&mut self, place: usize, operation: Operation, by: &[Node]) -> Node {
-        if let Operation::Select(condition, yes, no) = operation {
+    /// The chain rule for one node, whose arguments have these derivatives.
+    fn chain(&mut self, node: Node, by: &[Node]) -> Node {
+        if let Operation::Select(condition, yes, no) = self.operation(node) {
             return self.select(condition, by[yes.index()], by[no.index()]);
         }
         let mut sum = self.constant(0.0);
-        for (argument, partial) in self.partials(self.node(place)) {
+        for (argument, partial) in self.partials(node) {
             let part = self.multiply(partial, by[argument.index()]);
             sum = self.add(sum, part);
         }
@@ -66,6 +66,10 @@ impl Graph {
                 let yes = self.select(condition, one, zero);
                 let no = self.select(condition, zero, one);
                 vec![(a, yes), (b, no)]
+            }
+            Operation::Lookup(curve, a) => {
+                let slope = self.curves()[curve as usize].slope();
+                vec![(a, self.lookup(&slope.into(), a))]
             }
         }
     }
@@ -179,7 +183,7 @@ impl Graph {
                 let by_b = self.negate(quotient);
                 vec![(a, by_a), (b, by_b)]
             }
-            Operator::Less => Vec::new(),
+            Operator::Less | Operator::Equal => Vec::new(),
             Operator::Remainder => {
                 // b trunc(a/b) is a - own.
                 let whole = self.subtract(a, own);

@@ -1,8 +1,10 @@
 //! Expressions as a graph of operations: equal ones stand in it once, and what is constant is computed as it
 //! is built.
 
+use super::curve::Curve;
 use super::operation::{Function, Operation, Operator};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Largest whole exponent whose power becomes products.
 const LONGEST_CHAIN: f64 = 32.0;
@@ -26,6 +28,7 @@ impl Node {
 pub struct Graph {
     operations: Vec<Operation>,
     known: HashMap<Operation, Node>,
+    curves: Vec<Arc<Curve>>,
 }
 
 impl Graph {
@@ -37,6 +40,11 @@ impl Graph {
     /// What a node computes.
     pub fn operation(&self, node: Node) -> Operation {
         self.operations[node.index()]
+    }
+
+    /// The curves that are looked up.
+    pub fn curves(&self) -> &[Arc<Curve>] {
+        &self.curves
     }
 
     /// A number.
@@ -109,6 +117,58 @@ impl Graph {
         }
     }
 
+    /// The smaller of two.
+    pub fn smaller(&mut self, a: Node, b: Node) -> Node {
+        let is_less = self.binary(Operator::Less, b, a);
+        self.select(is_less, b, a)
+    }
+
+    /// The larger of two.
+    pub fn larger(&mut self, a: Node, b: Node) -> Node {
+        let is_less = self.binary(Operator::Less, a, b);
+        self.select(is_less, b, a)
+    }
+
+    /// A curve at an expression.
+    pub fn lookup(&mut self, curve: &Arc<Curve>, at: Node) -> Node {
+        if let Some(constant) = curve.constant() {
+            return self.constant(constant);
+        }
+        if let Some(at) = self.value(at) {
+            return self.constant(curve.at(at));
+        }
+        let known = self.curves.iter().position(|own| own == curve);
+        let index = known.unwrap_or_else(|| {
+            self.curves.push(curve.clone());
+            self.curves.len() - 1
+        });
+        self.insert(Operation::Lookup(index as u32, at))
+    }
+
+    /// The values of all nodes at one point.
+    ///
+    /// # Panics
+    /// Where there are fewer variables than the graph has.
+    pub fn values(&self, variables: &[f64]) -> Vec<f64> {
+        let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
+        for operation in &self.operations {
+            let of = |node: Node| values[node.index()];
+            let value = match *operation {
+                Operation::Constant(bits) => f64::from_bits(bits),
+                Operation::Variable(index) => variables[index as usize],
+                Operation::Unary(function, a) => function.of(of(a)),
+                Operation::Binary(operator, a, b) => operator.of(of(a), of(b)),
+                Operation::Select(condition, a, b) => match of(condition) != 0.0 {
+                    true => of(a),
+                    false => of(b),
+                },
+                Operation::Lookup(curve, a) => self.curves[curve as usize].at(of(a)),
+            };
+            values.push(value);
+        }
+        values
+    }
+
     /// `-a`.
     pub fn negate(&mut self, a: Node) -> Node {
         self.unary(Function::Negate, a)
@@ -156,6 +216,7 @@ impl Graph {
                     Operation::Unary(function, a) => self.unary(function, of(a)),
                     Operation::Binary(operator, a, b) => self.binary(operator, of(a), of(b)),
                     Operation::Select(c, a, b) => self.select(of(c), of(a), of(b)),
+                    Operation::Lookup(curve, a) => self.lookup(&from.curves[curve as usize], of(a)),
                 });
             }
         }
@@ -202,9 +263,7 @@ impl Graph {
             (Operator::Add, _, Some(b)) => self.binary(Operator::Subtract, a, b),
             (Operator::Add, Some(a), _) => self.binary(Operator::Subtract, b, a),
             (Operator::Subtract, _, Some(b)) => self.binary(Operator::Add, a, b),
-            (Operator::Subtract, Some(_), _) | (Operator::Subtract, ..) if a == b => {
-                self.constant(0.0)
-            }
+            (Operator::Subtract, ..) if a == b => self.constant(0.0),
             (Operator::Multiply | Operator::Divide, Some(a), _) => {
                 let positive = self.binary(operator, a, b);
                 self.negate(positive)

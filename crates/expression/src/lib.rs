@@ -28,6 +28,7 @@
 //! # Ok::<(), pilotage_expression::Obstacle>(())
 //! ```
 
+pub mod curve;
 mod derivative;
 pub mod graph;
 pub mod model;
@@ -38,6 +39,7 @@ pub mod tape;
 mod tests;
 pub mod trace;
 
+pub use curve::Curve;
 pub use graph::{Graph, Node};
 pub use model::{Model, ModelError};
 pub use operation::{Function, Operation, Operator};

@@ -45,14 +45,6 @@ pub enum ModelError {
         "algebraic loop: {0} depends on itself at the same instant; put a state (a lag) into the loop"
     )]
     Loop(String),
-    /// Equations that no graph says.
-    #[error("model {model}: {obstacle}")]
-    Obstacle {
-        /// The model.
-        model: String,
-        /// Why.
-        obstacle: Obstacle,
-    },
 }
 
 impl Model {

@@ -16,6 +16,8 @@ pub enum Operation {
     Binary(Operator, Node, Node),
     /// The second expression where the first is not 0, else the third.
     Select(Node, Node, Node),
+    /// The graph's curve of that number at an expression.
+    Lookup(u32, Node),
 }
 
 impl Operation {
@@ -23,7 +25,7 @@ impl Operation {
     pub fn arguments(self) -> impl Iterator<Item = Node> {
         let all = match self {
             Self::Constant(_) | Self::Variable(_) => [None; 3],
-            Self::Unary(_, a) => [Some(a), None, None],
+            Self::Unary(_, a) | Self::Lookup(_, a) => [Some(a), None, None],
             Self::Binary(_, a, b) => [Some(a), Some(b), None],
             Self::Select(a, b, c) => [Some(a), Some(b), Some(c)],
         };
@@ -105,10 +107,12 @@ pub enum Operator {
     Power,
     /// The angle of the point whose ordinate is the first, and the abscissa the second.
     Atan2,
-    /// 1 where the first is less than the second, else 0.
-    Less,
     /// What is left of the first by the second, with the sign of the first.
     Remainder,
+    /// 1 where the first is less than the second, else 0.
+    Less,
+    /// 1 where both are equal, else 0.
+    Equal,
 }
 
 impl Operator {
@@ -121,8 +125,9 @@ impl Operator {
             Self::Divide => a / b,
             Self::Power => power(a, b),
             Self::Atan2 => a.atan2(b),
-            Self::Less => T::from(f64::from(a.re() < b.re())),
             Self::Remainder => a - b * T::from((a.re() / b.re()).trunc()),
+            Self::Less => T::from(f64::from(a.re() < b.re())),
+            Self::Equal => T::from(f64::from(a.re() == b.re())),
         }
     }
 }
@@ -130,6 +135,10 @@ impl Operator {
 /// `aᵇ`, with the derivatives that there are where `a` is negative and `b` a constant.
 fn power<T: DualNum<Primitive = f64> + Copy>(a: T, b: T) -> T {
     if b == T::from(b.re()) {
+        // There the formulas of dual numbers divide by 0.
+        if a.re() == 0.0 && b.re() > 1.0 {
+            return T::from(0.0);
+        }
         return a.powf(b.re());
     }
     a.powd(b)

@@ -1,8 +1,11 @@
 //! Expressions as a list of instructions, computed at many points at once.
 
+use super::curve::Curve;
 use super::graph::{Graph, Node};
 use super::operation::{Function, Operation, Operator};
 use num_dual::DualNum;
+use std::cell::Cell;
+use std::sync::Arc;
 
 /// What one instruction does with the registers that it names. Sums of a product are one instruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,6 +20,8 @@ enum Code {
     SubtractProduct,
     /// `b` where `a` is not 0, else `c`.
     Select,
+    /// The curve of number `b` at `a`.
+    Lookup,
 }
 
 /// An instruction; its result is the register after that of the one before.
@@ -44,6 +49,7 @@ pub struct Tape {
     outputs: Vec<Vec<usize>>,
     /// For each expression, whether it depends on early variables alone.
     early: Vec<Vec<bool>>,
+    curves: Vec<Arc<Curve>>,
 }
 
 /// Registers of a tape at `B` points at once.
@@ -71,6 +77,7 @@ impl Tape {
             writer.stage(|k| needed[k]);
         }
         let mut tape = writer.tape;
+        tape.curves = graph.curves().to_vec();
         let register = |node: &Node| writer.registers[node.index()].expect("written") as usize;
         let outputs = lists.iter().map(|list| list.iter().map(register).collect());
         tape.outputs = outputs.collect();
@@ -117,7 +124,7 @@ impl Tape {
         let begin = self.variables + self.constants.len() + first;
         for (instruction, at) in instructions.iter().zip(begin..) {
             let (known, rest) = registers.values.split_at_mut(at);
-            step(*instruction, known, &mut rest[0]);
+            step(*instruction, &self.curves, known, &mut rest[0]);
         }
     }
 
@@ -127,14 +134,35 @@ impl Tape {
     /// Where there are not as many variables as the tape has.
     pub fn evaluate<T: DualNum<Primitive = f64> + Copy>(&self, variables: &[T]) -> Vec<T> {
         assert_eq!(variables.len(), self.variables, "the tape's variables");
-        let mut values = Vec::with_capacity(self.variables + self.constants.len() + self.len());
-        values.extend_from_slice(variables);
-        values.extend(self.constants.iter().map(|value| T::from(*value)));
-        for instruction in &self.instructions {
-            values.push(number(*instruction, &values));
-        }
+        let mut values = vec![T::from(0.0); self.size()];
+        values[..variables.len()].copy_from_slice(variables);
+        self.compute(&mut values);
         let outputs = self.outputs.iter().flatten();
         outputs.map(|register| values[*register]).collect()
+    }
+
+    /// Number of registers.
+    pub fn size(&self) -> usize {
+        self.variables + self.constants.len() + self.len()
+    }
+
+    /// Runs all stages on registers of any number type, which hold the variables; the results are in those that
+    /// [`outputs`](Self::outputs) names. It does not allocate.
+    ///
+    /// # Panics
+    /// Where there are not [`size`](Self::size) registers.
+    pub fn compute<T: DualNum<Primitive = f64> + Copy>(&self, registers: &mut [T]) {
+        assert_eq!(registers.len(), self.size(), "the tape's registers");
+        let first = self.variables + self.constants.len();
+        let constants = &mut registers[self.variables..first];
+        for (register, constant) in constants.iter_mut().zip(&self.constants) {
+            *register = T::from(*constant);
+        }
+        // Cells: every instruction reads from the list that it writes into.
+        let cells = Cell::from_mut(registers).as_slice_of_cells();
+        for (instruction, out) in self.instructions.iter().zip(&cells[first..]) {
+            out.set(number(*instruction, &self.curves, cells));
+        }
     }
 }
 
@@ -153,23 +181,61 @@ impl<const B: usize> Registers<B> {
 }
 
 /// An instruction on numbers.
-fn number<T: DualNum<Primitive = f64> + Copy>(instruction: Instruction, values: &[T]) -> T {
+#[inline(always)]
+fn number<T>(instruction: Instruction, curves: &[Arc<Curve>], values: &[Cell<T>]) -> T
+where
+    T: DualNum<Primitive = f64> + Copy,
+{
     let Instruction { code, a, b, c } = instruction;
-    let [a, b, c] = [a, b, c].map(|register| values[register as usize]);
+    let of = |register: u32| {
+        debug_assert!((register as usize) < values.len(), "a register of the tape");
+        // SAFETY: `Writer` alone makes instructions, and names registers that were filled before: all are below
+        // `Tape::size`, which `Tape::compute` compares with the length of the list.
+        unsafe { values.get_unchecked(register as usize) }.get()
+    };
     match code {
-        Code::Function(function) => function.of(a),
-        Code::Operator(operator) => operator.of(a, b),
-        Code::MultiplyAdd => a * b + c,
-        Code::MultiplySubtract => a * b - c,
-        Code::SubtractProduct => c - a * b,
-        Code::Select if a.re() != 0.0 => b,
-        Code::Select => c,
+        Code::Operator(Operator::Add) => of(a) + of(b),
+        Code::Operator(Operator::Subtract) => of(a) - of(b),
+        Code::Operator(Operator::Multiply) => of(a) * of(b),
+        Code::MultiplyAdd => of(a) * of(b) + of(c),
+        Code::MultiplySubtract => of(a) * of(b) - of(c),
+        Code::SubtractProduct => of(c) - of(a) * of(b),
+        Code::Operator(Operator::Divide) => of(a) / of(b),
+        Code::Function(Function::Negate) => -of(a),
+        Code::Function(Function::Sin) => of(a).sin(),
+        Code::Function(Function::Cos) => of(a).cos(),
+        Code::Function(function) => rare(function, of(a)),
+        Code::Operator(operator) => joined(operator, of(a), of(b)),
+        Code::Select if of(a).re() != 0.0 => of(b),
+        Code::Select => of(c),
+        Code::Lookup => looked_up(&curves[b as usize], of(a)),
     }
+}
+
+/// What is rare and long does not swell the loop over instructions.
+#[inline(never)]
+fn rare<T: DualNum<Primitive = f64> + Copy>(function: Function, a: T) -> T {
+    function.of(a)
+}
+
+#[inline(never)]
+fn joined<T: DualNum<Primitive = f64> + Copy>(operator: Operator, a: T, b: T) -> T {
+    operator.of(a, b)
+}
+
+#[inline(never)]
+fn looked_up<T: DualNum<Primitive = f64> + Copy>(curve: &Curve, a: T) -> T {
+    curve.of(a)
 }
 
 /// An instruction at `B` points.
 #[inline(always)]
-fn step<const B: usize>(instruction: Instruction, known: &[[f64; B]], out: &mut [f64; B]) {
+fn step<const B: usize>(
+    instruction: Instruction,
+    curves: &[Arc<Curve>],
+    known: &[[f64; B]],
+    out: &mut [f64; B],
+) {
     let Instruction { code, a, b, c } = instruction;
     let of = |register: u32| &known[register as usize];
     match code {
@@ -189,6 +255,10 @@ fn step<const B: usize>(instruction: Instruction, known: &[[f64; B]], out: &mut 
             true => b,
             false => c,
         }),
+        Code::Lookup => {
+            let curve = &curves[b as usize];
+            apart(of(a), of(a), out, |a, _| curve.at(a));
+        }
     }
 }
 
@@ -331,6 +401,7 @@ impl<'a> Writer<'a> {
             Operation::Unary(function, a) => (Code::Function(function), of(a), of(a), of(a)),
             Operation::Binary(operator, a, b) => (Code::Operator(operator), of(a), of(b), of(a)),
             Operation::Select(a, b, c) => (Code::Select, of(a), of(b), of(c)),
+            Operation::Lookup(curve, a) => (Code::Lookup, of(a), curve, of(a)),
             Operation::Constant(_) | Operation::Variable(_) => unreachable!("it has a register"),
         };
         Instruction { code, a, b, c }

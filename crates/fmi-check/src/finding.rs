@@ -1,6 +1,6 @@
 //! One thing that is wrong with an FMU, wherever in it.
 
-use pilotage_fmi::Kind;
+use pilotage_fmi::InterfaceType;
 use pilotage_fmi::archive::DESCRIPTION;
 use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Place, Severity};
 use std::fmt;
@@ -44,14 +44,14 @@ impl Finding {
     /// About what the binary does as that kind.
     pub fn behaviour(
         description: &ModelDescription,
-        kind: Kind,
+        kind: InterfaceType,
         severity: Severity,
         what: String,
     ) -> Self {
         let section = match (description.fmi_version, kind) {
-            (FmiVersion::V2, Kind::ModelExchange) => "FMI 2.0, sections 2.1 and 3.2",
+            (FmiVersion::V2, InterfaceType::ModelExchange) => "FMI 2.0, sections 2.1 and 3.2",
             (FmiVersion::V2, _) => "FMI 2.0, sections 2.1 and 4.2",
-            (FmiVersion::V3, Kind::ModelExchange) => "FMI 3.0, sections 2.2 and 3.2",
+            (FmiVersion::V3, InterfaceType::ModelExchange) => "FMI 3.0, sections 2.2 and 3.2",
             (FmiVersion::V3, _) => "FMI 3.0, sections 2.2 and 4.2",
         };
         Self {

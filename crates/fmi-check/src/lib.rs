@@ -6,7 +6,7 @@
 //! assert!(findings.iter().any(|finding| finding.to_string().contains("modelName")));
 //! ```
 //!
-//! Nothing stops at the first finding. What needs the binary to run is told apart ([`trial`]): whoever
+//! Nothing stops at the first finding. What needs the binary to run is told apart ([`behaviour`]): whoever
 //! calls it should do so in a process of its own, since a broken FMU may end it.
 //!
 //! | module | what it checks |
@@ -15,13 +15,13 @@
 //! | `validate` | the description: the rules that no schema holds |
 //! | `layout` | which files there are, whether they are those that the description names, terminalsAndIcons.xml, buildDescription.xml |
 //! | `binaries` | each platform's library: format, architecture, functions, what it needs |
-//! | [`trial`] | the binary of this machine, run |
+//! | [`behaviour`] | the binary of this machine, run |
 
+pub mod behaviour;
 mod binaries;
 mod directory;
 mod finding;
 mod layout;
-pub mod trial;
 mod validate;
 
 pub use finding::{Finding, Rule};
@@ -29,7 +29,7 @@ pub use validate::{is_date_and_time, validate};
 
 use pilotage_fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
 use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Severity};
-use pilotage_text::causes::with_causes;
+use pilotage_text::error_chain::error_chain;
 use std::io::Read;
 use std::path::Path;
 
@@ -79,7 +79,7 @@ fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
         findings.push(Finding::archive(
             None,
             Rule::Refused {
-                why: with_causes(&error),
+                why: error_chain(&error),
             },
         ));
     }
@@ -97,10 +97,10 @@ fn described(archive: &mut Archive) -> Checked {
     };
     let bytes = match archive.read(DESCRIPTION) {
         Ok(bytes) => bytes,
-        Err(error) => return refused(with_causes(&error)),
+        Err(error) => return refused(error_chain(&error)),
     };
     match description::read(&bytes) {
-        Err(error) => refused(with_causes(&error)),
+        Err(error) => refused(error_chain(&error)),
         Ok(reading) => Checked {
             findings: (validate(&reading).iter())
                 .map(|f| Finding::description(reading.description.fmi_version, f))
@@ -119,7 +119,7 @@ fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec
             version,
             name,
             Rule::Refused {
-                why: with_causes(&error),
+                why: error_chain(&error),
             },
         ))
     };

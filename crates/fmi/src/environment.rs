@@ -1,8 +1,7 @@
 //! What an instance can call back: its messages, updates within a step, and news of its clocks.
 
-use super::binding::Functions;
-use super::instance::Loaded;
-use super::logger::Message;
+use crate::binding::{Functions, Loaded};
+use crate::message::Message;
 use pilotage_abi::fmi3::{InstanceEnvironment, IntermediateUpdateCallback, Status};
 use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};

@@ -2,12 +2,12 @@
 
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
 use super::binary::{self, BinaryError};
-use super::binding::{Binding, BindingError};
+use super::binding::{Binding, BindingError, Loaded};
 use super::description::FmiVersion;
 use super::description::{self, ModelDescription, ReadError};
-use super::instance::{CallError, Instance, Loaded, Options};
+use super::instance::{CallError, Instance, InstanceOptions};
 use super::platform;
-use super::version::Kind;
+use super::version::InterfaceType;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ pub enum FmuError {
         /// The FMU.
         path: PathBuf,
         /// What it should be for.
-        kind: Kind,
+        kind: InterfaceType,
     },
     /// No binary for this machine.
     #[error("{} has no binary for this machine (looked in {}); it has {}", path.display(), wanted.join(", "), all_of(present))]
@@ -165,13 +165,18 @@ impl Fmu {
     }
 
     /// What the FMU is for, and the modelIdentifier of each.
-    pub fn kinds(&self) -> Vec<(Kind, &str)> {
+    pub fn kinds(&self) -> Vec<(InterfaceType, &str)> {
         let cs = self.description.co_simulation.as_ref();
         let me = self.description.model_exchange.as_ref();
         let se = self.description.scheduled_execution.as_ref();
-        let cs = cs.map(|cs| (Kind::CoSimulation, cs.model_identifier.as_str()));
-        let me = me.map(|me| (Kind::ModelExchange, me.model_identifier.as_str()));
-        let se = se.map(|se| (Kind::ScheduledExecution, se.model_identifier.as_str()));
+        let cs = cs.map(|cs| (InterfaceType::CoSimulation, cs.model_identifier.as_str()));
+        let me = me.map(|me| (InterfaceType::ModelExchange, me.model_identifier.as_str()));
+        let se = se.map(|se| {
+            (
+                InterfaceType::ScheduledExecution,
+                se.model_identifier.as_str(),
+            )
+        });
         cs.into_iter().chain(me).chain(se).collect()
     }
 
@@ -182,7 +187,7 @@ impl Fmu {
     /// If there is no binary for this machine, or it is damaged, or not what the standard asks for.
     pub fn load(&mut self) -> Result<Library, FmuError> {
         let path = self.path().to_owned();
-        let mut groups: Vec<(String, Vec<Kind>)> = Vec::new();
+        let mut groups: Vec<(String, Vec<InterfaceType>)> = Vec::new();
         for (kind, identifier) in self.kinds() {
             match groups.iter_mut().find(|(name, _)| name == identifier) {
                 Some((_, kinds)) => kinds.push(kind),
@@ -242,7 +247,7 @@ fn bind(
     folder: &TempDir,
     entry: String,
     version: FmiVersion,
-    kinds: &[Kind],
+    kinds: &[InterfaceType],
 ) -> Result<Binding, FmuError> {
     let library = folder.path().join(&entry);
     let bytes = fs::read(&library).map_err(|source| FmuError::Read {
@@ -269,7 +274,7 @@ fn bind(
 pub struct Library {
     path: PathBuf,
     /// Each binary, and what it is for; never empty.
-    loaded: Vec<(Vec<Kind>, Arc<Loaded>)>,
+    loaded: Vec<(Vec<InterfaceType>, Arc<Loaded>)>,
     description: Arc<ModelDescription>,
 }
 
@@ -278,8 +283,8 @@ impl Library {
     ///
     /// # Errors
     /// If the FMU is not for this kind, or refuses.
-    pub fn instantiate(&self, name: &str, kind: Kind) -> Result<Instance, FmuError> {
-        self.instantiate_with(name, kind, Options::default())
+    pub fn instantiate(&self, name: &str, kind: InterfaceType) -> Result<Instance, FmuError> {
+        self.instantiate_with(name, kind, InstanceOptions::default())
     }
 
     /// Makes an instance of a kind.
@@ -289,8 +294,8 @@ impl Library {
     pub fn instantiate_with(
         &self,
         name: &str,
-        kind: Kind,
-        options: Options,
+        kind: InterfaceType,
+        options: InstanceOptions,
     ) -> Result<Instance, FmuError> {
         let path = || self.path.clone();
         let loaded = self
@@ -305,11 +310,11 @@ impl Library {
 
     /// Whether the FMU makes an instance though the GUID (instantiation token) is another one, which it
     /// should refuse.
-    pub fn accepts_wrong_guid(&self, kind: Kind) -> bool {
+    pub fn accepts_wrong_guid(&self, kind: InterfaceType) -> bool {
         let mut other = ModelDescription::clone(&self.description);
         other.guid.push('!');
         self.of(kind).is_some_and(|loaded| {
-            let options = Options::default();
+            let options = InstanceOptions::default();
             Instance::new(loaded.clone(), &other, "wrong guid", kind, options).is_ok()
         })
     }
@@ -329,7 +334,7 @@ impl Library {
         self.loaded.iter().map(|(_, loaded)| &loaded.binding)
     }
 
-    fn of(&self, kind: Kind) -> Option<&Arc<Loaded>> {
+    fn of(&self, kind: InterfaceType) -> Option<&Arc<Loaded>> {
         let found = self.loaded.iter().find(|(kinds, _)| kinds.contains(&kind));
         found.map(|(_, loaded)| loaded)
     }

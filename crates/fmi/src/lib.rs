@@ -9,11 +9,11 @@
 //! ```
 //!
 //! and [`simulate`] solves them. This crate is for those who write a simulator or a checker; several FMUs together
-//! are `pilotage-cosim`'s, FMUs of one's own models `pilotage-kit`'s. An FMU of `ẋ = -x`, `x(0) = 1`, in ten
+//! are `pilotage-cosim`'s, FMUs of one's own models `pilotage-sdk`'s. An FMU of `ẋ = -x`, `x(0) = 1`, in ten
 //! steps:
 //!
 //! ```
-//! use pilotage_fmi::{Fmu, Kind, Step};
+//! use pilotage_fmi::{Fmu, InterfaceType, Step};
 //! # mod example { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/decay/folder.rs")); }
 //!
 //! let path = example::decay_fmu()?; // a file `.fmu`, or the folder of an unpacked one, as here
@@ -21,7 +21,7 @@
 //! let (_, x) = fmu.description().variable("x").expect("it says that it has an x");
 //! let x = x.value_reference;
 //!
-//! let mut decay = fmu.load()?.instantiate("decay", Kind::CoSimulation)?;
+//! let mut decay = fmu.load()?.instantiate("decay", InterfaceType::CoSimulation)?;
 //! decay.setup_experiment(None, 0.0, 1.0)?;
 //! decay.enter_initialization_mode()?;
 //! decay.exit_initialization_mode()?;
@@ -59,6 +59,7 @@ pub mod fmu;
 pub mod instance;
 mod logger;
 pub mod memory;
+mod message;
 pub mod platform;
 pub mod simulate;
 mod version;
@@ -66,7 +67,7 @@ mod version;
 pub use description::FmiVersion;
 pub use environment::{Intermediate, IntermediateUpdate, take_stray_messages};
 pub use fmu::{Fmu, FmuError};
-pub use instance::{CallError, Instance, Options, Step};
-pub use logger::Message;
+pub use instance::{CallError, Instance, InstanceOptions, Step};
+pub use message::Message;
 pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
-pub use version::{Function, Kind, State};
+pub use version::{Function, InterfaceType, State};

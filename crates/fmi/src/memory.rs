@@ -13,7 +13,7 @@ static BLOCKS: Mutex<BTreeSet<usize>> = Mutex::new(BTreeSet::new());
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
 /// What a poisoned text is full of.
-pub const SPOILT: u8 = b'?';
+pub const POISON: u8 = b'?';
 
 type Allocate = unsafe extern "C" fn(usize, usize) -> *mut c_void;
 type Free = unsafe extern "C" fn(*mut c_void);
@@ -63,17 +63,17 @@ pub(super) fn callbacks() -> (Allocate, Free) {
 /// Texts that an FMU got for one call, full of question marks afterwards: whoever kept an address rather than
 /// a copy will read these. Freed when this goes.
 #[derive(Debug, Default)]
-pub(super) struct Spoilt(Vec<*mut c_char>);
+pub(super) struct PoisonedTexts(Vec<*mut c_char>);
 
-impl Spoilt {
-    /// Spoils the texts if somebody watches.
+impl PoisonedTexts {
+    /// Poisons the texts if somebody watches.
     pub(super) fn new<const N: usize>(texts: [CString; N]) -> Self {
         let texts = texts.into_iter().filter(|_| is_watched());
-        Self(texts.map(spoil).collect())
+        Self(texts.map(poison).collect())
     }
 }
 
-impl Drop for Spoilt {
+impl Drop for PoisonedTexts {
     fn drop(&mut self) {
         for text in self.0.drain(..) {
             // SAFETY: it came from `CString::into_raw` and is as long as it was.
@@ -83,11 +83,11 @@ impl Drop for Spoilt {
 }
 
 /// Overwrites a text through the very address that was given away.
-fn spoil(text: CString) -> *mut c_char {
+fn poison(text: CString) -> *mut c_char {
     let length = text.as_bytes().len();
     let text = text.into_raw();
     // SAFETY: there are as many bytes, which nobody else holds but, wrongly, the FMU.
-    unsafe { text.cast::<u8>().write_bytes(SPOILT, length) };
+    unsafe { text.cast::<u8>().write_bytes(POISON, length) };
     text
 }
 

@@ -4,7 +4,7 @@ use pilotage_abi::{Part, fmi2, fmi3};
 
 /// What an instance is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum InterfaceType {
     /// It brings its own solver.
     CoSimulation,
     /// The importer solves its equations.
@@ -13,7 +13,7 @@ pub enum Kind {
     ScheduledExecution,
 }
 
-impl Kind {
+impl InterfaceType {
     /// Every kind.
     pub const ALL: [Self; 3] = [
         Self::CoSimulation,
@@ -40,7 +40,7 @@ impl Kind {
     }
 }
 
-impl std::fmt::Display for Kind {
+impl std::fmt::Display for InterfaceType {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::CoSimulation => "co-simulation",
@@ -79,7 +79,7 @@ impl Function {
     }
 
     /// The standard's name of a status that it returned, or the number if FMI defines no name.
-    pub fn name_of(self, status: fmi2::Status) -> String {
+    pub(crate) fn name_of(self, status: fmi2::Status) -> String {
         let (name, prefix) = match self {
             Self::Fmi2(_) => (status.name(), "fmi2"),
             Self::Fmi3(_) => (fmi3::Status(status.0).name(), "fmi3"),

@@ -4,7 +4,7 @@ use super::joint::Joint;
 use super::simulate::{LONGEST, at_rest};
 use super::solve::Observer;
 use super::statistics::rms;
-use super::{Fit, FitError, Objective, Options, RunFit, Trial, TrialSet};
+use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
 use super::{fit, simulate, simulate_from};
 
 /// A pilot identified from trials.
@@ -13,7 +13,7 @@ pub struct Identification {
     /// The fit.
     pub fit: Fit,
     /// What it was asked to do.
-    pub options: Options,
+    pub options: FitOptions,
     /// The trials that it was fitted to, and those that it was not.
     pub trials: TrialSet,
     /// All trials as the pilot flies them alone, from rest where the solution begins, in the order of
@@ -49,7 +49,7 @@ impl Identification {
     /// As [`fit`](fit()).
     pub fn new(
         trials: TrialSet,
-        options: Options,
+        options: FitOptions,
         observer: &mut Observer<'_>,
     ) -> Result<Self, FitError> {
         let fit = fit(&trials.fit, &options, observer)?;
@@ -57,7 +57,7 @@ impl Identification {
     }
 
     /// Of a fit to the trials of a set.
-    pub fn of(fit: Fit, options: Options, trials: TrialSet) -> Self {
+    pub fn of(fit: Fit, options: FitOptions, trials: TrialSet) -> Self {
         let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
         let flown = (trials.all().zip(solutions))
             .map(|(trial, solution)| fly(&fit, &options, trial, solution))
@@ -84,7 +84,12 @@ impl Identification {
 }
 
 /// A trial flown by the pilot alone.
-fn fly(fit: &Fit, options: &Options, trial: &Trial, solution: Option<&RunFit>) -> Option<RunFit> {
+fn fly(
+    fit: &Fit,
+    options: &FitOptions,
+    trial: &Trial,
+    solution: Option<&RunFit>,
+) -> Option<RunFit> {
     let joint = Joint {
         vehicle: *options.loop_vehicle()?,
         pilot: options.pilot,

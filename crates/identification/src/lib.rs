@@ -3,7 +3,7 @@
 
 pub mod closed_loop;
 pub mod constraints;
-pub mod doubts;
+pub mod diagnostics;
 pub mod identification;
 pub mod joint;
 mod linearised;
@@ -26,12 +26,12 @@ mod tumbles;
 pub mod vehicle;
 
 pub use closed_loop::ClosedLoop;
-pub use doubts::{Doubt, doubts};
+pub use diagnostics::{Diagnostic, diagnostics};
 pub use identification::Identification;
-pub use options::{InitialPosition, InitialState, Mesh, Objective, Options};
+pub use options::{FitOptions, InitialPosition, InitialState, Mesh, Objective};
 pub use pilot_file::PilotFileError;
 pub use pilotage_collocation::Scheme;
-pub use result::{Fit, PilotDoubt, PilotFile, RunFit};
+pub use result::{Fit, PilotDiagnostic, PilotFile, RunFit};
 pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
 pub use trials::{Trial, TrialError, TrialSet};

@@ -3,7 +3,7 @@
 use super::race::{Race, TIE};
 use super::result::{FEASIBLE, StartReport, agree};
 use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
-use super::{Fit, Options, RunFit, tumbles};
+use super::{Fit, FitOptions, RunFit, tumbles};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
@@ -62,7 +62,7 @@ pub(super) type Runs<'a> = dyn Fn(&Collocation, &[f64]) -> Vec<RunFit> + 'a;
 pub(super) fn multi_start(
     starts: &Starts,
     from: &impl Fn(&Start) -> (Collocation, Vec<f64>),
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
     runs: &Runs<'_>,
 ) -> Fit {
@@ -88,7 +88,7 @@ pub(super) fn multi_start(
     };
     let mut attempts: Vec<Attempt> = Vec::new();
     for start in &starts.all {
-        let nearest = attempts.iter().map(|a| a.course.near);
+        let nearest = attempts.iter().map(|a| a.record.near);
         let best = nearest.fold(f64::INFINITY, f64::min);
         scouted(&mut attempts, start, best, &mut watched);
         if watched.stopped.is_some() {
@@ -120,15 +120,15 @@ pub(super) fn multi_start(
 
 /// Goes on with the start that is most ahead of the best converged one, until there is none, and sorts
 /// them, best first.
-fn finish(attempts: &mut [Attempt], options: &Options, watched: &mut Watched<'_, '_>) {
+fn finish(attempts: &mut [Attempt], options: &FitOptions, watched: &mut Watched<'_, '_>) {
     loop {
         attempts.sort_by(|a, b| {
             let violations = || a.solution.kkt.primal.total_cmp(&b.solution.kkt.primal);
-            (a.course.near.total_cmp(&b.course.near)).then_with(violations)
+            (a.record.near.total_cmp(&b.record.near)).then_with(violations)
         });
         let best = best_converged(attempts).unwrap_or(f64::INFINITY);
         let ahead = |a: &&mut Attempt| {
-            let gains = best.is_infinite() || a.course.near < best * (1.0 - TIE);
+            let gains = best.is_infinite() || a.record.near < best * (1.0 - TIE);
             gains && a.may_go_on(options)
         };
         match attempts.iter_mut().find(ahead) {
@@ -140,7 +140,7 @@ fn finish(attempts: &mut [Attempt], options: &Options, watched: &mut Watched<'_,
 
 /// Adds a start that begins where the best has converged, and goes on from better tumbles of its runs
 /// ([`tumbles`]), round by round.
-fn tumble(attempts: &mut Vec<Attempt>, options: &Options, watched: &mut Watched<'_, '_>) {
+fn tumble(attempts: &mut Vec<Attempt>, options: &FitOptions, watched: &mut Watched<'_, '_>) {
     let Some(best) = attempts.iter().find(|a| a.has_converged()) else {
         return;
     };
@@ -166,7 +166,7 @@ fn tumble(attempts: &mut Vec<Attempt>, options: &Options, watched: &mut Watched<
         attempt.improve(z, options.max_iterations, options, watched);
     }
     if let (false, Some(converged)) = (attempt.has_converged(), converged) {
-        attempt.course.near = converged.iterate.f;
+        attempt.record.near = converged.iterate.f;
         attempt.solution = converged;
     }
     if attempt.solution.iterate.f < best.solution.iterate.f {
@@ -177,13 +177,13 @@ fn tumble(attempts: &mut Vec<Attempt>, options: &Options, watched: &mut Watched<
 /// The least objective of the converged starts.
 fn best_converged(attempts: &[Attempt]) -> Option<f64> {
     let converged = attempts.iter().filter(|a| a.has_converged());
-    converged.map(|a| a.course.near).min_by(f64::total_cmp)
+    converged.map(|a| a.record.near).min_by(f64::total_cmp)
 }
 
 /// The best objective, if one start alone leads to it.
 fn lone(attempts: &[Attempt]) -> Option<f64> {
     let best = best_converged(attempts)?;
-    let agreeing = attempts.iter().filter(|a| agree(a.course.near, best));
+    let agreeing = attempts.iter().filter(|a| agree(a.record.near, best));
     (agreeing.count() == 1).then_some(best)
 }
 
@@ -222,7 +222,7 @@ impl Watched<'_, '_> {
 
 /// How a solve goes.
 #[derive(Debug, Clone, Copy)]
-struct Course {
+struct Record {
     /// Which start, from 0.
     number: usize,
     /// Objective of the last iterate whose states are nearly consistent ([`NEAR`]): what the starts are
@@ -234,7 +234,7 @@ struct Course {
     seconds: f64,
 }
 
-impl Course {
+impl Record {
     fn see(&mut self, iteration: &Iteration) {
         let (f, violation) = (iteration.objective, iteration.kkt.primal);
         if violation < NEAR && f.is_finite() {
@@ -251,7 +251,7 @@ impl Course {
         problem: &Collocation,
         z: Vec<f64>,
         (limit, best): (usize, f64),
-        options: &Options,
+        options: &FitOptions,
         watched: &mut Watched<'_, '_>,
     ) -> Solution {
         let clock = Instant::now();
@@ -266,11 +266,11 @@ impl Course {
                 flow
             }
         };
-        let sqp_options = pilotage_sqp::Options {
+        let sqp_options = pilotage_sqp::SqpOptions {
             tolerance: options.tolerance,
             max_iterations: limit,
             short_step: SHORT_STEP,
-            ..pilotage_sqp::Options::default()
+            ..pilotage_sqp::SqpOptions::default()
         };
         let solution = pilotage_collocation::solve(problem, z, &sqp_options, &mut watch);
         self.iterations += solution.work.iterations;
@@ -283,7 +283,7 @@ impl Course {
 struct Attempt {
     problem: Collocation,
     solution: Solution,
-    course: Course,
+    record: Record,
     descents: usize,
 }
 
@@ -293,9 +293,9 @@ impl Attempt {
     }
 
     /// True when it ended for its limit on iterations or a lost race.
-    fn may_go_on(&self, options: &Options) -> bool {
+    fn may_go_on(&self, options: &FitOptions) -> bool {
         let cut_short = [Status::IterationLimit, Status::Stopped].contains(&self.solution.status);
-        cut_short && self.course.iterations < options.max_iterations
+        cut_short && self.record.iterations < options.max_iterations
     }
 
     /// Another start, which is where this one has come to.
@@ -303,11 +303,11 @@ impl Attempt {
         Self {
             problem: self.problem.clone(),
             solution: self.solution.clone(),
-            course: Course {
+            record: Record {
                 number,
                 iterations: 0,
                 seconds: 0.0,
-                ..self.course
+                ..self.record
             },
             descents: 1,
         }
@@ -315,14 +315,14 @@ impl Attempt {
 
     fn report(&self) -> StartReport {
         StartReport {
-            number: self.course.number + 1,
+            number: self.record.number + 1,
             status: self.solution.status,
             objective: self.solution.iterate.f,
-            feasible: Some(self.course.feasible).filter(|f| f.is_finite()),
+            feasible: Some(self.record.feasible).filter(|f| f.is_finite()),
             kkt: self.solution.kkt.residual(),
             curvature: self.solution.curvature,
-            iterations: self.course.iterations,
-            seconds: self.course.seconds,
+            iterations: self.record.iterations,
+            seconds: self.record.seconds,
             descents: self.descents,
         }
     }
@@ -334,30 +334,30 @@ impl Attempt {
         (number, descents): (usize, usize),
         (problem, z): (Collocation, Vec<f64>),
         race: (usize, f64),
-        options: &Options,
+        options: &FitOptions,
         watched: &mut Watched<'_, '_>,
     ) -> Self {
-        let mut course = Course {
+        let mut record = Record {
             number,
             near: f64::INFINITY,
             feasible: f64::INFINITY,
             iterations: 0,
             seconds: 0.0,
         };
-        let solution = course.run(&problem, z, race, options, watched);
+        let solution = record.run(&problem, z, race, options, watched);
         Self {
             problem,
             solution,
-            course,
+            record,
             descents,
         }
     }
 
     /// The iterations that are left.
-    fn go_on(&mut self, best: f64, options: &Options, watched: &mut Watched<'_, '_>) {
-        let left = options.max_iterations - self.course.iterations;
+    fn go_on(&mut self, best: f64, options: &FitOptions, watched: &mut Watched<'_, '_>) {
+        let left = options.max_iterations - self.record.iterations;
         let z = self.solution.iterate.z.clone();
-        self.solution = (self.course).run(&self.problem, z, (left, best), options, watched);
+        self.solution = (self.record).run(&self.problem, z, (left, best), options, watched);
     }
 
     /// Goes to where these variables lead, if that is feasible and better.
@@ -365,15 +365,15 @@ impl Attempt {
         &mut self,
         z: Vec<f64>,
         limit: usize,
-        options: &Options,
+        options: &FitOptions,
         watched: &mut Watched<'_, '_>,
     ) {
-        let (before, near) = (self.solution.iterate.f, self.course.near);
+        let (before, near) = (self.solution.iterate.f, self.record.near);
         let unraced = (limit.min(options.max_iterations), f64::INFINITY);
-        let solution = (self.course).run(&self.problem, z, unraced, options, watched);
+        let solution = (self.record).run(&self.problem, z, unraced, options, watched);
         match solution.iterate.f <= before && solution.kkt.primal < FEASIBLE {
             true => self.solution = solution,
-            false => self.course.near = near,
+            false => self.record.near = near,
         }
     }
 }
@@ -402,7 +402,7 @@ fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &
         kkt: kkt.residual(),
         violation: kkt.primal,
         curvature: *curvature,
-        iterations: attempts.iter().map(|a| a.course.iterations).sum(),
+        iterations: attempts.iter().map(|a| a.record.iterations).sum(),
         unknowns: iterate.z.len(),
         seconds: 0.0,
         starts: attempts.iter().map(Attempt::report).collect(),
@@ -411,6 +411,6 @@ fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &
         runs: runs(&best.problem, &iterate.z),
         closed_loop: None,
         unbounded: None,
-        doubts: Vec::new(),
+        diagnostics: Vec::new(),
     }
 }

@@ -43,7 +43,7 @@ pub enum Objective {
 
 /// Options of a fit, with their defaults.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct FitOptions {
     /// Collocation scheme. Default: Hermite–Simpson, whose bias at 20 Hz is the smallest for its
     /// cost (docs/schemes.md); the paper's is forward Euler.
     pub scheme: Scheme,
@@ -80,7 +80,7 @@ pub struct Options {
     pub max_iterations: usize,
 }
 
-impl Options {
+impl FitOptions {
     /// The vehicle with which the pilot closes a loop: none in a fit of the stick where nobody said which one
     /// was flown.
     pub fn loop_vehicle(&self) -> Option<&Quadcopter> {
@@ -95,7 +95,7 @@ impl Options {
     }
 }
 
-impl Default for Options {
+impl Default for FitOptions {
     fn default() -> Self {
         Self {
             scheme: Scheme::HermiteSimpson,

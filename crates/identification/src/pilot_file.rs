@@ -1,11 +1,11 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
-use super::result::PilotDoubt;
-use super::{ClosedLoop, Doubt, Fit, Identification, Mesh, Options, PilotFile, Trial};
+use super::result::PilotDiagnostic;
+use super::{ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Trial};
 use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
 use pilotage_models::{COEFFICIENTS, Pilot};
-use pilotage_text::document::{self, Document, DocumentError, number};
+use pilotage_text::document::{self, Document, DocumentError, number, quoted};
 use pilotage_units::{power, pretty};
 use std::path::Path;
 
@@ -66,6 +66,7 @@ const FIELDS: [&str; 11] = [
     "theta",
     "pole",
     "closed_loop",
+    // The diagnostics, under the name that pilot files have always had for them.
     "doubt",
     "fit",
     "vehicle",
@@ -107,8 +108,8 @@ impl PilotFile {
             stick_limit,
             converged: root.boolean("converged")?.unwrap_or(true),
             vehicle,
-            doubts: (root.tables("doubt")?.iter())
-                .map(PilotDoubt::read)
+            diagnostics: (root.tables("doubt")?.iter())
+                .map(PilotDiagnostic::read)
                 .collect::<Result<_, _>>()?,
         })
     }
@@ -118,10 +119,13 @@ impl PilotFile {
         if !self.converged {
             return Some("did not converge".into());
         }
-        if let Some(doubt) = self.doubts.iter().find(|doubt| doubt.fatal) {
-            return Some(format!("is no answer: {}", doubt.words));
+        if let Some(diagnostic) = self.diagnostics.iter().find(|diagnostic| diagnostic.fatal) {
+            return Some(format!("is no answer: {}", diagnostic.words));
         }
-        let told = self.doubts.iter().any(|doubt| doubt.code == UNSTABLE);
+        let told = self
+            .diagnostics
+            .iter()
+            .any(|diagnostic| diagnostic.code == UNSTABLE);
         let unstable = self.is_stable_loop() == Some(false);
         (unstable && !told).then(|| {
             "is no answer: the closed loop of [theta] with [vehicle] is unstable, and the file does not say so; it \
@@ -149,20 +153,22 @@ impl PilotFile {
     pub fn caveat(&self) -> Option<String> {
         let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
         let unconverged = (!self.converged).then(|| unconverged.to_owned());
-        let is_true = |doubt: &&PilotDoubt| match (doubt.code.as_str(), self.is_stable_loop()) {
-            (UNSTABLE, Some(stable)) => !stable,
-            ("loop-on-bound" | "slow-loop" | "leaves-target", Some(stable)) => stable,
-            _ => true,
-        };
-        let doubts =
-            (self.doubts.iter().filter(is_true)).map(|doubt| format!("Doubt: {}.", doubt.words));
-        let all: Vec<String> = unconverged.into_iter().chain(doubts).collect();
+        let is_true =
+            |diagnostic: &&PilotDiagnostic| match (diagnostic.code.as_str(), self.is_stable_loop())
+            {
+                (UNSTABLE, Some(stable)) => !stable,
+                ("loop-on-bound" | "slow-loop" | "leaves-target", Some(stable)) => stable,
+                _ => true,
+            };
+        let diagnostics = (self.diagnostics.iter().filter(is_true))
+            .map(|diagnostic| format!("Diagnostic: {}.", diagnostic.words));
+        let all: Vec<String> = unconverged.into_iter().chain(diagnostics).collect();
         (!all.is_empty()).then(|| all.join(" "))
     }
 }
 
-impl PilotDoubt {
-    fn read(table: &document::Table) -> Result<Self, DocumentError> {
+impl PilotDiagnostic {
+    fn read(table: &document::TomlTable) -> Result<Self, DocumentError> {
         Ok(Self {
             code: table.required("code", table.string("code")?)?.into(),
             words: table.required("words", table.string("words")?)?.into(),
@@ -172,7 +178,7 @@ impl PilotDoubt {
 }
 
 /// θ from its table.
-fn theta(table: &document::Table) -> Result<Vec<f64>, PilotFileError> {
+fn theta(table: &document::TomlTable) -> Result<Vec<f64>, PilotFileError> {
     let (file, found) = (table.file().to_owned(), table.count());
     if found == 0 || found % 2 == 1 {
         let line = table.line("");
@@ -206,9 +212,13 @@ pub fn to_toml(found: &Identification) -> String {
     if !fit.converged {
         text += "# NOT CONVERGED: this is the best iterate of a solve that did not reach its tolerance.\n";
     }
-    for doubt in fit.doubts.iter().filter(|doubt| doubt.is_fatal()) {
+    for diagnostic in fit
+        .diagnostics
+        .iter()
+        .filter(|diagnostic| diagnostic.is_fatal())
+    {
         // A comment ends with its line; the name of a run may hold what breaks it.
-        let words = doubt.to_string().replace(char::is_control, " ");
+        let words = diagnostic.to_string().replace(char::is_control, " ");
         text += &format!("# NO ANSWER: {words}.\n");
     }
     text += &format!(
@@ -226,9 +236,9 @@ pub fn to_toml(found: &Identification) -> String {
         .closed_loop
         .as_ref()
         .map_or_else(String::new, closed_loop);
-    let doubts: String = fit.doubts.iter().map(doubt).collect();
+    let diagnostics: String = fit.diagnostics.iter().map(diagnostic).collect();
     let pilot = poles("pole", &options.pilot.poles(&fit.theta));
-    text + &doubts + &closed_loop + &pilot + &solve(fit, options) + &data(options, trials)
+    text + &diagnostics + &closed_loop + &pilot + &solve(fit, options) + &data(options, trials)
 }
 
 /// Units of the components of θ, in order (see [`pilotage_models::pilot`]), as people write them.
@@ -241,12 +251,12 @@ pub fn units(pilot: Pilot) -> Vec<String> {
         .collect()
 }
 
-fn doubt(doubt: &Doubt) -> String {
+fn diagnostic(diagnostic: &Diagnostic) -> String {
     format!(
         "\n[[doubt]]\ncode = \"{}\"\nwords = {}\nfatal = {}\n",
-        doubt.code(),
-        quoted(&doubt.to_string()),
-        doubt.is_fatal()
+        diagnostic.code(),
+        quoted(&diagnostic.to_string()),
+        diagnostic.is_fatal()
     )
 }
 
@@ -273,7 +283,7 @@ fn poles(table: &str, poles: &[Complex<f64>]) -> String {
     text
 }
 
-fn solve(fit: &Fit, options: &Options) -> String {
+fn solve(fit: &Fit, options: &FitOptions) -> String {
     let unit = match options.objective.unit() {
         "1" => "1",
         _ => "m²",
@@ -299,7 +309,7 @@ fn solve(fit: &Fit, options: &Options) -> String {
     )
 }
 
-fn data(options: &Options, trials: &[Trial]) -> String {
+fn data(options: &FitOptions, trials: &[Trial]) -> String {
     let mut text = String::from("\n[vehicle]\n");
     for field in &COEFFICIENTS {
         text += &format!(
@@ -319,11 +329,6 @@ fn data(options: &Options, trials: &[Trial]) -> String {
         );
     }
     text
-}
-
-/// A TOML string.
-fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
 }
 
 #[cfg(test)]
@@ -357,12 +362,12 @@ mod tests {
                 ],
             }),
             unbounded: None,
-            doubts: vec![Doubt::ConstantData],
+            diagnostics: vec![Diagnostic::ConstantData],
         }
     }
 
     /// The text for a fit of these trials.
-    fn written(fit: Fit, options: Options, trials: Vec<Trial>) -> String {
+    fn written(fit: Fit, options: FitOptions, trials: Vec<Trial>) -> String {
         let trials = TrialSet {
             fit: trials,
             validation: Vec::new(),
@@ -387,7 +392,7 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back_to_the_same_bits_and_keeps_the_mark() {
-        let text = written(fit(), Options::default(), vec![trial()]);
+        let text = written(fit(), FitOptions::default(), vec![trial()]);
         assert!(text.contains("# NOT CONVERGED"));
         let read = PilotFile::parse(&text, "pilot.toml").unwrap();
         assert_eq!(
@@ -396,10 +401,10 @@ mod tests {
                 theta: fit().theta,
                 stick_limit: 1.0,
                 converged: false,
-                vehicle: Some(Options::default().vehicle),
-                doubts: vec![PilotDoubt {
+                vehicle: Some(FitOptions::default().vehicle),
+                diagnostics: vec![PilotDiagnostic {
                     code: "constant-data".into(),
-                    words: Doubt::ConstantData.to_string(),
+                    words: Diagnostic::ConstantData.to_string(),
                     fatal: true,
                 }],
             }
@@ -428,7 +433,7 @@ mod tests {
             origins in prop::collection::vec("(?s).*", 0..3),
             step in prop::option::of(prop::num::f64::POSITIVE),
         ) {
-            let doubts = vec![Doubt::Outlier {
+            let diagnostics = vec![Diagnostic::Outlier {
                 run: origins.first().cloned().unwrap_or_default(),
                 time: kkt,
                 value: objective,
@@ -436,21 +441,21 @@ mod tests {
                 count: 1,
                 share: Some(1.0),
             }];
-            let ended = Fit { theta, objective, converged, status, kkt, seconds, doubts, ..fit() };
+            let ended = Fit { theta, objective, converged, status, kkt, seconds, diagnostics, ..fit() };
             let mesh = step.map_or(Mesh::Samples, Mesh::Step);
-            let options = Options { stick_limit, tolerance, mesh, ..Options::default() };
+            let options = FitOptions { stick_limit, tolerance, mesh, ..FitOptions::default() };
             let trials: Vec<Trial> = (origins.iter())
                 .map(|origin| Trial { origin: origin.clone(), weight: objective, ..trial() })
                 .collect();
             let text = written(ended.clone(), options.clone(), trials);
             let read = PilotFile::parse(&text, "pilot.toml").unwrap();
-            let doubts = vec![PilotDoubt {
+            let diagnostics = vec![PilotDiagnostic {
                 code: "outlier".into(),
-                words: ended.doubts[0].to_string(),
+                words: ended.diagnostics[0].to_string(),
                 fatal: true,
             }];
             let vehicle = Some(options.vehicle);
-            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, doubts });
+            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, diagnostics });
             let table: toml::Table = text.parse().unwrap();
             prop_assert_eq!(table["status"].as_str(), Some(ended.status.as_str()));
             let found = table["fit"]["kkt"].as_float().unwrap();

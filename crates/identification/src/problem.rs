@@ -3,7 +3,7 @@
 use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::joint::{Joint, open_loop};
-use super::{InitialPosition, InitialState, Mesh, Options, Trial};
+use super::{FitOptions, InitialPosition, InitialState, Mesh, Trial};
 use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints};
 use pilotage_collocation::{Recording, Run, Scales};
 use pilotage_expression::System;
@@ -52,7 +52,7 @@ impl Posed {
     }
 
     /// The nonlinear program.
-    pub fn discretised(&self, options: &Options, scales: Scales) -> Collocation {
+    pub fn discretised(&self, options: &FitOptions, scales: Scales) -> Collocation {
         Collocation::new(
             self.model.clone(),
             self.constraints.clone(),
@@ -65,17 +65,17 @@ impl Posed {
 }
 
 /// The response problem (paper, eq. 5), discretised.
-pub fn response(trials: &[Trial], options: &Options, scales: Scales) -> Collocation {
+pub fn response(trials: &[Trial], options: &FitOptions, scales: Scales) -> Collocation {
     pose_response(trials, options).discretised(options, scales)
 }
 
 /// The stick problem, discretised: stick residuals of the pilot that sees the recorded error.
-pub fn stick(trials: &[Trial], options: &Options, scales: Scales) -> Collocation {
+pub fn stick(trials: &[Trial], options: &FitOptions, scales: Scales) -> Collocation {
     pose_stick(trials, options).discretised(options, scales)
 }
 
 /// The response problem (paper, eq. 5).
-pub fn pose_response(trials: &[Trial], options: &Options) -> Posed {
+pub fn pose_response(trials: &[Trial], options: &FitOptions) -> Posed {
     let joint = Joint {
         vehicle: options.vehicle,
         pilot: options.pilot,
@@ -103,7 +103,7 @@ fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
 }
 
 /// What is known of pilot and vehicle at the first sample.
-fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
+fn known_states(trial: &Trial, options: &FitOptions) -> Vec<Option<f64>> {
     let vehicle = Quadcopter::hover(trial.origin());
     let vehicle_known = options.initial_state != InitialState::Free;
     let pilot_known = options.initial_state == InitialState::AtRest;
@@ -116,7 +116,7 @@ fn known_states(trial: &Trial, options: &Options) -> Vec<Option<f64>> {
 }
 
 /// The stick problem.
-pub fn pose_stick(trials: &[Trial], options: &Options) -> Posed {
+pub fn pose_stick(trials: &[Trial], options: &FitOptions) -> Posed {
     let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
     let runs = trials.iter().map(|trial| Run {
         mesh: options.mesh.boundaries(&trial.time),

@@ -480,18 +480,18 @@ fn scale(value: f64, all: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{InitialState, Options, Trial, problem};
+    use crate::{FitOptions, InitialState, Trial, problem};
     use pilotage_models::{Pilot, lti::Transition};
 
     /// A stick fit is linear: flights of a known pilot from known states of its own give both back, from a start
     /// elsewhere, and nothing is left.
     #[test]
     fn the_search_finds_a_linear_pilot_and_its_states() {
-        let options = Options {
+        let options = FitOptions {
             initial_state: InitialState::Free,
             objective: crate::Objective::Stick,
             pilot: Pilot { order: 2 },
-            ..Options::default()
+            ..FitOptions::default()
         };
         let truth = [2.0, 3.0, -0.4, -0.9];
         let begin = [0.7, -0.3];

@@ -1,6 +1,6 @@
 //! Random starts: pilots over more than any human, for a look at what the starts from the data may miss.
 
-use super::Options;
+use super::FitOptions;
 use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::start::denominator;
@@ -26,7 +26,7 @@ const TRIES: usize = 1000;
 /// Stable pilots, drawn log-uniformly; a pair of poles is complex half of the time. Where the options keep the
 /// closed loop stable, it is so from the start: from an unstable one the solver comes nowhere in a third of
 /// the cases. The first of more starts with the same seed are the same.
-pub fn draw(options: &Options, seed: u64, count: usize) -> Vec<Vec<f64>> {
+pub fn draw(options: &FitOptions, seed: u64, count: usize) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let unit = Uniform::new(0.0, 1.0).expect("0 is less than 1");
     let mut unit = || unit.sample(&mut random);
@@ -51,7 +51,7 @@ pub fn draw(options: &Options, seed: u64, count: usize) -> Vec<Vec<f64>> {
 }
 
 /// θ from numbers between 0 and 1.
-fn pilot(options: &Options, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
+fn pilot(options: &FitOptions, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
     let order = options.pilot.order;
     let mut poles = Vec::with_capacity(order);
     if !order.is_multiple_of(2) {
@@ -97,9 +97,9 @@ mod tests {
     #[test]
     fn every_order_gets_stable_pilots_that_push_towards_the_target() {
         for order in 1..=6 {
-            let options = Options {
+            let options = FitOptions {
                 pilot: Pilot { order },
-                ..Options::default()
+                ..FitOptions::default()
             };
             let starts = draw(&options, 7, 20);
             assert_eq!(draw(&options, 7, 3), starts[..3], "more starts begin alike");
@@ -120,9 +120,9 @@ mod tests {
     #[test]
     fn pairs_are_complex_half_of_the_time() {
         // Without what leaves unstable loops out.
-        let options = Options {
+        let options = FitOptions {
             stable_loop: false,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let complex = |theta: &Vec<f64>| {
             let poles = options.pilot.poles(theta);

@@ -1,6 +1,6 @@
 //! What a fit gives, and the file that hands it on.
 
-use super::{ClosedLoop, Doubt};
+use super::{ClosedLoop, Diagnostic};
 use pilotage_models::Quadcopter;
 use pilotage_sqp::Status;
 
@@ -91,7 +91,7 @@ pub struct Fit {
     /// The objective without the bound on the closed loop, where the solution lies on it: what it costs.
     pub unbounded: Option<f64>,
     /// What speaks against taking it at its word, the gravest first.
-    pub doubts: Vec<Doubt>,
+    pub diagnostics: Vec<Diagnostic>,
 }
 
 /// Scaled violation of the constraints below which an iterate is a pilot that flies so.
@@ -111,9 +111,9 @@ impl Fit {
         self.runs.iter().flat_map(|run| &run.residual)
     }
 
-    /// True when it converged and no doubt makes it meaningless.
+    /// True when it converged and no diagnostic makes it meaningless.
     pub fn is_answer(&self) -> bool {
-        self.converged && !self.doubts.iter().any(Doubt::is_fatal)
+        self.converged && !self.diagnostics.iter().any(Diagnostic::is_fatal)
     }
 
     /// True when the runs of the returned iterate fulfil the equations.
@@ -142,12 +142,12 @@ pub struct PilotFile {
     /// The vehicle of its closed loop; none where nobody said what was flown.
     pub vehicle: Option<Quadcopter>,
     /// What spoke against taking the fit at its word.
-    pub doubts: Vec<PilotDoubt>,
+    pub diagnostics: Vec<PilotDiagnostic>,
 }
 
-/// A [`Doubt`] as a pilot file keeps it.
+/// A [`Diagnostic`] as a pilot file keeps it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PilotDoubt {
+pub struct PilotDiagnostic {
     /// One word for scripts.
     pub code: String,
     /// For people.

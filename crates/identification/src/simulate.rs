@@ -71,12 +71,12 @@ pub fn simulate_from(
         run.states.push(x.clone());
         if let Some(next) = trial.time.get(k + 1) {
             let duration = next - trial.time[k];
-            let course = Course {
+            let task = Task {
                 target,
                 rate: (trial.target[k + 1] - target) / duration,
                 limit: f64::INFINITY,
             };
-            advance(joint, theta, course, duration, &mut x)?;
+            advance(joint, theta, task, duration, &mut x)?;
         }
     }
     Ok(run)
@@ -116,13 +116,13 @@ pub fn departure(
     let mut x = at_rest(joint, 0.0);
     let mut errors: Vec<f64> = Vec::new();
     let mut steady = 0;
-    let course = Course {
+    let task = Task {
         target: step,
         rate: 0.0,
         limit,
     };
     while steady < STEADY && (errors.len() as f64) * LOOK < LONG {
-        advance(joint, theta, course, LOOK, &mut x)?;
+        advance(joint, theta, task, LOOK, &mut x)?;
         let error = (step - joint.vehicle.output(&x)).abs();
         errors.push(error);
         // Not a number is not near.
@@ -144,7 +144,7 @@ pub fn departure(
 
 /// What is asked of a pilot for some time.
 #[derive(Clone, Copy)]
-struct Course {
+struct Task {
     /// The target at the beginning [m].
     target: f64,
     /// Its rate [m/s].
@@ -157,7 +157,7 @@ struct Course {
 fn advance(
     joint: &Joint,
     theta: &[f64],
-    course: Course,
+    task: Task,
     duration: f64,
     x: &mut [f64],
 ) -> Result<(), TransitionError> {
@@ -169,12 +169,12 @@ fn advance(
     })?;
     let mut next = vec![0.0; pilot.order];
     let (x_v, x_p) = x.split_at_mut(N_STATES);
-    let stick = |x_p: &[f64]| pilot.output(x_p, theta).clamp(-course.limit, course.limit);
+    let stick = |x_p: &[f64]| pilot.output(x_p, theta).clamp(-task.limit, task.limit);
     for i in 0..steps as usize {
         let before = stick(x_p);
-        let target = course.target + course.rate * h * i as f64;
+        let target = task.target + task.rate * h * i as f64;
         let (error, slope) = error_ahead(&joint.vehicle, target, x_v, before, h);
-        transition.apply(x_p, &[error], &[course.rate + slope], &mut next);
+        transition.apply(x_p, &[error], &[task.rate + slope], &mut next);
         x_p.copy_from_slice(&next);
         fly(&joint.vehicle, x_v, before, stick(x_p), h);
     }

@@ -4,8 +4,8 @@ use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
 use super::projection::Search;
 use super::{
-    ClosedLoop, Fit, InitialState, Mesh, Objective, Options, RunFit, Trial, doubts, random_starts,
-    start,
+    ClosedLoop, Fit, FitOptions, InitialState, Mesh, Objective, RunFit, Trial, diagnostics,
+    random_starts, start,
 };
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::Pilot;
@@ -98,7 +98,7 @@ pub enum FitError {
 /// ([`start::spread`]).
 pub const MANY_TRIALS: usize = 24;
 
-/// Random starts that join at most, without being asked for: see [`Options::random_starts`].
+/// Random starts that join at most, without being asked for: see [`FitOptions::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
 /// Pilots drawn for the search where initial states are free .
@@ -107,7 +107,7 @@ const DRAWS: usize = 2000;
 /// Seed of the random starts.
 const SEED: u64 = 0;
 
-/// [`pilotage_sqp::Options::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable
+/// [`pilotage_sqp::SqpOptions::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable
 /// fail.
 pub const SHORT_STEP: f64 = 0.01;
 
@@ -171,27 +171,27 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 /// result, with its status.
 pub fn fit(
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
 ) -> Result<Fit, FitError> {
     let mut fit = solve(trials, options, observer)?;
     let vehicle = options.loop_vehicle();
     fit.closed_loop = vehicle.map(|&v| ClosedLoop::of(v, options.pilot, &fit.theta));
     fit.unbounded = unbounded(&fit, trials, options)?;
-    fit.doubts = doubts(&fit, options, trials);
+    fit.diagnostics = diagnostics(&fit, options, trials);
     Ok(fit)
 }
 
 /// The objective without the bound on the closed loop, where a solution lies on it: of the optimum to which that
 /// solution leads then. Of few trials alone, since it is another solve.
-fn unbounded(fit: &Fit, trials: &[Trial], options: &Options) -> Result<Option<f64>, FitError> {
+fn unbounded(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Result<Option<f64>, FitError> {
     let on_bound = fit.closed_loop.as_ref().and_then(ClosedLoop::on_bound);
     if !(fit.converged && on_bound.is_some() && options.kept_vehicle().is_some())
         || trials.len() > MANY_TRIALS
     {
         return Ok(None);
     }
-    let free = Options {
+    let free = FitOptions {
         stable_loop: false,
         start: Some(fit.theta.clone()),
         random_starts: Some(0),
@@ -205,7 +205,7 @@ fn unbounded(fit: &Fit, trials: &[Trial], options: &Options) -> Result<Option<f6
 /// The fit, without what is said of it.
 fn solve(
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
 ) -> Result<Fit, FitError> {
     check(trials, options)?;
@@ -244,7 +244,7 @@ fn solve(
 fn solve_response(
     posed: &Posed,
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     starts: &Starts,
     observer: &mut Observer<'_>,
 ) -> Fit {
@@ -262,7 +262,7 @@ fn solve_response(
 fn solve_stick(
     posed: &Posed,
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     starts: &Starts,
     observer: &mut Observer<'_>,
 ) -> Fit {
@@ -282,13 +282,13 @@ fn solve_stick(
 }
 
 /// States of a trial from its data, for a pilot.
-type FromData = fn(&Trial, &Options, &[f64]) -> Vec<Vec<f64>>;
+type FromData = fn(&Trial, &FitOptions, &[f64]) -> Vec<Vec<f64>>;
 
 /// A problem from these starts.
 fn solve_posed(
     posed: &Posed,
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     starts: &Starts,
     observer: &mut Observer<'_>,
     from_data: FromData,
@@ -305,7 +305,7 @@ fn solve_posed(
 fn begin(
     posed: &Posed,
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     start: &Start,
     from_data: impl Fn(&Trial) -> Vec<Vec<f64>> + Send + Sync,
 ) -> (Collocation, Vec<f64>) {
@@ -319,7 +319,7 @@ fn begin(
 }
 
 /// True where initial states make many optima.
-fn is_free(options: &Options) -> bool {
+fn is_free(options: &FitOptions) -> bool {
     options.initial_state != InitialState::AtRest
 }
 
@@ -330,7 +330,7 @@ fn is_free(options: &Options) -> bool {
 pub fn candidates(
     trials: &[Trial],
     sticks: &[Vec<f64>],
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
 ) -> Result<Starts, FitError> {
     let order = options.pilot.order;
@@ -343,7 +343,7 @@ pub fn candidates(
         let low = start::low_order(trials, sticks, options);
         starts.all.extend(low.into_iter().map(Start::from));
     } else {
-        let lower = Options {
+        let lower = FitOptions {
             pilot: Pilot { order: order - 1 },
             random_starts: Some(0),
             ..options.clone()
@@ -378,7 +378,7 @@ pub fn candidates(
 fn optima(
     trials: &[Trial],
     sticks: &[Vec<f64>],
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
 ) -> Starts {
     if trials.len() > MANY_TRIALS {
@@ -398,7 +398,7 @@ fn optima(
         Objective::Response => InitialState::VehicleAtRest,
         Objective::Stick => InitialState::Free,
     };
-    let options = &Options {
+    let options = &FitOptions {
         initial_state: free,
         tolerance: options.tolerance.max(ROUGH_TOLERANCE),
         ..options.clone()
@@ -438,8 +438,8 @@ fn optima(
     }
 }
 
-/// The random starts that [`Options::random_starts`] tells of: those that all run, and those that may join.
-fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+/// The random starts that [`FitOptions::random_starts`] tells of: those that all run, and those that may join.
+fn random(options: &FitOptions) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
         (None, Some(_)) => (0, 0),
@@ -454,10 +454,10 @@ fn random(options: &Options) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
 /// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
 fn rough(
     trials: &[Trial],
-    options: &Options,
+    options: &FitOptions,
     observer: &mut Observer<'_>,
 ) -> Result<(Vec<f64>, usize), FitError> {
-    let options = Options {
+    let options = FitOptions {
         tolerance: options.tolerance.max(ROUGH_TOLERANCE),
         ..options.clone()
     };
@@ -470,7 +470,7 @@ fn rough(
     Ok((theta, fit.iterations))
 }
 
-fn check(trials: &[Trial], options: &Options) -> Result<(), FitError> {
+fn check(trials: &[Trial], options: &FitOptions) -> Result<(), FitError> {
     let order = options.pilot.order;
     if trials.is_empty() {
         return Err(FitError::NoTrials);

@@ -1,8 +1,9 @@
 //! Starts, so that none is asked of the user.
 
 use super::problem::{fill_gaps, recorded_error};
-use super::{Options, Trial};
+use super::{FitOptions, Trial};
 use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
+use pilotage_collocation::rk4;
 use pilotage_models::lti::Transition;
 use pilotage_models::{Pilot, Quadcopter, quadcopter};
 
@@ -135,7 +136,7 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
 ///
 /// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the poles of the
 /// first are twice as fast, and it has a tenth of the gain: people who flew there lean on the rate.
-pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &FitOptions) -> Vec<Vec<f64>> {
     let (k_p, k_d) = proportional_derivative(trials, sticks);
     let w = corner(k_p, options);
     let shape = match options.pilot.order {
@@ -149,7 +150,7 @@ pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Ve
 }
 
 /// Regressions of the stick on the error, one for each filter.
-pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &Options) -> Vec<Vec<f64>> {
+pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &FitOptions) -> Vec<Vec<f64>> {
     FILTERS
         .iter()
         .map(|filter| regression(trials, sticks, options.pilot, *filter))
@@ -167,7 +168,7 @@ pub fn with_pair(
     theta: &[f64],
     trials: &[Trial],
     sticks: &[Vec<f64>],
-    options: &Options,
+    options: &FitOptions,
 ) -> Vec<Vec<f64>> {
     let w = corner(proportional_derivative(trials, sticks).0, options);
     let (den, num) = theta.split_at(theta.len() / 2);
@@ -189,7 +190,7 @@ fn times(c: &[f64], root: f64) -> Vec<f64> {
 }
 
 /// Twice the closed loop's bandwidth with the gain `k_p` [1/s].
-fn corner(k_p: f64, options: &Options) -> f64 {
+fn corner(k_p: f64, options: &FitOptions) -> f64 {
     let plant = options.vehicle.gravity * options.vehicle.max_pitch;
     (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0)
 }
@@ -239,24 +240,6 @@ fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> V
         }
     }
     out
-}
-
-/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
-pub(super) fn rk4(x: &mut [f64], h: f64, substeps: usize, f: impl Fn(&[f64], f64) -> Vec<f64>) {
-    let dt = h / substeps as f64;
-    let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
-        x.iter().zip(k).map(|(x, k)| x + s * k).collect()
-    };
-    for step in 0..substeps {
-        let c = |part: f64| (step as f64 + part) / substeps as f64;
-        let k1 = f(x, c(0.0));
-        let k2 = f(&shifted(x, &k1, dt / 2.0), c(0.5));
-        let k3 = f(&shifted(x, &k2, dt / 2.0), c(0.5));
-        let k4 = f(&shifted(x, &k3, dt), c(1.0));
-        for (i, x) in x.iter_mut().enumerate() {
-            *x += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
-        }
-    }
 }
 
 /// θ with its unstable poles mirrored into the left half plane, and none slower than 0.05 1/s or
@@ -332,7 +315,7 @@ fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
 /// States of the closed loop at the samples, from the data: position and velocity as recorded, the
 /// attitude loop and the pilot simulated (both are stable by themselves), the pilot on the recorded
 /// error.
-pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+pub fn joint_states(trial: &Trial, options: &FitOptions, theta: &[f64]) -> Vec<Vec<f64>> {
     let smoothed = smooth(trial);
     let pilot = pilot_states(trial, options.pilot, theta);
     let stick = |k: usize| {
@@ -360,7 +343,7 @@ pub fn joint_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<
 }
 
 /// States of the pilot alone at the samples.
-pub fn stick_states(trial: &Trial, options: &Options, theta: &[f64]) -> Vec<Vec<f64>> {
+pub fn stick_states(trial: &Trial, options: &FitOptions, theta: &[f64]) -> Vec<Vec<f64>> {
     pilot_states(trial, options.pilot, theta)
 }
 

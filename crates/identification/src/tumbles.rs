@@ -5,12 +5,11 @@
 //! runs at once, but at a known θ each run is a small problem by itself, and the best of several tumbles is
 //! soon found.
 
-use super::Options;
+use super::FitOptions;
 use super::race::Race;
 use super::random_starts::between;
 use super::solve::{ROUGH_TOLERANCE, SHORT_STEP};
-use super::start::rk4;
-use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Scales, solve};
+use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Scales, rk4, solve};
 use pilotage_models::quadcopter;
 use pilotage_sqp::{Problem, Status};
 use rand_chacha::ChaCha8Rng;
@@ -51,7 +50,7 @@ fn kicks(seed: u64, count: usize) -> Vec<Kick> {
 pub(super) fn better(
     problem: &Collocation,
     z: &[f64],
-    options: &Options,
+    options: &FitOptions,
     seed: u64,
     watch: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Vec<f64>> {
@@ -88,7 +87,7 @@ impl OneRun {
         model: Arc<Differentiated>,
         z: &[f64],
         j: usize,
-        options: &Options,
+        options: &FitOptions,
     ) -> Self {
         let problem = Collocation::new(
             model,
@@ -112,7 +111,7 @@ impl OneRun {
     }
 
     /// The scaled states of the best of these tumbles, if it is better than where it begins.
-    fn best(&self, kicks: &[Kick], options: &Options) -> Option<Vec<f64>> {
+    fn best(&self, kicks: &[Kick], options: &FitOptions) -> Option<Vec<f64>> {
         let solved: Vec<_> = (kicks.par_iter())
             .map(|kick| self.solved(self.kicked(kick, options)))
             .collect();
@@ -122,7 +121,7 @@ impl OneRun {
     }
 
     /// The variables with the vehicle's pitch as it goes on from its first states and a kick under the same stick.
-    fn kicked(&self, kick: &Kick, options: &Options) -> Vec<f64> {
+    fn kicked(&self, kick: &Kick, options: &FitOptions) -> Vec<f64> {
         let (n, times) = (self.problem.n_states(), &self.problem.grids[0].times);
         let scales = &self.problem.model.scales.states;
         let states = |k: usize| -> Vec<f64> {
@@ -158,11 +157,11 @@ impl OneRun {
 
     /// Objective and variables of the optimum to which these lead, if it is below where the run begins.
     fn solved(&self, z: Vec<f64>) -> Option<(f64, Vec<f64>)> {
-        let options = pilotage_sqp::Options {
+        let options = pilotage_sqp::SqpOptions {
             tolerance: ROUGH_TOLERANCE,
             max_iterations: ITERATIONS,
             short_step: SHORT_STEP,
-            ..pilotage_sqp::Options::default()
+            ..pilotage_sqp::SqpOptions::default()
         };
         let mut race = Race::against(self.objective);
         let mut watch = |iteration: &_| match race.is_lost(iteration) {
@@ -183,7 +182,7 @@ mod tests {
     use pilotage_models::Quadcopter;
 
     /// Two flights, free initial states, and a pilot that flies so; the variables are of the data alone.
-    fn with_flights(check: impl Fn(&Collocation, &[f64], &Options)) {
+    fn with_flights(check: impl Fn(&Collocation, &[f64], &FitOptions)) {
         let flown = Flights {
             runs: 1,
             duration: 6.0,
@@ -193,9 +192,9 @@ mod tests {
         let trials: Vec<Trial> = (flown.unwrap().iter())
             .map(|f| Trial::parse(f.series.to_csv().as_bytes(), &f.name).unwrap())
             .collect();
-        let options = Options {
+        let options = FitOptions {
             initial_state: InitialState::Free,
-            ..Options::default()
+            ..FitOptions::default()
         };
         let theta = [12.0, 17.0, 8.0, -0.04, -1.1, -0.1];
         let states: Vec<_> = (trials.iter())

@@ -20,7 +20,7 @@ pub enum Method {
 
 /// How exact the solution shall be.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct SolverOptions {
     /// Error that a step may have, relative to each state.
     pub relative: f64,
     /// Error that a step may have beside that, of each state in its unit.
@@ -44,7 +44,7 @@ pub struct Automatic {
 impl Solver {
     /// For `indicators` event indicators and as many states as there are absolute tolerances. It is started
     /// by [`Self::restart`].
-    pub fn new(indicators: usize, options: Options) -> Self {
+    pub fn new(indicators: usize, options: SolverOptions) -> Self {
         let n = options.absolute.len();
         let scheme = Automatic {
             explicit: DormandPrince::new(n),

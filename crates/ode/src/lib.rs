@@ -49,7 +49,7 @@ pub mod solver;
 #[cfg(test)]
 mod tests;
 
-pub use automatic::{Automatic, Method, Options};
+pub use automatic::{Automatic, Method, SolverOptions};
 pub use dormand_prince::DormandPrince;
 pub use error::IntegrationError;
 pub use solver::{Advance, Solver, Work};

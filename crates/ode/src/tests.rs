@@ -26,7 +26,7 @@ impl<F: Fn(f64, &[f64], &mut [f64]), Z: Fn(f64, &[f64], &mut [f64])> System for 
 fn no_events(_: f64, _: &[f64], _: &mut [f64]) {}
 
 fn solver(x: &[f64], indicators: usize, relative: f64, method: Method) -> Solver {
-    let options = Options {
+    let options = SolverOptions {
         relative,
         absolute: vec![relative * 1e-3; x.len()],
         method,

@@ -13,7 +13,7 @@
 //! Programming Codes*, 1981):
 //!
 //! ```
-//! use pilotage_sqp::{Hessian, Options, Problem, SparseProblem, SparseQp, Status, problem::Pattern, solve};
+//! use pilotage_sqp::{Hessian, SqpOptions, Problem, SparseProblem, SparseQp, Status, problem::Pattern, solve};
 //! use std::ops::ControlFlow;
 //!
 //! /// min (x - 2)² + (y - 1)²   subject to   x - 2 y + 1 = 0,   0 ≤ 1 - x²/4 - y²
@@ -48,7 +48,7 @@
 //!     }
 //! }
 //!
-//! let (start, options) = (vec![2.0, 2.0], Options::default());
+//! let (start, options) = (vec![2.0, 2.0], SqpOptions::default());
 //! let solution = solve(&Hs14, &mut SparseQp::default(), start, &options, &mut |_| ControlFlow::Continue(()));
 //! let optimum = [(7f64.sqrt() - 1.0) / 2.0, (7f64.sqrt() + 1.0) / 4.0];
 //! assert_eq!(solution.status, Status::Converged);
@@ -85,7 +85,7 @@ pub mod vector;
 pub use convergence::Kkt;
 pub use curvature::Curvature;
 pub use iterate::Iterate;
-pub use options::{Hessian, Options};
+pub use options::{Hessian, SqpOptions};
 pub use problem::{Problem, SparseProblem};
 pub use qp::{QpFailure, QpSolver, Step};
 pub use solution::{Iteration, Solution, StepModel, Work};

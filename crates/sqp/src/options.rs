@@ -11,7 +11,7 @@ pub enum Hessian {
 
 /// Options of a solve.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct SqpOptions {
     /// Scaled KKT residual ([`super::convergence`]) at which the solve has converged. Default: 1e-8.
     pub tolerance: f64,
     /// Limit on iterations. Default: 200.
@@ -31,7 +31,7 @@ pub struct Options {
     pub min_step: f64,
 }
 
-impl Default for Options {
+impl Default for SqpOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-8,

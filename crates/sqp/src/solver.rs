@@ -6,7 +6,7 @@ use super::globalisation::Merit;
 use super::iterate::violation;
 use super::qp::{QpFailure, QpSolver, Step};
 use super::solution::{Iteration, Solution, StepModel, Work};
-use super::{Hessian, Iterate, Kkt, Options, Problem, Status, vector};
+use super::{Hessian, Iterate, Kkt, Problem, SqpOptions, Status, vector};
 use std::ops::ControlFlow;
 
 /// Factor by which the damping grows after a step that brought too little.
@@ -35,7 +35,7 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
     problem: &P,
     qp: &mut Q,
     start: Vec<f64>,
-    options: &Options,
+    options: &SqpOptions,
     observer: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
 ) -> Solution {
     let current = Iterate::new(problem, start);
@@ -59,7 +59,7 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
 pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     pub(super) problem: &'a P,
     pub(super) qp: &'a mut Q,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a SqpOptions,
     pub(super) current: Iterate,
     pub(super) trial: Iterate,
     pub(super) step: Step,

@@ -1,9 +1,24 @@
 //! TOML files whose values know where they stand, so that a message about one names file and line.
 
-use crate::nearest::{did_you_mean, nearest};
+use crate::suggestion::{did_you_mean, suggestion};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// A position in a text: line and column, both from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Position {
+    /// The line.
+    pub line: usize,
+    /// The column, in characters.
+    pub column: usize,
+}
+
+impl std::fmt::Display for Position {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.line, self.column)
+    }
+}
 
 /// What can be wrong with a TOML file before its content is looked at. `file` is the file as the user
 /// named it; lines count from 1.
@@ -18,46 +33,46 @@ pub enum DocumentError {
         source: std::io::Error,
     },
     /// Not TOML.
-    #[error("{file}:{line}: not TOML: {reason}")]
+    #[error("{file}:{position}: not TOML: {reason}")]
     Syntax {
         /// The file.
         file: String,
-        /// Line where the parser stopped.
-        line: usize,
+        /// Where the parser stopped.
+        position: Position,
         /// The parser's reason, on one line.
         reason: String,
     },
     /// A field that nobody knows.
-    #[error("{file}:{line}: unknown field `{field}`{}; known are {}", did_you_mean(nearest.as_deref()), known.join(", "))]
+    #[error("{file}:{position}: unknown field `{field}`{}; known are {}", did_you_mean(suggestion.as_deref()), known.join(", "))]
     Unknown {
         /// The file.
         file: String,
-        /// Line of the field.
-        line: usize,
+        /// Where the field stands.
+        position: Position,
         /// The field.
         field: String,
         /// The known field that was probably meant.
-        nearest: Option<String>,
+        suggestion: Option<String>,
         /// All known fields.
         known: Vec<String>,
     },
     /// A field that must be there.
-    #[error("{file}:{line}: the field `{field}` is missing")]
+    #[error("{file}:{position}: the field `{field}` is missing")]
     Missing {
         /// The file.
         file: String,
-        /// Line of the table that should hold it.
-        line: usize,
+        /// Where the table stands that should hold it.
+        position: Position,
         /// The field.
         field: String,
     },
     /// A value of another kind.
-    #[error("{file}:{line}: `{field}` is {found}; expected {expected}")]
+    #[error("{file}:{position}: `{field}` is {found}; expected {expected}")]
     Kind {
         /// The file.
         file: String,
-        /// Line of the value.
-        line: usize,
+        /// Where the value stands.
+        position: Position,
         /// The field.
         field: String,
         /// What is expected: `a number`, `a string`.
@@ -100,10 +115,60 @@ pub fn with_point(text: &str) -> Option<String> {
 fn comma(text: &str, at: usize) -> Option<String> {
     let before = text.get(..at)?;
     let line = &text[before.rfind('\n').map_or(0, |end| end + 1)..];
-    let (field, value) = line.lines().next()?.split_once('=')?;
-    let number = with_point(value.split('#').next()?)?;
+    let (field, value) = match within(text, at) {
+        Some(found) => found,
+        None => {
+            let (field, value) = line.lines().next()?.split_once('=')?;
+            (field, value.split('#').next()?)
+        }
+    };
+    let number = with_point(value)?;
     let field = field.trim();
     Some(format!("a decimal comma; write `{field} = {number}`"))
+}
+
+/// A field of an inline table and its value, where the text stops being TOML behind `field = 0,1`.
+fn within(text: &str, at: usize) -> Option<(&str, &str)> {
+    let is_digit = |c: char| c.is_ascii_digit();
+    let value = text.get(..at)?;
+    let whole = value.trim_end_matches(is_digit).strip_suffix(',')?;
+    let field = whole.trim_end_matches(is_digit);
+    let name = field.trim_end().strip_suffix('=')?.trim_end();
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+    let begin = name.trim_end_matches(is_bare).len();
+    Some((&name[begin..], &value[field.len()..]))
+}
+
+/// A TOML string.
+pub fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+/// Where something stands in a file; shown as `file:line:column` or `file:line`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// The file, as the user named it.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Character of the line, from 1, where that is known.
+    pub column: Option<usize>,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.file, self.line)?;
+        match self.column {
+            Some(column) => write!(f, ":{column}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What to say of a key that stands twice.
+fn duplicate(error: &toml::de::Error, text: &str) -> Option<String> {
+    let key = text.get(error.span()?)?.trim_matches(['"', '\'']);
+    (error.message() == "duplicate key").then(|| format!("`{key}` stands twice"))
 }
 
 /// File and text, to turn a span into a line.
@@ -114,8 +179,29 @@ struct Source<'t> {
 }
 
 impl Source<'_> {
-    fn line(&self, at: usize) -> usize {
-        1 + self.text[..at.min(self.text.len())].matches('\n').count()
+    fn position(&self, at: usize) -> Position {
+        Position::of(self.text, at)
+    }
+
+    fn place(&self, at: usize) -> Place {
+        let Position { line, column } = self.position(at);
+        Place {
+            file: self.file.to_owned(),
+            line,
+            column: Some(column),
+        }
+    }
+}
+
+impl Position {
+    /// The position of a byte of a text.
+    pub fn of(text: &str, byte: usize) -> Self {
+        let before = text.get(..byte).unwrap_or(text);
+        let line = before.rfind('\n').map_or(0, |end| end + 1);
+        Self {
+            line: 1 + before.matches('\n').count(),
+            column: 1 + before[line..].chars().count(),
+        }
     }
 }
 
@@ -140,41 +226,113 @@ impl<'t> Document<'t> {
             }),
             Err(error) => Err(DocumentError::Syntax {
                 file: file.into(),
-                line: source.line(error.span().map_or(0, |span| span.start)),
+                position: source.position(error.span().map_or(0, |span| span.start)),
                 reason: comma(text, error.span().map_or(0, |span| span.start))
+                    .or_else(|| duplicate(&error, text))
                     .unwrap_or_else(|| error.message().replace('\n', ", ")),
             }),
         }
     }
 
     /// The top-level table.
-    pub fn root(&self) -> Table<'_> {
-        Table {
+    pub fn root(&self) -> TomlTable<'_> {
+        TomlTable {
             source: self.source,
             table: &self.root,
-            line: 1,
+            position: Position { line: 1, column: 1 },
         }
     }
 }
 
 /// A table of a [`Document`].
 #[derive(Debug, Clone, Copy)]
-pub struct Table<'a> {
+pub struct TomlTable<'a> {
     source: Source<'a>,
     table: &'a DeTable<'a>,
-    line: usize,
+    position: Position,
 }
 
-impl<'a> Table<'a> {
+impl<'a> TomlTable<'a> {
     /// The name of the file.
     pub fn file(&self) -> &'a str {
         self.source.file
     }
 
-    /// Line of a field, or of the table where the field is missing.
+    /// Line of a field's value, or of the table where the field is missing.
     pub fn line(&self, field: &str) -> usize {
-        self.get(field)
-            .map_or(self.line, |value| self.source.line(value.span().start))
+        self.position(field).line
+    }
+
+    /// Where a field's value stands, or the table where the field is missing.
+    pub fn position(&self, field: &str) -> Position {
+        let value = self.get(field);
+        value.map_or(self.position, |value| {
+            self.source.position(value.span().start)
+        })
+    }
+
+    /// Byte of the text at which the name of a field stands; 0 where it is missing.
+    pub fn byte_of_name(&self, field: &str) -> usize {
+        let mut names = self.table.keys();
+        let name = names.find(|key| key.get_ref().as_ref() == field);
+        name.map_or(0, |name| name.span().start)
+    }
+
+    /// Whether a field stands there.
+    pub fn has(&self, field: &str) -> bool {
+        self.get(field).is_some()
+    }
+
+    /// A number or a string as it is spelt: an expression.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn expression(&self, field: &str) -> Result<Option<String>, DocumentError> {
+        self.value(field, "an expression in quotes, or a number", scalar)
+    }
+
+    /// Where a string, or an entry of an array of them, stands in the text from its content on, so that a place
+    /// within it can be found; the place of the value where escapes stand between.
+    pub fn content(&self, field: &str, entry: Option<usize>) -> Content {
+        let value = self.get(field);
+        let value = value.and_then(|value| match entry {
+            None => Some(value),
+            Some(entry) => value.get_ref().as_array()?.get(entry),
+        });
+        let start = value.map_or(0, |value| value.span().start);
+        let found = value.and_then(|value| {
+            let raw = self.source.text.get(value.span())?;
+            raw.find(value.get_ref().as_str()?)
+        });
+        Content {
+            start: start + found.unwrap_or_default(),
+            plain: found.is_some(),
+        }
+    }
+
+    /// An array of two, each a number or a string, as they are spelt.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn pair(&self, field: &str) -> Result<Option<[String; 2]>, DocumentError> {
+        let expected = "an array of two numbers or expressions: [-1, 1]";
+        self.value(field, expected, |value| {
+            let array = value.as_array().filter(|array| array.len() == 2)?;
+            let entry = |k: usize| scalar(array.get(k)?.get_ref());
+            Some([entry(0)?, entry(1)?])
+        })
+    }
+
+    /// Where a field's name stands, if there is one.
+    pub fn key_place(&self, field: &str) -> Option<Place> {
+        let mut keys = self.table.keys();
+        let key = keys.find(|key| key.get_ref().as_ref() == field)?;
+        Some(self.source.place(key.span().start))
+    }
+
+    /// Where a field's value stands, if there is one.
+    pub fn place(&self, field: &str) -> Option<Place> {
+        Some(self.source.place(self.get(field)?.span().start))
     }
 
     /// Refuses fields other than the known ones.
@@ -191,9 +349,9 @@ impl<'a> Table<'a> {
         };
         Err(DocumentError::Unknown {
             file: self.source.file.into(),
-            line: self.source.line(key.span().start),
+            position: self.source.position(key.span().start),
             field: key.get_ref().to_string(),
-            nearest: nearest(key.get_ref(), known.iter().copied()).map(str::to_owned),
+            suggestion: suggestion(key.get_ref(), known.iter().copied()).map(str::to_owned),
             known: known.iter().map(|&name| name.to_owned()).collect(),
         })
     }
@@ -220,6 +378,26 @@ impl<'a> Table<'a> {
         self.value(field, "a string", DeValue::as_str)
     }
 
+    /// A string, or each of a list of strings, with its place.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn strings(&self, field: &str) -> Result<Option<Vec<(&'a str, Place)>>, DocumentError> {
+        let placed = |value: &'a Spanned<DeValue<'a>>| {
+            let text = value.get_ref().as_str()?;
+            Some((text, self.source.place(value.span().start)))
+        };
+        let whole = self.get(field);
+        self.value(
+            field,
+            "a string or a list of strings",
+            |value| match value {
+                DeValue::Array(items) => items.iter().map(placed).collect(),
+                _ => Some(vec![placed(whole?)?]),
+            },
+        )
+    }
+
     /// A boolean.
     ///
     /// # Errors
@@ -232,13 +410,13 @@ impl<'a> Table<'a> {
     ///
     /// # Errors
     /// When the value is of another kind.
-    pub fn table(&self, field: &str) -> Result<Option<Table<'a>>, DocumentError> {
-        let line = self.line(field);
+    pub fn table(&self, field: &str) -> Result<Option<TomlTable<'a>>, DocumentError> {
+        let position = self.source.position(self.byte_of_name(field));
         self.value(field, "a table", |value| {
-            Some(Table {
+            Some(TomlTable {
                 source: self.source,
                 table: value.as_table()?,
-                line,
+                position,
             })
         })
     }
@@ -255,18 +433,14 @@ impl<'a> Table<'a> {
     /// # Errors
     /// When the value is of another kind.
     pub fn text(&self, field: &str) -> Result<Option<String>, DocumentError> {
-        self.value(field, "a number, true, false or a string", |value| {
-            Some(match value {
-                DeValue::Float(number) => number.as_str().to_owned(),
-                DeValue::Integer(number) => {
-                    let whole = i64::from_str_radix(number.as_str(), number.radix());
-                    whole.ok()?.to_string()
-                }
-                DeValue::Boolean(value) => value.to_string(),
-                DeValue::String(text) => text.to_string(),
-                _ => return None,
-            })
-        })
+        self.value(
+            field,
+            "a number, true, false or a string",
+            |value| match value {
+                DeValue::Boolean(value) => Some(value.to_string()),
+                other => scalar(other),
+            },
+        )
     }
 
     /// Whether a field is a table of its own.
@@ -284,14 +458,14 @@ impl<'a> Table<'a> {
     ///
     /// # Errors
     /// When the value is of another kind.
-    pub fn tables(&self, field: &str) -> Result<Vec<Table<'a>>, DocumentError> {
+    pub fn tables(&self, field: &str) -> Result<Vec<TomlTable<'a>>, DocumentError> {
         let tables = self.value(field, "an array of tables", |value| {
             (value.as_array()?.iter())
                 .map(|item| {
-                    Some(Table {
+                    Some(TomlTable {
                         source: self.source,
                         table: item.get_ref().as_table()?,
-                        line: self.source.line(item.span().start),
+                        position: self.source.position(item.span().start),
                     })
                 })
                 .collect::<Option<Vec<_>>>()
@@ -306,7 +480,7 @@ impl<'a> Table<'a> {
     pub fn required<T>(&self, field: &str, value: Option<T>) -> Result<T, DocumentError> {
         value.ok_or_else(|| DocumentError::Missing {
             file: self.source.file.into(),
-            line: self.line,
+            position: self.position,
             field: field.into(),
         })
     }
@@ -329,11 +503,41 @@ impl<'a> Table<'a> {
         let converted = convert(value.get_ref());
         converted.map(Some).ok_or_else(|| DocumentError::Kind {
             file: self.source.file.into(),
-            line: self.source.line(value.span().start),
+            position: self.source.position(value.span().start),
             field: field.into(),
             expected,
             found: kind(value.get_ref()),
         })
+    }
+}
+
+/// A number or string as it is spelt.
+fn scalar(value: &DeValue<'_>) -> Option<String> {
+    match value {
+        DeValue::Float(number) => Some(number.as_str().to_owned()),
+        DeValue::Integer(number) => {
+            let whole = i64::from_str_radix(number.as_str(), number.radix());
+            Some(whole.ok()?.to_string())
+        }
+        DeValue::String(text) => Some(text.to_string()),
+        _ => None,
+    }
+}
+
+/// The content of a string in a file.
+#[derive(Debug, Clone, Copy)]
+pub struct Content {
+    start: usize,
+    plain: bool,
+}
+
+impl Content {
+    /// The byte of the text at which the byte of the content stands.
+    pub fn byte(&self, offset: usize) -> usize {
+        match self.plain {
+            true => self.start + offset,
+            false => self.start,
+        }
     }
 }
 

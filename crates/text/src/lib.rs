@@ -1,6 +1,12 @@
 //! What users write and what they are told: TOML with places, names that were probably meant, errors
 //! with their causes.
 
-pub mod causes;
 pub mod document;
-pub mod nearest;
+pub mod error_chain;
+pub mod suggestion;
+
+/// Whether a text is an identifier of C: a letter or `_`, then letters, digits and `_`.
+pub fn is_identifier(text: &str) -> bool {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    text.chars().all(is_word) && text.starts_with(|c: char| !c.is_ascii_digit())
+}

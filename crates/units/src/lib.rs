@@ -52,6 +52,15 @@ impl Base {
             None => Product::parse(name).map(|product| product.base()),
         }
     }
+
+    /// The same of a name in Modelica's spelling alone, which descriptions of FMUs have: no `·`, `²`, `^` or `%`.
+    pub fn in_modelicas_spelling(name: &str) -> Option<Self> {
+        let is_modelicas = |c: char| c.is_ascii_alphanumeric() || "./()-".contains(c);
+        match name.chars().all(is_modelicas) {
+            true => Self::of(name),
+            false => None,
+        }
+    }
 }
 
 /// A unit by its name and, where it is known, its meaning.

@@ -60,7 +60,7 @@ impl Product {
         self
     }
 
-    /// What may stand in a name, for messages.
+    /// What may stand in a name in Modelica's spelling, for messages.
     pub fn known() -> String {
         let [prefixed, prefixes, others] = table::symbols().map(|names| names.join(", "));
         format!("{prefixed} (with or without a prefix: {prefixes}), {others}")

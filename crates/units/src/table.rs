@@ -119,15 +119,17 @@ pub(super) fn symbol(symbol: &str) -> Option<Base> {
     })
 }
 
-/// The symbols that may stand in a product, for messages: those that take prefixes, the prefixes, the others.
+/// The symbols in Modelica's spelling, for messages: those that take prefixes, the prefixes, the others.
 pub(super) fn symbols() -> [Vec<&'static str>; 3] {
-    let names = |list: &'static [(&'static str, f64, Exponents)]| {
-        let names = list.iter().map(|(name, ..)| *name);
-        names.collect()
-    };
+    let names =
+        |list: &'static [(&'static str, f64, Exponents)]| list.iter().map(|(name, ..)| *name);
+    let shifted = SHIFTED.iter().map(|(name, ..)| *name);
+    let prefixes = PREFIXES.iter().map(|(prefix, _)| *prefix);
     [
-        names(PREFIXED),
-        PREFIXES.iter().map(|(prefix, _)| *prefix).collect(),
-        names(PLAIN),
+        names(PREFIXED).filter(|name| name.is_ascii()).collect(),
+        prefixes.filter(|prefix| prefix.is_ascii()).collect(),
+        (names(PLAIN).chain(shifted))
+            .filter(|name| name.chars().all(|c| c.is_ascii_alphanumeric()))
+            .collect(),
     ]
 }

@@ -1,7 +1,7 @@
 //! A vehicle with events as an FMU: the quadcopter of `examples/vehicle-fmu` with the ground, off which it
 //! bounces and on which it comes to rest. `pilotage pack examples/landing-fmu` makes `lander.fmu`.
 
-use pilotage_kit::{At, Equations, Scalar, Table};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 
 /// The vehicle. Its numbers are in the table.
 #[derive(Default)]
@@ -74,4 +74,4 @@ impl Equations for Lander {
     }
 }
 
-pilotage_kit::export!(Lander);
+pilotage_sdk::export!(Lander);

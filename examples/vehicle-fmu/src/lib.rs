@@ -1,7 +1,7 @@
 //! A vehicle of one's own as an FMU: a quadcopter in a vertical plane.
 //! `pilotage pack examples/vehicle-fmu` makes `drone.fmu`.
 
-use pilotage_kit::{At, Equations, Scalar, Table};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 
 /// The vehicle. Its numbers are in the table.
 #[derive(Default)]
@@ -32,4 +32,4 @@ impl Equations for Drone {
     }
 }
 
-pilotage_kit::export!(Drone);
+pilotage_sdk::export!(Drone);

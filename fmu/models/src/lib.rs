@@ -10,23 +10,31 @@
 //! | [mod@traced] | any model of the SDK's trait as expressions, to be fitted and linearised |
 //! | [`coefficient`] | the vehicle's coefficients as data |
 //! | [`model`] | pilot or vehicle as it is exported: table of variables, model file |
+//! | [`text`] | models of model files |
+//! | [`any`] | whatever the shared library of exported FMUs runs |
+//! | [`library`] | the built-in model files as texts |
 //!
-//! What makes them run and makes FMUs of them is [`pilotage_kit`]'s.
+//! What makes them run and makes FMUs of them is [`pilotage_sdk`]'s.
 
+pub mod any;
 pub mod coefficient;
+pub mod library;
 pub mod model;
 pub mod pilot;
 pub mod quadcopter;
+pub mod text;
 pub mod traced;
 
+pub use any::AnyModel;
 pub use coefficient::COEFFICIENTS;
-pub use model::{Kind, Model};
+pub use model::{Model, ModelKind};
 pub use pilot::Pilot;
 pub use quadcopter::Quadcopter;
+pub use text::TextModel;
 pub use traced::{TraceError, traced};
 
-pub use pilotage_kit::{Role, Scalar, Table, Unit, ValueError, Variable};
-pub use pilotage_kit::{lti, simulation, structure, unit, variable};
+pub use pilotage_sdk::{Role, Scalar, Table, Unit, ValueError, Variable};
+pub use pilotage_sdk::{lti, simulation, structure, unit, variable};
 
 /// A running [`Model`].
-pub type Simulation = pilotage_kit::Simulation<Model>;
+pub type Simulation = pilotage_sdk::Simulation<Model>;

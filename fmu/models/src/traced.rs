@@ -1,7 +1,7 @@
 //! Equations of the SDK's trait as an expression graph: what is fitted and linearised.
 
 use pilotage_expression::{Model, Obstacle, Traced};
-use pilotage_kit::{At, Equations, Table};
+use pilotage_sdk::{At, Equations, Table};
 
 /// Why a model cannot be taken down.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -46,7 +46,7 @@ pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
         names(table.states().collect()),
         names(table.inputs().collect()),
         names(table.parameters().collect()),
-        names(table.computed_outputs().collect()),
+        names(table.computed().collect()),
     ];
     let model = Model::trace(lists.each_ref().map(Vec::as_slice), |point| {
         let at = At {
@@ -57,7 +57,7 @@ pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
         };
         let unwritten = Traced::from(f64::NAN);
         let mut dx = vec![unwritten; table.n_states()];
-        let mut y = vec![unwritten; table.computed_outputs().count()];
+        let mut y = vec![unwritten; table.computed().count()];
         equations.derivative(at, &mut dx);
         equations.output(at, &mut y);
         [dx, y]

@@ -1,8 +1,8 @@
-//! Arguments that say how slaves are coupled.
+//! Arguments that say how components are coupled.
 
 use super::super::Failure;
 use super::super::number::{positive, within};
-use super::wiring::pair;
+use super::super::system::flags::pair;
 use crate::cosim::{Algorithm, Clock, Control, Coupling, System};
 use clap::ValueEnum;
 
@@ -86,12 +86,12 @@ impl CouplingArgs {
         })
     }
 
-    /// Relative tolerance for slaves with error control of their own.
-    pub fn slave_tolerance(&self) -> Option<f64> {
+    /// Relative tolerance for components with error control of their own.
+    pub fn component_tolerance(&self) -> Option<f64> {
         self.fmu_tolerance.or(self.tolerance.map(|t| 0.1 * t))
     }
 
-    /// Tells the system which slaves take their steps in parts.
+    /// Tells the system which components take their steps in parts.
     pub fn apply_parts(&self, system: &mut System) -> Result<(), Failure> {
         for (name, parts) in &self.parts {
             let parts = parts.parse().map_err(|_| {

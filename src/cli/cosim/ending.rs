@@ -1,7 +1,7 @@
 //! How a run ended.
 
-use crate::causes::with_causes;
 use crate::cosim::{Ending, Run};
+use crate::error_chain::error_chain;
 
 /// How a run ended, in words.
 pub struct Words {
@@ -30,9 +30,12 @@ impl Words {
                 instance,
                 time,
                 reached,
+                words,
             } => {
+                let words = words.as_ref();
+                let words = words.map_or(String::new(), |words| format!(": {words}"));
                 let message = format!(
-                    "`{instance}` discarded the step from {time} s, it came to {reached} s"
+                    "`{instance}` discarded the step from {time} s, it came to {reached} s{words}"
                 );
                 ("discarded", "error", Some(message))
             }
@@ -42,7 +45,7 @@ impl Words {
                 stage,
                 source,
             } => {
-                let why = with_causes(source.as_ref());
+                let why = error_chain(source.as_ref());
                 let message = format!("`{instance}` failed to {stage} at {time} s: {why}");
                 ("failed", "error", Some(message))
             }

@@ -2,22 +2,25 @@
 
 mod coupling;
 pub mod ending;
-mod inputs;
-mod parameters;
 mod report;
 mod summary;
 mod watch;
-pub mod wiring;
 
 use self::coupling::CouplingArgs;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
-use self::wiring::{Wired, Wiring};
 use super::number::{number, positive};
-use super::overwrite::{Kind, Overwrite};
+use super::overwrite::{self, OutputKind, Overwrite};
+use super::system::flags::Wiring;
+use super::system::tables::InputTable;
+use super::system::{self, Built};
 use super::{Failure, Outcome, interrupt, terminal};
-use crate::cosim::{Clock, CsvRecorder, Ending, MasterError, Selection, System, Thinned};
-use crate::output::{self, GrowingFile};
+use crate::atomic_file::GrowingFile;
+use crate::cosim::{
+    Clock, CsvRecorder, Ending, MasterError, Selection, System, SystemDescription, Thinned,
+};
+use clap::Parser;
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +41,13 @@ Examples:
   # Few signals, seldom: a long run.
   pilotage cosim pilot.fmu --record 'pilot.s*,pilot.theta1' --record-every 1 \\
     --stop-time 3600 --step 0.05 --progress json
+
+  # The same from a file, which names instances, wires and values: docs/systems.md. --save-system writes one
+  # of whatever was wired.
+  pilotage cosim system.toml --stop-time 15 --step 0.05
+
+  # With another vehicle, and another target: what is said here goes before what the file says.
+  pilotage cosim system.toml vehicle=heavy.fmu --set pilot.target=20 --stop-time 15 --step 0.05
 
 The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
 reads it. While the run goes
@@ -99,8 +109,13 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     // What is wrong without a look at the files is told before they are opened.
     let given = args.stop_time.map(|stop| args.clock(stop)).transpose()?;
     let every = args.rows_between()?;
-    args.check_outputs()?;
-    let Wired { mut system, tables } = args.wiring.build()?;
+    args.check_report()?;
+    let Built {
+        mut system,
+        tables,
+        description,
+        files,
+    } = args.wiring.build(&args.overwrite, &args.outputs())?;
     let clock = match given {
         Some(clock) => clock,
         None => args.clock(system.suggested_stop().ok_or_else(no_stop)?)?,
@@ -121,7 +136,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let run = crate::cosim::run(
         system,
         &clock,
-        args.coupling.slave_tolerance(),
+        args.coupling.component_tolerance(),
         coupling,
         &mut watch,
     );
@@ -129,7 +144,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         Ok(run) => run,
         Err(error) => {
             watch.end("failed", args.start_time, None);
-            return Err(explain(error, watch.inner, &part));
+            return Err(explain(error, &description, watch.inner, &part));
         }
     };
     let ending = ending::Words::with_rows(&run);
@@ -144,6 +159,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     save(recorder, &args.output)?;
     let summary = Summary {
         args: &args,
+        files: &files,
         algorithm: coupling.algorithm,
         run: &run,
         ending: &ending,
@@ -154,7 +170,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         notes,
     };
     if let Some(path) = &args.report {
-        write_page(path, &summary.page()?)?;
+        overwrite::save(path, summary.page()?)?;
     }
     terminal::print(&match args.json {
         true => format!("{:#}\n", summary.to_json()),
@@ -174,17 +190,23 @@ fn no_stop() -> Failure {
         .hint("say when the simulation ends, such as --stop-time 10")
 }
 
-fn write_page(path: &Path, page: &str) -> Result<(), Failure> {
-    output::write(path, page.as_bytes())
-        .map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
-}
-
 impl Args {
+    /// The arguments of words, the first of which is what messages call the command.
+    pub fn of(words: &[OsString]) -> Result<Self, Failure> {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            args: Args,
+        }
+        let line = Line::try_parse_from(words).map_err(|error| Failure::new(error.to_string()))?;
+        Ok(line.args)
+    }
+
     fn clock(&self, stop: f64) -> Result<Clock, Failure> {
         Ok(Clock::new(self.start_time, stop, self.step)?)
     }
 
-    fn check_outputs(&self) -> Result<(), Failure> {
+    fn check_report(&self) -> Result<(), Failure> {
         let result = self.output.as_path();
         if self.report.is_some() && result.exists() && !result.is_file() {
             let message = format!(
@@ -193,10 +215,14 @@ impl Args {
             );
             return Err(Failure::new(message).hint("give the result a file with -o"));
         }
-        let page = self.report.as_deref().map(|path| (path, Kind::Page));
-        let outputs = [(result, Kind::Result)].into_iter().chain(page);
-        let outputs: Vec<(&Path, Kind)> = outputs.collect();
-        self.overwrite.check(&self.wiring.files(), &outputs)
+        Ok(())
+    }
+
+    /// The files that are written.
+    fn outputs(&self) -> Vec<(&Path, OutputKind)> {
+        let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
+        let result = (self.output.as_path(), OutputKind::Result);
+        [result].into_iter().chain(page).collect()
     }
 
     /// Communication steps from one recorded row to the next.
@@ -219,7 +245,7 @@ impl Args {
     fn selection(
         &self,
         system: &mut System,
-        tables: &[inputs::Table],
+        tables: &[InputTable],
     ) -> Result<Option<Selection>, Failure> {
         if !self.record.is_empty() {
             return Ok(Some(Selection::new(system, &self.record)?));
@@ -236,7 +262,7 @@ fn unfed(system: &System) -> impl Iterator<Item = String> {
 
 fn open(path: &Path) -> Result<GrowingFile, Failure> {
     let file = GrowingFile::create(path).map_err(|error| {
-        let failure = Failure::new(format!("cannot write {}: {error}", path.display()));
+        let failure = Failure::cannot_write(path, &error);
         match error.kind() {
             io::ErrorKind::ResourceBusy => {
                 failure.hint("another run is writing it; give this one another --output")
@@ -256,17 +282,18 @@ fn open(path: &Path) -> Result<GrowingFile, Failure> {
 
 fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> {
     let file = recorder.finish().and_then(GrowingFile::finish);
-    file.map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
+    file.map_err(|error| Failure::cannot_write(path, &error))
 }
 
 /// What to say, and what becomes of the rows so far: none when the run has not begun.
 fn explain(
     error: MasterError,
+    description: &SystemDescription,
     recorder: Thinned<CsvRecorder<GrowingFile>>,
     part: &Path,
 ) -> Failure {
     let is_write_error = matches!(error, MasterError::Record { .. });
-    let failure = Failure::from(error);
+    let failure = system::explain(error, description);
     match is_write_error {
         // A pipe or a device keeps nothing.
         true if !part.is_file() => failure,

@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 /// As JSON.
 pub fn to_json(report: &Report) -> Value {
     let steps = &report.steps;
-    let slaves: Vec<Value> = (report.slaves.iter())
-        .map(|slave| {
-            let calls = &slave.calls;
+    let instances: Vec<Value> = (report.instances.iter())
+        .map(|instance| {
+            let calls = &instance.calls;
             json!({
-                "name": slave.name,
-                "seconds": slave.seconds,
+                "name": instance.name,
+                "seconds": instance.seconds,
                 "calls": {
                     "set": calls.sets,
                     "step": calls.steps,
@@ -50,7 +50,8 @@ pub fn to_json(report: &Report) -> Value {
             "shortest": steps.shortest,
             "longest": steps.longest,
         },
-        "slaves": slaves,
+        // The instances, under the name that scripts already read.
+        "slaves": instances,
         "connections": connections,
         "irrevocable": report.irrevocable,
         "fixed": report.fixed,
@@ -149,14 +150,18 @@ fn divergences(report: &Report) -> Option<String> {
     ))
 }
 
-/// Connections and slaves that a short report names.
+/// Connections and instances that a short report names.
 const NAMED: usize = 6;
 
 /// A few lines: steps, times, calls; the lag of the connections and what it does to their signals.
 fn brief(report: &Report) -> String {
     let steps = &report.steps;
-    let in_slaves: f64 = report.slaves.iter().map(|slave| slave.seconds).sum();
-    let all = in_slaves + report.master_seconds;
+    let in_instances: f64 = report
+        .instances
+        .iter()
+        .map(|instance| instance.seconds)
+        .sum();
+    let all = in_instances + report.master_seconds;
     let part = |seconds: f64| 100.0 * seconds / all.max(f64::MIN_POSITIVE);
     let mut text = format!(
         "{} communication steps taken, {} rejected, in {}, {:.0} % of it in the master and for the result\n",
@@ -168,16 +173,16 @@ fn brief(report: &Report) -> String {
         },
         part(report.master_seconds)
     );
-    let mut slaves: Vec<_> = report.slaves.iter().collect();
-    slaves.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
-    for slave in slaves.iter().take(NAMED) {
-        let calls = &slave.calls;
+    let mut instances: Vec<_> = report.instances.iter().collect();
+    instances.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+    for instance in instances.iter().take(NAMED) {
+        let calls = &instance.calls;
         let others = calls.sets + calls.gets + calls.saves + calls.restores;
         text += &format!(
             "  {}: {} steps, {others} other calls, {:.0} % of the time\n",
-            slave.name,
+            instance.name,
             calls.steps,
-            part(slave.seconds)
+            part(instance.seconds)
         );
     }
     let mean = |c: &ConnectionReport| c.error.map_or(0.0, |error| error.mean);
@@ -200,7 +205,7 @@ fn brief(report: &Report) -> String {
         text.push('\n');
     }
     let unnamed = |all: usize| all.saturating_sub(NAMED);
-    let rest = unnamed(report.slaves.len()) + unnamed(report.connections.len());
+    let rest = unnamed(report.instances.len()) + unnamed(report.connections.len());
     if rest > 0 {
         text += "  the others by --details\n";
     }
@@ -254,13 +259,13 @@ fn details(report: &Report) -> String {
         }
         text.push('\n');
     }
-    for slave in &report.slaves {
-        let calls = &slave.calls;
+    for instance in &report.instances {
+        let calls = &instance.calls;
         text += &format!(
             "{}: {} set, {} step, {} get, {} save, {} restore",
-            slave.name, calls.sets, calls.steps, calls.gets, calls.saves, calls.restores
+            instance.name, calls.sets, calls.steps, calls.gets, calls.saves, calls.restores
         );
-        text += &format!(", {:.6} s\n", slave.seconds);
+        text += &format!(", {:.6} s\n", instance.seconds);
     }
     text += &format!("master and recorder: {:.6} s\n", report.master_seconds);
     text

@@ -9,10 +9,13 @@ use crate::cosim::{Algorithm, Run};
 use crate::report::{Simulation, significant, simulation_page};
 use crate::series::{Series, SeriesError};
 use serde_json::json;
+use std::path::PathBuf;
 
 /// A run and what belongs to it.
 pub struct Summary<'a> {
     pub args: &'a Args,
+    /// The files that were read.
+    pub files: &'a [PathBuf],
     pub algorithm: Algorithm,
     pub run: &'a Run,
     pub ending: &'a Words,
@@ -124,7 +127,7 @@ impl Summary<'_> {
             facts: &facts,
             series: &series,
             report: &run.report,
-            files: &with_sums(&self.args.wiring.files()),
+            files: &with_sums(self.files),
             made: &made(),
         }))
     }

@@ -28,7 +28,7 @@ impl Log {
             true => Box::new(io::stdout()),
             false => {
                 let file = File::create(path);
-                Box::new(file.map_err(|error| super::cannot_write(path, &error))?)
+                Box::new(file.map_err(|error| Failure::cannot_write(path, &error))?)
             }
         };
         Ok(Self {
@@ -89,7 +89,7 @@ impl Log {
         match self.failed {
             // A reader that has gone is no failure.
             Some(error) if error.kind() != ErrorKind::BrokenPipe => {
-                Err(super::cannot_write(&self.path, &error))
+                Err(Failure::cannot_write(&self.path, &error))
             }
             _ => Ok(()),
         }

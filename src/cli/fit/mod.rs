@@ -8,16 +8,16 @@ mod watch;
 
 use super::made::made;
 use super::number::{number, positive, whole, within};
-use super::overwrite::{Kind, Overwrite};
+use super::overwrite::{OutputKind, Overwrite};
 use super::trials::Columns;
 use super::{Failure, Outcome, interrupt, terminal, vehicle};
+use crate::atomic_file::AtomicFile;
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    Identification, InitialPosition, InitialState, Mesh, Objective, Options, Scheme, TrialSet,
+    FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme, TrialSet,
     pilot_file,
 };
 use crate::models::Pilot;
-use crate::output::Output;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
@@ -43,11 +43,11 @@ Examples:
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
 
 A fit that a limit or Ctrl-C ends writes the best iterate so far, marked as not converged; a
-second Ctrl-C kills. Doubts are what speaks against taking the result at its word; each has a code.
-Exit codes: 0 converged, 1 not converged (the best iterate is written), or a doubt that makes the
+second Ctrl-C kills. Diagnostics are what speaks against taking the result at its word; each has a code.
+Exit codes: 0 converged, 1 not converged (the best iterate is written), or a diagnostic that makes the
 result meaningless, 2 bad use or input.";
 
-/// Arguments of `pilotage fit`; the defaults are those of [`Options`].
+/// Arguments of `pilotage fit`; the defaults are those of [`FitOptions`].
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -60,19 +60,19 @@ pub struct Args {
     #[arg(short, long, default_value = "pilot.toml")]
     output: PathBuf,
     /// Collocation scheme; `euler` is the paper's.
-    #[arg(long, default_value_t = Options::default().scheme)]
+    #[arg(long, default_value_t = FitOptions::default().scheme)]
     scheme: Scheme,
     /// Length of the mesh's intervals, about; the samples are the mesh where it is missing.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     mesh_step: Option<f64>,
     /// What is known of the states at the first sample; `free` is the paper's.
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
-          default_value = Options::default().initial_state.as_str())]
+          default_value = FitOptions::default().initial_state.as_str())]
     initial_state: InitialState,
     /// Where the vehicle is at the first sample, when it is at rest: estimated, since that sample is a
     /// measurement like the others, or known to be there exactly, as where a simulator puts it.
     #[arg(long, value_parser = named(InitialPosition::ALL, InitialPosition::as_str),
-          default_value = Options::default().initial_position.as_str())]
+          default_value = FitOptions::default().initial_position.as_str())]
     initial_position: InitialPosition,
     /// Do not ask for a stable closed loop of pilot and vehicle; without this a fit of the response keeps
     /// it stable.
@@ -80,7 +80,7 @@ pub struct Args {
     allow_unstable_loop: bool,
     /// What is compared with the recording: the vehicle's response (the paper's), or the stick.
     #[arg(long, value_parser = named(Objective::ALL, Objective::as_str),
-          default_value = Options::default().objective.as_str())]
+          default_value = FitOptions::default().objective.as_str())]
     objective: Objective,
     /// Where θ starts, as θ1,θ2,...; estimated from the data where it is missing.
     #[arg(
@@ -99,21 +99,21 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     /// Order n of the pilot, which then has 2n parameters.
-    #[arg(long, default_value_t = Options::default().pilot.order as u8,
+    #[arg(long, default_value_t = FitOptions::default().pilot.order as u8,
           value_parser = within(1..=MAX_ORDER as u8), allow_hyphen_values = true)]
     order: u8,
     /// Limit on |y_p| at every sample.
-    #[arg(long, default_value_t = Options::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = FitOptions::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
     /// Iteration limit of each start.
-    #[arg(long, default_value_t = Options::default().max_iterations, value_parser = whole::<usize>,
+    #[arg(long, default_value_t = FitOptions::default().max_iterations, value_parser = whole::<usize>,
           allow_hyphen_values = true)]
     max_iterations: usize,
     /// Stop after this time [s] with the best so far.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
     /// Scaled KKT residual at which the solve has converged.
-    #[arg(long, default_value_t = Options::default().tolerance, value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = FitOptions::default().tolerance, value_parser = positive, allow_hyphen_values = true)]
     tolerance: f64,
     /// Write a report page (HTML) too.
     #[arg(long, value_name = "FILE")]
@@ -180,12 +180,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 impl Args {
-    fn options(&self) -> Result<Options, Failure> {
+    fn options(&self) -> Result<FitOptions, Failure> {
         let pilot = Pilot {
             order: self.order.into(),
         };
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
-        Ok(Options {
+        Ok(FitOptions {
             scheme: self.scheme,
             mesh: self.mesh_step.map_or(Mesh::Samples, Mesh::Step),
             initial_state: self.initial_state,
@@ -206,10 +206,10 @@ impl Args {
     fn check_outputs(&self, set: &TrialSet) -> Result<(), Failure> {
         let inputs: Vec<PathBuf> = set.files.iter().chain(&self.vehicle).cloned().collect();
         let log = self.log.as_deref().filter(|log| !log::is_stdout(log));
-        let outputs: Vec<(&Path, Kind)> = [(self.output.as_path(), Kind::Pilot)]
+        let outputs: Vec<(&Path, OutputKind)> = [(self.output.as_path(), OutputKind::Pilot)]
             .into_iter()
-            .chain(self.report.as_deref().map(|path| (path, Kind::Page)))
-            .chain(log.map(|path| (path, Kind::Log)))
+            .chain(self.report.as_deref().map(|path| (path, OutputKind::Page)))
+            .chain(log.map(|path| (path, OutputKind::Log)))
             .collect();
         self.overwrite.check(&inputs, &outputs)
     }
@@ -242,14 +242,10 @@ fn page(found: &Identification) -> String {
 }
 
 /// Opens an output before the work.
-fn open(path: &Path) -> Result<Output, Failure> {
-    Output::create(path).map_err(|error| cannot_write(path, &error))
+fn open(path: &Path) -> Result<AtomicFile, Failure> {
+    AtomicFile::create(path).map_err(|error| Failure::cannot_write(path, &error))
 }
 
-fn save(output: Output, path: &Path, content: &str) -> Result<(), Failure> {
-    (output.save(content.as_bytes())).map_err(|error| cannot_write(path, &error))
-}
-
-fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(format!("cannot write {}: {error}", path.display()))
+fn save(output: AtomicFile, path: &Path, content: &str) -> Result<(), Failure> {
+    (output.save(content.as_bytes())).map_err(|error| Failure::cannot_write(path, &error))
 }

@@ -2,7 +2,7 @@
 
 use super::Args;
 use crate::cli::made::{program, quoted};
-use crate::identification::{Fit, Identification, InitialState, Options};
+use crate::identification::{Fit, FitOptions, Identification, InitialState};
 use crate::sqp::Status;
 
 impl Args {
@@ -21,13 +21,13 @@ impl Args {
                 quoted(&self.output.to_string_lossy()),
                 quoted(&self.output.with_extension("fmu").to_string_lossy())
             ),
-            (false, true) => "next: mend what the first doubt says, and fit again\n".into(),
+            (false, true) => "next: mend what the first diagnostic says, and fit again\n".into(),
             (false, false) => self.what_else(fit, options),
         }
     }
 
     /// What may help a solve that did not converge.
-    fn what_else(&self, fit: &Fit, options: &Options) -> String {
+    fn what_else(&self, fit: &Fit, options: &FitOptions) -> String {
         let mut text = String::from("next: this is the best iterate, not a result; try\n");
         if options.initial_state == InitialState::Free {
             text +=

@@ -3,7 +3,7 @@
 use crate::cli::format;
 use crate::identification::statistics::rms;
 use crate::identification::{
-    ClosedLoop, Doubt, Fit, Identification, InitialState, Objective, Options, pilot_file,
+    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, pilot_file,
 };
 use crate::report::significant;
 use crate::vehicle::Mode;
@@ -51,7 +51,8 @@ pub fn to_json(found: &Identification) -> Value {
         "skipped": fit.skipped,
         "starts_tried": fit.tried,
         "starts_agreeing": fit.agreeing(),
-        "doubts": doubts(fit),
+        // The diagnostics, under the name that scripts already read.
+        "doubts": diagnostics(fit),
         "kkt": fit.kkt,
         "violation": fit.violation,
         "curvature": fit.curvature,
@@ -62,7 +63,7 @@ pub fn to_json(found: &Identification) -> Value {
 }
 
 /// Value and unit of each parameter, by name.
-fn parameters(fit: &Fit, options: &Options) -> Value {
+fn parameters(fit: &Fit, options: &FitOptions) -> Value {
     let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
     let all = all.enumerate().map(|(i, (value, unit))| {
         let entry = json!({ "value": value, "unit": unit });
@@ -80,21 +81,23 @@ fn closed_loop(closed_loop: &ClosedLoop) -> Value {
     })
 }
 
-fn doubts(fit: &Fit) -> Vec<Value> {
-    let one = |doubt: &Doubt| json!({ "code": doubt.code(), "words": doubt.to_string(), "fatal": doubt.is_fatal() });
-    fit.doubts.iter().map(one).collect()
+fn diagnostics(fit: &Fit) -> Vec<Value> {
+    let one = |diagnostic: &Diagnostic| json!({ "code": diagnostic.code(), "words": diagnostic.to_string(), "fatal": diagnostic.is_fatal() });
+    fit.diagnostics.iter().map(one).collect()
 }
 
 /// How the fit ended, in a word or two: never a plain one where something speaks against it.
 pub fn verdict(fit: &Fit) -> String {
-    let unstable = |doubt: &Doubt| matches!(doubt, Doubt::UnstableLoop { .. });
-    match fit.doubts.first() {
+    let unstable = |diagnostic: &Diagnostic| matches!(diagnostic, Diagnostic::UnstableLoop { .. });
+    match fit.diagnostics.first() {
         _ if !fit.converged => format!("NOT CONVERGED ({})", fit.status),
-        Some(doubt) if unstable(doubt) => "converged, but the closed loop is UNSTABLE".into(),
-        Some(doubt) if doubt.is_fatal() => {
-            format!("NO ANSWER ({}), though converged", doubt.code())
+        Some(diagnostic) if unstable(diagnostic) => {
+            "converged, but the closed loop is UNSTABLE".into()
         }
-        Some(_) => format!("converged, in doubt ({})", fit.doubts.len()),
+        Some(diagnostic) if diagnostic.is_fatal() => {
+            format!("NO ANSWER ({}), though converged", diagnostic.code())
+        }
+        Some(_) => format!("converged, in doubt ({})", fit.diagnostics.len()),
         None => "converged".into(),
     }
 }
@@ -130,8 +133,8 @@ pub fn to_text(found: &Identification) -> String {
             ),
         }
     );
-    for doubt in &fit.doubts {
-        text += &format!("doubt ({}): {doubt}\n", doubt.code());
+    for diagnostic in &fit.diagnostics {
+        text += &format!("diagnostic ({}): {diagnostic}\n", diagnostic.code());
     }
     text += "\n";
     for (i, (value, unit)) in fit

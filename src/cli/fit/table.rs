@@ -12,11 +12,11 @@ const HEADER: &str = "order start  iter     objective    inf_pr    inf_du     co
 
 /// Prints one line for each iteration.
 #[derive(Default)]
-pub struct Table {
+pub struct IterationTable {
     lines: usize,
 }
 
-impl Table {
+impl IterationTable {
     /// Prints an iteration.
     pub fn show(&mut self, iterate: &Iterate) {
         let mut text = String::new();

@@ -1,7 +1,7 @@
 //! What watches a fit: log, table, progress bar, time limit and Ctrl-C.
 
 use super::log::Log;
-use super::table::Table;
+use super::table::IterationTable;
 use crate::cli::interrupt;
 use crate::cli::progress::Progress;
 use crate::identification;
@@ -20,7 +20,7 @@ pub struct Watch {
 
 /// What a person sees of it.
 enum Shown {
-    Table(Table),
+    Table(IterationTable),
     Bar(Progress),
 }
 
@@ -32,7 +32,7 @@ impl Watch {
             time_limit,
             log,
             shown: match verbose {
-                true => Shown::Table(Table::default()),
+                true => Shown::Table(IterationTable::default()),
                 false => Shown::Bar(Progress::new()),
             },
         }

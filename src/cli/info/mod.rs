@@ -1,26 +1,31 @@
-//! `pilotage info`: what an FMU is, which variables it has, and what depends on what.
+//! `pilotage info`: what an FMU is, which variables it has, and what depends on what; what a system is made of.
 //!
 //! | module | what it prints |
 //! | --- | --- |
 //! | `text` | lines and tables for people |
 //! | `json` | one object for programs |
+//! | `system` | both of a system |
 
 mod json;
+mod system;
 mod text;
 
-use super::{Failure, Outcome, recognise, terminal};
+use super::model::{check, open};
+use super::recognise::{self, FileKind};
+use super::{Failure, Outcome, terminal};
 use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
-use crate::fmi::{Fmu, Kind};
+use crate::fmi::{Fmu, InterfaceType};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `pilotage info`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'"
+    after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'\n  pilotage info system.toml"
 )]
 pub struct Args {
-    /// The FMU: its file, or the folder that it was unpacked into.
+    /// The FMU: its file, or the folder that it was unpacked into. Or a system file, of which the instances,
+    /// connections, free inputs and outputs are shown, or a model file, as of `pilotage model check`.
     fmu: PathBuf,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -31,9 +36,21 @@ pub struct Args {
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     recognise::expect(
         [&args.fmu],
-        &[recognise::Kind::Fmu, recognise::Kind::Archive],
-        "an FMU",
+        &[
+            FileKind::Fmu,
+            FileKind::Archive,
+            FileKind::System,
+            FileKind::Model,
+        ],
+        "an FMU or a system file",
     )?;
+    if recognise::is_model(&args.fmu) {
+        return check::run(open::read(&args.fmu)?, args.json);
+    }
+    if recognise::may_be_system(&args.fmu) {
+        terminal::print(&system::of(&args.fmu, args.json)?)?;
+        return Ok(Outcome::Done);
+    }
     let fmu = Fmu::open(&args.fmu)?;
     let text = match args.json {
         true => json::of(&fmu),
@@ -44,15 +61,15 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 /// The kinds that an FMU can be used as, and for each the names of the capabilities that it has.
-fn capabilities(d: &ModelDescription) -> Vec<(Kind, Vec<&'static str>)> {
+fn capabilities(d: &ModelDescription) -> Vec<(InterfaceType, Vec<&'static str>)> {
     let version = d.fmi_version;
     let cs = d.co_simulation.as_ref().map(|e| e.flags(version));
     let me = d.model_exchange.as_ref().map(|e| e.flags(version));
     let se = d.scheduled_execution.as_ref().map(|e| e.flags(version));
     let all = [
-        (Kind::CoSimulation, cs),
-        (Kind::ModelExchange, me),
-        (Kind::ScheduledExecution, se),
+        (InterfaceType::CoSimulation, cs),
+        (InterfaceType::ModelExchange, me),
+        (InterfaceType::ScheduledExecution, se),
     ];
     let names = |flags: Vec<(&'static str, bool)>| {
         let on = flags.into_iter().filter(|(_, on)| *on);

@@ -46,7 +46,8 @@ pub fn json(
     object
 }
 
-fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+/// The rows of a matrix.
+pub fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     (matrix.row_iter())
         .map(|row| row.iter().copied().collect())
         .collect()

@@ -1,18 +1,18 @@
 //! `pilotage linearize`: the coupled system as a linear one, its poles, and the margins of its loops.
 
-mod files;
+pub mod files;
 mod text;
 mod verdict;
 
 use super::cosim::ending;
-use super::cosim::wiring::{Wired, Wiring, pair};
 use super::made::{made, with_sums};
 use super::number::{number, positive};
-use super::overwrite::{Kind, Overwrite};
+use super::overwrite::{self, OutputKind, Overwrite};
+use super::system::flags::{Wiring, pair};
+use super::system::{self, Built};
 use super::{Failure, Outcome, terminal};
 use crate::cosim::{Algorithm, Clock, Linearization, Loop, SeriesRecorder, Thinned, linearize};
 use crate::linear::{Mode, StateSpace};
-use crate::output;
 use crate::report::{LoopFigure, LoopPage, Stability, loop_page};
 use std::path::{Path, PathBuf};
 use verdict::Verdict;
@@ -29,6 +29,9 @@ Examples:
     --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
     --set pilot.target=10 --at 5 --step 0.01 \\
     --loop pilot.stick=quadcopter.stick --in-steps 0.05 --report loop.html --matlab loop.m
+
+  # The instances, wires and values of a system file: docs/systems.md.
+  pilotage linearize system.toml --loop pilot.stick=quadcopter.stick
 
 At a loop the system is cut open: L is what comes back there, with its sign turned, so that
 1 + L = 0 is the closed loop. The effective delay is that of the crossover model,
@@ -124,14 +127,19 @@ fn notes(linearization: &Linearization) -> Vec<String> {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let clock = args.clock()?;
-    args.check_outputs()?;
-    let Wired { system, tables } = args.wiring.build()?;
+    let Built {
+        system,
+        tables,
+        description,
+        files,
+    } = args.wiring.build(&args.overwrite, &args.outputs())?;
     for note in tables.iter().flat_map(|table| table.notes(&clock)) {
         terminal::note(&note);
     }
     // Nothing is recorded: no row is ever the last of so many.
     let mut recorder = Thinned::new(SeriesRecorder::default(), None, u64::MAX);
-    let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)?;
+    let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)
+        .map_err(|error| system::explain(error, &description))?;
     let Some(linearization) = linearization else {
         let ending = ending::Words::of(&run);
         let message = ending.message.unwrap_or_default();
@@ -140,7 +148,13 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     };
     let coupled = linearization.coupled()?;
     let views = args.views(&linearization, &coupled)?;
-    args.write(run.time, &coupled, &views, &linearization)?;
+    if let Some(path) = &args.report {
+        overwrite::save(
+            path,
+            &args.page(run.time, &views, &notes(&linearization), &files),
+        )?;
+    }
+    args.write(&coupled)?;
     terminal::print(&match args.json {
         true => format!(
             "{:#}\n",
@@ -172,16 +186,16 @@ impl Args {
         }
     }
 
-    fn check_outputs(&self) -> Result<(), Failure> {
-        let outputs: Vec<(&Path, Kind)> = [
-            (&self.matlab, Kind::Matlab),
-            (&self.csv, Kind::Matrices),
-            (&self.report, Kind::Page),
+    /// The files that are written.
+    fn outputs(&self) -> Vec<(&Path, OutputKind)> {
+        [
+            (&self.matlab, OutputKind::Matlab),
+            (&self.csv, OutputKind::Matrices),
+            (&self.report, OutputKind::Page),
         ]
         .into_iter()
         .filter_map(|(path, kind)| Some((path.as_deref()?, kind)))
-        .collect();
-        self.overwrite.check(&self.wiring.files(), &outputs)
+        .collect()
     }
 
     fn views(
@@ -218,26 +232,18 @@ impl Args {
         self.loops.iter().map(one).collect()
     }
 
-    fn write(
-        &self,
-        time: f64,
-        coupled: &StateSpace,
-        views: &[View],
-        linearization: &Linearization,
-    ) -> Result<(), Failure> {
+    /// Writes the matrices.
+    fn write(&self, coupled: &StateSpace) -> Result<(), Failure> {
         if let Some(path) = &self.matlab {
-            save(path, &files::matlab(coupled))?;
+            overwrite::save(path, &files::matlab(coupled))?;
         }
         if let Some(path) = &self.csv {
-            save(path, &files::table(coupled))?;
-        }
-        if let Some(path) = &self.report {
-            save(path, &self.page(time, views, &notes(linearization)))?;
+            overwrite::save(path, &files::table(coupled))?;
         }
         Ok(())
     }
 
-    fn page(&self, time: f64, views: &[View], notes: &[String]) -> String {
+    fn page(&self, time: f64, views: &[View], notes: &[String], files: &[PathBuf]) -> String {
         let stability: Vec<Stability> = (views.iter())
             .map(|view| Stability {
                 step: view.step,
@@ -261,13 +267,8 @@ impl Args {
             stability: &stability,
             loops: &figures,
             notes,
-            files: &with_sums(&self.wiring.files()),
+            files: &with_sums(files),
             made: &made(),
         })
     }
-}
-
-fn save(path: &Path, text: &str) -> Result<(), Failure> {
-    output::write(path, text.as_bytes())
-        .map_err(|error| Failure::new(format!("cannot write {}: {error}", path.display())))
 }

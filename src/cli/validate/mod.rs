@@ -12,7 +12,10 @@ pub use probe::{ProbeArgs, probe};
 pub(super) use text::to_text;
 
 use super::number::positive;
-use super::{Failure, Outcome, recognise, terminal};
+use super::recognise::{self, FileKind};
+use super::system::open;
+use super::{Failure, Outcome, terminal};
+use crate::cosim::SystemDescription;
 use crate::fmi::description::Severity;
 use crate::fmi_check::{self, Finding};
 use serde_json::json;
@@ -22,10 +25,11 @@ use std::time::Duration;
 /// Arguments of `pilotage validate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nErrors are against the standard; warnings are legal and trouble some tools; notes are good to know.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
+    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate system.toml\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nErrors are against the standard; warnings are legal and trouble some tools; notes are good to know.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
 )]
 pub struct Args {
-    /// The FMUs: files, or the folders that they were unpacked into.
+    /// The FMUs: files, or the folders that they were unpacked into. A system file means its FMUs, when they
+    /// are wired as it says.
     #[arg(required = true)]
     fmus: Vec<PathBuf>,
     /// Check the files only, do not run the binaries.
@@ -74,18 +78,31 @@ impl Report {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    let kinds = [recognise::Kind::Fmu, recognise::Kind::Archive];
-    recognise::expect(&args.fmus, &kinds, "an FMU")?;
+    let kinds = [FileKind::Fmu, FileKind::Archive, FileKind::System];
+    recognise::expect(&args.fmus, &kinds, "an FMU or a system file")?;
     let limit = (!args.no_run).then_some(args.time_limit);
-    let reports = (args.fmus.iter())
+    let asked = (args.fmus.iter())
+        .map(|path| asked(path))
+        .collect::<Result<Vec<Asked>, Failure>>()?;
+    let systems: Vec<_> = asked.iter().filter_map(|a| a.system.as_ref()).collect();
+    let reports = (asked.iter().flat_map(|asked| &asked.fmus))
         .map(|path| check(path, limit))
         .collect::<Result<Vec<Report>, Failure>>()?;
     let text = match args.json {
-        true => format!(
-            "{:#}\n",
-            json!({ "fmus": reports.iter().map(text::to_json).collect::<Vec<_>>() })
-        ),
-        false => reports.iter().map(to_text).collect(),
+        true => {
+            let fmus: Vec<_> = reports.iter().map(text::to_json).collect();
+            let system = |(file, connections): &&(PathBuf, usize)| json!({ "file": file.display().to_string(), "connections": connections });
+            let systems: Vec<_> = systems.iter().map(system).collect();
+            format!("{:#}\n", json!({ "fmus": fmus, "systems": systems }))
+        }
+        false => {
+            let line = |(file, n): &&(PathBuf, usize)| match n {
+                1 => format!("{}: its connection fits\n", file.display()),
+                n => format!("{}: its {n} connections fit\n", file.display()),
+            };
+            let lines: String = systems.iter().map(line).collect();
+            lines + &reports.iter().map(to_text).collect::<String>()
+        }
     };
     terminal::print(&text)?;
     let is_good = |report: &Report| match args.strict {
@@ -96,6 +113,31 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         true => Outcome::Done,
         false => Outcome::No,
     })
+}
+
+/// What a path means: itself, or a system that can be wired and its FMUs.
+fn asked(path: &Path) -> Result<Asked, Failure> {
+    if !recognise::may_be_system(path) {
+        let fmus = vec![path.to_owned()];
+        return Ok(Asked { system: None, fmus });
+    }
+    let built = open(SystemDescription::read(path)?)?;
+    let mut fmus = built.files;
+    fmus.retain(|file| recognise::is_fmu(file));
+    fmus.sort();
+    fmus.dedup();
+    let connections = built.system.links().count();
+    Ok(Asked {
+        system: Some((path.to_owned(), connections)),
+        fmus,
+    })
+}
+
+/// What is to be checked.
+struct Asked {
+    /// A system, and how many connections it has that fit.
+    system: Option<(PathBuf, usize)>,
+    fmus: Vec<PathBuf>,
 }
 
 /// Longest time that each try of a binary takes unless the user says otherwise.

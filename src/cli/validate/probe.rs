@@ -1,11 +1,11 @@
-//! The binary, tried in processes of its own: one for each trial, so that a crash costs one trial.
+//! The binary, tried in processes of its own: one for each check, so that a crash costs one check.
 
 use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, terminal};
 use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi_check::Finding;
-use crate::fmi_check::trial::{self, Told, Trial, What};
+use crate::fmi_check::behaviour::{self, BehaviourCheck, Told, What};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -20,14 +20,14 @@ pub struct ProbeArgs {
     fmu: PathBuf,
     /// What to try, for example cs:simulate.
     #[arg(long)]
-    trial: Trial,
+    check: BehaviourCheck,
 }
 
 /// Runs the hidden command: tells each stage before it begins, since a binary may end the process, and
 /// each finding; one JSON object a line.
 pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     let mut broken = None;
-    trial::run(&args.fmu, args.trial, &mut |told| {
+    behaviour::run(&args.fmu, args.check, &mut |told| {
         let line = match told {
             Told::Stage(stage) => json!({ "stage": stage }),
             Told::Finding(finding) => json!({ "finding": finding_to_json(&finding) }),
@@ -60,12 +60,12 @@ pub(super) fn try_all(
     let mut findings: Vec<Finding> = Vec::new();
     let mut is_loaded = true;
     let mut progress = Spinner::new();
-    for trial in trial::all(description) {
-        progress.show(format!("{}: {trial}", path.display()));
-        let found = try_one(path, description, trial, limit)?;
-        // A warning of that trial is about a library that was loaded.
+    for check in behaviour::all(description) {
+        progress.show(format!("{}: {check}", path.display()));
+        let found = try_one(path, description, check, limit)?;
+        // A warning of that check is about a library that was loaded.
         let ends = |f: &Finding| f.severity != Severity::Warning;
-        if trial.what == What::Load && found.iter().any(ends) {
+        if check.what == What::Load && found.iter().any(ends) {
             is_loaded = false;
         }
         for finding in found {
@@ -85,11 +85,11 @@ pub(super) fn try_all(
     })
 }
 
-/// One trial in a process of its own.
+/// One check in a process of its own.
 fn try_one(
     path: &Path,
     description: &ModelDescription,
-    trial: Trial,
+    check: BehaviourCheck,
     limit: Duration,
 ) -> Result<Vec<Finding>, Failure> {
     let failed = |error: std::io::Error| {
@@ -102,7 +102,7 @@ fn try_one(
     let mut child = Command::new(program)
         .arg("probe")
         .arg(path)
-        .args(["--trial", &trial.to_string()])
+        .args(["--check", &check.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -137,8 +137,8 @@ fn try_one(
     if let Some(why) = ended_badly(status, &noise, limit) {
         findings.push(Finding::behaviour(
             description,
-            trial.kind,
-            trial::severity_of_crash(&stage),
+            check.kind,
+            behaviour::severity_of_crash(&stage),
             format!("{why} while {stage}"),
         ));
     }

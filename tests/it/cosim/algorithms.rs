@@ -1,6 +1,6 @@
 //! Jacobi and Gauss-Seidel are the textbook's, to the last bit and to their order.
 
-use super::slaves::{Linear, Log, Sum, simulate};
+use super::components::{Linear, Log, Sum, simulate};
 use pilotage::cosim::{Algorithm, Coupling, Ending, System, Transfer};
 
 /// `u = 2 (1 - y)`: a P controller, without state.
@@ -135,10 +135,10 @@ fn calls_stand_in_the_standards_order() {
     );
 }
 
-/// The Gauss-Seidel order of slaves with or without feedthrough, wired as given.
-fn order(slaves: &[(&str, bool)], wires: &[(&str, &str)]) -> String {
+/// The Gauss-Seidel order of components with or without feedthrough, wired as given.
+fn order(components: &[(&str, bool)], wires: &[(&str, &str)]) -> String {
     let mut system = System::new();
-    for (name, has_feedthrough) in slaves {
+    for (name, has_feedthrough) in components {
         let d = if *has_feedthrough { 1.0 } else { 0.0 };
         system
             .add(*name, Box::new(Linear::new(-1.0, 1.0, 0.5, 0.1 * d)))
@@ -190,7 +190,7 @@ fn dependencies_give_the_gauss_seidel_order() {
     assert_eq!(order(&[("b", true), ("a", false)], &[]), "b a");
 }
 
-/// Two slaves in a loop are coupled more tightly when one takes its steps in parts: its inputs go on
+/// Two components in a loop are coupled more tightly when one takes its steps in parts: its inputs go on
 /// within the step instead of standing still.
 #[test]
 fn parts_of_steps_follow_the_inputs() {
@@ -238,8 +238,8 @@ fn parts_of_steps_follow_the_inputs() {
     );
 }
 
-/// Of three slaves that all feed each other, the order is the one with the fewest late values; in rings
-/// of many slaves it is found by a rule.
+/// Of three components that all feed each other, the order is the one with the fewest late values; in rings
+/// of many components it is found by a rule.
 #[test]
 fn cycles_are_broken_where_the_least_is_late() {
     // b feeds c and a, c feeds a; a closes the ring to b: only a -> b is late in b c a.
@@ -279,17 +279,17 @@ fn cycles_are_broken_where_the_least_is_late() {
     assert_eq!(late.count(), 1);
 }
 
-/// 200 slaves in a ring, by every algorithm: all give what the first-order equations give.
+/// 200 components in a ring, by every algorithm: all give what the first-order equations give.
 #[test]
-fn two_hundred_slaves_in_one_system() {
+fn two_hundred_components_in_one_system() {
     const N: usize = 200;
     let ring = || {
         let mut system = System::new();
         for k in 0..N {
             // ẋ = -2 x + u, one of them started.
             let x = if k == 0 { 1.0 } else { 0.0 };
-            let slave = Linear::new(-2.0, 1.0, 1.0, 0.0).from(x).revocable();
-            system.add(format!("s{k}"), Box::new(slave)).unwrap();
+            let component = Linear::new(-2.0, 1.0, 1.0, 0.0).from(x).revocable();
+            system.add(format!("s{k}"), Box::new(component)).unwrap();
         }
         for k in 0..N {
             let to = format!("s{}.u", (k + 1) % N);
@@ -305,7 +305,7 @@ fn two_hundred_slaves_in_one_system() {
         (Algorithm::Strong, 2e-4),
     ] {
         let (run, recorder) = simulate(ring(), 1.0, 1.0 / 32.0, algorithm);
-        assert_eq!((run.steps, run.report.slaves.len()), (32, N));
+        assert_eq!((run.steps, run.report.instances.len()), (32, N));
         for k in 0..6 {
             let found = recorder.series.columns[k as usize].values[32];
             assert!(
@@ -347,15 +347,15 @@ fn parallel_steps_change_nothing() {
     assert_eq!(fly(true), bits);
 }
 
-/// Slaves that panic while others step on other threads: the panic arrives where the run was asked for.
+/// Components that panic while others step on other threads: the panic arrives where the run was asked for.
 #[test]
-#[should_panic(expected = "a slave's step has panicked")]
+#[should_panic(expected = "as it was told")]
 fn a_panic_in_a_parallel_step_is_one_of_the_run() {
     let mut system = System::new();
     for name in ["a", "b", "c"] {
-        let mut slave = Linear::new(0.0, 1.0, 1.0, 0.0);
-        slave.panics = name == "b";
-        system.add(name, Box::new(slave)).unwrap();
+        let mut component = Linear::new(0.0, 1.0, 1.0, 0.0);
+        component.panics = name == "b";
+        system.add(name, Box::new(component)).unwrap();
     }
     let coupling = Coupling {
         parallel: true,

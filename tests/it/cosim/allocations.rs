@@ -1,10 +1,10 @@
 //! The stepping loop does not allocate.
 
-use super::slaves::Linear;
+use super::components::Linear;
 use crate::foreign;
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, CsvRecorder, FmuSlave, Recorder, SeriesRecorder, System,
-    Thinned, run,
+    Algorithm, Clock, Control, Coupling, CsvRecorder, FmuComponent, Recorder, SeriesRecorder,
+    System, Thinned, run,
 };
 use pilotage::export::{Export, Provenance};
 use pilotage::fmi::FmiVersion;
@@ -50,13 +50,17 @@ impl std::io::Write for Dropping {
     }
 }
 
-/// Number of allocations of a run with that many steps of two slaves that hold or follow their inputs.
+/// Number of allocations of a run with that many steps of two components that hold or follow their inputs.
 fn allocations(steps: u32, coupling: Coupling, follow: bool, recorder: &mut dyn Recorder) -> u64 {
     let mut system = System::new();
     for (name, from) in [("a", 1.0), ("b", -1.0)] {
-        let slave = Linear::new(-1.0, 0.5, 1.0, 0.1).from(from).revocable();
-        let slave = if follow { slave.following() } else { slave };
-        system.add(name, Box::new(slave)).unwrap();
+        let component = Linear::new(-1.0, 0.5, 1.0, 0.1).from(from).revocable();
+        let component = if follow {
+            component.following()
+        } else {
+            component
+        };
+        system.add(name, Box::new(component)).unwrap();
     }
     system.connect("a.y", "b.u").unwrap();
     system.connect("b.y", "a.u").unwrap();
@@ -157,8 +161,8 @@ fn steps_of_fmus_allocate_nothing_in_the_master() {
             let allocations = |steps: u32| {
                 let mut system = System::new();
                 for (name, file) in ["a", "b"].iter().zip(&files) {
-                    let slave = FmuSlave::open(file, name).unwrap();
-                    system.add(*name, Box::new(slave)).unwrap();
+                    let component = FmuComponent::open(file, name).unwrap();
+                    system.add(*name, Box::new(component)).unwrap();
                 }
                 for [from, to] in &wires {
                     system.connect(from, to).unwrap();

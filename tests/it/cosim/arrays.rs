@@ -1,8 +1,8 @@
 //! Arrays of FMI 3.0 in the master.
 
-use super::slaves::simulate;
+use super::components::simulate;
 use crate::foreign;
-use pilotage::cosim::{Algorithm, Ending, System, fmu_slave};
+use pilotage::cosim::{Algorithm, Ending, System, fmu_component};
 
 /// Adds the foreign FMU, whose output `sums` is the running sums of its input `array` of three elements.
 fn add(system: &mut System, name: &str, change: impl Fn(String) -> String) {
@@ -10,8 +10,8 @@ fn add(system: &mut System, name: &str, change: impl Fn(String) -> String) {
     let path = folder.path().join("foreign.fmu");
     let description = change(include_str!("../foreign/fmi3.xml").to_owned());
     std::fs::write(&path, foreign::fmu_of(&description, foreign::binary3())).unwrap();
-    let slave = fmu_slave::open(&path, name, None).unwrap();
-    system.add(name, slave).unwrap();
+    let component = fmu_component::open(&path, name, None).unwrap();
+    system.add(name, component).unwrap();
 }
 
 #[test]

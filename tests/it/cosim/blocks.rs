@@ -1,8 +1,8 @@
 //! Linear systems of several inputs, outputs and states, and random loops of them with exact solutions.
 
 use nalgebra::{DMatrix, DVector};
-use pilotage::cosim::slave::SlaveError;
-use pilotage::cosim::{Abilities, Kind, Progress, Role, Slave, System, Value, Variable};
+use pilotage::cosim::component::ComponentError;
+use pilotage::cosim::{Abilities, Component, Progress, Role, System, ValueKind, Variable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -31,11 +31,11 @@ impl Block {
         let mut variables = Vec::new();
         for k in 0..inputs {
             let name = format!("u{k}");
-            variables.push(Variable::new(name, k as u32, Kind::Real, Role::Input));
+            variables.push(Variable::new(name, k as u32, ValueKind::Real, Role::Input));
         }
         for k in 0..outputs {
             let handle = (inputs + k) as u32;
-            let mut y = Variable::new(format!("y{k}"), handle, Kind::Real, Role::Output);
+            let mut y = Variable::new(format!("y{k}"), handle, ValueKind::Real, Role::Output);
             y.feedthrough = (0..inputs).filter(|&j| d[(k, j)] != 0.0).collect();
             y.initial_feedthrough.clone_from(&y.feedthrough);
             variables.push(y);
@@ -56,23 +56,19 @@ impl Block {
     }
 }
 
-impl Slave for Block {
+impl Component for Block {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
         for (&handle, &value) in handles.iter().zip(values) {
             self.u[handle as usize] = value;
         }
         Ok(())
     }
 
-    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         let y = &self.c * &self.x + &self.d * &self.u;
         for (&handle, value) in handles.iter().zip(values) {
             *value = y[handle as usize - self.u.len()];
@@ -80,17 +76,7 @@ impl Slave for Block {
         Ok(())
     }
 
-    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
-        self.set_reals(&[handle], &[value.as_number()])
-    }
-
-    fn get(&mut self, handle: u32, _kind: Kind) -> Result<Value, SlaveError> {
-        let mut value = [0.0];
-        self.get_reals(&[handle], &mut value)?;
-        Ok(Value::Real(value[0]))
-    }
-
-    fn step(&mut self, _t: f64, h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, _t: f64, h: f64) -> Result<Progress, ComponentError> {
         let (n, m) = (self.x.len(), self.u.len());
         if self.transition.0 != h {
             let mut all = DMatrix::zeros(n + 2 * m, n + 2 * m);
@@ -113,7 +99,7 @@ impl Slave for Block {
         self.abilities
     }
 
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
         let now = (self.x.clone(), self.u.clone());
         self.saved
             .resize(self.saved.len().max(place + 1), now.clone());
@@ -121,12 +107,16 @@ impl Slave for Block {
         Ok(())
     }
 
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         (self.x, self.u) = self.saved[place].clone();
         Ok(())
     }
 
-    fn set_input_derivatives(&mut self, handles: &[u32], slopes: &[f64]) -> Result<(), SlaveError> {
+    fn set_input_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &[f64],
+    ) -> Result<(), ComponentError> {
         for (&handle, &slope) in handles.iter().zip(slopes) {
             self.slope[handle as usize] = slope;
         }

@@ -1,9 +1,9 @@
 //! Values that are no reals, under strong coupling.
 
-use super::slaves::{Linear, simulate};
-use pilotage::cosim::slave::SlaveError;
+use super::components::{Linear, simulate};
+use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Ending, Kind, Progress, Role, Slave, System, Value, Variable,
+    Abilities, Algorithm, Component, Ending, Progress, Role, System, Value, ValueKind, Variable,
 };
 
 /// What it gives at the end of a step is a function of what it got for the step: of a real or a boolean a
@@ -17,7 +17,7 @@ struct Logic {
 }
 
 impl Logic {
-    fn new(from: Kind, to: Kind, f: fn(f64) -> f64) -> Self {
+    fn new(from: ValueKind, to: ValueKind, f: fn(f64) -> f64) -> Self {
         Self {
             f,
             u: 0.0,
@@ -34,39 +34,34 @@ impl Logic {
     }
 }
 
-impl Slave for Logic {
+impl Component for Logic {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+    fn exit_initialization(&mut self) -> Result<(), ComponentError> {
         self.y = (self.f)(self.u);
         Ok(())
     }
 
-    fn set_reals(&mut self, _handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, _handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
         self.u = values[0];
         Ok(())
     }
 
-    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, _handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         values[0] = self.y;
         Ok(())
     }
 
-    fn set(&mut self, _handle: u32, value: &Value) -> Result<(), SlaveError> {
-        self.u = value.as_number();
-        Ok(())
-    }
-
-    fn get(&mut self, _handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+    fn get(&mut self, _handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
         Ok(match kind {
-            Kind::Boolean => Value::Boolean(self.y > 0.5),
+            ValueKind::Boolean => Value::Boolean(self.y > 0.5),
             _ => Value::Real(self.y),
         })
     }
 
-    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, _t: f64, _h: f64) -> Result<Progress, ComponentError> {
         self.y = (self.f)(self.u);
         Ok(Progress::Done)
     }
@@ -79,19 +74,19 @@ impl Slave for Logic {
         }
     }
 
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
         self.saved[place] = (self.u, self.y);
         Ok(())
     }
 
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         (self.u, self.y) = self.saved[place];
         Ok(())
     }
 }
 
-fn add(system: &mut System, name: &str, slave: impl Slave + 'static) {
-    system.add(name, Box::new(slave)).unwrap();
+fn add(system: &mut System, name: &str, component: impl Component + 'static) {
+    system.add(name, Box::new(component)).unwrap();
 }
 
 /// A level of a growing signal is passed through two gates: with Jacobi each is a step late, with strong
@@ -105,18 +100,20 @@ fn a_change_goes_through_a_chain_at_once() {
         add(
             &mut system,
             "level",
-            Logic::new(Kind::Real, Kind::Boolean, |u| f64::from(u8::from(u > 0.55))),
+            Logic::new(ValueKind::Real, ValueKind::Boolean, |u| {
+                f64::from(u8::from(u > 0.55))
+            }),
         );
         let not: fn(f64) -> f64 = |u| 1.0 - u;
         add(
             &mut system,
             "not",
-            Logic::new(Kind::Boolean, Kind::Boolean, not),
+            Logic::new(ValueKind::Boolean, ValueKind::Boolean, not),
         );
         add(
             &mut system,
             "again",
-            Logic::new(Kind::Boolean, Kind::Boolean, not),
+            Logic::new(ValueKind::Boolean, ValueKind::Boolean, not),
         );
         system.connect("ramp.y", "level.u").unwrap();
         system.connect("level.y", "not.u").unwrap();
@@ -157,12 +154,14 @@ fn what_does_not_settle_is_a_step_late_and_counted() {
     add(
         &mut system,
         "cold",
-        Logic::new(Kind::Real, Kind::Boolean, |u| f64::from(u8::from(u < 0.5))),
+        Logic::new(ValueKind::Real, ValueKind::Boolean, |u| {
+            f64::from(u8::from(u < 0.5))
+        }),
     );
     add(
         &mut system,
         "heater",
-        Logic::new(Kind::Boolean, Kind::Real, |u| u),
+        Logic::new(ValueKind::Boolean, ValueKind::Real, |u| u),
     );
     system.connect("room.y", "cold.u").unwrap();
     system.connect("cold.y", "heater.u").unwrap();

@@ -1,9 +1,9 @@
 //! However a run ends, the rows until then are kept.
 
-use super::slaves::simulate;
+use super::components::simulate;
 use crate::foreign;
 use pilotage::cosim::{
-    Algorithm, Clock, CsvRecorder, Ending, FmuSlave, Run, SeriesRecorder, System, run,
+    Algorithm, Clock, CsvRecorder, Ending, FmuComponent, Run, SeriesRecorder, System, run,
 };
 use tempfile::tempdir;
 
@@ -13,7 +13,7 @@ fn behaving(behaviour: &str) -> (Run, SeriesRecorder) {
     let path = foreign::file(folder.path(), behaviour);
     let mut system = System::new();
     system
-        .add("f", Box::new(FmuSlave::open(&path, "f").unwrap()))
+        .add("f", Box::new(FmuComponent::open(&path, "f").unwrap()))
         .unwrap();
     system.set("f.u", "1").unwrap();
     system.set("f.k", "2").unwrap();
@@ -63,6 +63,7 @@ fn failed_discarded_or_asked_to_end() {
                 instance,
                 time,
                 reached,
+                ..
             } => {
                 format!("{instance} discarded at {time}, reached {reached}")
             }
@@ -122,7 +123,7 @@ fn values_of_every_type_are_exchanged_and_recorded() {
     let mut system = System::new();
     for name in ["a", "b"] {
         system
-            .add(name, Box::new(FmuSlave::open(&path, name).unwrap()))
+            .add(name, Box::new(FmuComponent::open(&path, name).unwrap()))
             .unwrap();
     }
     for (output, input) in [
@@ -157,7 +158,7 @@ fn csv_keeps_every_bit() {
     let run_into = |recorder: &mut dyn pilotage::cosim::Recorder| {
         let mut system = System::new();
         system
-            .add("f", Box::new(FmuSlave::open(&path, "f").unwrap()))
+            .add("f", Box::new(FmuComponent::open(&path, "f").unwrap()))
             .unwrap();
         system.set("f.u", "1e-9").unwrap();
         let clock = Clock::new(0.0, 1.0, 0.1).unwrap();

@@ -1,7 +1,7 @@
 //! The estimated coupling errors against exact ones.
 
 use super::blocks::RandomLoop;
-use super::slaves::simulate;
+use super::components::simulate;
 use nalgebra::DVector;
 use pilotage::cosim::{Abilities, Algorithm, Coupling, CouplingError};
 
@@ -97,9 +97,9 @@ fn calls_are_counted_all_and_timed_as_asked() {
         };
         let h = 1e-4;
         let (run, _) = simulate(random.system(), h * f64::from(steps), h, coupling);
-        for slave in &run.report.slaves {
-            assert_eq!(slave.calls.steps, u64::from(steps));
-            assert!(slave.seconds > 0.0);
+        for component in &run.report.instances {
+            assert_eq!(component.calls.steps, u64::from(steps));
+            assert!(component.seconds > 0.0);
         }
         run.report
     };

@@ -1,14 +1,14 @@
 //! Co-simulation of FMI 3.0: event mode, early return, intermediate updates.
 
-use super::slaves::simulate;
+use super::components::simulate;
 use crate::foreign;
 use pilotage::cosim::{
-    Algorithm, Coupling, Ending, Run, SeriesRecorder, Source, System, fmu_slave,
+    Algorithm, Coupling, Ending, Run, SeriesRecorder, Source, System, fmu_component,
 };
 use pilotage::series::{Column, Series};
 
 /// The foreign FMU (`ẏ = u - y`) with that behaviour; its input `u` takes intermediate updates if so.
-fn slave(system: &mut System, behaviour: &str, is_updated: bool) {
+fn component(system: &mut System, behaviour: &str, is_updated: bool) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("foreign.fmu");
     let mut description = include_str!("../foreign/fmi3.xml").replace(
@@ -37,8 +37,8 @@ fn slave(system: &mut System, behaviour: &str, is_updated: bool) {
         description = kept.join("\n");
     }
     std::fs::write(&path, foreign::fmu_of(&description, foreign::binary3())).unwrap();
-    let slave = fmu_slave::open(&path, "fmu", None).unwrap();
-    system.add("fmu", slave).unwrap();
+    let component = fmu_component::open(&path, "fmu", None).unwrap();
+    system.add("fmu", component).unwrap();
 }
 
 fn table(column: &str, times: &[f64], values: &[f64]) -> Source {
@@ -63,7 +63,7 @@ fn column<'a>(recorder: &'a SeriesRecorder, name: &str) -> &'a [f64] {
 #[test]
 fn an_event_within_a_step_is_handled_and_the_step_goes_on() {
     let mut system = System::new();
-    slave(&mut system, "event@0.25", false);
+    component(&mut system, "event@0.25", false);
     system.set("fmu.u", "1").unwrap();
     let (run, recorder) = simulate(system, 0.5, 0.1, Algorithm::Jacobi);
     assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
@@ -81,9 +81,11 @@ fn an_event_within_a_step_is_handled_and_the_step_goes_on() {
 #[test]
 fn discrete_inputs_are_set_in_events() {
     let mut system = System::new();
-    slave(&mut system, "good", false);
+    component(&mut system, "good", false);
     let mut source = table("n", &[0.0, 0.2, 0.4], &[3.0, 7.0, 4.0]);
-    source.hold_as(0, pilotage::cosim::Kind::Integer).unwrap();
+    source
+        .hold_as(0, pilotage::cosim::ValueKind::Integer)
+        .unwrap();
     system.add("table", Box::new(source)).unwrap();
     system.connect("table.n", "fmu.i32_in").unwrap();
     let (_, recorder) = simulate(system, 0.6, 0.1, Algorithm::GaussSeidel);
@@ -103,7 +105,7 @@ fn discrete_inputs_are_set_in_events() {
 fn inputs_go_on_within_steps_by_intermediate_updates() {
     let run_with = |is_updated| -> (Run, f64) {
         let mut system = System::new();
-        slave(&mut system, "good", is_updated);
+        component(&mut system, "good", is_updated);
         let source = table("u", &[0.0, 1.0], &[0.0, 1.0]);
         system.add("table", Box::new(source)).unwrap();
         system.connect("table.u", "fmu.u").unwrap();
@@ -127,7 +129,7 @@ fn inputs_go_on_within_steps_by_intermediate_updates() {
 #[test]
 fn steps_with_events_can_be_repeated() {
     let mut system = System::new();
-    slave(&mut system, "event@0.25", true);
+    component(&mut system, "event@0.25", true);
     let source = table("u", &[0.0, 0.35, 0.35, 1.0], &[1.0, 1.0, 2.0, 2.0]);
     system.add("table", Box::new(source)).unwrap();
     system.connect("table.u", "fmu.u").unwrap();

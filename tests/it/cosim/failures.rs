@@ -1,10 +1,10 @@
-//! Whatever a slave does wrong, under every algorithm: the rows until then are kept, and it is named.
+//! Whatever a component does wrong, under every algorithm: the rows until then are kept, and it is named.
 
-use super::slaves::{Linear, simulate};
-use pilotage::cosim::slave::SlaveError;
+use super::components::{Linear, simulate};
+use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Control, Coupling, Ending, Experiment, Kind, Progress, Slave,
-    System, Value, Variable,
+    Abilities, Algorithm, Clock, Component, Control, Coupling, Ending, Experiment, Progress,
+    System, Value, ValueKind, Variable,
 };
 
 /// What goes wrong in the step that begins at 0.5 s or later.
@@ -22,7 +22,7 @@ enum Fault {
     CannotRestore,
 }
 
-/// A slave that misbehaves.
+/// A component that misbehaves.
 struct Faulty {
     inner: Linear,
     fault: Fault,
@@ -30,7 +30,7 @@ struct Faulty {
 }
 
 impl Faulty {
-    fn check(&self, fault: Fault) -> Result<(), SlaveError> {
+    fn check(&self, fault: Fault) -> Result<(), ComponentError> {
         match self.is_due && self.fault == fault {
             true => Err("out of order".into()),
             false => Ok(()),
@@ -38,25 +38,21 @@ impl Faulty {
     }
 }
 
-impl Slave for Faulty {
+impl Component for Faulty {
     fn variables(&self) -> &[Variable] {
         self.inner.variables()
     }
 
-    fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
         self.inner.setup(experiment)
     }
 
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-
-    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
         self.check(Fault::CannotSet)?;
         self.inner.set_reals(handles, values)
     }
 
-    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         self.check(Fault::CannotGet)?;
         self.inner.get_reals(handles, values)?;
         match self.fault {
@@ -67,15 +63,15 @@ impl Slave for Faulty {
         Ok(())
     }
 
-    fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), ComponentError> {
         self.inner.set(handle, value)
     }
 
-    fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
+    fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
         self.inner.get(handle, kind)
     }
 
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.is_due = t > 0.5 - 1e-9;
         if !self.is_due {
             return self.inner.step(t, h);
@@ -97,11 +93,11 @@ impl Slave for Faulty {
         self.inner.abilities()
     }
 
-    fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
         self.inner.save(place)
     }
 
-    fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         self.check(Fault::CannotRestore)?;
         self.inner.restore(place)
     }
@@ -129,6 +125,7 @@ fn said(ending: &Ending) -> String {
             instance,
             time,
             reached,
+            ..
         } => format!("{instance} discarded at {time}, reached {reached}"),
         Ending::Failed {
             instance,
@@ -218,57 +215,42 @@ fn rows_are_kept_and_the_culprit_is_named() {
     assert_eq!((said(&run.ending).as_str(), run.steps), (words, 4));
 }
 
-/// A slave that discards steps longer than it can do is stepped in shorter ones under control.
+/// A component that discards steps longer than it can do is stepped in shorter ones under control.
 #[test]
 fn discarded_steps_are_shortened_under_control() {
     struct Short(Linear);
-    impl Slave for Short {
+    impl Component for Short {
         fn variables(&self) -> &[Variable] {
             self.0.variables()
         }
-        fn setup(&mut self, experiment: &Experiment) -> Result<(), SlaveError> {
+        fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
             self.0.setup(experiment)
         }
-        fn enter_initialization(&mut self) -> Result<(), SlaveError> {
-            Ok(())
-        }
-        fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-            Ok(())
-        }
-        fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+        fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
             self.0.set_reals(handles, values)
         }
-        fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+        fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
             self.0.get_reals(handles, values)
         }
-        fn set(&mut self, handle: u32, value: &Value) -> Result<(), SlaveError> {
-            self.0.set(handle, value)
-        }
-        fn get(&mut self, handle: u32, kind: Kind) -> Result<Value, SlaveError> {
-            self.0.get(handle, kind)
-        }
-        fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+        fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
             match h > 0.03 {
                 true => Ok(Progress::Discarded { reached: t + 0.02 }),
                 false => self.0.step(t, h),
             }
         }
-        fn terminate(&mut self) -> Result<(), SlaveError> {
-            Ok(())
-        }
         fn abilities(&self) -> Abilities {
             self.0.abilities()
         }
-        fn save(&mut self, place: usize) -> Result<(), SlaveError> {
+        fn save(&mut self, place: usize) -> Result<(), ComponentError> {
             self.0.save(place)
         }
-        fn restore(&mut self, place: usize) -> Result<(), SlaveError> {
+        fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
             self.0.restore(place)
         }
     }
     let mut system = System::new();
-    let slave = Short(Linear::new(-1.0, 0.0, 1.0, 0.0).from(1.0).revocable());
-    system.add("short", Box::new(slave)).unwrap();
+    let component = Short(Linear::new(-1.0, 0.0, 1.0, 0.0).from(1.0).revocable());
+    system.add("short", Box::new(component)).unwrap();
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
     let coupling = Coupling {
         control: Some(Control::new(1e-2, &clock)),

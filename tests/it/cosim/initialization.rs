@@ -1,6 +1,6 @@
 //! Initial values are passed on until they are consistent.
 
-use super::slaves::{Linear, Log, Static, simulate};
+use super::components::{Linear, Log, Static, simulate};
 use pilotage::cosim::{Algorithm, Clock, SeriesRecorder, System, run};
 
 fn first_row(system: System) -> Vec<f64> {
@@ -52,7 +52,7 @@ fn algebraic_loop(g: f64, change: impl Fn(Linear) -> Linear) -> System {
 #[test]
 fn algebraic_loops_are_solved() {
     for g in [0.5, 2.0, -3.0] {
-        let row = first_row(algebraic_loop(g, |slave| slave));
+        let row = first_row(algebraic_loop(g, |component| component));
         // y_a = (1 + g·2)/(1 - g²), y_b = (2 + g)/(1 - g²)
         let expected = [1.0 + 2.0 * g, 2.0 + g].map(|v| v / (1.0 - g * g));
         for (found, expected) in row.iter().zip(expected) {
@@ -61,11 +61,13 @@ fn algebraic_loops_are_solved() {
     }
 }
 
-/// Where slaves give derivatives, these are asked for, and one step of Newton's method is all.
+/// Where components give derivatives, these are asked for, and one step of Newton's method is all.
 #[test]
 fn derivatives_are_used_where_they_are_offered() {
     let log = Log::default();
-    let system = algebraic_loop(2.0, |slave| slave.differentiable().logged("s", &log));
+    let system = algebraic_loop(2.0, |component| {
+        component.differentiable().logged("s", &log)
+    });
     let row = first_row(system);
     assert!((row[0] + 5.0 / 3.0).abs() < 1e-12, "{row:?}");
     let calls = log.take();
@@ -102,7 +104,7 @@ fn nonlinear_loops_are_solved_or_named() {
 fn a_loop_without_solution_is_named() {
     let clock = Clock::new(0.0, 1.0, 1.0).unwrap();
     let mut recorder = SeriesRecorder::default();
-    let system = algebraic_loop(1.0, |slave| slave);
+    let system = algebraic_loop(1.0, |component| component);
     let result = run(system, &clock, None, Algorithm::Jacobi, &mut recorder);
     let message = result.unwrap_err().to_string();
     let begin = "the initial values of a.y, b.y depend on each other, and Newton's method finds no \

@@ -1,8 +1,8 @@
-//! The closed loop of slaves goes to the directly integrated joint equations as the step shrinks.
+//! The closed loop of components goes to the directly integrated joint equations as the step shrinks.
 
-use super::slaves::simulate;
+use super::components::simulate;
 use crate::joint_ode::ByHand;
-use pilotage::cosim::{Algorithm, Clock, Control, Coupling, NativeSlave, System};
+use pilotage::cosim::{Algorithm, Clock, Control, Coupling, NativeComponent, System};
 use pilotage::identification::joint::Joint;
 use pilotage::models::{Model, Pilot, Quadcopter};
 
@@ -46,10 +46,10 @@ fn closed_loop() -> System {
     let pilot = Model::pilot(&THETA, 1.0);
     let quadcopter = Model::quadcopter(&Quadcopter::default());
     system
-        .add("pilot", Box::new(NativeSlave::new(pilot)))
+        .add("pilot", Box::new(NativeComponent::new(pilot)))
         .unwrap();
     system
-        .add("quadcopter", Box::new(NativeSlave::new(quadcopter)))
+        .add("quadcopter", Box::new(NativeComponent::new(quadcopter)))
         .unwrap();
     system.connect("pilot.stick", "quadcopter.stick").unwrap();
     system.connect("quadcopter.z", "pilot.position").unwrap();
@@ -101,7 +101,7 @@ fn the_closed_loop_converges_at_the_expected_order() {
     }
 }
 
-/// At the step of the pilot's data, where Jacobi is off by centimetres after 5 s. The slaves follow ramps
+/// At the step of the pilot's data, where Jacobi is off by centimetres after 5 s. The components follow ramps
 /// and give the slopes of their outputs: the order is 3 at least.
 #[test]
 fn strong_coupling_of_pilot_and_quadcopter_is_exact_to_a_micrometre() {

@@ -1,10 +1,10 @@
 //! Connections between variables of different types.
 
-use super::slaves::simulate;
-use pilotage::cosim::slave::SlaveError;
+use super::components::simulate;
+use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
-    Abilities, Algorithm, Clock, Coupling, Ending, Kind, MasterError, Progress, Role, Run,
-    SeriesRecorder, Slave, System, Value, Variable, run,
+    Abilities, Algorithm, Clock, Component, Coupling, Ending, MasterError, Progress, Role, Run,
+    SeriesRecorder, System, Value, ValueKind, Variable, run,
 };
 use std::sync::{Arc, Mutex};
 
@@ -18,7 +18,7 @@ struct Typed {
 }
 
 impl Typed {
-    fn new(kind: Kind, role: Role, output: fn(f64) -> Value) -> Self {
+    fn new(kind: ValueKind, role: Role, output: fn(f64) -> Value) -> Self {
         Self {
             variables: vec![Variable::new("v", 0, kind, role)],
             output,
@@ -29,33 +29,30 @@ impl Typed {
     }
 }
 
-impl Slave for Typed {
+impl Component for Typed {
     fn variables(&self) -> &[Variable] {
         &self.variables
     }
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
-        Ok(())
-    }
-    fn set_reals(&mut self, _: &[u32], values: &[f64]) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, _: &[u32], values: &[f64]) -> Result<(), ComponentError> {
         self.set(0, &Value::Real(values[0]))
     }
-    fn get_reals(&mut self, _: &[u32], values: &mut [f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, _: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
         values[0] = (self.output)(self.time).as_number();
         Ok(())
     }
-    fn set(&mut self, _: u32, value: &Value) -> Result<(), SlaveError> {
+    fn set(&mut self, _: u32, value: &Value) -> Result<(), ComponentError> {
         let own = match self.variables[0].kind {
-            Kind::Enumeration => Kind::Integer,
+            ValueKind::Enumeration => ValueKind::Integer,
             other => other,
         };
         assert_eq!(value.kind(), own, "{value:?}");
         self.got.lock().unwrap().push(value.clone());
         Ok(())
     }
-    fn get(&mut self, _: u32, _: Kind) -> Result<Value, SlaveError> {
+    fn get(&mut self, _: u32, _: ValueKind) -> Result<Value, ComponentError> {
         Ok((self.output)(self.time))
     }
-    fn step(&mut self, t: f64, h: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.time = t + h;
         Ok(Progress::Done)
     }
@@ -66,18 +63,22 @@ impl Slave for Typed {
             ..Abilities::default()
         }
     }
-    fn save(&mut self, _: usize) -> Result<(), SlaveError> {
+    fn save(&mut self, _: usize) -> Result<(), ComponentError> {
         self.saved = self.time;
         Ok(())
     }
-    fn restore(&mut self, _: usize) -> Result<(), SlaveError> {
+    fn restore(&mut self, _: usize) -> Result<(), ComponentError> {
         self.time = self.saved;
         Ok(())
     }
 }
 
 /// `from`, a function of time, feeds `to`; and what `to` was given.
-fn system(from: Kind, output: fn(f64) -> Value, to: Kind) -> (System, Arc<Mutex<Vec<Value>>>) {
+fn system(
+    from: ValueKind,
+    output: fn(f64) -> Value,
+    to: ValueKind,
+) -> (System, Arc<Mutex<Vec<Value>>>) {
     let mut system = System::new();
     let sink = Typed::new(to, Role::Input, |_| Value::Integer(0));
     let got = sink.got.clone();
@@ -103,20 +104,30 @@ fn values_become_those_of_the_inputs_type() {
         [0, 1, 2, 3].map(Value::Integer),
     ];
     let cases = [
-        (Kind::Integer, integer, Kind::Real, reals),
-        (Kind::Integer, integer, Kind::Enumeration, integers.clone()),
-        (Kind::Enumeration, integer, Kind::Integer, integers.clone()),
-        (Kind::Real, real, Kind::Integer, integers),
+        (ValueKind::Integer, integer, ValueKind::Real, reals),
         (
-            Kind::Boolean,
+            ValueKind::Integer,
+            integer,
+            ValueKind::Enumeration,
+            integers.clone(),
+        ),
+        (
+            ValueKind::Enumeration,
+            integer,
+            ValueKind::Integer,
+            integers.clone(),
+        ),
+        (ValueKind::Real, real, ValueKind::Integer, integers),
+        (
+            ValueKind::Boolean,
             boolean,
-            Kind::Integer,
+            ValueKind::Integer,
             [0, 1, 0, 1].map(Value::Integer),
         ),
         (
-            Kind::Boolean,
+            ValueKind::Boolean,
             boolean,
-            Kind::Real,
+            ValueKind::Real,
             [0.0, 1.0, 0.0, 1.0].map(Value::Real),
         ),
     ];
@@ -152,14 +163,14 @@ fn run_to_one(system: System) -> Result<Run, MasterError> {
 #[test]
 fn reals_that_are_not_whole_are_an_error_at_that_time() {
     let (system, _) = system(
-        Kind::Real,
+        ValueKind::Real,
         |t| Value::Real(if t < 0.4 { 2.0 } else { 2.5 }),
-        Kind::Integer,
+        ValueKind::Integer,
     );
     let Ending::Failed { time, source, .. } = run_to_one(system).unwrap().ending else {
         panic!("2.5 was passed on");
     };
-    let why = "`v` feeds an Integer, but 2.5 is no whole number that an Integer can hold";
+    let why = "`from.v` -> `to.v`: 2.5 is no whole number that an Integer can hold";
     assert_eq!((time, source.to_string().as_str()), (0.25, why));
 }
 
@@ -170,7 +181,7 @@ fn reals_that_are_not_whole_are_an_error_at_the_start() {
         |_| Value::Real(f64::NAN),
         |_| Value::Real(9.3e18),
     ] {
-        let (system, _) = system(Kind::Real, output, Kind::Integer);
+        let (system, _) = system(ValueKind::Real, output, ValueKind::Integer);
         let error = run_to_one(system).unwrap_err();
         let cause = std::error::Error::source(&error).unwrap().to_string();
         assert!(

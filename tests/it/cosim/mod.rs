@@ -1,9 +1,10 @@
-//! The master, with slaves made for the purpose.
+//! The master, with components made for the purpose.
 
 mod algorithms;
 mod allocations;
 mod arrays;
 mod blocks;
+mod components;
 mod discrete;
 mod endings;
 mod errors;
@@ -12,7 +13,6 @@ mod failures;
 mod initialization;
 mod joint;
 mod kinds;
-mod slaves;
 mod sources;
 mod stiff;
 mod strong;

@@ -1,6 +1,6 @@
-//! Tables that feed slaves, with every algorithm.
+//! Tables that feed components, with every algorithm.
 
-use super::slaves::{Linear, simulate};
+use super::components::{Linear, simulate};
 use pilotage::cosim::{
     Algorithm, Clock, Control, Coupling, SeriesRecorder, Source, Steps, System, run,
 };
@@ -103,9 +103,9 @@ fn steps_are_cut_at_jumps() {
     }
 }
 
-/// A slave whose steps are all of one length: the jump becomes a ramp, and the report says whose fault it is.
+/// A component whose steps are all of one length: the jump becomes a ramp, and the report says whose fault it is.
 #[test]
-fn slaves_of_fixed_steps_make_ramps_of_jumps() {
+fn components_of_fixed_steps_make_ramps_of_jumps() {
     let table = Series {
         comments: Vec::new(),
         time_unit: "s".into(),

@@ -1,9 +1,9 @@
 //! Signals that change much faster than they are exchanged.
 
-use super::slaves::{Linear, Signal, simulate};
+use super::components::{Linear, Signal, simulate};
 use crate::joint_ode::{Loop, Point};
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, CouplingError, Ending, NativeSlave, Run, Selection,
+    Algorithm, Clock, Control, Coupling, CouplingError, Ending, NativeComponent, Run, Selection,
     SeriesRecorder, System, Thinned, run,
 };
 use pilotage::models::{Model, Quadcopter};
@@ -24,7 +24,9 @@ fn closed_loop(theta: &[f64]) -> System {
         ("pilot", Model::pilot(theta, 1.0)),
         ("quadcopter", Model::quadcopter(&Quadcopter::default())),
     ] {
-        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+        system
+            .add(name, Box::new(NativeComponent::new(model)))
+            .unwrap();
     }
     system.connect("pilot.stick", "quadcopter.stick").unwrap();
     system.connect("quadcopter.z", "pilot.position").unwrap();
@@ -86,7 +88,9 @@ fn local_errors(theta: &[f64], limit: f64, target: f64, stop: f64) -> LocalError
     let pilot = Model::pilot(theta, limit);
     let quadcopter = Model::quadcopter(&Quadcopter::default());
     for (name, model) in [("pilot", pilot), ("quadcopter", quadcopter)] {
-        system.add(name, Box::new(NativeSlave::new(model))).unwrap();
+        system
+            .add(name, Box::new(NativeComponent::new(model)))
+            .unwrap();
     }
     let fed = [
         ("quadcopter.z", "pilot.position"),

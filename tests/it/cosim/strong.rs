@@ -1,7 +1,7 @@
 //! Strong coupling: no lag, second order, algebraic loops solved; and the step-size control on it.
 
 use super::blocks::RandomLoop;
-use super::slaves::{Linear, Log, Signal, simulate};
+use super::components::{Linear, Log, Signal, simulate};
 use pilotage::cosim::{
     Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, SeriesRecorder, System,
     Transfer, run,
@@ -23,7 +23,7 @@ fn last(recorder: &SeriesRecorder, name: &str) -> f64 {
     *recorder.series.column(name).unwrap().values.last().unwrap()
 }
 
-/// Exact is 0.864665, Jacobi gives 0.953920. What is found is the trapezoidal rule, whether the slaves
+/// Exact is 0.864665, Jacobi gives 0.953920. What is found is the trapezoidal rule, whether the components
 /// hold their inputs or follow ramps.
 #[test]
 fn the_published_example_is_right_within_two_parts_in_a_thousand() {
@@ -190,9 +190,9 @@ fn algebraic_loops_are_solved_at_communication_points() {
     assert!((found_b - (1.0 + 2.0 * found_a)).abs() < 1e-8);
 }
 
-/// A slave that cannot go back gets held inputs, is named, and the error that it causes is estimated.
+/// A component that cannot go back gets held inputs, is named, and the error that it causes is estimated.
 #[test]
-fn slaves_that_cannot_go_back_are_named_with_their_error() {
+fn components_that_cannot_go_back_are_named_with_their_error() {
     let exact = 1.0 - (-2.0_f64).exp();
     let run_with = |degree| {
         let mut system = System::new();
@@ -298,7 +298,7 @@ fn jumps_are_found_by_the_error() {
 
 /// No step is repeated, and the next ones are shorter: the error is near the tolerance all the same.
 #[test]
-fn a_slave_without_rollback_only_shortens_the_next_steps() {
+fn a_component_without_rollback_only_shortens_the_next_steps() {
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
     let coupling = Coupling {
         control: Some(Control::new(1e-3, &clock)),
@@ -313,7 +313,7 @@ fn a_slave_without_rollback_only_shortens_the_next_steps() {
 }
 
 #[test]
-fn slaves_of_fixed_steps_are_refused_under_control() {
+fn components_of_fixed_steps_are_refused_under_control() {
     let random = RandomLoop::new(1, 2, Abilities::default(), false);
     let clock = Clock::new(0.0, 1.0, 0.1).unwrap();
     let coupling = Coupling {

@@ -1,34 +1,25 @@
 //! Wrong wires and values: the exact message of each.
 
-use super::slaves::{Linear, simulate};
-use pilotage::cosim::slave::SlaveError;
-use pilotage::cosim::{Algorithm, Progress, Value};
-use pilotage::cosim::{Base, Kind, NativeSlave, Role, Slave, System, Unit, Variable};
+use super::components::{Linear, simulate};
+use pilotage::cosim::component::ComponentError;
+use pilotage::cosim::{Algorithm, Progress};
+use pilotage::cosim::{Base, Component, NativeComponent, Role, System, Unit, ValueKind, Variable};
 use pilotage::models::{Model, Quadcopter};
 
-/// A slave that has variables and does nothing.
-struct Table(Vec<Variable>);
+/// A component that has variables and does nothing.
+struct Inert(Vec<Variable>);
 
-impl Slave for Table {
+impl Component for Inert {
     fn variables(&self) -> &[Variable] {
         &self.0
     }
-    fn exit_initialization(&mut self) -> Result<(), SlaveError> {
+    fn set_reals(&mut self, _: &[u32], _: &[f64]) -> Result<(), ComponentError> {
         Ok(())
     }
-    fn set_reals(&mut self, _: &[u32], _: &[f64]) -> Result<(), SlaveError> {
+    fn get_reals(&mut self, _: &[u32], _: &mut [f64]) -> Result<(), ComponentError> {
         Ok(())
     }
-    fn get_reals(&mut self, _: &[u32], _: &mut [f64]) -> Result<(), SlaveError> {
-        Ok(())
-    }
-    fn set(&mut self, _: u32, _: &Value) -> Result<(), SlaveError> {
-        Ok(())
-    }
-    fn get(&mut self, _: u32, _: Kind) -> Result<Value, SlaveError> {
-        Ok(Value::Real(0.0))
-    }
-    fn step(&mut self, _: f64, _: f64) -> Result<Progress, SlaveError> {
+    fn step(&mut self, _: f64, _: f64) -> Result<Progress, ComponentError> {
         Ok(Progress::Done)
     }
 }
@@ -45,25 +36,25 @@ fn length(name: &str, unit: &str, factor: Option<f64>, role: Role) -> Variable {
             name: unit.to_owned(),
             base,
         }),
-        ..Variable::new(name, 0, Kind::Real, role)
+        ..Variable::new(name, 0, ValueKind::Real, role)
     }
 }
 
 fn system() -> System {
     let mut system = System::new();
-    let pilot = NativeSlave::new(Model::pilot(&[1.0; 6], 1.0));
-    let quadcopter = NativeSlave::new(Model::quadcopter(&Quadcopter::default()));
+    let pilot = NativeComponent::new(Model::pilot(&[1.0; 6], 1.0));
+    let quadcopter = NativeComponent::new(Model::quadcopter(&Quadcopter::default()));
     system.add("pilot", Box::new(pilot)).unwrap();
     system.add("quadcopter", Box::new(quadcopter)).unwrap();
     system
         .add("plain", Box::new(Linear::new(0.0, 0.0, 1.0, 0.0)))
         .unwrap();
-    let table = Table(vec![
-        Variable::new("n", 0, Kind::Integer, Role::Output),
-        Variable::new("m", 1, Kind::Integer, Role::Input),
-        Variable::new("flag", 2, Kind::Boolean, Role::Input),
-        Variable::new("mode", 3, Kind::Enumeration, Role::Input),
-        Variable::new("inside", 4, Kind::Real, Role::Local),
+    let table = Inert(vec![
+        Variable::new("n", 0, ValueKind::Integer, Role::Output),
+        Variable::new("m", 1, ValueKind::Integer, Role::Input),
+        Variable::new("flag", 2, ValueKind::Boolean, Role::Input),
+        Variable::new("mode", 3, ValueKind::Enumeration, Role::Input),
+        Variable::new("inside", 4, ValueKind::Real, Role::Local),
         length("feet", "ft", Some(0.3048), Role::Output),
         length("metres", "metre", Some(1.0), Role::Output),
         length("named", "m", None, Role::Output),
@@ -83,7 +74,7 @@ fn wires_that_do_not_fit() {
         (
             "stick",
             "quadcopter.stick",
-            "`stick`: there is no instance `stick`, known are `pilot`, `quadcopter`, `plain`, `table.1`",
+            "`stick` names no variable; expected INSTANCE.VARIABLE",
         ),
         (
             "pilot.sick",

@@ -1,7 +1,7 @@
 //! Loading, instantiating and freeing again and again; many instances at once.
 
 use crate::foreign;
-use pilotage::fmi::{Fmu, Instance, Kind};
+use pilotage::fmi::{Fmu, Instance, InterfaceType};
 use std::process::Command;
 use tempfile::tempdir;
 
@@ -56,7 +56,9 @@ fn five_thousand_cycles_leave_nothing_behind() {
     let mut after_some = [0; 4];
     for cycle in 1..=5000 {
         let library = Fmu::open(&path).unwrap().load().unwrap();
-        let mut instance = library.instantiate("here", Kind::CoSimulation).unwrap();
+        let mut instance = library
+            .instantiate("here", InterfaceType::CoSimulation)
+            .unwrap();
         drop(library);
         initialize(&mut instance);
         instance.do_step(0.0, 1.0).unwrap();
@@ -93,7 +95,8 @@ fn eight_threads_share_a_library() {
             let library = &library;
             scope.spawn(move || {
                 for round in 1..=50 {
-                    let many = (0..4).map(|_| library.instantiate("here", Kind::CoSimulation));
+                    let many =
+                        (0..4).map(|_| library.instantiate("here", InterfaceType::CoSimulation));
                     let mut many: Vec<Instance> = many.map(Result::unwrap).collect();
                     many.iter_mut().for_each(initialize);
                     for step in 0..round % 5 {
@@ -124,7 +127,11 @@ fn a_library_loaded_twice_does_not_share_its_statics() {
     let content = foreign::fmu_of(foreign::DESCRIPTION, foreign::binary_needing_libm());
     std::fs::write(&path, content).unwrap();
     let loaded = || Fmu::open(&path).unwrap().load().unwrap();
-    let made = || loaded().instantiate("here", Kind::CoSimulation).unwrap();
+    let made = || {
+        loaded()
+            .instantiate("here", InterfaceType::CoSimulation)
+            .unwrap()
+    };
     let (mut first, mut second) = (made(), made());
     initialize(&mut first);
     initialize(&mut second);
@@ -142,7 +149,9 @@ fn instances_travel_between_threads() {
     let folder = tempdir().unwrap();
     let path = foreign::file(folder.path(), "good");
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    let mut instance = library.instantiate("here", Kind::CoSimulation).unwrap();
+    let mut instance = library
+        .instantiate("here", InterfaceType::CoSimulation)
+        .unwrap();
     initialize(&mut instance);
     instance.set_real(&[0], &[1.0]).unwrap();
     for k in 0..4 {

@@ -1,11 +1,13 @@
 //! One fault planted in a good FMU's archive, files, binary or behaviour, and the finding that
 //! `pilotage validate` must have. Faults of the description are in `findings.rs`.
 
+use super::findings::pairs;
 use crate::command::Folder;
 use crate::foreign::{self, archive};
 use pilotage::fmi::platform;
 use rayon::prelude::*;
 use std::io::{Cursor, Write};
+use std::sync::LazyLock;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -172,10 +174,10 @@ fn validated(content: &[u8]) -> (i32, Vec<String>) {
 }
 
 /// A fault's name, the FMU that has it, and how the finding begins.
-pub(super) type Case = (&'static str, Vec<u8>, &'static str);
+type Case = (&'static str, Vec<u8>, &'static str);
 
-/// All of them. `peer_rules.rs` refers to their names.
-pub(super) fn cases() -> Vec<Case> {
+/// All of them. `docs/peers.md` refers to their names.
+fn cases() -> Vec<Case> {
     [
         archives(),
         files_beside_the_description(),
@@ -443,195 +445,6 @@ fn binaries() -> Vec<Case> {
 
 /// What the binary does, against its description and the standard. FMI rules 3, 9, 22, 23, 26, 27, 28, 29.
 fn behaviour() -> Vec<Case> {
-    let cases = [
-        (
-            "wrong-start",
-            "error: co-simulation: `k` starts with 2 in the binary and with 1 in the description",
-        ),
-        ("nan", "warning: co-simulation: `y` is NaN at 0.1 s"),
-        (
-            "hangs",
-            "error: co-simulation: it did not come back within 3 s while stepping",
-        ),
-        (
-            "crash-in-instantiate",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-initialization",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-step",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-reset",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-state",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-free",
-            "error: co-simulation: it ended the process",
-        ),
-        (
-            "crash-in-unknown-reference",
-            "warning: co-simulation: it ended the process",
-        ),
-        ("refuses", "error: co-simulation: while instantiating: "),
-        (
-            "error-in-setup",
-            "error: co-simulation: while initializing: fmi2SetupExperiment returned fmi2Error",
-        ),
-        (
-            "error-in-initialization",
-            "error: co-simulation: while initializing: fmi2EnterInitializationMode returned fmi2Error",
-        ),
-        (
-            "error-in-get",
-            "error: co-simulation: while reading the start values: fmi2GetReal returned fmi2Error",
-        ),
-        (
-            "error-in-step",
-            "error: co-simulation: while stepping: fmi2DoStep returned fmi2Error",
-        ),
-        (
-            "error-in-terminate",
-            "error: co-simulation: while terminating: fmi2Terminate returned fmi2Error",
-        ),
-        (
-            "error-in-reset",
-            "error: co-simulation: while resetting: fmi2Reset returned fmi2Error",
-        ),
-        (
-            "error-in-state",
-            "error: co-simulation: while saving the state: fmi2GetFMUstate returned fmi2Error",
-        ),
-        (
-            "error-in-serialize",
-            "error: co-simulation: while serializing the state: fmi2SerializedFMUstateSize returned fmi2Error",
-        ),
-        (
-            "error-in-derivative",
-            "error: co-simulation: while asking for derivatives by `u`: fmi2GetDirectionalDerivative returned fmi2Error",
-        ),
-        (
-            "any-guid",
-            "warning: co-simulation: an instance is made though the guid is wrong",
-        ),
-        (
-            "any-reference",
-            "warning: co-simulation: it gives a value for the value reference",
-        ),
-        (
-            "odd-category",
-            "warning: co-simulation: it logs under the category `logChatter`, which <LogCategories> does not declare",
-        ),
-        (
-            "odd-name",
-            "warning: co-simulation: it logs under the instance name `somebody`, not under that which it was given",
-        ),
-        (
-            "reset-forgets",
-            "error: co-simulation: after fmi2Reset, the same simulation gives other outputs",
-        ),
-        (
-            "state-forgets",
-            "error: co-simulation: from a restored state, the same steps give other outputs: `y` by up to ",
-        ),
-        (
-            "state-nearly",
-            "warning: co-simulation: from a restored state, the same steps give other outputs: `y` by up to 8.2e-5, where it is up to 8.2e-1",
-        ),
-        (
-            "serialize-forgets",
-            "error: co-simulation: from a state that went through bytes, the same steps give other outputs",
-        ),
-        (
-            "shared",
-            "error: co-simulation: beside another instance, the same simulation gives other outputs",
-        ),
-        (
-            "fixed-step",
-            "error: co-simulation: while taking a step of 0.05 s: fmi2DoStep returned fmi2Error",
-        ),
-        (
-            "undeclared",
-            "error: co-simulation: `y` changes with `u` at once, which <ModelStructure> does not declare",
-        ),
-        (
-            "wrong-derivative",
-            "error: model exchange: the directional derivative of `der(y)` by `u` is -1, differences give 1",
-        ),
-        ("nan-derivative", "error: model exchange: "),
-        ("endless-events", "error: model exchange: "),
-        ("past-event", "error: model exchange: "),
-        ("zero-nominal", "warning: model exchange: "),
-        (
-            "error-in-fmi2GetContinuousStates",
-            "error: model exchange: ",
-        ),
-        (
-            "error-in-fmi2EnterEventMode",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2NewDiscreteStates",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2EnterContinuousTimeMode",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2CompletedIntegratorStep",
-            "error: model exchange: while ",
-        ),
-        ("error-in-fmi2SetTime", "error: model exchange: while "),
-        (
-            "error-in-fmi2SetContinuousStates",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2GetDerivatives",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2GetEventIndicators",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2GetNominalsOfContinuousStates",
-            "error: model exchange: while ",
-        ),
-        (
-            "error-in-fmi2ExitInitializationMode",
-            "error: co-simulation: while reading all variables: fmi2ExitInitializationMode returned",
-        ),
-        (
-            "leak",
-            "warning: co-simulation: freeing the instance left memory behind that it got by allocateMemory, 1 block",
-        ),
-        (
-            "odd-free",
-            "error: co-simulation: it calls freeMemory with what it did not get",
-        ),
-        (
-            "odd-environment",
-            "error: co-simulation: it logs with an environment that it was not given",
-        ),
-        (
-            "own-name",
-            "warning: co-simulation: it did not copy the instance name",
-        ),
-        (
-            "discards",
-            "error: co-simulation: the step of 0.1 s from 0 s was discarded, and the FMU does not tell",
-        ),
-    ];
     let with_enumeration = |fault: &str| {
         let variable = r#"<ScalarVariable name="mode" valueReference="9" variability="discrete"><Enumeration declaredType="Mode"/></ScalarVariable></ModelVariables>"#;
         let types = r#"<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="on" value="1"/></Enumeration></SimpleType></TypeDefinitions><LogCategories>"#;
@@ -654,8 +467,10 @@ fn behaviour() -> Vec<Case> {
         let content = with_enumeration(fault);
         (fault, content, expected)
     });
-    (cases.into_iter())
-        .map(|(fault, expected)| (fault, behaving(fault), expected))
+    static FAULTS: LazyLock<Vec<(String, String)>> =
+        LazyLock::new(|| pairs(include_str!("behaviour.toml")));
+    (FAULTS.iter())
+        .map(|(fault, expected)| (&**fault, behaving(fault), &**expected))
         .chain(of_enumeration)
         .collect()
 }

@@ -3,6 +3,7 @@
 use super::{faults2, faults3};
 use pilotage::fmi::description::read;
 use pilotage::fmi_check::validate;
+use std::collections::BTreeMap;
 
 pub(super) fn findings(xml: &str) -> Vec<String> {
     match read(xml.as_bytes()) {
@@ -23,14 +24,21 @@ fn good_descriptions_have_no_finding() {
     assert_eq!(findings(faults3::GOOD), Vec::<String>::new());
 }
 
+/// The pairs of texts that a file of faults has.
+pub(super) fn pairs(faults: &str) -> Vec<(String, String)> {
+    let table: BTreeMap<String, Vec<(String, String)>> = toml::from_str(faults).unwrap();
+    table.into_values().flatten().collect()
+}
+
 /// Each fault, and the findings that it leads to; none of them more than once.
 pub(super) fn report(
     good: &str,
-    faults: &[(&str, &str)],
+    faults: &[(impl AsRef<str>, impl AsRef<str>)],
     findings: impl Fn(&str) -> Vec<String>,
 ) -> String {
     let mut report = String::new();
     for (number, (from, to)) in (1..).zip(faults) {
+        let (from, to) = (from.as_ref(), to.as_ref());
         assert_eq!(good.matches(from).count(), 1, "ambiguous or absent: {from}");
         let found = findings(&good.replace(from, to));
         assert!(!found.is_empty(), "nothing found: {from} -> {to}");
@@ -44,12 +52,12 @@ pub(super) fn report(
 
 #[test]
 fn every_fault_of_fmi_2_is_found() {
-    insta::assert_snapshot!(report(faults2::GOOD, faults2::FAULTS, findings));
+    insta::assert_snapshot!(report(faults2::GOOD, &pairs(faults2::FAULTS), findings));
 }
 
 #[test]
 fn every_fault_of_fmi_3_is_found() {
-    insta::assert_snapshot!(report(faults3::GOOD, faults3::FAULTS, findings));
+    insta::assert_snapshot!(report(faults3::GOOD, &pairs(faults3::FAULTS), findings));
 }
 
 #[test]

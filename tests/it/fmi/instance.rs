@@ -1,7 +1,7 @@
 //! Instances of foreign FMUs: what real FMUs need of an importer, and what broken ones do to it.
 
 use crate::foreign;
-use pilotage::fmi::{CallError, Fmu, Instance, Kind, Step};
+use pilotage::fmi::{CallError, Fmu, Instance, InterfaceType, Step};
 use pilotage_abi::fmi2::{Function, State, Status, StatusKind};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -15,7 +15,9 @@ fn instance_of(content: &[u8]) -> Instance {
     let path = folder.path().join("foreign.fmu");
     std::fs::write(&path, content).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    library.instantiate("here", Kind::CoSimulation).unwrap()
+    library
+        .instantiate("here", InterfaceType::CoSimulation)
+        .unwrap()
 }
 
 /// An instance at the start time.
@@ -381,7 +383,9 @@ fn unpacked_folders_go_with_the_last_instance() {
     let path = foreign::file(folder.path(), "good");
     let library = Fmu::open(&path).unwrap().load().unwrap();
     let unpacked = library.bindings().next().unwrap().path().to_owned();
-    let instance = library.instantiate("a", Kind::CoSimulation).unwrap();
+    let instance = library
+        .instantiate("a", InterfaceType::CoSimulation)
+        .unwrap();
     drop(library);
     assert!(unpacked.exists());
     drop(instance);

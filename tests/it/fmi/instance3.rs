@@ -3,15 +3,19 @@
 use crate::foreign;
 use pilotage::fmi::instance::{Fraction, Number};
 use pilotage::fmi::{
-    CallError, Fmu, FmuError, Instance, IntermediateUpdate, Kind, ModelExchangeRun, Options,
-    Reached, RunOptions, Step,
+    CallError, Fmu, FmuError, Instance, InstanceOptions, InterfaceType, IntermediateUpdate,
+    ModelExchangeRun, Reached, RunOptions, Step,
 };
 use pilotage_abi::fmi3::{DependencyKind, Function, IntervalQualifier, State};
 use std::path::{MAIN_SEPARATOR, Path};
 use std::sync::{Arc, Mutex};
 use tempfile::tempdir;
 
-fn made(behaviour: &str, kind: Kind, options: Options) -> Result<Instance, FmuError> {
+fn made(
+    behaviour: &str,
+    kind: InterfaceType,
+    options: InstanceOptions,
+) -> Result<Instance, FmuError> {
     let folder = tempdir().unwrap();
     let path = folder.path().join("foreign.fmu");
     std::fs::write(&path, foreign::fmu3(behaviour)).unwrap();
@@ -20,7 +24,7 @@ fn made(behaviour: &str, kind: Kind, options: Options) -> Result<Instance, FmuEr
     library.instantiate_with("here", kind, options)
 }
 
-fn initialized(behaviour: &str, kind: Kind, options: Options) -> Instance {
+fn initialized(behaviour: &str, kind: InterfaceType, options: InstanceOptions) -> Instance {
     let mut instance = made(behaviour, kind, options).unwrap();
     instance.setup_experiment(Some(1e-4), 0.0, 2.0).unwrap();
     instance.enter_initialization_mode().unwrap();
@@ -29,7 +33,11 @@ fn initialized(behaviour: &str, kind: Kind, options: Options) -> Instance {
 }
 
 fn co_simulation(behaviour: &str) -> Instance {
-    initialized(behaviour, Kind::CoSimulation, Options::default())
+    initialized(
+        behaviour,
+        InterfaceType::CoSimulation,
+        InstanceOptions::default(),
+    )
 }
 
 fn real(instance: &mut Instance, reference: u32) -> f64 {
@@ -76,7 +84,12 @@ fn values_of_every_type() {
 
 #[test]
 fn arrays_have_the_sizes_that_structural_parameters_give_them() {
-    let mut i = made("good", Kind::CoSimulation, Options::default()).unwrap();
+    let mut i = made(
+        "good",
+        InterfaceType::CoSimulation,
+        InstanceOptions::default(),
+    )
+    .unwrap();
     i.enter_configuration_mode().unwrap();
     assert_eq!(i.state(), State::ConfigurationMode.into());
     i.set(&[71], &[4u64]).unwrap();
@@ -139,12 +152,12 @@ fn steps_end_early_discarded_or_with_a_wish_to_end() {
         co_simulation("event@0.3").do_step(0.0, 0.5).unwrap(),
         Step::Done
     );
-    let options = Options {
+    let options = InstanceOptions {
         event_mode_used: true,
         early_return_allowed: true,
-        ..Options::default()
+        ..InstanceOptions::default()
     };
-    let mut i = initialized("event@0.3", Kind::CoSimulation, options);
+    let mut i = initialized("event@0.3", InterfaceType::CoSimulation, options);
     assert_eq!(i.state(), State::EventMode.into());
     i.evaluate_discrete_states().unwrap();
     let update = i.update_discrete_states().unwrap();
@@ -159,13 +172,13 @@ fn steps_end_early_discarded_or_with_a_wish_to_end() {
 
 /// What an importer sees and does within a step.
 fn watched(update: IntermediateUpdate) -> Instance {
-    let options = Options {
+    let options = InstanceOptions {
         early_return_allowed: true,
         required_intermediate_variables: vec![1, 2],
         intermediate_update: Some(update),
-        ..Options::default()
+        ..InstanceOptions::default()
     };
-    initialized("good", Kind::CoSimulation, options)
+    initialized("good", InterfaceType::CoSimulation, options)
 }
 
 #[test]
@@ -216,7 +229,12 @@ fn states_go_to_bytes_and_into_another_instance() {
     let bytes = i.serialize(saved).unwrap();
     i.do_step_revocably(0.5, 0.5).unwrap();
     let end = real(&mut i, 2);
-    let mut other = made("good", Kind::CoSimulation, Options::default()).unwrap();
+    let mut other = made(
+        "good",
+        InterfaceType::CoSimulation,
+        InstanceOptions::default(),
+    )
+    .unwrap();
     let read = other.deserialize(&bytes).unwrap();
     other.restore(read).unwrap();
     assert_eq!(other.state(), State::StepMode.into());
@@ -229,7 +247,11 @@ fn states_go_to_bytes_and_into_another_instance() {
         Err(CallError::Failed { .. })
     ));
 
-    let mut me = initialized("good", Kind::ModelExchange, Options::default());
+    let mut me = initialized(
+        "good",
+        InterfaceType::ModelExchange,
+        InstanceOptions::default(),
+    );
     let saved = me.save().unwrap();
     let error = me.serialize(saved).unwrap_err();
     assert_eq!(
@@ -240,7 +262,11 @@ fn states_go_to_bytes_and_into_another_instance() {
 
 #[test]
 fn clocks_tick_and_partitions_run() {
-    let mut i = initialized("good", Kind::ScheduledExecution, Options::default());
+    let mut i = initialized(
+        "good",
+        InterfaceType::ScheduledExecution,
+        InstanceOptions::default(),
+    );
     assert_eq!(i.state(), State::ClockActivationMode.into());
     let interval = i.get_intervals(&[80]).unwrap()[0];
     assert_eq!(
@@ -298,7 +324,9 @@ fn model_exchange_of_fmi_3_is_integrated() {
     let path = folder.path().join("foreign.fmu");
     std::fs::write(&path, foreign::fmu3("good")).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    let instance = library.instantiate("here", Kind::ModelExchange).unwrap();
+    let instance = library
+        .instantiate("here", InterfaceType::ModelExchange)
+        .unwrap();
     let mut run = ModelExchangeRun::new(instance, library.description(), RunOptions::default());
     let i = run.instance();
     i.setup_experiment(None, 0.0, None).unwrap();
@@ -356,7 +384,12 @@ fn what_the_version_the_kind_or_the_state_does_not_have_is_refused() {
     );
 
     // The token is wrong; the message is plain text, not a format.
-    let refused = made("refuse", Kind::CoSimulation, Options::default()).unwrap_err();
+    let refused = made(
+        "refuse",
+        InterfaceType::CoSimulation,
+        InstanceOptions::default(),
+    )
+    .unwrap_err();
     let FmuError::Instantiate { source, .. } = refused else {
         panic!("{refused}");
     };
@@ -364,8 +397,12 @@ fn what_the_version_the_kind_or_the_state_does_not_have_is_refused() {
         source.to_string(),
         "fmi3InstantiateCoSimulation refused: 100 %s of the tokens are wrong"
     );
-    let said = made("log", Kind::ModelExchange, Options::default())
-        .unwrap()
-        .take_messages();
+    let said = made(
+        "log",
+        InterfaceType::ModelExchange,
+        InstanceOptions::default(),
+    )
+    .unwrap()
+    .take_messages();
     assert_eq!(said[0].text, "plain %d text");
 }

@@ -3,8 +3,8 @@
 mod archives;
 mod cycles;
 mod faults;
-pub mod faults2;
-pub mod faults3;
+mod faults2;
+mod faults3;
 mod faults_files;
 mod findings;
 mod fuzz;
@@ -13,6 +13,5 @@ mod instance;
 mod instance3;
 mod model_exchange;
 mod others;
-pub mod peer_rules;
 mod round_trip;
 mod rules;

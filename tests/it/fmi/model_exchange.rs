@@ -1,7 +1,9 @@
 //! Model exchange integrated with a solver: foreign FMUs whose solutions are known.
 
 use crate::foreign;
-use pilotage::fmi::{Fmu, Instance, Kind, ModelExchangeRun, Reached, RunError, RunOptions};
+use pilotage::fmi::{
+    Fmu, Instance, InterfaceType, ModelExchangeRun, Reached, RunError, RunOptions,
+};
 use pilotage::integrate::Method;
 use pilotage::models::Model;
 use tempfile::tempdir;
@@ -12,7 +14,9 @@ fn run_of(model: &str, states: usize, indicators: usize, options: RunOptions) ->
     let path = folder.path().join("foreign.fmu");
     std::fs::write(&path, foreign::model_exchange(model, states, indicators)).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    let instance = library.instantiate("here", Kind::ModelExchange).unwrap();
+    let instance = library
+        .instantiate("here", InterfaceType::ModelExchange)
+        .unwrap();
     ModelExchangeRun::new(instance, library.description(), options)
 }
 
@@ -265,7 +269,9 @@ fn rounding_errors_in_steady_flight_cost_no_steps() {
     let export = pilotage::export::Export::new(&vehicle, &provenance);
     export.write(&path).unwrap();
     let library = Fmu::open(&path).unwrap().load().unwrap();
-    let mut instance = library.instantiate("steady", Kind::ModelExchange).unwrap();
+    let mut instance = library
+        .instantiate("steady", InterfaceType::ModelExchange)
+        .unwrap();
     instance.setup_experiment(None, 0.0, None).unwrap();
     instance.enter_initialization_mode().unwrap();
     instance.set_real(&[1], &[0.1]).unwrap();

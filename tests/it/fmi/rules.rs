@@ -8,7 +8,7 @@ use pilotage::fmi::description::*;
 use pilotage::fmi_check::validate;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
-use pilotage_kit::Interface;
+use pilotage_sdk::Interface;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 

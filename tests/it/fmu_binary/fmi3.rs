@@ -6,7 +6,7 @@ use pilotage::models::Model;
 use pilotage_abi::Part;
 use pilotage_abi::fmi3::functions::pointers;
 use pilotage_abi::fmi3::{self, DependencyKind, FmuState, Function, State, Status};
-use pilotage_kit::variable::reference as reference_of;
+use pilotage_sdk::variable::reference as reference_of;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_void};
 use std::ptr::{null, null_mut};
@@ -48,7 +48,7 @@ unsafe extern "C" fn receive(
 
 /// What an instance is made for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+enum InstanceKind {
     CoSimulation { event_mode: bool },
     ModelExchange,
     Scheduled,
@@ -77,7 +77,7 @@ unsafe fn function<T: Copy>(raw: &Raw, function: Function) -> T {
 }
 
 /// An instance named `test`; the pointer may be NULL.
-fn try_instantiate<'r>(raw: &'r Raw, kind: Kind, token: &str) -> Instance<'r> {
+fn try_instantiate<'r>(raw: &'r Raw, kind: InstanceKind, token: &str) -> Instance<'r> {
     let token = CString::new(token).unwrap();
     let path = raw.folder.path().join("resources").display().to_string();
     let path = CString::new(format!("{path}/")).unwrap();
@@ -88,7 +88,7 @@ fn try_instantiate<'r>(raw: &'r Raw, kind: Kind, token: &str) -> Instance<'r> {
     // SAFETY: the types are the functions'; all pointers are valid during the call, the messages longer.
     let pointer = unsafe {
         match kind {
-            Kind::CoSimulation { event_mode } => {
+            InstanceKind::CoSimulation { event_mode } => {
                 let f: pointers::InstantiateCoSimulation =
                     function(raw, Function::InstantiateCoSimulation);
                 let early = event_mode;
@@ -107,12 +107,12 @@ fn try_instantiate<'r>(raw: &'r Raw, kind: Kind, token: &str) -> Instance<'r> {
                     None,
                 )
             }
-            Kind::ModelExchange => {
+            InstanceKind::ModelExchange => {
                 let f: pointers::InstantiateModelExchange =
                     function(raw, Function::InstantiateModelExchange);
                 f(name, token, path, false, true, environment, log)
             }
-            Kind::Scheduled => {
+            InstanceKind::Scheduled => {
                 let f: pointers::InstantiateScheduledExecution =
                     function(raw, Function::InstantiateScheduledExecution);
                 f(
@@ -137,13 +137,13 @@ fn try_instantiate<'r>(raw: &'r Raw, kind: Kind, token: &str) -> Instance<'r> {
     }
 }
 
-fn instantiate(raw: &Raw, kind: Kind) -> Instance<'_> {
+fn instantiate(raw: &Raw, kind: InstanceKind) -> Instance<'_> {
     let instance = try_instantiate(raw, kind, &raw.model.guid());
     assert!(!instance.pointer.is_null(), "{:?}", instance.messages);
     instance
 }
 
-const CO_SIMULATION: Kind = Kind::CoSimulation { event_mode: false };
+const CO_SIMULATION: InstanceKind = InstanceKind::CoSimulation { event_mode: false };
 
 impl Instance<'_> {
     fn set(&self, name: &str, value: f64) -> Status {
@@ -237,7 +237,7 @@ fn both_versions_step_to_the_same_bits() {
 #[test]
 fn event_mode_is_there_for_those_who_use_it() {
     let raw = Raw::new(quadcopter());
-    let instance = instantiate(&raw, Kind::CoSimulation { event_mode: true });
+    let instance = instantiate(&raw, InstanceKind::CoSimulation { event_mode: true });
     instance.initialize();
     assert_eq!(instance.step(0.0, 0.1).0, Status::ERROR);
     assert!(instance.take()[0].contains("not allowed in state \"Event Mode\""));
@@ -257,7 +257,7 @@ fn event_mode_is_there_for_those_who_use_it() {
 #[test]
 fn what_is_not_there_is_refused() {
     let raw = Raw::new(pilot());
-    let scheduled = try_instantiate(&raw, Kind::Scheduled, &raw.model.guid());
+    let scheduled = try_instantiate(&raw, InstanceKind::Scheduled, &raw.model.guid());
     assert!(scheduled.pointer.is_null());
     assert!(scheduled.take()[0].contains("fmi3InstantiateScheduledExecution: this FMU is for co-"));
     let other = try_instantiate(&raw, CO_SIMULATION, "{x}");
@@ -316,8 +316,8 @@ fn what_is_not_there_is_refused() {
 fn dependencies_are_those_of_the_description() {
     for model in [pilot(), quadcopter()] {
         let raw = Raw::new(model);
-        let instance = instantiate(&raw, Kind::ModelExchange);
-        let structure = pilotage_kit::Interface::of(&raw.model).structure;
+        let instance = instantiate(&raw, InstanceKind::ModelExchange);
+        let structure = pilotage_sdk::Interface::of(&raw.model).structure;
         for unknown in structure.outputs.iter().chain(&structure.derivatives) {
             let (reference, mut n) = (reference_of(unknown.index), 99);
             assert_eq!(
@@ -355,7 +355,7 @@ fn dependencies_are_those_of_the_description() {
 #[test]
 fn adjoint_derivatives_are_the_transpose_of_directional_ones() {
     let raw = Raw::new(quadcopter());
-    let instance = instantiate(&raw, Kind::ModelExchange);
+    let instance = instantiate(&raw, InstanceKind::ModelExchange);
     instance.initialize();
     let table = raw.model.variable_table();
     let unknowns: Vec<u32> = table.derivatives().map(reference_of).collect();
@@ -678,12 +678,12 @@ fn the_table_of_legal_states_is_obeyed() {
     let raw = Raw::new(Model::pilot(&[1.0, 1.0], 1.0));
     let kinds = [
         (
-            Kind::CoSimulation { event_mode: true },
+            InstanceKind::CoSimulation { event_mode: true },
             Part::ModelExchange,
             State::StepMode,
         ),
         (
-            Kind::ModelExchange,
+            InstanceKind::ModelExchange,
             Part::CoSimulation,
             State::ContinuousTimeMode,
         ),

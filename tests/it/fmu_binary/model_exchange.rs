@@ -4,7 +4,7 @@ use super::raw::{Instance, Messages, Raw, call};
 use super::{pilot, quadcopter};
 use pilotage::models::Model;
 use pilotage_abi::fmi2::{EventInfo, Status, Type};
-use pilotage_kit::variable::reference;
+use pilotage_sdk::variable::reference;
 use std::ptr::null_mut;
 
 /// An instance in continuous-time mode, with its first input set.

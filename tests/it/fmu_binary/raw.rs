@@ -6,7 +6,7 @@ use pilotage::fmi::description::FmiVersion;
 use pilotage::models::Model;
 use pilotage_abi::fmi2::functions::{Function, pointers};
 use pilotage_abi::fmi2::types::*;
-use pilotage_kit::variable::reference;
+use pilotage_sdk::variable::reference;
 use std::ffi::{CStr, CString, c_void};
 use std::io::Cursor;
 use std::path::Path;

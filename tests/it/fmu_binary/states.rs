@@ -4,7 +4,7 @@ use super::raw::{Messages, Raw, call};
 use super::{fly, pilot, quadcopter};
 use pilotage::models::Model;
 use pilotage_abi::fmi2::Status;
-use pilotage_kit::variable::reference;
+use pilotage_sdk::variable::reference;
 use std::ptr::null_mut;
 
 /// FMI rule 27: states of an instance, in memory and as bytes.

@@ -8,7 +8,9 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
 use pilotage::sqp::curvature::TOLERANCE;
 use pilotage::sqp::problem::Pattern;
-use pilotage::sqp::{Hessian, Options, Problem, Solution, SparseProblem, SparseQp, Status, solve};
+use pilotage::sqp::{
+    Hessian, Problem, Solution, SparseProblem, SparseQp, SqpOptions, Status, solve,
+};
 use std::ops::ControlFlow;
 
 /// A problem as the SQP sees it; derivatives by hyper-dual numbers, dense patterns.
@@ -149,7 +151,7 @@ fn run<F: Functions>(nlp: &Nlp<F>, start: &[f64]) -> Solution {
         nlp,
         &mut SparseQp::default(),
         start.to_vec(),
-        &Options::default(),
+        &SqpOptions::default(),
         &mut |_| ControlFlow::Continue(()),
     )
 }
@@ -206,7 +208,7 @@ fn disagreement(example: &Example, solution: &Solution) -> Option<String> {
 #[test]
 fn known_problems_end_as_known() {
     let mut table = format!(
-        "{:<16} {:<16} iterations evaluations linearisations qps corrections escapes curvature\n",
+        "{:<16} {:<16} iterations evaluations linearisations qps corrections saddles curvature\n",
         "problem", "status"
     );
     let mut wrong = Vec::new();
@@ -236,7 +238,7 @@ fn known_problems_end_as_known() {
     }
     assert!(wrong.is_empty(), "{}\n{table}", wrong.join("\n"));
     insta::assert_snapshot!(table, @"
-    problem          status           iterations evaluations linearisations qps corrections escapes curvature
+    problem          status           iterations evaluations linearisations qps corrections saddles curvature
     HS1              converged                24          32             25  24           8       0     0.001
     HS2              converged                 8           9              9   8           1       0     1.000
     HS6              converged                 4           4              5   4           0       0     0.400

@@ -53,7 +53,7 @@ fn fmpy_finds_nothing_wrong() {
 }
 
 /// What fmpy's simulation gives at the communication points, after events: time and outputs.
-fn simulated(
+pub fn simulated(
     fmu: &Path,
     kind: &str,
     [stop, step]: [f64; 2],

@@ -1,7 +1,7 @@
 //! The exported FMUs in masters that are not ours: each ends where ours does.
 
 use super::python;
-use crate::command::{Folder, exported};
+use crate::command::{CONNECTIONS, Folder, exported};
 
 fn numbers(line: &str, separator: char) -> Vec<f64> {
     (line.split(separator))
@@ -19,18 +19,12 @@ fn flown(folder: &Folder, arguments: &[&str]) -> Vec<f64> {
 
 /// The quadcopter's outputs in our master, to 10 m.
 fn ours(folder: &Folder) -> Vec<f64> {
-    let wires = [
-        "pilot.fmu",
-        "quadcopter.fmu",
-        "--connect",
-        "pilot.stick=quadcopter.stick",
-        "--connect",
-        "quadcopter.z=pilot.position",
-        "--set",
-        "pilot.target=10",
-    ];
+    let (fmus, target) = (
+        ["pilot.fmu", "quadcopter.fmu"],
+        ["--set", "pilot.target=10"],
+    );
     // The pilot's two outputs come first.
-    let ours = flown(folder, &wires).split_off(2);
+    let ours = flown(folder, &[&fmus[..], &CONNECTIONS, &target].concat()).split_off(2);
     assert!(
         ours[0].abs() > 1.0,
         "the vehicle moved by {} m only",

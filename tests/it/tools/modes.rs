@@ -7,10 +7,10 @@ use crate::command::{Folder, example};
 use pilotage::fmi::description::{Causality, FmiVersion, Initial, Variability, VariableKind};
 use pilotage::fmi::fmu::Library;
 use pilotage::fmi::instance::Instance;
-use pilotage::fmi::{CallError, Fmu, Kind};
+use pilotage::fmi::{CallError, Fmu, InterfaceType};
 
 const VERSIONS: [FmiVersion; 2] = [FmiVersion::V2, FmiVersion::V3];
-const KINDS: [Kind; 2] = [Kind::CoSimulation, Kind::ModelExchange];
+const KINDS: [InterfaceType; 2] = [InterfaceType::CoSimulation, InterfaceType::ModelExchange];
 
 fn lander(version: FmiVersion) -> (Folder, Library) {
     let folder = Folder::new();
@@ -24,7 +24,7 @@ fn reference(library: &Library, name: &str) -> u32 {
 }
 
 /// In initialization mode.
-fn begun(library: &Library, kind: Kind) -> Instance {
+fn begun(library: &Library, kind: InterfaceType) -> Instance {
     let mut instance = library.instantiate("lander", kind).unwrap();
     instance.setup_experiment(None, 0.0, None).unwrap();
     instance.enter_initialization_mode().unwrap();
@@ -73,7 +73,7 @@ fn a_mode_is_set_before_the_start_alone() {
             instance.restore(saved).unwrap();
             assert!(instance.get_boolean(landed).unwrap(), "it is in the state");
             instance.exit_initialization_mode().unwrap();
-            if kind == Kind::CoSimulation {
+            if kind == InterfaceType::CoSimulation {
                 instance.do_step(0.0, 1.0).unwrap();
                 let mut found = [f64::NAN];
                 instance.get_real(&[height], &mut found).unwrap();

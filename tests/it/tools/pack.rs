@@ -1,18 +1,18 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
 use crate::command::{Folder, example};
-use pilotage::export::{Export, Options, Provenance, binary, interface, pack, platform};
+use pilotage::export::{Export, ExportOptions, Provenance, binary, interface, pack, platform};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
-use pilotage::fmi::{Fmu, Kind};
+use pilotage::fmi::{Fmu, InterfaceType};
 use pilotage::models::{Model, Quadcopter};
 use std::path::{Path, PathBuf};
 
 /// Builds and packs a crate.
 pub fn packed(crate_folder: &Path, version: FmiVersion, path: PathBuf) -> PathBuf {
-    let options = Options {
+    let options = ExportOptions {
         version,
-        ..Options::default()
+        ..ExportOptions::default()
     };
     let (library, _) = pack::build(crate_folder, false).expect("it is built");
     pack::pack(&library, &Provenance::default(), &options, |_| {
@@ -102,7 +102,7 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
         ),
         (
             &["pack", "own.so"],
-            "error: own.so does not say what its model is: it was not made by pilotage_kit::export!",
+            "error: own.so does not say what its model is: it was not made by pilotage_sdk::export!",
         ),
         (
             &["pack", "empty"],
@@ -202,12 +202,12 @@ fn events_end_steps_for_importers_that_handle_them() {
     };
     let (height, landed) = (reference("height"), reference("landed"));
     let run = |handles: bool| {
-        let options = instance::Options {
+        let options = instance::InstanceOptions {
             event_mode_used: handles,
             early_return_allowed: handles,
-            ..instance::Options::default()
+            ..instance::InstanceOptions::default()
         };
-        let kind = Kind::CoSimulation;
+        let kind = InterfaceType::CoSimulation;
         let mut lander = library.instantiate_with("lander", kind, options).unwrap();
         lander.setup_experiment(None, 0.0, None).unwrap();
         lander.enter_initialization_mode().unwrap();
@@ -261,7 +261,7 @@ fn a_model_that_panics_says_so_and_ends_nothing_but_itself() {
         let (_, u) = library.description().variable("u").unwrap();
         for (input, panics) in [(-1.0, false), (1.0, true), (-1.0, false)] {
             let mut instance = library
-                .instantiate("panicking", Kind::CoSimulation)
+                .instantiate("panicking", InterfaceType::CoSimulation)
                 .unwrap();
             instance.setup_experiment(None, 0.0, None).unwrap();
             instance.enter_initialization_mode().unwrap();
@@ -287,7 +287,7 @@ fn a_packed_library_holds_no_path_of_the_machine_that_built_it() {
     }
 }
 
-/// Wherever the example's folder is copied, it is packed: the kit is found. The same model as from its own place.
+/// Wherever the example's folder is copied, it is packed: the SDK is found. The same model as from its own place.
 #[test]
 fn an_example_copied_elsewhere_is_packed() {
     let folder = Folder::new();
@@ -306,7 +306,7 @@ fn an_example_copied_elsewhere_is_packed() {
         |file: &str| folder.pilotage(&["info", file, "--json"]).json()["variables"].clone();
     assert!(description("mine.fmu").as_array().unwrap().len() > 5);
     assert_eq!(description("mine.fmu"), description("own.fmu"));
-    // One that says itself where the kit is, and is wrong, is not set right.
+    // One that says itself where the SDK is, and is wrong, is not set right.
     let text = folder
         .read("mine/Cargo.toml")
         .replace("\"0.1\"", "{ path = \"nowhere\" }");

@@ -1,7 +1,7 @@
 //! What the commands write, read by tools that are not ours: results by fmpy, matrices by NumPy.
 
 use super::python;
-use crate::command::Folder;
+use crate::command::{CONNECTIONS, Folder};
 use crate::{closed_loop, cosim_command, linearize};
 use serde_json::{Value, json};
 
@@ -12,25 +12,17 @@ fn read_by_fmpy(folder: &Folder, file: &str) -> Value {
 
 /// Pilot and quadcopter for 15 s.
 fn simulate(folder: &Folder, algorithm: &str) {
-    let ended = folder.pilotage(&[
-        "cosim",
-        "pilot.fmu",
-        "quadcopter.fmu",
-        "--connect",
-        "pilot.stick=quadcopter.stick",
-        "--connect",
-        "quadcopter.z=pilot.position",
+    let flight = [
         "--set",
         "pilot.target=10",
         "--stop-time",
         "15",
         "--step",
         "0.05",
-        "--algorithm",
-        algorithm,
-        "-o",
-        "result.csv",
-    ]);
+    ];
+    let output = ["--algorithm", algorithm, "-o", "result.csv"];
+    let fmus = ["cosim", "pilot.fmu", "quadcopter.fmu"];
+    let ended = folder.pilotage(&[&fmus[..], &CONNECTIONS, &flight, &output].concat());
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
 }
 

@@ -4,8 +4,8 @@ use crate::command::Folder;
 use crate::times;
 use std::process::Command;
 
-/// Runs a trial of `validate` under valgrind.
-fn run(folder: &Folder, fmu: &str, trial: &str) {
+/// Runs a check of `validate` under valgrind.
+fn run(folder: &Folder, fmu: &str, check: &str) {
     let output = Command::new("valgrind")
         .args(["--quiet", "--error-exitcode=99", "--leak-check=full"])
         .args([
@@ -13,7 +13,7 @@ fn run(folder: &Folder, fmu: &str, trial: &str) {
             "--errors-for-leak-kinds=definite",
         ])
         .arg(env!("CARGO_BIN_EXE_pilotage"))
-        .args(["probe", fmu, "--trial", trial])
+        .args(["probe", fmu, "--check", check])
         .current_dir(folder.path("."))
         .output()
         .unwrap();
@@ -21,7 +21,7 @@ fn run(folder: &Folder, fmu: &str, trial: &str) {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(
         output.status.success(),
-        "{fmu}, {trial}: {stdout}\n{stderr}"
+        "{fmu}, {check}: {stdout}\n{stderr}"
     );
     assert!(
         stdout.contains("stage") && !stdout.contains("finding"),

@@ -1,6 +1,6 @@
 //! A model that panics when its input is positive: a faulty model must not end the tool that steps it.
 
-use pilotage_kit::{At, Equations, Scalar, Table};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 
 /// Integrates its input while it can.
 #[derive(Default)]
@@ -19,4 +19,4 @@ impl Equations for Panicking {
     }
 }
 
-pilotage_kit::export!(Panicking);
+pilotage_sdk::export!(Panicking);

@@ -4,7 +4,7 @@ use super::points::{Points, add_at, along, zeros};
 use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
-use crate::node::NodeModel;
+use crate::node::{NodeModel, pull_back};
 use crate::simd::{self, LANES, Lanes, Task, plus, side_by_side, times};
 use pilotage_sqp::Hessian;
 
@@ -66,8 +66,8 @@ impl RunSweep {
     fn pull_back(&self, points: &Points<'_>, entries: &[(usize, usize)], out: &mut [Lanes]) {
         let n = self.n;
         let weights = points.members.map(|i| &self.omega[i * n..(i + 1) * n]);
-        let own = self.jacobian.group(points.number).iter().zip(entries);
-        own.for_each(|(value, &(l, c))| out[c] = plus(out[c], weights.map(|w| w[l]), *value));
+        let jacobian = self.jacobian.group(points.number);
+        pull_back(entries, jacobian, |l| weights.map(|w| w[l]), out);
     }
 
     /// Writes a group of points' `g + W [δx; δθ]` into `out` (the first n + p).
@@ -182,7 +182,7 @@ impl Task for Differentiate<'_> {
             for lanes in points.turns(nested) {
                 side_by_side(points.members.map(|i| &own.omega[i * n..]), &mut weights);
                 full.copy_from_slice(&outputs);
-                derivatives.pull_back(jacobian, &weights, &mut full);
+                pull_back(&model.entries, jacobian, |l| weights[l], &mut full);
                 points.add_parameters(lanes.clone(), &full[n..n + p], &mut own.theta_lagrangian);
                 points.distribute(lanes, &full[..n], lagrangian, &mut own.omega);
             }

@@ -1,4 +1,4 @@
-//! How slaves are coupled: in which order they are set, stepped and read, what they are given for the
+//! How components are coupled: in which order they are set, stepped and read, what they are given for the
 //! values that are not known yet, and how long a communication step is.
 
 mod order;
@@ -6,36 +6,37 @@ mod order;
 pub(super) use order::Propagation;
 pub use order::gauss_seidel_order;
 
-/// How slaves that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
+/// How components that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
 /// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000).
 ///
 /// The first two are of first order in the communication step `h` where inputs are held at what is
-/// known: with Jacobi every input lags by `h/2` on average; with Gauss-Seidel of two slaves in a loop,
+/// known: with Jacobi every input lags by `h/2` on average; with Gauss-Seidel of two components in a loop,
 /// the first one's inputs are `h/2` late and the second one's `h/2` early, which cancels around the
 /// loop. The third solves for values that are consistent at the end of the step, and has no lag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Algorithm {
-    /// All slaves get the others' outputs at `t_k`, then all step to `t_{k+1}`.
+    /// All components get the others' outputs at `t_k`, then all step to `t_{k+1}`.
     #[default]
     Jacobi,
-    /// One slave after another gets the newest outputs there are, steps and gives its own.
+    /// One component after another gets the newest outputs there are, steps and gives its own.
     GaussSeidel,
     /// Strong coupling, of second order at least: the steps are repeated from saved states until the
     /// outputs at `t_{k+1}` are those that the inputs were made of.
     ///
     /// Within the step an input goes straight from the feeding output's value at `t_k` to that at
-    /// `t_{k+1}` or, where the slave gives the outputs' derivatives, along the cubic with these at both
+    /// `t_{k+1}` or, where the component gives the outputs' derivatives, along the cubic with these at both
     /// ends; a derivative at `t_k` that belongs to a transient which is over within the step makes an exponential
-    /// and a line instead, so that fast poles (and jumps through them) throw nothing off. A slave that takes input derivatives gets the line nearest to that, any other its mean;
-    /// where a slave with direct feedthrough would so be given another value at the end, its outputs
-    /// come from a step that ends right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose
-    /// matrix comes from differences of repeated steps and is kept as long as it serves; algebraic
-    /// loops between slaves are thereby solved too. Slaves that cannot go back take their step first,
-    /// with extrapolated inputs. Values that are no reals are held through a step, at those of its end if
-    /// these settle, reals that are discrete at those of its begin.
+    /// and a line instead, so that fast poles (and jumps through them) throw nothing off. A component that
+    /// takes input derivatives gets the line nearest to that, any other its mean; where a component with
+    /// direct feedthrough would so be given another value at the end, its outputs come from a step that ends
+    /// right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose matrix
+    /// comes from differences of repeated steps and is kept as long as it serves; algebraic loops between
+    /// components are thereby solved too. Components that cannot go back take their step first, with
+    /// extrapolated inputs. Values that are no reals are held through a step, at those of its end if these
+    /// settle, reals that are discrete at those of its begin.
     ///
     /// Where the coupling error of a step of fixed length is as large as the signal, the step is halved until it
-    /// is not; where slaves cannot do that, the run ends.
+    /// is not; where components cannot do that, the run ends.
     Strong,
 }
 
@@ -49,10 +50,10 @@ impl std::fmt::Display for Algorithm {
     }
 }
 
-/// Everything about how a run couples its slaves. An [`Algorithm`] alone becomes one with the defaults.
+/// Everything about how a run couples its components. An [`Algorithm`] alone becomes one with the defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coupling {
-    /// In which order slaves are set, stepped and read.
+    /// In which order components are set, stepped and read.
     pub algorithm: Algorithm,
     /// Degree, 0 to [`MAX_EXTRAPOLATION`], of the polynomial through the last communication points
     /// that stands for outputs not known yet; with 0 the last value is held. By default 0, but for the
@@ -62,7 +63,7 @@ pub struct Coupling {
     pub control: Option<Control>,
     /// How strong coupling iterates.
     pub iteration: Iteration,
-    /// Jacobi with held inputs and fixed steps: the slaves step at the same time, on as many threads as
+    /// Jacobi with held inputs and fixed steps: the components step at the same time, on as many threads as
     /// rayon would use (`RAYON_NUM_THREADS`), which look for work all the time. The results are the same.
     /// From which cost of a step on it pays, `cargo bench --bench coupling` tells: 0.5 µs on two
     /// processors that are free, 10 µs and more where other programs use them too.
@@ -113,7 +114,7 @@ impl Default for Iteration {
 /// system is solved exactly for inputs that are off by no more than this. What an input should have
 /// been is an interpolating polynomial through communication points, one degree higher than what was
 /// used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary
-/// Differential Equations I*, section III.1). Inputs of slaves that hold them are staircases, whose
+/// Differential Equations I*, section III.1). Inputs of components that hold them are staircases, whose
 /// effect is seen by comparing one step with two half ones. Every communication point of the clock is
 /// hit.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,21 +1,21 @@
-//! Orders that declared dependencies give: of slaves, and of connections during initialization.
+//! Orders that declared dependencies give: of instances, and of connections during initialization.
 
 use crate::system::System;
 
-/// Beyond this many slaves in one cycle, the order is found by a rule instead of by trying all.
+/// Beyond this many instances in one cycle, the order is found by a rule instead of by trying all.
 const MAX_EXACT: usize = 12;
 
 /// What it costs that a connection's value is a step late: direct feedthrough hands the lag on.
 const LATE: u32 = 1;
 const LATE_FEEDTHROUGH: u32 = 1000;
 
-/// The Gauss-Seidel order of the slaves, by their positions.
+/// The Gauss-Seidel order of the instances, by their positions.
 ///
-/// A slave stands after the slaves that feed it, so that it gets their newest outputs. Where slaves
+/// An instance stands after the instances that feed it, so that it gets their newest outputs. Where instances
 /// feed each other in a cycle, the order is one in which the fewest connections are late, those into
 /// inputs with direct feedthrough counting above all others, since the lag goes on from there; of
-/// equally good orders it is the one nearest to that in which the slaves were added. In cycles of more
-/// than twelve slaves the next one is always the slave that waits for the fewest others.
+/// equally good orders it is the one nearest to that in which the instances were added. In cycles of more
+/// than twelve instances the next one is always the instance that waits for the fewest others.
 pub fn gauss_seidel_order(system: &System) -> Vec<usize> {
     let costs = costs(system);
     let reach = reach(&costs);
@@ -27,7 +27,7 @@ pub fn gauss_seidel_order(system: &System) -> Vec<usize> {
             true => order.extend(cheapest(&costs, &cycle)),
             false => order.extend(greedy(&costs, &cycle)),
         }
-        waiting.retain(|slave| !cycle.contains(slave));
+        waiting.retain(|instance| !cycle.contains(instance));
     }
     order
 }
@@ -37,11 +37,11 @@ fn costs(system: &System) -> Vec<Vec<u32>> {
     let n = system.instances.len();
     let mut costs = vec![vec![0; n]; n];
     for connection in &system.connections {
-        let (from, to) = (connection.from.slave, connection.to.slave);
+        let (from, to) = (connection.from.instance, connection.to.instance);
         if from == to {
             continue;
         }
-        let mut variables = system.instances[to].slave.variables().iter();
+        let mut variables = system.instances[to].component.variables().iter();
         let is_direct = variables.any(|v| v.feedthrough.contains(&connection.to.variable));
         costs[to][from] += if is_direct { LATE_FEEDTHROUGH } else { LATE };
     }
@@ -63,27 +63,27 @@ fn reach(costs: &[Vec<u32>]) -> Vec<Vec<bool>> {
     reach
 }
 
-/// The cycle of the first slave that waits for no slave outside its cycle; mostly the slave alone.
+/// The cycle of the first instance that waits for no instance outside its cycle; mostly the instance alone.
 fn next_cycle(reach: &[Vec<bool>], waiting: &[usize]) -> Vec<usize> {
-    let is_free = |&&slave: &&usize| {
-        let mut feeders = waiting.iter().filter(|&&from| reach[slave][from]);
-        feeders.all(|&from| reach[from][slave])
+    let is_free = |&&instance: &&usize| {
+        let mut feeders = waiting.iter().filter(|&&from| reach[instance][from]);
+        feeders.all(|&from| reach[from][instance])
     };
-    let Some(&slave) = waiting.iter().find(is_free) else {
+    let Some(&instance) = waiting.iter().find(is_free) else {
         return waiting.to_vec();
     };
     let is_member =
-        |&&other: &&usize| other == slave || (reach[slave][other] && reach[other][slave]);
+        |&&other: &&usize| other == instance || (reach[instance][other] && reach[other][instance]);
     waiting.iter().filter(is_member).copied().collect()
 }
 
 /// The order of least cost, the lexicographically first of these: dynamic programming over the sets
-/// of slaves that are still to come.
+/// of instances that are still to come.
 fn cheapest(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     let n = cycle.len();
     let all = (1_usize << n) - 1;
     let members = |set: usize| (0..n).filter(move |i| set >> i & 1 == 1);
-    // `best[rest]`: least cost of placing the slaves of `rest` after all others.
+    // `best[rest]`: least cost of placing the instances of `rest` after all others.
     let mut best = vec![0_u32; all + 1];
     let late = |first: usize, rest: usize| -> u32 {
         let later = members(rest & !(1 << first));
@@ -105,19 +105,19 @@ fn cheapest(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     order
 }
 
-/// Always the slave for which the least is late.
+/// Always the instance for which the least is late.
 fn greedy(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     let (mut waiting, mut order) = (cycle.to_vec(), Vec::with_capacity(cycle.len()));
     while !waiting.is_empty() {
-        let late = |&slave: &usize| {
-            let late: u32 = waiting.iter().map(|&from| costs[slave][from]).sum();
-            (late, slave)
+        let late = |&instance: &usize| {
+            let late: u32 = waiting.iter().map(|&from| costs[instance][from]).sum();
+            (late, instance)
         };
         let Some(next) = waiting.iter().copied().min_by_key(late) else {
             break;
         };
         order.push(next);
-        waiting.retain(|&slave| slave != next);
+        waiting.retain(|&instance| instance != next);
     }
     order
 }
@@ -140,7 +140,7 @@ impl Propagation {
         let before = |a: usize, b: usize| {
             let from = connections[b].from;
             let to = connections[a].to;
-            to.slave == from.slave
+            to.instance == from.instance
                 && system
                     .variable(from)
                     .initial_feedthrough

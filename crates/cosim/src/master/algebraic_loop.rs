@@ -1,9 +1,9 @@
-//! Algebraic loops between slaves during initialization, solved by Newton's method. Slaves may be set
+//! Algebraic loops between components during initialization, solved by Newton's method. Components may be set
 //! and read there as often as it takes (FMI 2.0, section 4.2.4).
 
 use super::lu::Lu;
 use super::{MasterError, Stage};
-use crate::slave::{Kind, SlaveError, Value};
+use crate::component::{ComponentError, Value, ValueKind};
 use crate::system::{Connection, Port, System};
 
 /// Steps at most, and halvings of one.
@@ -15,7 +15,7 @@ const MAX_HALVINGS: usize = 10;
 const AIM: f64 = 1e-12;
 const ENOUGH: f64 = 1e-9;
 
-/// Relative change of a value for differences, where a slave gives no derivatives.
+/// Relative change of a value for differences, where a component gives no derivatives.
 const DIFFERENCE: f64 = 1e-6;
 
 /// A loop whose gain is nearer than this to 1 is taken for one without solution.
@@ -116,8 +116,8 @@ fn inputs_to_outputs(
 
 fn output(system: &mut System, connection: Connection) -> Result<f64, MasterError> {
     let handle = system.variable(connection.from).handle;
-    let slave = &mut system.instances[connection.from.slave].slave;
-    match slave.get(handle, Kind::Real) {
+    let component = &mut system.instances[connection.from.instance].component;
+    match component.get(handle, ValueKind::Real) {
         Ok(value) => Ok(connection.conversion.apply(value.as_number())),
         Err(source) => Err(failed(system, connection.from, source)),
     }
@@ -125,20 +125,20 @@ fn output(system: &mut System, connection: Connection) -> Result<f64, MasterErro
 
 fn set(system: &mut System, port: Port, value: f64) -> Result<(), MasterError> {
     let handle = system.variable(port).handle;
-    let slave = &mut system.instances[port.slave].slave;
-    let done = slave.set(handle, &Value::Real(value));
+    let component = &mut system.instances[port.instance].component;
+    let done = component.set(handle, &Value::Real(value));
     done.map_err(|source| failed(system, port, source))
 }
 
-fn failed(system: &System, port: Port, source: SlaveError) -> MasterError {
+fn failed(system: &System, port: Port, source: ComponentError) -> MasterError {
     MasterError::Initialization {
-        instance: system.instances[port.slave].name.clone(),
+        instance: system.instances[port.instance].name.clone(),
         stage: Stage::Propagate(system.variable(port).name.clone()),
         source,
     }
 }
 
-/// `I - ∂F/∂z` with `F` the values of the outputs by those of the inputs: exact where slaves give
+/// `I - ∂F/∂z` with `F` the values of the outputs by those of the inputs: exact where components give
 /// derivatives, else by differences.
 fn jacobian(
     system: &mut System,
@@ -150,14 +150,14 @@ fn jacobian(
     matrix.set_identity();
     for (column, changed) in connections.iter().enumerate() {
         let depends = |c: &Connection| {
-            c.from.slave == changed.to.slave
+            c.from.instance == changed.to.instance
                 && (system.variable(c.from).initial_feedthrough).contains(&changed.to.variable)
         };
         let rows: Vec<usize> = (0..connections.len())
             .filter(|&row| depends(&connections[row]))
             .collect();
-        let instance = &system.instances[changed.to.slave];
-        let slopes = match instance.slave.abilities().directional_derivatives {
+        let instance = &system.instances[changed.to.instance];
+        let slopes = match instance.component.abilities().directional_derivatives {
             true => derivatives(system, connections, &rows, changed.to)?,
             false => differences(system, connections, &rows, column, values, found)?,
         };
@@ -179,8 +179,8 @@ fn derivatives(
         .collect();
     let handle = system.variable(input).handle;
     let mut slopes = vec![0.0; rows.len()];
-    let slave = &mut system.instances[input.slave].slave;
-    let done = slave.directional_derivative(&outputs, &[handle], &[1.0], &mut slopes);
+    let component = &mut system.instances[input.instance].component;
+    let done = component.directional_derivative(&outputs, &[handle], &[1.0], &mut slopes);
     done.map_err(|source| failed(system, input, source))?;
     for (slope, &row) in slopes.iter_mut().zip(rows) {
         *slope *= connections[row].conversion.factor;

@@ -5,8 +5,8 @@ use super::history::{History, InputProfile, Traits};
 use super::wired::{Values, Wired};
 use super::wires::{Inputs, Outlets, Outputs, Reading, Wire};
 use crate::algorithms::Coupling;
+use crate::component::{Role, Value, ValueKind};
 use crate::recorder::Signal;
-use crate::slave::{Kind, Role, Value};
 use crate::system::{Connection, Instance, System};
 use std::collections::HashMap;
 
@@ -15,12 +15,12 @@ impl Exchange {
         let mut assembly = Assembly::default();
         let instances = &system.instances;
         let mut outlets: Vec<Outlets> = (instances.iter().enumerate())
-            .map(|(slave, instance)| assembly.outlets(slave, instance))
+            .map(|(position, instance)| assembly.outlets(position, instance))
             .collect();
         let mut wires: Vec<Vec<Wire>> = instances.iter().map(|_| Vec::new()).collect();
         for connection in &system.connections {
             let wire = assembly.wire(connection, instances, &mut outlets);
-            wires[connection.to.slave].extend(wire);
+            wires[connection.to.instance].extend(wire);
         }
         let Assembly {
             values,
@@ -34,14 +34,27 @@ impl Exchange {
         let parts = system.instances.into_iter().zip(outlets).zip(wires);
         let wired = parts
             .enumerate()
-            .map(|(slave, ((instance, outlets), wires))| {
-                let inputs = system.connections.iter().filter(|c| c.to.slave == slave);
+            .map(|(position, ((instance, outlets), wires))| {
+                let inputs = system
+                    .connections
+                    .iter()
+                    .filter(|c| c.to.instance == position);
                 let inputs: Vec<usize> = inputs.map(|c| c.to.variable).collect();
-                let outputs = Outputs::new(outlets, instance.slave.as_ref(), &inputs, &fed);
+                let outputs = Outputs::new(outlets, instance.component.as_ref(), &inputs, &fed);
                 let Instance {
-                    name, slave, parts, ..
+                    name,
+                    component,
+                    parts,
+                    ..
                 } = instance;
-                Wired::new(name, slave, parts, Inputs::new(&wires), outputs, coupling)
+                Wired::new(
+                    name,
+                    component,
+                    parts,
+                    Inputs::new(&wires),
+                    outputs,
+                    coupling,
+                )
             });
         let wired: Vec<Wired> = wired.collect();
         for wired in wired.iter().filter(|w| !w.within.sloped.is_empty()) {
@@ -68,13 +81,13 @@ impl Exchange {
     }
 }
 
-/// What grows with the slaves and connections.
+/// What grows with the instances and connections.
 #[derive(Default)]
 struct Assembly {
     values: Values,
     signals: Vec<Signal>,
     unrecorded: Vec<String>,
-    /// Slot of each output, by slave and variable: in the row for reals, in the other values for the rest.
+    /// Slot of each output, by instance and variable: in the row for reals, in the other values for the rest.
     slots: HashMap<(usize, usize), usize>,
     /// Slots in the row of the real outputs that feed others, their nominal values and traits.
     fed: Vec<usize>,
@@ -83,11 +96,11 @@ struct Assembly {
 }
 
 impl Assembly {
-    /// Gives each output of a slave, and what else is to be recorded, a slot.
+    /// Gives each output of an instance, and what else is to be recorded, a slot.
     fn outlets(&mut self, position: usize, instance: &Instance) -> Outlets {
         let Instance {
             name,
-            slave,
+            component,
             observed,
             ..
         } = instance;
@@ -95,10 +108,10 @@ impl Assembly {
         let mut handles = Vec::new();
         let is_read = |index, role| role == Role::Output || observed.contains(&index);
         let all = || {
-            let variables = slave.variables().iter().enumerate();
+            let variables = component.variables().iter().enumerate();
             variables.filter(|(index, variable)| is_read(*index, variable.role))
         };
-        for (index, variable) in all().filter(|(_, v)| v.kind == Kind::Real) {
+        for (index, variable) in all().filter(|(_, v)| v.kind == ValueKind::Real) {
             self.slots.insert((position, index), self.values.row.len());
             handles.push(variable.handle);
             let unit = variable.unit.as_ref();
@@ -106,8 +119,8 @@ impl Assembly {
         }
         let slots = first..self.values.row.len();
         let mut others = Vec::new();
-        for (index, variable) in all().filter(|(_, v)| v.kind != Kind::Real) {
-            let is_text = variable.kind == Kind::String;
+        for (index, variable) in all().filter(|(_, v)| v.kind != ValueKind::Real) {
+            let is_text = variable.kind == ValueKind::String;
             let column = (!is_text).then_some(self.values.row.len());
             let reading = self.reading(variable.handle, variable.kind, variable.kind, column);
             self.slots.insert((position, index), reading.slot);
@@ -125,7 +138,13 @@ impl Assembly {
     }
 
     /// A place among the values that are no reals, and perhaps in that column of the row.
-    fn reading(&mut self, handle: u32, kind: Kind, wanted: Kind, column: Option<usize>) -> Reading {
+    fn reading(
+        &mut self,
+        handle: u32,
+        kind: ValueKind,
+        wanted: ValueKind,
+        column: Option<usize>,
+    ) -> Reading {
         let slot = self.values.others.len();
         self.values.others.push(Value::Integer(0));
         self.values.other_slots.push(column);
@@ -134,6 +153,7 @@ impl Assembly {
             kind,
             wanted,
             slot,
+            wire: String::new(),
         }
     }
 
@@ -153,27 +173,38 @@ impl Assembly {
         outlets: &mut [Outlets],
     ) -> Option<Wire> {
         let (from, to) = (connection.from, connection.to);
-        let slot = *self.slots.get(&(from.slave, from.variable))?;
-        let output = &instances[from.slave].slave.variables()[from.variable];
-        let input = &instances[to.slave].slave.variables()[to.variable];
+        let slot = *self.slots.get(&(from.instance, from.variable))?;
+        let output = &instances[from.instance].component.variables()[from.variable];
+        let input = &instances[to.instance].component.variables()[to.variable];
         let handle = input.handle;
-        if output.kind == Kind::Real && input.kind == Kind::Real {
+        let end = |instance: &Instance, name: &str| format!("`{}.{name}`", instance.name);
+        let (begin, end) = (
+            end(&instances[from.instance], &output.name),
+            end(&instances[to.instance], &input.name),
+        );
+        let name = format!("{begin} -> {end}");
+        if output.kind == ValueKind::Real && input.kind == ValueKind::Real {
             let position = self.position(slot, output.nominal, output.is_discrete);
             return Some(Wire {
                 handle,
                 slot,
+                name,
                 real: Some((position, connection.conversion)),
             });
         }
         let mut wire = Wire {
             handle,
             slot,
+            name,
             real: None,
         };
         if output.kind != input.kind {
             let reading = self.reading(output.handle, output.kind, input.kind, None);
             wire.slot = reading.slot;
-            outlets[from.slave].others.push(reading);
+            outlets[from.instance].others.push(Reading {
+                wire: wire.name.clone(),
+                ..reading
+            });
         }
         Some(wire)
     }

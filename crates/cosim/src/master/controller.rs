@@ -72,7 +72,7 @@ impl Controller {
         }
     }
 
-    /// After a step that a slave gave up, having come this far [s].
+    /// After a step that a component gave up, having come this far [s].
     pub(super) fn shorten(&mut self, h: f64, reached: f64) {
         self.next = (SAFETY * reached).clamp(SMALLEST_FACTOR * h, 0.5 * h);
     }

@@ -1,14 +1,14 @@
-//! The stepping loop's slaves and the values between them.
+//! The stepping loop's components and the values between them.
 
 use super::history::{History, InputProfile, Outcome};
-use super::thread_pool::ThreadPool;
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::algorithms::Algorithm;
+use crate::component::Value;
 use crate::recorder::Signal;
-use crate::slave::Value;
+use rayon::prelude::*;
 
-/// The slaves and the values between them. Nothing is allocated after it is made, but for strings.
+/// The components and the values between them. Nothing is allocated after it is made, but for strings.
 pub(super) struct Exchange {
     pub(super) wired: Vec<Wired>,
     pub(super) values: Values,
@@ -21,7 +21,7 @@ pub(super) struct Exchange {
     pub(super) profiles: Vec<InputProfile>,
     /// Their means over the last step, of those that were seen within it.
     pub(super) seen: Vec<Option<f64>>,
-    /// Outputs that are no reals, at the begin of the step, and what the slaves are given for them.
+    /// Outputs that are no reals, at the begin of the step, and what the components are given for them.
     pub(super) others_before: Vec<Value>,
     pub(super) others_given: Vec<Value>,
 }
@@ -36,7 +36,7 @@ impl Exchange {
         &mut self,
         algorithm: Algorithm,
         order: &[usize],
-        pool: Option<&mut ThreadPool>,
+        parallel: bool,
         t: f64,
         h: f64,
     ) -> Result<(), Ending> {
@@ -54,9 +54,9 @@ impl Exchange {
         for wired in &mut self.wired {
             wired.set_newest(values).map_err(failed)?;
         }
-        match pool {
-            Some(pool) => pool.step(&mut self.wired, t, h)?,
-            None => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
+        match parallel {
+            true => step_in_parallel(&mut self.wired, t, h)?,
+            false => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
         }
         for wired in &mut self.wired {
             wired.get_next_outputs(values).map_err(failed)?;
@@ -101,7 +101,7 @@ impl Exchange {
         }
     }
 
-    /// Interpolates the fed outputs of a slave that stands at the end of the step; with degree 0 the
+    /// Interpolates the fed outputs of a component that stands at the end of the step; with degree 0 the
     /// values at the end are held.
     pub(super) fn interpolate(&mut self, i: usize, degree: usize, h: f64) {
         for k in 0..self.wired[i].outputs.fed_positions.len() {
@@ -114,12 +114,12 @@ impl Exchange {
         }
     }
 
-    /// A fed output where its slave stands.
+    /// A fed output where its component stands.
     pub(super) fn outcome(&self, p: usize) -> Outcome {
         self.values.outcome(&self.fed, p)
     }
 
-    /// Reads the outputs of a slave that ended the run later than at `time`, the last point, and tells where it
+    /// Reads the outputs of a component that ended the run later than at `time`, the last point, and tells where it
     /// stands; `None` if it did not, or no longer gives them.
     pub(super) fn read_at_end(&mut self, ending: &Ending, time: f64) -> Option<f64> {
         let (Ending::EndRequested {
@@ -132,16 +132,16 @@ impl Exchange {
         else {
             return None;
         };
-        let slave = self.wired.iter().position(|w| w.name == *instance)?;
-        (*reached > time && self.get_outputs(slave).is_ok()).then_some(*reached)
+        let position = self.wired.iter().position(|w| w.name == *instance)?;
+        (*reached > time && self.get_outputs(position).is_ok()).then_some(*reached)
     }
 
-    /// Gives every slave its inputs and shows it.
+    /// Gives every component its inputs and shows it.
     pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
         for i in 0..self.wired.len() {
             let wired = &mut self.wired[i];
             wired.set_newest(&self.values)?;
-            let seen = look(wired.slave.as_mut());
+            let seen = look(wired.component.as_mut());
             seen.map_err(|source| wired.failure(Stage::Linearize, source))?;
         }
         Ok(())
@@ -153,7 +153,7 @@ impl Exchange {
         self.others_given.clone_from_slice(&self.values.others);
     }
 
-    /// Saves the state of all slaves that can.
+    /// Saves the state of all components that can.
     pub(super) fn save(&mut self) -> Result<(), Failure> {
         let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
         able.try_for_each(|wired| wired.save(BEGIN))
@@ -177,7 +177,7 @@ impl Exchange {
         self.history.push(time, points);
     }
 
-    /// Terminates the slaves that still can be, and says how the run ended at `time`.
+    /// Terminates the components that still can be, and says how the run ended at `time`.
     pub(super) fn end(&mut self, stopped: Option<Ending>, time: f64) -> Ending {
         let culprit = match &stopped {
             Some(Ending::Discarded { instance, .. } | Ending::Failed { instance, .. }) => instance,
@@ -185,7 +185,7 @@ impl Exchange {
         };
         let mut failure = None;
         for wired in self.wired.iter_mut().filter(|w| w.name != culprit) {
-            if let Err(source) = wired.slave.terminate() {
+            if let Err(source) = wired.component.terminate() {
                 failure.get_or_insert(wired.failure(Stage::Terminate, source));
             }
         }
@@ -195,4 +195,12 @@ impl Exchange {
             (None, None) => Ending::Completed,
         }
     }
+}
+
+/// Lets all components step at the same time. Of several failures the first component's is told, whichever came first.
+fn step_in_parallel(components: &mut [Wired], t: f64, h: f64) -> Result<(), Ending> {
+    let step = |wired: &mut Wired| wired.ended = wired.step(t, h, false).err();
+    components.par_iter_mut().with_max_len(1).for_each(step);
+    let mut ended = components.iter_mut().filter_map(|wired| wired.ended.take());
+    ended.next().map_or(Ok(()), Err)
 }

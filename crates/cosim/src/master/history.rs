@@ -8,7 +8,7 @@ const KEPT: usize = 3;
 /// are equally wrong.
 const TRANSIENT: f64 = 2.0;
 
-/// How a value goes within a step, as far as a slave can be told: its mean; the line `mean ± lean`
+/// How a value goes within a step, as far as a component can be told: its mean; the line `mean ± lean`
 /// with the same first moment (the projection on polynomials of degree 1); and its value at the end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct InputProfile {
@@ -51,7 +51,7 @@ impl InputProfile {
     }
 }
 
-/// An output at the end of a step: its value and, if its slave gives it, its time derivative.
+/// An output at the end of a step: its value and, if its component gives it, its time derivative.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) value: f64,

@@ -1,32 +1,34 @@
-//! From slaves that were just made to consistent values at the start time.
+//! From components that were just made to consistent values at the start time.
 
 use super::{MasterError, Stage, algebraic_loop};
 use crate::algorithms::Propagation;
-use crate::slave::{Experiment, Role, Slave, SlaveError, Value};
+use crate::component::{Component, ComponentError, Experiment, Role, Value};
 use crate::system::{Connection, System};
 
-/// Brings all slaves to the start time with consistent values.
+/// Brings all components to the start time with consistent values.
 pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
     let propagation = Propagation::of(system);
-    each(system, Stage::Setup, |slave| slave.setup(experiment))?;
+    each(system, Stage::Setup, |component| {
+        component.setup(experiment)
+    })?;
     apply_settings(system, |role| role != Role::Input)?;
-    each(system, Stage::EnterInitialization, |slave| {
-        slave.enter_initialization()
+    each(system, Stage::EnterInitialization, |component| {
+        component.enter_initialization()
     })?;
     apply_settings(system, |role| role == Role::Input)?;
     propagate(system, &propagation)?;
-    each(system, Stage::ExitInitialization, |slave| {
-        slave.exit_initialization()
+    each(system, Stage::ExitInitialization, |component| {
+        component.exit_initialization()
     })
 }
 
 fn each(
     system: &mut System,
     stage: Stage,
-    mut call: impl FnMut(&mut dyn Slave) -> Result<(), SlaveError>,
+    mut call: impl FnMut(&mut dyn Component) -> Result<(), ComponentError>,
 ) -> Result<(), MasterError> {
     for instance in &mut system.instances {
-        call(instance.slave.as_mut()).map_err(|source| MasterError::Initialization {
+        call(instance.component.as_mut()).map_err(|source| MasterError::Initialization {
             instance: instance.name.clone(),
             stage: stage.clone(),
             source,
@@ -38,8 +40,8 @@ fn each(
 /// Gives the start values to variables of some roles.
 fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<(), MasterError> {
     for (port, value) in &system.settings {
-        let instance = &mut system.instances[port.slave];
-        let variable = &instance.slave.variables()[port.variable];
+        let instance = &mut system.instances[port.instance];
+        let variable = &instance.component.variables()[port.variable];
         if !wanted(variable.role) {
             continue;
         }
@@ -49,7 +51,7 @@ fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<
             stage: Stage::Set(name),
             source,
         };
-        instance.slave.set(handle, value).map_err(failed)?;
+        instance.component.set(handle, value).map_err(failed)?;
     }
     Ok(())
 }
@@ -108,7 +110,11 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
         system.variable(connection.to),
     );
     let (from_handle, kind, to_handle, to_kind) = (from.handle, from.kind, to.handle, to.kind);
-    let name = from.name.clone();
+    let (name, target_name) = (from.name.clone(), to.name.clone());
+    let ends = [connection.from, connection.to].map(|port| system.port_name(port));
+    let lost = |why: ComponentError| -> ComponentError {
+        format!("`{}` -> `{}`: {why}", ends[0], ends[1]).into()
+    };
     let failed = |instance: &str| {
         let instance = instance.to_owned();
         move |source| MasterError::Initialization {
@@ -117,15 +123,19 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
             source,
         }
     };
-    let source = &mut system.instances[connection.from.slave];
-    let got = source.slave.get(from_handle, kind);
-    let got = got.and_then(|value| value.converted(to_kind));
+    let source = &mut system.instances[connection.from.instance];
+    let got = source.component.get(from_handle, kind);
+    let got = got.and_then(|value| value.converted(to_kind).map_err(lost));
     let value = match got.map_err(failed.clone()(&source.name))? {
         Value::Real(value) => Value::Real(connection.conversion.apply(value)),
         other => other,
     };
-    let target = &mut system.instances[connection.to.slave];
-    let set = target.slave.set(to_handle, &value);
-    set.map_err(failed(&target.name))?;
+    let target = &mut system.instances[connection.to.instance];
+    let set = target.component.set(to_handle, &value);
+    set.map_err(|why| MasterError::Initialization {
+        instance: target.name.clone(),
+        stage: Stage::Set(target_name),
+        source: lost(why),
+    })?;
     Ok(value)
 }

@@ -6,7 +6,6 @@ use super::controller::Controller;
 use super::exchange::Exchange;
 use super::stopwatch::Sampler;
 use super::strong::Strong;
-use super::thread_pool::ThreadPool;
 use super::wired::Failure;
 use super::{Ending, MasterError};
 use crate::algorithms::{Algorithm, Control, Coupling};
@@ -28,7 +27,7 @@ const OVER_A_JUMP: f64 = 1e-6;
 /// Rounding errors of counted times.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// The slaves and how they are stepped.
+/// The components and how they are stepped.
 pub(super) struct Stepper {
     pub(super) exchange: Exchange,
     coupling: Coupling,
@@ -38,8 +37,8 @@ pub(super) struct Stepper {
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
     /// Whether inputs change within a step, so that jumps would become ramps.
-    pub(super) has_courses: bool,
-    /// Whether all slaves can go back, and vary their steps.
+    pub(super) has_input_profiles: bool,
+    /// Whether all components can go back, and vary their steps.
     can_reject: bool,
     can_vary: bool,
     pub(super) steps: Steps,
@@ -48,8 +47,9 @@ pub(super) struct Stepper {
     /// How often this one may still be halved.
     parts_left: u32,
     room: Vec<f64>,
-    /// Threads, if slaves step at the same time.
-    pool: Option<ThreadPool>,
+    /// Threads, if components step at the same time.
+    /// Whether the components step at the same time.
+    pub(super) parallel: bool,
     pub(super) sampler: Sampler,
 }
 
@@ -76,7 +76,7 @@ impl Stepper {
             is_plain,
             strong: is_strong.then(|| Strong::new(&exchange, coupling)),
             control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
-            has_courses: is_strong || degree > 0 || coupling.control.is_some(),
+            has_input_profiles: is_strong || degree > 0 || coupling.control.is_some(),
             can_vary: exchange.wired.iter().all(|w| w.abilities.variable_steps),
             can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
             steps: Steps {
@@ -86,7 +86,7 @@ impl Stepper {
             points: 0,
             parts_left: 0,
             room: vec![0.0; exchange.values.row.len()],
-            pool: (coupling.parallel && is_plain).then(|| ThreadPool::new(exchange.wired.len())),
+            parallel: coupling.parallel && is_plain,
             sampler: Sampler::new(coupling.measure),
             exchange,
         })
@@ -126,8 +126,8 @@ impl Stepper {
     #[inline]
     fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
-            let (algorithm, pool) = (self.coupling.algorithm, self.pool.as_mut());
-            (self.exchange).advance_held(algorithm, &self.order, pool, t, h)?;
+            let (algorithm, parallel) = (self.coupling.algorithm, self.parallel);
+            (self.exchange).advance_held(algorithm, &self.order, parallel, t, h)?;
             // All steps are equally long.
             match self.steps.accepted {
                 0 => self.count(h),
@@ -135,7 +135,7 @@ impl Stepper {
             }
             return Ok(());
         }
-        let stepped = match self.has_courses {
+        let stepped = match self.has_input_profiles {
             true => self.step_between_jumps(t, end, h),
             false => self.stride(t, end, h),
         };
@@ -185,8 +185,8 @@ impl Stepper {
 
     /// The first jump after `t` until `end`.
     fn jump_within(&self, t: f64, end: f64) -> Option<f64> {
-        let slaves = self.exchange.wired.iter();
-        let jumps = slaves.filter_map(|w| w.slave.next_jump(t));
+        let instances = self.exchange.wired.iter();
+        let jumps = instances.filter_map(|w| w.component.next_jump(t));
         let last = end + ROUNDING * end.abs();
         jumps.filter(|&jump| jump <= last).reduce(f64::min)
     }
@@ -218,8 +218,8 @@ impl Stepper {
         let can_go_back = self.strong.is_some() && self.can_reject;
         match can_go_back.then(|| self.misled(part)).flatten() {
             Some(_) if can_halve => {}
-            Some((slave, input)) if self.is_nonsense() => {
-                return Err(self.exchange.wired[slave].misled(input, t, h));
+            Some((instance, input)) if self.is_nonsense() => {
+                return Err(self.exchange.wired[instance].misled(input, t, h));
             }
             _ => {
                 self.accept(end, h);
@@ -289,7 +289,7 @@ impl Stepper {
                         error.max(UNCONVERGED)
                     }
                 }
-                // As far as the slave came, it may come again.
+                // As far as the component came, it may come again.
                 Err(Ending::Discarded { reached, .. }) if may_reject => {
                     controller.shorten(h, reached - t);
                     f64::INFINITY
@@ -317,7 +317,7 @@ impl Stepper {
         Ok(())
     }
 
-    /// Positions of the slaves in the order in which they step.
+    /// Positions of the instances in the order in which they step.
     pub(super) fn order(&self) -> &[usize] {
         &self.order
     }

@@ -9,7 +9,7 @@ const PART: f64 = 0.01;
 /// Timed steps are never further apart.
 const FURTHEST: u64 = 1024;
 
-/// Time that a slave spends in calls, of those steps in which it runs.
+/// Time that a component spends in calls, of those steps in which it runs.
 #[derive(Debug, Default)]
 pub(super) struct Stopwatch {
     is_running: bool,
@@ -117,7 +117,7 @@ impl Sampler {
         self.wait = self.stride;
     }
 
-    /// By what the slaves' times are to be multiplied after so many steps of the clock.
+    /// By what the components' times are to be multiplied after so many steps of the clock.
     pub(super) fn scale(&self, steps: u64) -> f64 {
         match self.covered {
             0 => 0.0,

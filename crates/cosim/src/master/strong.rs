@@ -15,7 +15,7 @@ const SLOW: f64 = 0.1;
 const MAX_MATRICES: u32 = 3;
 
 /// Change of a value by which derivatives are formed, relative to its magnitude: far above the noise of
-/// slaves that integrate with error control.
+/// components that integrate with error control.
 const DIFFERENCE: f64 = 1e-5;
 
 /// How often a step is repeated at most, since values that are no reals have changed within it.
@@ -24,21 +24,21 @@ const MAX_REPETITIONS: u32 = 4;
 /// Pivots below this part of the largest entry are noise of the differences.
 const SINGULAR: f64 = 1e-8;
 
-/// Finds the outputs `z` at the end of a step for which `F(z) = z`, with `F` one step of all slaves
+/// Finds the outputs `z` at the end of a step for which `F(z) = z`, with `F` one step of all components
 /// whose inputs go from the outputs at its begin to `z`.
 pub(super) struct Strong {
     iteration: Iteration,
     /// Degree of the inputs' polynomials.
     degree: usize,
-    /// Degrees of extrapolation: for the first pass, and for slaves that cannot go back.
+    /// Degrees of extrapolation: for the first pass, and for components that cannot go back.
     predictor: usize,
     fallback: usize,
-    /// The slaves that can go back; the first ones of them depend on `z`.
+    /// The components that can go back; the first ones of them depend on `z`.
     repeated: Vec<usize>,
     once: Vec<usize>,
-    /// Slaves that cannot.
+    /// Components that cannot.
     irrevocable: Vec<usize>,
-    /// Outputs that are no reals and feed slaves that can go back.
+    /// Outputs that are no reals and feed components that can go back.
     others: Vec<usize>,
     /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is; and of those that
     /// are discrete, which keep their value through the step.
@@ -145,7 +145,7 @@ impl Strong {
         Ok(has_converged)
     }
 
-    /// Whether the values that are no reals are at the end what the slaves were given.
+    /// Whether the values that are no reals are at the end what the components were given.
     fn others_fit(&self, exchange: &Exchange) -> bool {
         let (given, found) = (&exchange.others_given, &exchange.values.others);
         self.others.iter().all(|&slot| given[slot] == found[slot])
@@ -158,7 +158,7 @@ impl Strong {
         h: f64,
         steps: &mut Steps,
     ) -> Result<bool, Ending> {
-        self.set_courses(exchange, h);
+        self.set_profiles(exchange, h);
         for k in 0..self.once.len() {
             substeps(exchange, self.once[k], h)?;
         }
@@ -186,7 +186,7 @@ impl Strong {
         Ok(has_converged)
     }
 
-    /// Slaves that cannot go back step first, with extrapolated inputs; what they give is known then.
+    /// Components that cannot go back step first, with extrapolated inputs; what they give is known then.
     fn advance_irrevocable(&self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         if self.irrevocable.is_empty() {
             return Ok(());
@@ -202,13 +202,13 @@ impl Strong {
     }
 
     /// Lets the fed outputs go to the values that are tried.
-    fn set_courses(&self, exchange: &mut Exchange, h: f64) {
+    fn set_profiles(&self, exchange: &mut Exchange, h: f64) {
         for (&p, &end) in self.unknowns.iter().zip(&self.tried) {
             exchange.profiles[p] = exchange.history.interpolated(p, self.degree, h, end);
         }
     }
 
-    /// One step of all slaves that depend on what is tried, from where they stand.
+    /// One step of all components that depend on what is tried, from where they stand.
     fn substeps(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         for k in 0..self.repeated.len() {
             substeps(exchange, self.repeated[k], h)?;
@@ -231,7 +231,7 @@ impl Strong {
         })
     }
 
-    /// A step of the (simplified) Newton method, and a new step of the slaves with its result.
+    /// A step of the (simplified) Newton method, and a new step of the components with its result.
     fn correct(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         let pairs = self.found.iter().zip(&self.tried);
         for (correction, (found, tried)) in self.correction.iter_mut().zip(pairs) {
@@ -244,14 +244,14 @@ impl Strong {
             tried.value += correction;
             tried.slope = found.slope;
         }
-        self.set_courses(exchange, h);
+        self.set_profiles(exchange, h);
         for &i in &self.repeated {
             go_back(exchange, i)?;
         }
         self.substeps(exchange, h)
     }
 
-    /// Forms `I - ∂F/∂z` by differences: of each slave, one repeated step for each output that feeds
+    /// Forms `I - ∂F/∂z` by differences: of each component, one repeated step for each output that feeds
     /// it. Where it is singular, the identity takes its place, and the iteration is that of a fixed
     /// point.
     fn renew(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
@@ -261,7 +261,7 @@ impl Strong {
             for input in 0..exchange.wired[i].inputs.positions.len() {
                 let inputs = &exchange.wired[i].inputs.positions;
                 let p = inputs[input];
-                // One output may feed several inputs of a slave.
+                // One output may feed several inputs of a component.
                 let is_first = !inputs[..input].contains(&p);
                 if let (Some(column), true) = (self.place[p], is_first) {
                     self.differentiate(exchange, h, i, p, column)?;
@@ -277,7 +277,7 @@ impl Strong {
         Ok(())
     }
 
-    /// The part of a slave in the matrix's column of the output at position `p`.
+    /// The part of a component in the matrix's column of the output at position `p`.
     fn differentiate(
         &mut self,
         exchange: &mut Exchange,
@@ -305,7 +305,7 @@ impl Strong {
     }
 }
 
-/// A communication step of one slave by `h`, inputs along their profiles.
+/// A communication step of one component by `h`, inputs along their profiles.
 fn substeps(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
     let t = exchange.history.time();
     let wired = &mut exchange.wired[i];

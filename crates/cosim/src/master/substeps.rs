@@ -1,9 +1,9 @@
-//! A communication step of one slave whose inputs change within it.
+//! A communication step of one component whose inputs change within it.
 
 use super::history::InputProfile;
 use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
 use super::{Ending, Stage};
-use crate::slave::Value;
+use crate::component::Value;
 
 impl Wired {
     /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `profiles`, and
@@ -11,7 +11,7 @@ impl Wired {
     ///
     /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
     /// feedthrough show the inputs' values at the end; where these are others, they come from a last
-    /// part that ends there, before the slave goes back and takes the right one.
+    /// part that ends there, before the component goes back and takes the right one.
     pub(super) fn substeps(
         &mut self,
         values: &mut Values,
@@ -109,14 +109,14 @@ impl Wired {
         let (inputs, slopes) = (&self.inputs.handles, &self.inputs.slopes);
         let set = self
             .watch
-            .time(|| self.slave.set_input_derivatives(inputs, slopes));
+            .time(|| self.component.set_input_derivatives(inputs, slopes));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
     /// By how much one step in half as many parts would have changed the fed outputs: what holding the
     /// inputs within each part does, times 3. `others` are its inputs that are no reals; `room` is for as many values as there are outputs.
     ///
-    /// The slave stands at the end of the step before and after.
+    /// The component stands at the end of the step before and after.
     pub(super) fn effect_of_hold_error(
         &mut self,
         values: &mut Values,

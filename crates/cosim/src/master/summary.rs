@@ -3,7 +3,7 @@
 use super::change::Change;
 use super::stepper::Stepper;
 use crate::algorithms::{Algorithm, Coupling};
-use crate::report::{ConnectionReport, CouplingError, Report, SlaveReport, Steps, Transfer};
+use crate::report::{ConnectionReport, CouplingError, InstanceReport, Report, Steps, Transfer};
 use crate::system::System;
 
 /// The connections of reals, by name and by position.
@@ -13,7 +13,7 @@ struct Wire {
     from: String,
     to: String,
     unit: String,
-    /// Positions of the slaves.
+    /// Positions of the instances.
     source: usize,
     target: usize,
     /// Which of the target's real inputs.
@@ -29,13 +29,13 @@ impl Wires {
                 continue;
             }
             let variable = system.variable(connection.from);
-            let target = connection.to.slave;
+            let target = connection.to.instance;
             let unit = variable.unit.as_ref();
             wires.push(Wire {
                 from: system.port_name(connection.from),
                 to: system.port_name(connection.to),
                 unit: unit.map_or_else(String::new, |u| u.name.clone()),
-                source: connection.from.slave,
+                source: connection.from.instance,
                 target,
                 input: inputs[target],
             });
@@ -61,16 +61,16 @@ impl Wires {
         let irrevocable = (wired.iter())
             .filter(|w| needs_rollback && !w.abilities.rollback && w.inputs.are_fed());
         let scale = stepper.sampler.scale(clock_steps);
-        let slaves = wired.iter().map(|w| SlaveReport {
+        let instances = wired.iter().map(|w| InstanceReport {
             name: w.name.clone(),
             calls: w.calls,
             seconds: scale * w.watch.seconds,
         });
-        let slaves: Vec<SlaveReport> = slaves.collect();
-        let in_slaves: f64 = slaves.iter().map(|slave| slave.seconds).sum();
+        let instances: Vec<InstanceReport> = instances.collect();
+        let in_instances: f64 = instances.iter().map(|i| i.seconds).sum();
         Report {
             steps,
-            slaves,
+            instances,
             connections: (self.0.iter())
                 .map(|wire| wire.report(stepper, coupling, duration))
                 .collect(),
@@ -79,12 +79,12 @@ impl Wires {
                 .map(|w| w.name.clone())
                 .collect(),
             holding: (wired.iter())
-                .filter(|w| stepper.has_courses && w.inputs.are_fed())
+                .filter(|w| stepper.has_input_profiles && w.inputs.are_fed())
                 .filter(|w| !w.abilities.input_derivatives)
                 .map(|w| w.name.clone())
                 .collect(),
             irrevocable: irrevocable.map(|w| w.name.clone()).collect(),
-            master_seconds: (stepper.sampler.elapsed() - in_slaves).max(0.0),
+            master_seconds: (stepper.sampler.elapsed() - in_instances).max(0.0),
             timed_steps: stepper.sampler.timed,
         }
     }
@@ -135,7 +135,7 @@ impl Wire {
 
     fn transfer(&self, stepper: &Stepper, coupling: &Coupling) -> Transfer {
         let wired = &stepper.exchange.wired;
-        let place = |slave| stepper.order().iter().position(|&i| i == slave);
+        let place = |instance| stepper.order().iter().position(|&i| i == instance);
         let is_known = match coupling.algorithm {
             Algorithm::Jacobi => false,
             Algorithm::GaussSeidel => place(self.source) < place(self.target),

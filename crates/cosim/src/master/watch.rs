@@ -1,12 +1,12 @@
 //! What outputs do within a step. Their values and slopes at its ends do not tell: two fast poles have brought a
-//! stick to its new value long before the end, and a cubic goes there all the way. A slave that can go back is asked:
-//! it steps from the begin to points within the step, and cubics between these have the output's mean.
+//! stick to its new value long before the end, and a cubic goes there all the way. A component that can go back
+//! is asked: it steps from the begin to points within the step, and cubics between these have the output's mean.
 
 use super::Ending;
 use super::exchange::Exchange;
 use super::history::{InputProfile, Outcome};
 use super::wired::{BEGIN, END, Failure, Values, Wired};
-use crate::slave::Value;
+use crate::component::Value;
 
 /// An error as large as a smooth output's has this many times what the fourth derivative says.
 const SMOOTH: f64 = 2.0;
@@ -16,7 +16,7 @@ const SMOOTH: f64 = 2.0;
 const ENOUGH: f64 = 0.2;
 const SMALL: f64 = 1e-5;
 
-/// Errors below this part of the magnitude are noise of the slaves.
+/// Errors below this part of the magnitude are noise of the components.
 const NOISE: f64 = 1e-12;
 
 /// Where an output is looked at that is the same at both ends and in the middle, as one at its limit is that swings to
@@ -31,7 +31,7 @@ const SHORTEST: f64 = 1e-8;
 const CLOCK: f64 = 1e4 * f64::EPSILON;
 
 impl Exchange {
-    /// Finds the means over the last step of the fed outputs of all slaves that can be asked.
+    /// Finds the means over the last step of the fed outputs of all components that can be asked.
     pub(super) fn watch(&mut self, h: f64) -> Result<(), Ending> {
         for i in 0..self.wired.len() {
             if !self.wired[i].within.is_watchable {
@@ -40,7 +40,7 @@ impl Exchange {
             let begin = self.history.time();
             let failed = |failure: Failure| failure.at(begin);
             self.wired[i].save(END).map_err(failed)?;
-            match self.watch_slave(i, h) {
+            match self.watch_component(i, h) {
                 // It does not take steps of any length.
                 Err(Ending::Discarded { .. } | Ending::EndRequested { .. }) => self.look_away(i),
                 other => other?,
@@ -57,7 +57,7 @@ impl Exchange {
         }
     }
 
-    fn watch_slave(&mut self, i: usize, h: f64) -> Result<(), Ending> {
+    fn watch_component(&mut self, i: usize, h: f64) -> Result<(), Ending> {
         let mut looks = Looks {
             wired: &mut self.wired[i],
             profiles: &self.profiles,
@@ -105,7 +105,7 @@ impl Exchange {
 }
 
 impl Values {
-    /// A fed output where its slave stands.
+    /// A fed output where its component stands.
     pub(super) fn outcome(&self, fed: &[usize], p: usize) -> Outcome {
         Outcome {
             value: self.row[fed[p]],
@@ -126,7 +126,7 @@ impl Outcome {
     }
 }
 
-/// A slave that goes from the begin of a step to points within it.
+/// A component that goes from the begin of a step to points within it.
 struct Looks<'a> {
     wired: &'a mut Wired,
     profiles: &'a [InputProfile],

@@ -1,4 +1,4 @@
-//! A slave with what it exchanges.
+//! A component with what it exchanges.
 
 use super::change::Change;
 use super::history::Outcome;
@@ -6,8 +6,8 @@ use super::stopwatch::Stopwatch;
 use super::wires::{Inputs, Outputs, Reading, Within};
 use super::{Ending, MasterError, Stage};
 use crate::algorithms::{Algorithm, Coupling};
+use crate::component::{Abilities, Component, ComponentError, Progress, Value, ValueKind};
 use crate::report::Calls;
-use crate::slave::{Abilities, Kind, Progress, Slave, SlaveError, Value};
 
 /// Where states are saved: at the begin of a communication step, before the last part of it, and at
 /// its end.
@@ -15,13 +15,13 @@ pub(super) const BEGIN: usize = 0;
 pub(super) const LAST_PART: usize = 1;
 pub(super) const END: usize = 2;
 
-/// How far a time that a slave tells may be off, relative to the step.
+/// How far a time that a component tells may be off, relative to the step.
 const TIME_TOLERANCE: f64 = 1e-9;
 
-/// What is written where slaves are read.
+/// What is written where components are read.
 #[derive(Debug, Default)]
 pub(super) struct Values {
-    /// The recorded values: of each slave the reals, then integers, enumerations and booleans.
+    /// The recorded values: of each component the reals, then integers, enumerations and booleans.
     pub(super) row: Vec<f64>,
     /// Outputs that are no reals, and their slots in the row; strings have none.
     pub(super) others: Vec<Value>,
@@ -30,10 +30,10 @@ pub(super) struct Values {
     pub(super) slopes: Vec<f64>,
 }
 
-/// A slave with what it exchanges, so that each step needs one call for all its reals.
+/// A component with what it exchanges, so that each step needs one call for all its reals.
 pub(super) struct Wired {
     pub(super) name: String,
-    pub(super) slave: Box<dyn Slave>,
+    pub(super) component: Box<dyn Component>,
     pub(super) abilities: Abilities,
     /// Parts that it takes each communication step in.
     pub(super) parts: u32,
@@ -50,7 +50,7 @@ pub(super) struct Wired {
 pub(super) struct Failure {
     pub(super) instance: String,
     pub(super) stage: Stage,
-    pub(super) source: SlaveError,
+    pub(super) source: ComponentError,
 }
 
 impl Failure {
@@ -76,13 +76,13 @@ impl Wired {
     /// `parts`: how many the user wants it to take each communication step in.
     pub(super) fn new(
         name: String,
-        slave: Box<dyn Slave>,
+        component: Box<dyn Component>,
         parts: u32,
         inputs: Inputs,
         outputs: Outputs,
         coupling: &Coupling,
     ) -> Self {
-        let abilities = slave.abilities();
+        let abilities = component.abilities();
         let is_strong = coupling.algorithm == Algorithm::Strong;
         let reads_slopes = is_strong && abilities.output_derivatives;
         let within = Within::new(&inputs, &outputs, reads_slopes, abilities, parts);
@@ -90,7 +90,7 @@ impl Wired {
             is_strong && coupling.control.is_some() && inputs.have_hold_error(abilities);
         Self {
             name,
-            slave,
+            component,
             abilities,
             parts: if is_halved { 2 * parts } else { parts },
             inputs,
@@ -115,7 +115,7 @@ impl Wired {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn failure(&self, stage: Stage, source: SlaveError) -> Failure {
+    pub(super) fn failure(&self, stage: Stage, source: ComponentError) -> Failure {
         Failure {
             instance: self.name.clone(),
             stage,
@@ -126,9 +126,9 @@ impl Wired {
     /// That what an input got in the step from `t` by `h` [s] is nonsense, and no shorter step helps.
     #[cold]
     pub(super) fn misled(&self, input: usize, t: f64, h: f64) -> Ending {
-        let mut variables = self.slave.variables().iter();
+        let mut variables = self.component.variables().iter();
         let variable =
-            variables.find(|v| v.handle == self.inputs.handles[input] && v.kind == Kind::Real);
+            variables.find(|v| v.handle == self.inputs.handles[input] && v.kind == ValueKind::Real);
         let name = variable.map_or("an input", |v| v.name.as_str());
         let source = format!(
             "in a step of {h} s, what is known of `{name}` between the ends of the step is wrong by as much as \
@@ -161,8 +161,10 @@ impl Wired {
         for k in 0..self.inputs.others.len() {
             let (handle, slot) = self.inputs.others[k];
             self.calls.sets += 1;
-            let set = self.watch.time(|| self.slave.set(handle, &others[slot]));
-            set.map_err(|source| self.failure(Stage::SetInputs, source))?;
+            let set = self
+                .watch
+                .time(|| self.component.set(handle, &others[slot]));
+            set.map_err(|why| self.lost(Stage::SetInputs, &self.inputs.other_names[k], &why))?;
         }
         Ok(())
     }
@@ -178,7 +180,7 @@ impl Wired {
         }
         self.calls.sets += 1;
         let (inputs, values) = (&self.inputs.handles, &self.inputs.values);
-        let set = self.watch.time(|| self.slave.set_reals(inputs, values));
+        let set = self.watch.time(|| self.component.set_reals(inputs, values));
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
@@ -231,7 +233,7 @@ impl Wired {
                 &self.outputs.handles,
                 &mut values.row[self.outputs.slots.clone()],
             );
-            let got = self.watch.time(|| self.slave.get_reals(outputs, row));
+            let got = self.watch.time(|| self.component.get_reals(outputs, row));
             got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         }
         self.get_slopes(values)?;
@@ -252,7 +254,7 @@ impl Wired {
         let (handles, room) = (&self.within.sloped, &mut self.within.slope_values);
         let got = self
             .watch
-            .time(|| self.slave.get_output_derivatives(handles, room));
+            .time(|| self.component.get_output_derivatives(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         for (&p, &slope) in self
             .outputs
@@ -273,10 +275,10 @@ impl Wired {
             &mut self.within.look_values,
             &mut self.within.slope_values,
         );
-        let slave = &mut self.slave;
+        let component = &mut self.component;
         let got = self.watch.time(|| {
-            slave.get_reals(handles, values)?;
-            slave.get_output_derivatives(handles, slopes)
+            component.get_reals(handles, values)?;
+            component.get_output_derivatives(handles, slopes)
         });
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         let pairs = self
@@ -309,12 +311,14 @@ impl Wired {
             kind,
             wanted,
             slot,
+            ..
         } = self.outputs.others[k];
         self.calls.gets += 1;
-        let got = self.watch.time(|| self.slave.get(handle, kind));
+        let got = self.watch.time(|| self.component.get(handle, kind));
         let value = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         let converted = value.converted(wanted);
-        values.others[slot] = converted.map_err(|why| self.not_whole(handle, &why))?;
+        values.others[slot] = converted
+            .map_err(|why| self.lost(Stage::GetOutputs, &self.outputs.others[k].wire, &why))?;
         if let Some(column) = values.other_slots[slot] {
             values.row[column] = values.others[slot].as_number();
         }
@@ -331,7 +335,7 @@ impl Wired {
         }
         self.calls.gets += 1;
         let (handles, room) = (&self.outputs.settled, &mut self.outputs.settled_values);
-        let got = self.watch.time(|| self.slave.get_reals(handles, room));
+        let got = self.watch.time(|| self.component.get_reals(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         for (&slot, &value) in self
             .outputs
@@ -358,10 +362,10 @@ impl Wired {
         }
     }
 
+    /// That a value would be lost on a wire.
     #[cold]
-    fn not_whole(&self, handle: u32, why: &SlaveError) -> Failure {
-        let source = format!("`{}` feeds an Integer, but {why}", self.real_output(handle));
-        self.failure(Stage::GetOutputs, source.into())
+    fn lost(&self, stage: Stage, wire: &str, why: &ComponentError) -> Failure {
+        self.failure(stage, format!("{wire}: {why}").into())
     }
 
     #[cold]
@@ -374,8 +378,8 @@ impl Wired {
 
     /// Name of the real output of that handle.
     fn real_output(&self, handle: u32) -> &str {
-        let mut variables = self.slave.variables().iter();
-        let variable = variables.find(|v| v.handle == handle && v.kind == Kind::Real);
+        let mut variables = self.component.variables().iter();
+        let variable = variables.find(|v| v.handle == handle && v.kind == ValueKind::Real);
         variable.map_or("an output", |v| v.name.as_str())
     }
 
@@ -384,8 +388,8 @@ impl Wired {
     pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
         self.calls.steps += 1;
         let stepped = self.watch.time(|| match is_revocable {
-            false => self.slave.step(t, h),
-            true => self.slave.step_revocably(t, h),
+            false => self.component.step(t, h),
+            true => self.component.step_revocably(t, h),
         });
         match stepped {
             Ok(Progress::Done) => Ok(()),
@@ -394,7 +398,7 @@ impl Wired {
     }
 
     #[cold]
-    fn ending(&self, stepped: Result<Progress, SlaveError>, t: f64, h: f64) -> Ending {
+    fn ending(&mut self, stepped: Result<Progress, ComponentError>, t: f64, h: f64) -> Ending {
         let slack = TIME_TOLERANCE * h.max(t.abs());
         let is_within = |reached: f64| (t - slack..=t + h + slack).contains(&reached);
         let instance = self.name.clone();
@@ -416,22 +420,29 @@ impl Wired {
                 instance,
                 time: t,
                 reached,
+                words: self.component.words_of_discard(),
             },
             // Done is no ending; the caller has sorted it out.
             Ok(Progress::Done) => Ending::Completed,
-            Err(source) => self.failure(Stage::Step, source).at(t),
+            Err(source) => {
+                let source = match self.component.words_of_discard() {
+                    Some(words) => format!("{source}; its last message: {words}").into(),
+                    None => source,
+                };
+                self.failure(Stage::Step, source).at(t)
+            }
         }
     }
 
     pub(super) fn save(&mut self, place: usize) -> Result<(), Failure> {
         self.calls.saves += 1;
-        let saved = self.watch.time(|| self.slave.save(place));
+        let saved = self.watch.time(|| self.component.save(place));
         saved.map_err(|source| self.failure(Stage::Save, source))
     }
 
     pub(super) fn restore(&mut self, place: usize) -> Result<(), Failure> {
         self.calls.restores += 1;
-        let restored = self.watch.time(|| self.slave.restore(place));
+        let restored = self.watch.time(|| self.component.restore(place));
         restored.map_err(|source| self.failure(Stage::Restore, source))
     }
 }

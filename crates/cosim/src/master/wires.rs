@@ -1,17 +1,19 @@
-//! What a slave exchanges: its inputs, its outputs, and what is known of both within a step.
+//! What a component exchanges: its inputs, its outputs, and what is known of both within a step.
 
 use super::change::Change;
 use super::history::Outcome;
+use crate::component::{Abilities, Component, Conversion, Role, ValueKind};
 use crate::report::CouplingError;
-use crate::slave::{Abilities, Conversion, Kind, Role, Slave};
 use std::ops::Range;
 
-/// A connection as the slave sees it that has the input.
+/// A connection as the component sees it that has the input.
 pub(super) struct Wire {
     /// Handle of the input.
     pub(super) handle: u32,
     /// Slot that feeds it: in the row where both ends are reals, else in [`Values::others`](super::wired::Values).
     pub(super) slot: usize,
+    /// Both ends in words: `` `a.y` -> `b.u` ``.
+    pub(super) name: String,
     /// Of reals: the output's position among all fed outputs, and how its values become the input's.
     pub(super) real: Option<(usize, Conversion)>,
 }
@@ -29,6 +31,8 @@ pub(super) struct Inputs {
     pub(super) conversions: Vec<(usize, Conversion)>,
     /// Handles of those that are no reals, and their slots in [`Values::others`](super::wired::Values).
     pub(super) others: Vec<(u32, usize)>,
+    /// Both ends of their wires in words.
+    pub(super) other_names: Vec<String>,
 }
 
 impl Inputs {
@@ -46,7 +50,8 @@ impl Inputs {
             conversions: conversions
                 .filter(|(_, conversion)| *conversion != Conversion::NONE)
                 .collect(),
-            others: others.map(|wire| (wire.handle, wire.slot)).collect(),
+            others: others.clone().map(|w| (w.handle, w.slot)).collect(),
+            other_names: others.map(|wire| wire.name.clone()).collect(),
         }
     }
 
@@ -64,14 +69,16 @@ impl Inputs {
 /// An output that is read by itself.
 pub(super) struct Reading {
     pub(super) handle: u32,
-    pub(super) kind: Kind,
+    pub(super) kind: ValueKind,
     /// Type that it is wanted in.
-    pub(super) wanted: Kind,
+    pub(super) wanted: ValueKind,
     /// Slot in [`Values::others`](super::wired::Values).
     pub(super) slot: usize,
+    /// Both ends in words of the wire that wants it in that type, if one does.
+    pub(super) wire: String,
 }
 
-/// What is read of a slave, and where it goes.
+/// What is read of a component, and where it goes.
 pub(super) struct Outlets {
     /// Handles of the real outputs.
     pub(super) handles: Vec<u32>,
@@ -105,16 +112,16 @@ pub(super) struct Outputs {
 }
 
 impl Outputs {
-    /// Of a slave of which these inputs (positions of variables) are fed; `fed` are the slots of all outputs that
+    /// Of a component of which these inputs (positions of variables) are fed; `fed` are the slots of all outputs that
     /// feed others.
     pub(super) fn new(
         outlets: Outlets,
-        slave: &dyn Slave,
+        component: &dyn Component,
         fed_inputs: &[usize],
         fed: &[usize],
     ) -> Self {
-        let is_direct = |handle: u32, kind: Kind| {
-            let mut variables = slave.variables().iter();
+        let is_direct = |handle: u32, kind: ValueKind| {
+            let mut variables = component.variables().iter();
             variables
                 .find(|v| v.handle == handle && v.role == Role::Output && v.kind == kind)
                 .is_some_and(|v| v.feedthrough.iter().any(|input| fed_inputs.contains(input)))
@@ -129,7 +136,7 @@ impl Outputs {
             own.filter(|(_, slot)| slots.contains(slot)).unzip();
         let reals = handles.iter().copied().zip(slots.clone());
         let (direct, settled): (Vec<_>, Vec<_>) =
-            reals.partition(|(handle, _)| is_direct(*handle, Kind::Real));
+            reals.partition(|(handle, _)| is_direct(*handle, ValueKind::Real));
         let is_settled = |k: &usize| !is_direct(others[*k].handle, others[*k].kind);
         let settled_others: Vec<usize> = (0..others.len()).filter(is_settled).collect();
         let (settled, settled_slots): (Vec<_>, Vec<_>) = settled.into_iter().unzip();
@@ -220,7 +227,7 @@ impl Within {
     }
 }
 
-/// Whether the outputs within a step are what they are where a shorter step ends there: the slave takes such steps,
+/// Whether the outputs within a step are what they are where a shorter step ends there: the component takes such steps,
 /// and follows lines, of which its outputs show no more than its states do.
 fn can_be_watched(inputs: &Inputs, outputs: &Outputs, abilities: Abilities, parts: u32) -> bool {
     let follows = !inputs.are_fed() || abilities.input_derivatives;

@@ -1,13 +1,13 @@
-//! Why slaves cannot be wired as asked.
+//! Why components cannot be wired as asked.
 
-use crate::slave::{Kind, Role};
-use pilotage_text::nearest::did_you_mean;
+use crate::component::{Role, ValueKind};
+use pilotage_text::suggestion::did_you_mean;
 use thiserror::Error;
 
-/// Why slaves cannot be wired as asked.
+/// Why components cannot be wired as asked.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SystemError {
-    /// Two slaves of one name.
+    /// Two instances of one name.
     #[error("two instances are named `{name}`; give one another name")]
     DuplicateInstance {
         /// The name.
@@ -22,13 +22,13 @@ pub enum SystemError {
     /// A communication step in no parts.
     #[error("`{name}` cannot take a step in 0 parts; 1 is the communication step itself")]
     NoParts {
-        /// Name of the slave.
+        /// Name of the instance.
         name: String,
     },
-    /// No such slave.
+    /// No such instance.
     #[error(
         "`{text}`: there is no instance `{instance}`{}, known are {}",
-        did_you_mean(nearest.as_deref()),
+        did_you_mean(suggestion.as_deref()),
         list(known)
     )]
     UnknownInstance {
@@ -37,24 +37,32 @@ pub enum SystemError {
         /// What was taken for the instance's name.
         instance: String,
         /// The most similar name.
-        nearest: Option<String>,
+        suggestion: Option<String>,
         /// All names.
         known: Vec<String>,
+    },
+    /// A name without a variable.
+    #[error("`{text}` names no variable; expected INSTANCE.VARIABLE{}", did_you_mean(suggestion.as_deref()))]
+    NoVariable {
+        /// As given.
+        text: String,
+        /// The one variable of that name.
+        suggestion: Option<String>,
     },
     /// No such variable.
     #[error(
         "`{text}`: `{instance}` has no variable `{variable}`{}",
-        did_you_mean(nearest.as_deref())
+        did_you_mean(suggestion.as_deref())
     )]
     UnknownVariable {
         /// As given.
         text: String,
-        /// Name of the slave.
+        /// Name of the instance.
         instance: String,
         /// What was taken for the variable's name.
         variable: String,
         /// The most similar name, with the instance.
-        nearest: Option<String>,
+        suggestion: Option<String>,
     },
     /// A connection does not begin at an output.
     #[error("`{from}` -> `{to}`: `{from}` is {role}, a connection begins at an output{}", other_way_round(*swapped, from, to))]
@@ -101,9 +109,9 @@ pub enum SystemError {
         /// Where it ends.
         to: String,
         /// Type of the output.
-        from_kind: Kind,
+        from_kind: ValueKind,
         /// Type of the input.
-        to_kind: Kind,
+        to_kind: ValueKind,
     },
     /// The ends are of different units.
     #[error(
@@ -151,9 +159,27 @@ pub enum SystemError {
         /// The variable.
         name: String,
         /// Its type.
-        kind: Kind,
+        kind: ValueKind,
         /// As given.
         text: String,
+    },
+    /// A start value that is no number.
+    #[error("`{name}` cannot be NaN")]
+    NotANumber {
+        /// The variable.
+        name: String,
+    },
+    /// A start value that the variable must not have.
+    #[error("`{name}` cannot be {text}: it is from {} to {}{unit}", short(range[0]), short(range[1]))]
+    OutOfRange {
+        /// The variable.
+        name: String,
+        /// As given.
+        text: String,
+        /// Smallest and largest value.
+        range: [f64; 2],
+        /// A space and the unit, or nothing.
+        unit: String,
     },
     /// Two start values for one variable.
     #[error("`{name}` is set twice")]
@@ -161,6 +187,12 @@ pub enum SystemError {
         /// The variable.
         name: String,
     },
+}
+
+/// A number as people write it.
+fn short(value: f64) -> String {
+    let text = format!("{value:?}");
+    text.strip_suffix(".0").unwrap_or(&text).to_owned()
 }
 
 fn other_way_round(swapped: bool, from: &str, to: &str) -> String {

@@ -4,15 +4,15 @@ mod error;
 
 pub use error::SystemError;
 
-use super::slave::{Conversion, Kind, Role, Slave, Value, Variable};
-use pilotage_text::nearest::nearest;
+use super::component::{Component, Conversion, Role, Value, ValueKind, Variable};
+use pilotage_text::suggestion::suggestion;
 
-/// A variable of one of the slaves, by positions.
+/// A variable of one of the instances, by positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Port {
-    /// Position of the slave.
-    pub slave: usize,
-    /// Position in [`Slave::variables`].
+    /// Position of the instance.
+    pub instance: usize,
+    /// Position in [`Component::variables`].
     pub variable: usize,
 }
 
@@ -27,17 +27,28 @@ pub struct Connection {
     pub conversion: Conversion,
 }
 
-/// A slave by its name.
+/// A connection by the names of its ends, each `instance.variable`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Link<'a> {
+    /// The output.
+    pub from: (String, &'a Variable),
+    /// The input.
+    pub to: (String, &'a Variable),
+    /// From the output's unit to the input's.
+    pub conversion: Conversion,
+}
+
+/// A component under its name.
 pub(super) struct Instance {
     pub(super) name: String,
-    pub(super) slave: Box<dyn Slave>,
+    pub(super) component: Box<dyn Component>,
     /// Positions of variables that are read at each communication point though they are no outputs.
     pub(super) observed: Vec<usize>,
     /// Parts that it takes each communication step in.
     pub(super) parts: u32,
 }
 
-/// Slaves, connections and start values.
+/// Components, connections and start values.
 #[derive(Default)]
 pub struct System {
     pub(super) instances: Vec<Instance>,
@@ -51,14 +62,14 @@ impl System {
         Self::default()
     }
 
-    /// Adds a slave under a name.
+    /// Adds a component under a name.
     ///
     /// # Errors
     /// If the name is empty or taken.
     pub fn add(
         &mut self,
         name: impl Into<String>,
-        slave: Box<dyn Slave>,
+        component: Box<dyn Component>,
     ) -> Result<(), SystemError> {
         let name = name.into();
         if name.is_empty() {
@@ -69,18 +80,18 @@ impl System {
         }
         self.instances.push(Instance {
             name,
-            slave,
+            component,
             observed: Vec::new(),
             parts: 1,
         });
         Ok(())
     }
 
-    /// Has a slave take every communication step in that many equal parts (multi-rate), its inputs
+    /// Has an instance take every communication step in that many equal parts (multi-rate), its inputs
     /// interpolated where they change within the step.
     ///
     /// # Errors
-    /// If there is no such slave, or no part.
+    /// If there is no such instance, or no part.
     pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
         if parts == 0 {
             let name = name.to_owned();
@@ -177,28 +188,74 @@ impl System {
         if self.settings.iter().any(|(other, _)| *other == port) {
             return Err(SystemError::SetTwice { name });
         }
-        let value = Value::parse(value, kind).ok_or_else(|| SystemError::BadValue {
+        let parsed = Value::parse(value, kind).ok_or_else(|| SystemError::BadValue {
             name,
             kind,
             text: value.to_owned(),
         })?;
-        self.settings.push((port, value));
+        self.check_range(port, &parsed, value)?;
+        self.settings.push((port, parsed));
         Ok(())
+    }
+
+    /// Refuses a start value, `text`, that the variable must not have.
+    fn check_range(&self, port: Port, value: &Value, text: &str) -> Result<(), SystemError> {
+        let (name, variable) = (self.port_name(port), self.variable(port));
+        let number = match value {
+            Value::Real(number) if number.is_nan() => return Err(SystemError::NotANumber { name }),
+            Value::Real(_) | Value::Integer(_) => value.as_number(),
+            Value::Boolean(_) | Value::String(_) => return Ok(()),
+        };
+        let [min, max] = variable.range;
+        match min <= number && number <= max {
+            true => Ok(()),
+            false => Err(SystemError::OutOfRange {
+                name,
+                text: text.to_owned(),
+                range: [min, max],
+                unit: variable
+                    .unit
+                    .as_ref()
+                    .map_or(String::new(), |u| format!(" {}", u.name)),
+            }),
+        }
     }
 
     /// Connections whose values are converted: output, its unit, input, its unit.
     pub fn converted(&self) -> Vec<[String; 4]> {
-        let unit = |port| match &self.variable(port).unit {
+        let unit = |variable: &Variable| match &variable.unit {
             Some(unit) => unit.name.clone(),
             None => String::new(),
         };
-        (self.connections.iter())
-            .filter(|c| c.conversion != Conversion::NONE)
-            .map(|c| {
-                let (from, to) = (self.port_name(c.from), self.port_name(c.to));
-                [from, unit(c.from), to, unit(c.to)]
-            })
+        (self.links())
+            .filter(|link| link.conversion != Conversion::NONE)
+            .map(|Link { from, to, .. }| [from.0, unit(from.1), to.0, unit(to.1)])
             .collect()
+    }
+
+    /// The connections, in the order in which they were made.
+    pub fn links(&self) -> impl Iterator<Item = Link<'_>> {
+        self.connections.iter().map(|connection| Link {
+            from: self.named(connection.from),
+            to: self.named(connection.to),
+            conversion: connection.conversion,
+        })
+    }
+
+    /// All outputs.
+    pub fn outputs(&self) -> impl Iterator<Item = (String, &Variable)> {
+        let ports = self.ports();
+        let outputs = ports.filter(|port| self.variable(*port).role == Role::Output);
+        outputs.map(|port| self.named(port))
+    }
+
+    /// Inputs that nothing feeds.
+    pub fn free_inputs(&self) -> impl Iterator<Item = (String, &Variable)> {
+        self.unfed().map(|port| self.named(port))
+    }
+
+    fn named(&self, port: Port) -> (String, &Variable) {
+        (self.port_name(port), self.variable(port))
     }
 
     /// What `instance.variable` is.
@@ -218,38 +275,41 @@ impl System {
     /// Has a variable read at each communication point, as outputs are anyway.
     pub(super) fn observe(&mut self, port: Port) {
         let is_output = self.variable(port).role == Role::Output;
-        let observed = &mut self.instances[port.slave].observed;
+        let observed = &mut self.instances[port.instance].observed;
         if !is_output && !observed.contains(&port.variable) {
             observed.push(port.variable);
         }
     }
 
-    /// When the slaves suggest to end \[s\]; `None` if none does, or they do not agree.
+    /// When the instances suggest to end \[s\]; `None` if none does, or they do not agree.
     pub fn suggested_stop(&self) -> Option<f64> {
-        let mut stops = (self.instances.iter()).filter_map(|i| i.slave.suggested_stop());
+        let mut stops = (self.instances.iter()).filter_map(|i| i.component.suggested_stop());
         let first = stops.next()?;
         stops.all(|stop| stop == first).then_some(first)
     }
 
-    /// Names of the slaves, in the order in which they were added.
+    /// Names of the instances, in the order in which they were added.
     pub fn instance_names(&self) -> impl Iterator<Item = &str> {
         self.instances.iter().map(|i| i.name.as_str())
     }
 
     /// Inputs that nothing feeds and nobody set: they keep their start values.
     pub fn open_inputs(&self) -> Vec<String> {
-        let is_open = |port: &Port| {
+        let is_set = |port: &Port| self.settings.iter().any(|(set, _)| set == port);
+        let ports = self.unfed().filter(|port| !is_set(port));
+        ports.map(|port| self.port_name(port)).collect()
+    }
+
+    fn unfed(&self) -> impl Iterator<Item = Port> {
+        self.ports().filter(|port| {
             self.variable(*port).role == Role::Input
                 && !self.connections.iter().any(|c| c.to == *port)
-                && !self.settings.iter().any(|(set, _)| set == port)
-        };
-        let ports = self.ports().filter(is_open);
-        ports.map(|port| self.port_name(port)).collect()
+        })
     }
 
     /// `instance.variable` of a port.
     pub fn port_name(&self, port: Port) -> String {
-        let instance = &self.instances[port.slave].name;
+        let instance = &self.instances[port.instance].name;
         format!("{instance}.{}", self.variable(port).name)
     }
 
@@ -257,17 +317,17 @@ impl System {
     pub(super) fn is_real(&self, connection: &Connection) -> bool {
         let ends = [connection.from, connection.to];
         ends.iter()
-            .all(|&port| self.variable(port).kind == Kind::Real)
+            .all(|&port| self.variable(port).kind == ValueKind::Real)
     }
 
     pub(super) fn variable(&self, port: Port) -> &Variable {
-        &self.instances[port.slave].slave.variables()[port.variable]
+        &self.instances[port.instance].component.variables()[port.variable]
     }
 
     /// `instance.variable` of all ports, their aliases among them.
     pub(super) fn names(&self) -> impl Iterator<Item = (Port, String)> {
         self.ports().flat_map(|port| {
-            let instance = &self.instances[port.slave].name;
+            let instance = &self.instances[port.instance].name;
             let names = self.variable(port).names();
             names.map(move |name| (port, format!("{instance}.{name}")))
         })
@@ -277,9 +337,9 @@ impl System {
         self.instances
             .iter()
             .enumerate()
-            .flat_map(|(slave, instance)| {
-                let variables = 0..instance.slave.variables().len();
-                variables.map(move |variable| Port { slave, variable })
+            .flat_map(|(instance, wired)| {
+                let variables = 0..wired.component.variables().len();
+                variables.map(move |variable| Port { instance, variable })
             })
     }
 
@@ -291,24 +351,27 @@ impl System {
         };
         let candidates = self.instances.iter().enumerate();
         let found = candidates
-            .filter_map(|(slave, instance)| Some((split(instance)?, slave)))
+            .filter_map(|(position, instance)| Some((split(instance)?, position)))
             .min();
-        let Some((length, slave)) = found else {
-            return Err(self.unknown_instance(text));
+        let Some((length, instance)) = found else {
+            return Err(match text.contains('.') {
+                true => self.unknown_instance(text),
+                false => self.no_variable(text),
+            });
         };
         let name = &text[text.len() - length..];
-        let variables = self.instances[slave].slave.variables();
+        let variables = self.instances[instance].component.variables();
         match variables
             .iter()
             .position(|v| v.names().any(|own| own == name))
         {
-            Some(variable) => Ok(Port { slave, variable }),
+            Some(variable) => Ok(Port { instance, variable }),
             None => {
-                let instance = self.instances[slave].name.clone();
+                let instance = self.instances[instance].name.clone();
                 let names = variables.iter().flat_map(Variable::names);
                 Err(SystemError::UnknownVariable {
                     text: text.to_owned(),
-                    nearest: nearest(name, names).map(|n| format!("{instance}.{n}")),
+                    suggestion: suggestion(name, names).map(|n| format!("{instance}.{n}")),
                     instance,
                     variable: name.to_owned(),
                 })
@@ -321,8 +384,19 @@ impl System {
         SystemError::UnknownInstance {
             text: text.to_owned(),
             instance: instance.to_owned(),
-            nearest: nearest(instance, self.instance_names()).map(str::to_owned),
+            suggestion: suggestion(instance, self.instance_names()).map(str::to_owned),
             known: self.instance_names().map(str::to_owned).collect(),
+        }
+    }
+
+    /// That a name has no dot.
+    fn no_variable(&self, text: &str) -> SystemError {
+        let end = format!(".{text}");
+        let mut fitting = self.names().map(|(_, name)| name);
+        let first = fitting.find(|name| name.ends_with(&end));
+        SystemError::NoVariable {
+            text: text.to_owned(),
+            suggestion: first.filter(|_| !fitting.any(|name| name.ends_with(&end))),
         }
     }
 
@@ -358,7 +432,7 @@ impl System {
                 to_kind: to.kind,
             });
         }
-        // A slave that does not say its unit cannot be checked.
+        // A component that does not say its unit cannot be checked.
         let (Some(a), Some(b)) = (&from.unit, &to.unit) else {
             return Ok(Conversion::NONE);
         };

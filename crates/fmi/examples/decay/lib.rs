@@ -1,6 +1,6 @@
 //! The library of the FMU on the crate page: `ẋ = -k x`.
 
-use pilotage_kit::{At, Equations, Scalar, Table};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 
 #[derive(Default)]
 struct Decay;
@@ -17,4 +17,4 @@ impl Equations for Decay {
     }
 }
 
-pilotage_kit::export!(Decay);
+pilotage_sdk::export!(Decay);

@@ -47,31 +47,12 @@ fn listed(path: &Path, limits: Limits) -> Result<Vec<(PathBuf, Metadata)>, Archi
             }
             bytes += metadata.len();
             files.push((entry.path(), metadata));
-            check_size(path, files.len(), bytes, limits)?;
+            // Before anything is copied.
+            limits.check(path, files.len(), bytes)?;
         }
     }
     files.sort_unstable_by(|a, b| a.0.cmp(&b.0));
     Ok(files)
-}
-
-/// Before anything is copied.
-fn check_size(path: &Path, files: usize, bytes: u64, limits: Limits) -> Result<(), ArchiveError> {
-    let path = || path.to_owned();
-    if files > limits.entries {
-        return Err(ArchiveError::TooManyEntries {
-            path: path(),
-            found: files,
-            limit: limits.entries,
-        });
-    }
-    if bytes > limits.bytes {
-        return Err(ArchiveError::TooLarge {
-            path: path(),
-            found: bytes,
-            limit: limits.bytes,
-        });
-    }
-    Ok(())
 }
 
 /// Name of a file in the archive of the folder.

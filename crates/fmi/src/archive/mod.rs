@@ -49,6 +49,22 @@ impl Default for Limits {
     }
 }
 
+impl Limits {
+    /// Whether an FMU has no more entries, and no more bytes in all of them.
+    fn check(&self, path: &Path, entries: usize, bytes: u64) -> Result<(), ArchiveError> {
+        let path = path.to_owned();
+        if entries > self.entries {
+            let (found, limit) = (entries, self.entries);
+            return Err(ArchiveError::TooManyEntries { path, found, limit });
+        }
+        if bytes > self.bytes {
+            let (found, limit) = (bytes, self.bytes);
+            return Err(ArchiveError::TooLarge { path, found, limit });
+        }
+        Ok(())
+    }
+}
+
 /// An FMU's archive, checked.
 #[derive(Debug)]
 pub struct Archive {
@@ -76,30 +92,15 @@ impl Archive {
             source,
         };
         let mut zip = ZipArchive::new(BufReader::new(file)).map_err(not_an_archive)?;
-        if zip.len() > limits.entries {
-            return Err(ArchiveError::TooManyEntries {
-                path: owned,
-                found: zip.len(),
-                limit: limits.entries,
-            });
-        }
+        limits.check(path, zip.len(), 0)?;
         if zip.has_duplicate_names() {
             let entry = first_duplicate(second, zip.central_directory_start()).unwrap_or_default();
             return Err(ArchiveError::DuplicateName { path: owned, entry });
         }
         let entries = list_entries(path, &mut zip, limits)?;
         check_local_names(path, second, &entries)?;
-        let found = entries
-            .iter()
-            .map(|e| e.declared)
-            .fold(0, u64::saturating_add);
-        if found > limits.bytes {
-            return Err(ArchiveError::TooLarge {
-                path: owned,
-                found,
-                limit: limits.bytes,
-            });
-        }
+        let declared = entries.iter().map(|e| e.declared);
+        limits.check(path, entries.len(), declared.fold(0, u64::saturating_add))?;
         let archive = Self {
             path: owned,
             zip,

@@ -7,13 +7,15 @@ mod open;
 
 pub use missing::Missing;
 
-use super::description::FmiVersion;
-use super::version::Kind;
+use crate::description::FmiVersion;
+use crate::version::InterfaceType;
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
-use pilotage_text::causes::with_causes;
+use pilotage_text::error_chain::error_chain;
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
 use thiserror::Error;
 
 /// Why a library cannot be used, though its headers are good.
@@ -57,7 +59,7 @@ pub enum BindingError {
 
 impl BindingError {
     fn of_loader(source: libloading::Error) -> Self {
-        match Missing::in_message(&with_causes(&source)) {
+        match Missing::in_message(&error_chain(&source)) {
             Some(missing) => Self::Missing { missing },
             None => Self::Load { source },
         }
@@ -100,12 +102,20 @@ pub(super) enum Functions {
 /// A loaded library and its functions. The pointers are valid as long as it lives.
 pub struct Binding {
     pub(super) functions: Functions,
-    kinds: Vec<Kind>,
+    kinds: Vec<InterfaceType>,
     /// Whether some symbol that the library needs could not be found when it was loaded.
     unresolved: Option<String>,
     path: PathBuf,
     /// Kept last, so that it is unloaded after all else is gone.
     library: Library,
+}
+
+/// A library in use and the folder that it was unpacked into.
+#[derive(Debug)]
+pub(super) struct Loaded {
+    // Unloaded before its folder goes: fields drop in this order.
+    pub(super) binding: Binding,
+    pub(super) folder: Arc<TempDir>,
 }
 
 /// Looks a function up.
@@ -126,10 +136,10 @@ impl Binding {
     /// # Safety
     /// The library's initialization runs, and its code will run in this process; whoever calls this
     /// trusts it. [`binary::check`](super::binary::check) tells damaged files first.
-    pub unsafe fn load(
+    pub(crate) unsafe fn load(
         path: &Path,
         version: FmiVersion,
-        kinds: &[Kind],
+        kinds: &[InterfaceType],
     ) -> Result<Self, BindingError> {
         // SAFETY: handed on to the caller.
         let (library, unresolved) = unsafe { open::open(path) }.map_err(BindingError::of_loader)?;
@@ -168,10 +178,12 @@ impl Binding {
     /// Names of functions of the standard that the library lacks and that only some need.
     pub fn missing(&self) -> Vec<&'static str> {
         let is_ours = |part: Part| {
-            let of_kind = |kind: &Kind| kind.part() == part;
+            let of_kind = |kind: &InterfaceType| kind.part() == part;
             part == Part::Common || self.kinds.iter().any(of_kind)
         };
-        let others = Kind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
+        let others = InterfaceType::ALL
+            .iter()
+            .filter(|kind| !self.kinds.contains(kind));
         let other_starts: Vec<_> = others.map(|kind| instantiate3(*kind)).collect();
         let names: Vec<&'static CStr> = match self.functions {
             Functions::Fmi2(_) => (abi2::Function::ALL.iter())
@@ -194,8 +206,8 @@ impl Binding {
 
     /// The functions without which nothing goes.
     fn needed(&self) -> Vec<&'static CStr> {
-        let of_kind = |kind: Kind| self.kinds.contains(&kind);
-        let me = of_kind(Kind::ModelExchange);
+        let of_kind = |kind: InterfaceType| self.kinds.contains(&kind);
+        let me = of_kind(InterfaceType::ModelExchange);
         match self.functions {
             Functions::Fmi2(_) => {
                 use abi2::Function::*;
@@ -207,7 +219,7 @@ impl Binding {
                     ExitInitializationMode,
                     Terminate,
                 ];
-                let cs = of_kind(Kind::CoSimulation).then_some(DoStep);
+                let cs = of_kind(InterfaceType::CoSimulation).then_some(DoStep);
                 let me = me.then_some([NewDiscreteStates, EnterContinuousTimeMode, SetTime]);
                 let all = common.into_iter().chain(cs).chain(me.into_iter().flatten());
                 all.map(|f| f.symbol()).collect()
@@ -221,9 +233,10 @@ impl Binding {
                     Terminate,
                 ];
                 let starts = self.kinds.iter().map(|&kind| instantiate3(kind));
-                let cs = of_kind(Kind::CoSimulation).then_some(DoStep);
+                let cs = of_kind(InterfaceType::CoSimulation).then_some(DoStep);
                 let me = me.then_some([UpdateDiscreteStates, EnterContinuousTimeMode, SetTime]);
-                let se = of_kind(Kind::ScheduledExecution).then_some(ActivateModelPartition);
+                let se =
+                    of_kind(InterfaceType::ScheduledExecution).then_some(ActivateModelPartition);
                 let of_kinds = starts.chain(cs).chain(me.into_iter().flatten()).chain(se);
                 let all = common.into_iter().chain(of_kinds);
                 all.map(|f| f.symbol()).collect()
@@ -261,11 +274,11 @@ impl Binding {
 }
 
 /// The function of FMI 3.0 that makes an instance of a kind.
-fn instantiate3(kind: Kind) -> abi3::Function {
+fn instantiate3(kind: InterfaceType) -> abi3::Function {
     match kind {
-        Kind::CoSimulation => abi3::Function::InstantiateCoSimulation,
-        Kind::ModelExchange => abi3::Function::InstantiateModelExchange,
-        Kind::ScheduledExecution => abi3::Function::InstantiateScheduledExecution,
+        InterfaceType::CoSimulation => abi3::Function::InstantiateCoSimulation,
+        InterfaceType::ModelExchange => abi3::Function::InstantiateModelExchange,
+        InterfaceType::ScheduledExecution => abi3::Function::InstantiateScheduledExecution,
     }
 }
 

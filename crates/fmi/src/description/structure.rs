@@ -29,14 +29,3 @@ pub struct Unknown {
     /// How it depends on each of them.
     pub dependencies_kind: Option<Vec<DependencyKind>>,
 }
-
-impl Unknown {
-    /// An unknown that depends on just these knowns (indices from 1), in no particular way.
-    pub fn with_dependencies(index: u32, dependencies: Vec<u32>) -> Self {
-        Self {
-            index,
-            dependencies: Some(dependencies),
-            dependencies_kind: None,
-        }
-    }
-}

@@ -1,6 +1,7 @@
 //! One call into an FMU: allowed or not, there or not, and what its status means.
 
 use super::{CallError, Instance};
+use crate::Message;
 use crate::version::{Function, State};
 use pilotage_abi::{fmi2, fmi3};
 
@@ -80,6 +81,20 @@ impl Instance {
         }
     }
 
+    /// The messages of a call that was not done (completely), the last of which is remembered.
+    pub(super) fn take_words(&mut self) -> Vec<Message> {
+        let messages = self.environment.take();
+        if let Some(last) = messages.last() {
+            self.words = Some(last.text.clone());
+        }
+        messages
+    }
+
+    /// What the FMU said last of a call that it did not do or not completely (`fmi2Discard`, `fmi3Discard`).
+    pub fn words_of_discard(&self) -> Option<&str> {
+        self.words.as_deref()
+    }
+
     /// Kept out of the way of calls that succeed.
     #[cold]
     #[inline(never)]
@@ -87,7 +102,14 @@ impl Instance {
         use fmi2::Status;
         match status {
             // The value or the information is not available; the instance lives on.
-            Status::DISCARD => {}
+            Status::DISCARD => {
+                let messages = self.take_words();
+                return CallError::Failed {
+                    function,
+                    status,
+                    messages,
+                };
+            }
             Status::FATAL => self.enter(fmi2::State::Fatal, fmi3::State::Fatal),
             _ => self.enter(fmi2::State::Error, fmi3::State::Error),
         }

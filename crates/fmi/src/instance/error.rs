@@ -1,8 +1,8 @@
 //! What a call of an FMU can end with.
 
 use crate::description::FmiVersion;
-use crate::logger::Message;
-use crate::version::{Function, Kind, State};
+use crate::message::Message;
+use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::Status;
 use thiserror::Error;
 
@@ -21,7 +21,7 @@ pub enum CallError {
     #[error("it is no FMU for {kind}: its description has no <{}>", kind.element())]
     OtherKind {
         /// What was asked for.
-        kind: Kind,
+        kind: InterfaceType,
     },
     /// A name that C cannot hold.
     #[error("{text:?} contains a NUL, which C strings cannot hold")]

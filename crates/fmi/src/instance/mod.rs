@@ -24,32 +24,23 @@ mod values;
 pub use clocks::{Dependency, Fraction, Interval};
 pub use error::CallError;
 pub use events::{EventUpdate, IntegratorStep, MAX_EVENT_ROUNDS};
-pub use start::Options;
+pub use start::InstanceOptions;
 pub use states::{Saved, Serialized};
 pub use stepping::Step;
 pub use values::Number;
 
 use self::call::call;
 use self::start::Facts;
-use super::binding::{Binding, Functions};
-use super::description::FmiVersion;
-use super::environment::Registered;
-use super::logger::Message;
-use super::memory::Spoilt;
-use super::version::{Kind, State};
+use crate::binding::{Functions, Loaded};
+use crate::description::FmiVersion;
+use crate::environment::Registered;
+use crate::memory::PoisonedTexts;
+use crate::message::Message;
+use crate::version::{InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
 use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
-use tempfile::TempDir;
-
-/// A library in use and the folder that it was unpacked into.
-#[derive(Debug)]
-pub(super) struct Loaded {
-    // Unloaded before its folder goes: fields drop in this order.
-    pub(super) binding: Binding,
-    pub(super) folder: Arc<TempDir>,
-}
 
 /// An instance of an FMU.
 ///
@@ -63,9 +54,9 @@ pub struct Instance {
     /// The FMU may keep the address until it is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
     /// Freed after the FMU's instance, which may keep addresses that it should not.
-    _texts: Spoilt,
+    _texts: PoisonedTexts,
     environment: Registered,
-    kind: Kind,
+    kind: InterfaceType,
     state: State,
     facts: Facts,
     /// Where initialization and reconfiguration lead to (FMI 3.0).
@@ -73,6 +64,8 @@ pub struct Instance {
     /// For `fmi3EnterInitializationMode`, which takes what `fmi2SetupExperiment` did.
     experiment: Experiment,
     saved: Vec<FmuState>,
+    /// What the FMU said of the last call that it did not do (completely).
+    words: Option<String>,
 }
 
 /// Tolerance, start and stop time.
@@ -98,7 +91,7 @@ impl Instance {
     }
 
     /// What it was made for.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> InterfaceType {
         self.kind
     }
 
@@ -178,7 +171,7 @@ impl Instance {
 
     /// `fmi2ExitInitializationMode`, `fmi3ExitInitializationMode`. Leads to the first communication point
     /// (co-simulation), to event mode (model exchange, and co-simulation with
-    /// [`Options::event_mode_used`]) or to clock activation mode.
+    /// [`InstanceOptions::event_mode_used`]) or to clock activation mode.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe {
@@ -186,8 +179,10 @@ impl Instance {
                         fmi3 ExitInitializationMode.exit_initialization_mode())?;
         }
         let state2 = match self.kind {
-            Kind::ModelExchange => fmi2::State::EventMode,
-            Kind::CoSimulation | Kind::ScheduledExecution => fmi2::State::StepComplete,
+            InterfaceType::ModelExchange => fmi2::State::EventMode,
+            InterfaceType::CoSimulation | InterfaceType::ScheduledExecution => {
+                fmi2::State::StepComplete
+            }
         };
         self.enter(state2, self.running);
         Ok(())

@@ -1,12 +1,12 @@
 //! Making an instance.
 
-use super::{CallError, Experiment, Instance, Loaded, c_string};
-use crate::binding::Functions;
+use super::{CallError, Experiment, Instance, c_string};
+use crate::binding::{Functions, Loaded};
 use crate::description::ModelDescription;
 use crate::environment::{self, IntermediateUpdate, Registered};
 use crate::logger;
-use crate::memory::{self, Spoilt};
-use crate::version::{Function, Kind, State};
+use crate::memory::{self, PoisonedTexts};
+use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
 use std::ffi::c_void;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// What an instance is told when it is made, beside its name. All is off by default.
 #[derive(Debug, Default)]
-pub struct Options {
+pub struct InstanceOptions {
     /// It may show a window.
     pub visible: bool,
     /// Co-simulation of FMI 3.0: events are handled in event mode, and not hidden in steps.
@@ -46,7 +46,7 @@ pub(super) struct Facts {
 
 impl Facts {
     /// Of an FMU that is for this kind.
-    fn of(description: &ModelDescription, kind: Kind) -> Option<Self> {
+    fn of(description: &ModelDescription, kind: InterfaceType) -> Option<Self> {
         let common = Self {
             states: description.structure.derivatives.len(),
             indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
@@ -64,19 +64,19 @@ impl Facts {
             };
         }
         match kind {
-            Kind::CoSimulation => facts!(co_simulation),
-            Kind::ModelExchange => facts!(model_exchange),
-            Kind::ScheduledExecution => facts!(scheduled_execution),
+            InterfaceType::CoSimulation => facts!(co_simulation),
+            InterfaceType::ModelExchange => facts!(model_exchange),
+            InterfaceType::ScheduledExecution => facts!(scheduled_execution),
         }
     }
 }
 
 /// The state after initialization (FMI 3.0).
-pub(super) fn running(kind: Kind, event_mode_used: bool) -> fmi3::State {
+pub(super) fn running(kind: InterfaceType, event_mode_used: bool) -> fmi3::State {
     match kind {
-        Kind::CoSimulation if !event_mode_used => fmi3::State::StepMode,
-        Kind::CoSimulation | Kind::ModelExchange => fmi3::State::EventMode,
-        Kind::ScheduledExecution => fmi3::State::ClockActivationMode,
+        InterfaceType::CoSimulation if !event_mode_used => fmi3::State::StepMode,
+        InterfaceType::CoSimulation | InterfaceType::ModelExchange => fmi3::State::EventMode,
+        InterfaceType::ScheduledExecution => fmi3::State::ClockActivationMode,
     }
 }
 
@@ -90,8 +90,8 @@ impl Instance {
         loaded: Arc<Loaded>,
         description: &ModelDescription,
         name: &str,
-        kind: Kind,
-        options: Options,
+        kind: InterfaceType,
+        options: InstanceOptions,
     ) -> Result<Self, CallError> {
         let facts = Facts::of(description, kind).ok_or(CallError::OtherKind { kind })?;
         let environment = Registered::new(name, loaded.clone(), options.intermediate_update);
@@ -139,6 +139,7 @@ impl Instance {
             running: running(kind, event_mode_used),
             experiment: Experiment::default(),
             saved: Vec::new(),
+            words: None,
         };
         instance.log_trouble_only(description);
         Ok(instance)
@@ -169,7 +170,7 @@ struct Start<'a> {
     environment: *mut c_void,
     name: &'a str,
     token: &'a str,
-    kind: Kind,
+    kind: InterfaceType,
     visible: bool,
 }
 
@@ -178,7 +179,7 @@ impl Start<'_> {
     fn fmi2(
         &self,
         instantiate: Option<fmi2::functions::pointers::Instantiate>,
-    ) -> Result<(*mut c_void, Box<CallbackFunctions>, Spoilt), CallError> {
+    ) -> Result<(*mut c_void, Box<CallbackFunctions>, PoisonedTexts), CallError> {
         let function = Function::Fmi2(fmi2::Function::Instantiate);
         let instantiate = instantiate.ok_or(CallError::MissingFunction { function })?;
         let (allocate, free) = memory::callbacks();
@@ -192,8 +193,8 @@ impl Start<'_> {
         let (name, guid) = (c_string(self.name)?, c_string(self.token)?);
         let resources = c_string(&file_uri(&self.loaded.folder.path().join("resources")))?;
         let kind = match self.kind {
-            Kind::ModelExchange => Type::MODEL_EXCHANGE,
-            Kind::CoSimulation | Kind::ScheduledExecution => Type::CO_SIMULATION,
+            InterfaceType::ModelExchange => Type::MODEL_EXCHANGE,
+            InterfaceType::CoSimulation | InterfaceType::ScheduledExecution => Type::CO_SIMULATION,
         };
         let visible = if self.visible { TRUE } else { FALSE };
         // SAFETY: all strings end with a NUL and live until the call returns; the callbacks live
@@ -209,7 +210,7 @@ impl Start<'_> {
                 TRUE,
             )
         };
-        Ok((made, callbacks, Spoilt::new([name, guid, resources])))
+        Ok((made, callbacks, PoisonedTexts::new([name, guid, resources])))
     }
 
     /// `fmi3InstantiateXXX`. `run` says whether event mode is used and early return allowed.
@@ -218,7 +219,7 @@ impl Start<'_> {
         f: &crate::binding::fmi3::Functions,
         run: (bool, bool),
         variables: &[u32],
-    ) -> Result<((*mut c_void, fmi3::Function), Spoilt), CallError> {
+    ) -> Result<((*mut c_void, fmi3::Function), PoisonedTexts), CallError> {
         use fmi3::Function as F;
         let missing = |function: F| CallError::MissingFunction {
             function: Function::Fmi3(function),
@@ -233,14 +234,14 @@ impl Start<'_> {
         // variables; the callbacks are functions of this program.
         let made = unsafe {
             match self.kind {
-                Kind::ModelExchange => {
+                InterfaceType::ModelExchange => {
                     let function = F::InstantiateModelExchange;
                     let call = f.instantiate_model_exchange;
                     let call = call.ok_or(missing(function))?;
                     let made = call(name, token, resources, visible, true, environment, log);
                     (made, function)
                 }
-                Kind::CoSimulation => {
+                InterfaceType::CoSimulation => {
                     let function = F::InstantiateCoSimulation;
                     let call = f.instantiate_co_simulation;
                     let call = call.ok_or(missing(function))?;
@@ -263,7 +264,7 @@ impl Start<'_> {
                     );
                     (made, function)
                 }
-                Kind::ScheduledExecution => {
+                InterfaceType::ScheduledExecution => {
                     let function = F::InstantiateScheduledExecution;
                     let call = f.instantiate_scheduled_execution;
                     let call = call.ok_or(missing(function))?;
@@ -285,7 +286,7 @@ impl Start<'_> {
                 }
             }
         };
-        Ok((made, Spoilt::new(given)))
+        Ok((made, PoisonedTexts::new(given)))
     }
 }
 

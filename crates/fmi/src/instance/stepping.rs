@@ -108,6 +108,7 @@ impl Instance {
     fn ended(&mut self, status: Status) -> Result<Step, CallError> {
         if status == Status::DISCARD {
             self.state = State::Fmi2(fmi2::State::StepFailed);
+            self.take_words();
             return Ok(self.discarded());
         }
         self.check(fmi2::Function::DoStep.into(), status)

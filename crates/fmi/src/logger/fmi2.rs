@@ -5,9 +5,9 @@
 //! System V calling convention (Linux, macOS) an assembly entry makes a `va_list` of the registers and
 //! the C library formats; elsewhere the format is shown as it came, with the values left out.
 
-use super::{Message, printable};
 use crate::binding::owned;
 use crate::environment;
+use crate::message::Message;
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
 use std::ffi::c_void;
 
@@ -32,15 +32,8 @@ unsafe extern "C" fn receive(
         let category = owned(category).unwrap_or_default();
         (owned(instance_name), category, expand(format, values))
     };
-    environment::deliver(
-        environment,
-        Message {
-            status,
-            instance_name,
-            category,
-            text: printable(&text),
-        },
-    );
+    let message = Message::new(status, instance_name, category, &text);
+    environment::deliver(environment, message);
 }
 
 #[cfg(all(target_arch = "x86_64", unix))]

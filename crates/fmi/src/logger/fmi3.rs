@@ -1,8 +1,8 @@
 //! What the logger callback of FMI 3.0 receives: plain text (section 2.2.3).
 
-use super::{Message, printable};
 use crate::binding::owned;
 use crate::environment;
+use crate::message::Message;
 use pilotage_abi::fmi2;
 use pilotage_abi::fmi3::{InstanceEnvironment, LogMessageCallback, Status, String as CString};
 
@@ -21,15 +21,8 @@ unsafe extern "C" fn receive(
         let category = owned(category).unwrap_or_default();
         (category, owned(message).unwrap_or_default())
     };
-    environment::deliver(
-        environment,
-        Message {
-            status: fmi2::Status(status.0),
-            instance_name: None,
-            category,
-            text: printable(&text),
-        },
-    );
+    let message = Message::new(fmi2::Status(status.0), None, category, &text);
+    environment::deliver(environment, message);
 }
 
 /// The logger callback.

@@ -365,7 +365,7 @@ impl ModelExchangeRun {
 }
 
 fn solver(indicators: usize, nominals: &[f64], options: RunOptions) -> Solver {
-    let options = pilotage_ode::Options {
+    let options = pilotage_ode::SolverOptions {
         relative: options.tolerance,
         absolute: absolute(nominals, options.tolerance),
         method: options.method,

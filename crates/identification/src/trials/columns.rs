@@ -1,7 +1,7 @@
 //! Which column of a file is what.
 
 use super::TrialError;
-use pilotage_text::nearest::nearest;
+use pilotage_text::suggestion::suggestion;
 
 /// What a trial consists of: the columns' names where nobody says otherwise.
 const QUANTITIES: [&str; 4] = ["time", "target", "position", "stick"];
@@ -21,7 +21,7 @@ impl ColumnNames {
             let Some(known) = QUANTITIES.into_iter().find(|known| known == quantity) else {
                 return Err(TrialError::Quantity {
                     found: quantity.clone(),
-                    nearest: nearest(quantity, QUANTITIES).map(str::to_owned),
+                    suggestion: suggestion(quantity, QUANTITIES).map(str::to_owned),
                 });
             };
             if names.given(known).is_some() {

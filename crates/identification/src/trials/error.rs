@@ -2,7 +2,7 @@
 
 use pilotage_series::SeriesError;
 use pilotage_text::document::DocumentError;
-use pilotage_text::nearest::did_you_mean;
+use pilotage_text::suggestion::did_you_mean;
 use std::path::PathBuf;
 
 /// Why a file is not a trial, or a list of files not a set of trials.
@@ -35,24 +35,24 @@ pub enum TrialError {
     #[error(transparent)]
     Manifest(#[from] DocumentError),
     /// A column that a trial must have.
-    #[error("{file}: no column `{column}`{}; the columns are {}", did_you_mean(nearest.as_deref()), found.join(", "))]
+    #[error("{file}: no column `{column}`{}; the columns are {}", did_you_mean(suggestion.as_deref()), found.join(", "))]
     NoColumn {
         /// The file.
         file: String,
         /// The column.
         column: String,
         /// The column that is probably meant to be it.
-        nearest: Option<String>,
+        suggestion: Option<String>,
         /// The columns that are there.
         found: Vec<String>,
     },
     /// A name for a column of something that no trial has.
-    #[error("`{found}` is nothing that a trial has{}; known are time, target, position, stick", did_you_mean(nearest.as_deref()))]
+    #[error("`{found}` is nothing that a trial has{}; known are time, target, position, stick", did_you_mean(suggestion.as_deref()))]
     Quantity {
         /// What stands there.
         found: String,
         /// What is probably meant.
-        nearest: Option<String>,
+        suggestion: Option<String>,
     },
     /// Two names for the column of one quantity.
     #[error("the column of `{quantity}` is named twice")]

@@ -1,7 +1,7 @@
 //! Sets of trials, from files and manifests.
 
 use super::{ColumnNames, Trial, TrialError};
-use pilotage_text::document::{self, Document, Table};
+use pilotage_text::document::{self, Document, TomlTable};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ impl TrialSet {
 
     fn read_run(
         &mut self,
-        run: &Table,
+        run: &TomlTable,
         folder: &Path,
         columns: &ColumnNames,
     ) -> Result<(), TrialError> {
@@ -164,7 +164,7 @@ impl TrialSet {
 }
 
 /// A file that cannot be read is one that the manifest's line names.
-fn listed(error: TrialError, run: &Table) -> TrialError {
+fn listed(error: TrialError, run: &TomlTable) -> TrialError {
     match error {
         TrialError::Read { file, source } => TrialError::Listed {
             manifest: run.file().into(),
@@ -177,7 +177,7 @@ fn listed(error: TrialError, run: &Table) -> TrialError {
 }
 
 /// The weight of a run, 1 where it is missing.
-fn weight(run: &Table) -> Result<f64, TrialError> {
+fn weight(run: &TomlTable) -> Result<f64, TrialError> {
     let value = run.number("weight")?.unwrap_or(1.0);
     match value.is_finite() && value > 0.0 {
         true => Ok(value),

@@ -3,7 +3,7 @@
 use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_series::{Column, Series};
-use pilotage_text::nearest::nearest;
+use pilotage_text::suggestion::suggestion;
 use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -183,7 +183,7 @@ fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Colu
         TrialError::NoColumn {
             file: file.into(),
             column: column.into(),
-            nearest: nearest(column, names()).map(str::to_owned),
+            suggestion: suggestion(column, names()).map(str::to_owned),
             found: names().map(str::to_owned).collect(),
         }
     })

@@ -1,7 +1,7 @@
 //! The vehicle file.
 
 use pilotage_models::{COEFFICIENTS, Quadcopter};
-use pilotage_text::document::{self, Document, DocumentError, Table};
+use pilotage_text::document::{self, Document, DocumentError, TomlTable};
 use std::path::Path;
 
 /// What can be wrong with a vehicle file.
@@ -54,7 +54,7 @@ pub fn parse(text: &str, file: &str) -> Result<Quadcopter, VehicleError> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn of_table(table: &Table) -> Result<Quadcopter, VehicleError> {
+pub fn of_table(table: &TomlTable) -> Result<Quadcopter, VehicleError> {
     table.only(&COEFFICIENTS.map(|coefficient| coefficient.name))?;
     let mut vehicle = Quadcopter::default();
     for field in &COEFFICIENTS {

@@ -1,4 +1,4 @@
-//! The states of an instance: of a co-simulation slave (FMI 2.0.5, section 4.2.4, "State Machine of
+//! The states of an instance: of a co-simulation component (FMI 2.0.5, section 4.2.4, "State Machine of
 //! Calling Sequence from Master to Slave") and of a model for model exchange (section 3.2.3).
 
 /// One state of an instance. Calling order is a property of the instance, not of the process.

@@ -118,7 +118,7 @@ impl StatusKind {
     pub const PENDING_STATUS: Self = Self(1);
     /// `fmi2LastSuccessfulTime`, by `fmi2GetRealStatus`: how far a discarded step came.
     pub const LAST_SUCCESSFUL_TIME: Self = Self(2);
-    /// `fmi2Terminated`, by `fmi2GetBooleanStatus`: whether the slave wants the run to end.
+    /// `fmi2Terminated`, by `fmi2GetBooleanStatus`: whether the component wants the run to end.
     pub const TERMINATED: Self = Self(3);
 }
 

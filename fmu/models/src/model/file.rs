@@ -12,7 +12,7 @@
 //! target = 0.0
 //! ```
 
-use super::{Kind, Model};
+use super::{Model, ModelKind};
 use crate::{Quadcopter, ValueError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -83,7 +83,7 @@ impl Model {
             self.kind.name()
         );
         // Writing to a String cannot fail.
-        if let Kind::Pilot(pilot) = self.kind {
+        if let ModelKind::Pilot(pilot) = self.kind {
             let _ = writeln!(text, "order = {}", pilot.order);
         }
         text += "\n[start]\n";

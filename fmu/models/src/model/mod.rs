@@ -7,8 +7,7 @@ mod quadcopter;
 pub use file::ModelFileError;
 
 use crate::{Pilot, Quadcopter, Scalar, Table, Variable};
-use pilotage_kit::resources::{self, LoadError};
-use pilotage_kit::{At, Equations};
+use pilotage_sdk::{At, Equations};
 use std::ops::Range;
 
 /// Name of the model file in the FMU's `resources`.
@@ -16,14 +15,14 @@ pub const MODEL_FILE: &str = "model.toml";
 
 /// Which equations a model has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ModelKind {
     /// The linear pilot of that structure.
     Pilot(Pilot),
     /// The quadcopter's pitch axis.
     Quadcopter,
 }
 
-impl Kind {
+impl ModelKind {
     /// Its name: a C identifier, used for files and as FMI's `modelIdentifier`.
     pub fn name(self) -> &'static str {
         match self {
@@ -36,16 +35,16 @@ impl Kind {
 /// Kind and variables of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    kind: Kind,
+    kind: ModelKind,
     table: Table,
 }
 
 /// The file of the resources is not what was exported.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}; export the FMU again", file.display())]
-struct BadResource {
-    file: std::path::PathBuf,
-    source: ModelFileError,
+pub(crate) struct BadResource {
+    pub(crate) file: std::path::PathBuf,
+    pub(crate) source: ModelFileError,
 }
 
 impl Model {
@@ -65,7 +64,7 @@ impl Model {
             theta.len()
         );
         let mut model = Self {
-            kind: Kind::Pilot(Pilot { order }),
+            kind: ModelKind::Pilot(Pilot { order }),
             table: pilot::table(order),
         };
         let values = theta.iter().copied().chain([stick_limit]);
@@ -76,7 +75,7 @@ impl Model {
     /// A quadcopter at hover at the origin.
     pub fn quadcopter(vehicle: &Quadcopter) -> Self {
         let mut model = Self {
-            kind: Kind::Quadcopter,
+            kind: ModelKind::Quadcopter,
             table: quadcopter::table(),
         };
         model.set_parameters(crate::COEFFICIENTS.iter().map(|c| (c.get)(vehicle)));
@@ -92,18 +91,8 @@ impl Model {
         }
     }
 
-    /// The model of a `resources` folder's [`MODEL_FILE`].
-    ///
-    /// # Errors
-    /// When the file is not there or not what was exported.
-    pub fn from_resources(location: Option<&str>) -> Result<Self, LoadError> {
-        let (file, text) = resources::read(location, MODEL_FILE)?;
-        let model = Self::from_file(&text).map_err(|source| BadResource { file, source })?;
-        Ok(model)
-    }
-
     /// Which equations it has.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ModelKind {
         self.kind
     }
 
@@ -168,8 +157,8 @@ impl Equations for Model {
 
     fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
         match self.kind {
-            Kind::Pilot(pilot) => pilot.derivative(at.x, at.u[0] - at.u[1], at.p, dx),
-            Kind::Quadcopter => {
+            ModelKind::Pilot(pilot) => pilot.derivative(at.x, at.u[0] - at.u[1], at.p, dx),
+            ModelKind::Quadcopter => {
                 let coefficients = std::array::from_fn(|i| at.p[i]);
                 crate::quadcopter::derivative(coefficients, at.x, at.u[0], dx);
             }
@@ -178,13 +167,13 @@ impl Equations for Model {
 
     /// Stick and error of the pilot; the quadcopter's outputs are states.
     fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
-        if let Kind::Pilot(pilot) = self.kind {
+        if let ModelKind::Pilot(pilot) = self.kind {
             y[0] = pilot.output(at.x, at.p);
             y[1] = at.u[0] - at.u[1];
         }
     }
 
     fn is_linear(&self) -> bool {
-        matches!(self.kind, Kind::Pilot(_))
+        matches!(self.kind, ModelKind::Pilot(_))
     }
 }

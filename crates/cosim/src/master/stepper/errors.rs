@@ -28,15 +28,16 @@ impl Stepper {
             for (k, &p) in wired.inputs.positions.iter().enumerate() {
                 let (end, used) = (values.outcome(fed, p), wired.within.used[k]);
                 let defect = (used - history.interpolated(p, 2, h, end).mean).abs();
-                let doubt = history.interpolation_error(p, h, end);
+                let uncertain = history.interpolation_error(p, h, end);
                 let seen = seen[p].map(|mean| used - mean);
                 // What was used is of a lower order than the polynomial, or it is the polynomial.
-                let size = seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, doubt)));
+                let size =
+                    seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, uncertain)));
                 wired.within.defects[k] = Defect {
                     size,
-                    careful: size.abs().max(defect + doubt),
+                    careful: size.abs().max(defect + uncertain),
                     seen: seen.map_or(0.0, f64::abs),
-                    unseen: seen.map_or(defect.max(doubt), |_| 0.0),
+                    unseen: seen.map_or(defect.max(uncertain), |_| 0.0),
                 };
             }
         }
@@ -68,24 +69,24 @@ impl Stepper {
     }
 
     /// The largest of these errors, as one makes it of a defect, of the output's magnitude at the points of the clock,
-    /// and of that with its value now; and whose input it is, as slave and position.
+    /// and of that with its value now; and whose input it is, as instance and position.
     fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
         let exchange = &self.exchange;
         let mut largest = (0.0_f64, (0, 0));
-        for (slave, wired) in exchange.wired.iter().enumerate() {
+        for (instance, wired) in exchange.wired.iter().enumerate() {
             for (k, &p) in wired.inputs.positions.iter().enumerate() {
                 let magnitude = exchange.history.magnitudes[p];
                 let now = magnitude.max(exchange.outcome(p).value.abs());
                 let error = error(&wired.within.defects[k], magnitude, now);
                 if error > largest.0 {
-                    largest = (error, (slave, k));
+                    largest = (error, (instance, k));
                 }
             }
         }
         largest
     }
 
-    /// An input, as slave and position, for which the last step, this part of one of fixed length, is too long. A
+    /// An input, as instance and position, for which the last step, this part of one of fixed length, is too long. A
     /// pulse counts as long as it lasts, however high it is.
     pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
         let (excess, input) = self.largest(|defect, magnitude, now| {
@@ -99,7 +100,7 @@ impl Stepper {
         self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
     }
 
-    /// Largest error of the last step, relative to the outputs' magnitudes: of what the slaves got, and
+    /// Largest error of the last step, relative to the outputs' magnitudes: of what the components got, and
     /// of what they gave since their inputs were held within the step.
     pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
         let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
@@ -112,7 +113,7 @@ impl Stepper {
     fn hold_error(&mut self, h: f64) -> Result<f64, Ending> {
         let mut largest = 0.0_f64;
         let span = (self.exchange.history.time(), h);
-        for slave in 0..self.exchange.wired.len() {
+        for instance in 0..self.exchange.wired.len() {
             let Exchange {
                 wired,
                 values,
@@ -122,7 +123,7 @@ impl Stepper {
                 others_given,
                 ..
             } = &mut self.exchange;
-            let wired = &mut wired[slave];
+            let wired = &mut wired[instance];
             if !wired.has_hold_error() {
                 continue;
             }

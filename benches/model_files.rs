@@ -1,0 +1,227 @@
+//! What it costs that a model is text: the export of a ten-line model, a step of its FMU and an iteration of a fit,
+//! beside the same equations compiled in:
+//!
+//! ```text
+//! cargo bench --bench model_files
+//! ```
+
+use pilotage::cosim::{Component, fmu_component};
+use pilotage::export::{Export, Provenance};
+use pilotage::identification::TrialSet;
+use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
+use pilotage_collocation::{
+    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+};
+use pilotage_cosim::component::Experiment;
+use pilotage_expression::Model as Expressions;
+use pilotage_models::traced::start_values;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Instant;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// The ten lines that are exported.
+const CROSSOVER: &str = r#"[model]
+name = "crossover"
+[inputs]
+error = { unit = "m" }
+[parameters]
+gain = { start = 0.1, unit = "1/m" }
+lag = { start = 0.1, unit = "s" }
+[states]
+arm = { unit = "1", der = "(gain * delay(error, 0.3, 2) - arm) / lag" }
+[outputs]
+stick = "arm"
+"#;
+
+const EXPORTS: usize = 15;
+const STEPS: usize = 20_000;
+const H: f64 = 0.01;
+const ROUNDS: usize = 7;
+
+fn main() -> Result<(), Failure> {
+    // One core, so that the figures do not hang on how many there are.
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build_global()?;
+    let folder = tempfile::tempdir()?;
+    let seconds = export(folder.path())?;
+    println!("export of a ten-line model      {:8.1} ms", 1e3 * seconds);
+    let [compiled, text] = steps(folder.path())?;
+    println!(
+        "step of {H} s of the quadcopter's FMU, µs: compiled in {:.2}, model file {:.2}, ratio {:.2}",
+        1e6 * compiled,
+        1e6 * text,
+        text / compiled
+    );
+    let [compiled, text] = iterations()?;
+    println!(
+        "iteration of the SQP, shipped flights, ms: compiled in {:.3} ({} iterations), model file {:.3} ({}), ratio {:.2}",
+        1e3 * compiled.0,
+        compiled.1,
+        1e3 * text.0,
+        text.1,
+        text.0 / compiled.0
+    );
+    Ok(())
+}
+
+/// The whole process, in the median [s].
+fn export(folder: &Path) -> Result<f64, Failure> {
+    std::fs::write(folder.join("crossover.toml"), CROSSOVER)?;
+    let mut times = Vec::new();
+    for _ in 0..EXPORTS {
+        let clock = Instant::now();
+        let ended = Command::new(env!("CARGO_BIN_EXE_pilotage"))
+            .args(["export", "crossover.toml", "-o", "crossover.fmu"])
+            .current_dir(folder)
+            .output()?;
+        times.push(clock.elapsed().as_secs_f64());
+        if !ended.status.success() {
+            return Err(String::from_utf8_lossy(&ended.stderr).into());
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times[EXPORTS / 2])
+}
+
+/// A step of each FMU, by turns; the least of some rounds [s].
+fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
+    let files: [PathBuf; 2] = ["compiled.fmu", "text.fmu"].map(|name| folder.join(name));
+    let compiled = Model::quadcopter(&Quadcopter::default());
+    Export::new(&compiled, &Provenance::vehicle(None)).write(&files[0])?;
+    let text = text("quadcopter")?;
+    Export::text(&text, &Provenance::default()).write(&files[1])?;
+    let mut components = Vec::new();
+    for file in &files {
+        let mut component = fmu_component::open(file, "vehicle", None)?;
+        component.setup(&Experiment {
+            start: 0.0,
+            stop: f64::INFINITY,
+            tolerance: None,
+        })?;
+        component.enter_initialization()?;
+        component.exit_initialization()?;
+        components.push(component);
+    }
+    let mut least = [f64::INFINITY; 2];
+    let mut begin = 0;
+    for _ in 0..ROUNDS {
+        for (component, least) in components.iter_mut().zip(&mut least) {
+            let seconds = flown(component.as_mut(), begin)?;
+            *least = least.min(seconds / STEPS as f64);
+        }
+        begin += STEPS;
+    }
+    Ok(least)
+}
+
+/// Steps with a stick that moves, and all outputs read.
+fn flown(component: &mut dyn Component, begin: usize) -> Result<f64, Failure> {
+    let handle = |name: &str| {
+        let mut variables = component.variables().iter();
+        let found = variables.find(|variable| variable.name == name);
+        found.map(|variable| variable.handle)
+    };
+    let stick = handle("stick").ok_or("no stick")?;
+    let outputs = ["z", "phi", "v", "q"].map(|name| handle(name).unwrap_or_default());
+    let mut values = [0.0; 4];
+    let clock = Instant::now();
+    for k in begin..begin + STEPS {
+        let t = k as f64 * H;
+        component.set_reals(&[stick], &[0.1 * (3.0 * t).sin()])?;
+        component.step(t, H)?;
+        component.get_reals(&outputs, &mut values)?;
+    }
+    Ok(clock.elapsed().as_secs_f64())
+}
+
+fn text(name: &str) -> Result<TextModel, Failure> {
+    let model = library::find(name).ok_or("no such model")?;
+    Ok(TextModel::parse(model.text, name)?)
+}
+
+/// Seconds of an iteration and their number, of pilot and vehicle compiled in and as model files.
+fn iterations() -> Result<[(f64, usize); 2], Failure> {
+    let pilot = Pilot::default();
+    let vehicle = Model::quadcopter(&Quadcopter::default());
+    let values: Vec<(&str, f64)> = start_values(vehicle.variable_table()).collect();
+    let own = Model::pilot(&vec![0.0; pilot.n_parameters()], 1.0);
+    let compiled = joint(traced(&vehicle)?, traced(&own)?, &values)?;
+    let texts = ["quadcopter", "linear"].map(text);
+    let [vehicle, pilot] = texts.map(|text| text.map(|text| text.compiled().model.clone()));
+    let text = joint(vehicle?, pilot?, &values)?;
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials/trials.toml");
+    let trials = TrialSet::read(&[manifest])?;
+    let mut least = [(f64::INFINITY, 0); 2];
+    for _ in 0..ROUNDS {
+        for (model, least) in [&compiled, &text].into_iter().zip(&mut least) {
+            let found = solved(model, &trials);
+            least.0 = least.0.min(found.0);
+            least.1 = found.1;
+        }
+    }
+    Ok(least)
+}
+
+/// The closed loop, with θ as its parameters.
+fn joint(
+    vehicle: Expressions,
+    pilot: Expressions,
+    values: &[(&str, f64)],
+) -> Result<Arc<Differentiated>, Failure> {
+    let parts = [
+        ("vehicle", vehicle.with_values(values.iter().copied())?),
+        ("pilot", pilot.with_values([("stick_limit", 1.0)])?),
+    ];
+    let wires = [
+        ("pilot.stick", "vehicle.stick"),
+        ("vehicle.z", "pilot.position"),
+    ];
+    let joint = Expressions::join(&parts, &wires)?;
+    let system = joint.observed(&["vehicle.z", "pilot.stick"])?;
+    Ok(Arc::new(Differentiated::new(&system)))
+}
+
+/// A fit of the shipped flights at rest: seconds of an iteration, and how many it took.
+fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
+    let start = [2.0, 4.0, 3.0, 0.02, 0.2, 0.1];
+    let runs: Vec<Run> = (trials.fit.iter())
+        .map(|trial| Run {
+            mesh: trial.time.clone(),
+            time: trial.time.clone(),
+            inputs: trial.target.iter().map(|target| vec![*target]).collect(),
+            measured: vec![Recording {
+                values: trial.position.clone(),
+                weight: trial.weight,
+            }],
+            initial: vec![Some(0.0); 9],
+        })
+        .collect();
+    let states: Vec<_> = (runs.iter())
+        .map(|run| model.simulate(run, &start, &[0.0; 9]))
+        .collect();
+    let scales = Scales::of(&states, &start);
+    let free = ParameterConstraints::default();
+    let bounds = [(-1.0, 1.0)];
+    let problem = Collocation::new(
+        model.clone(),
+        free,
+        Scheme::Trapezoid,
+        runs,
+        scales,
+        &bounds,
+    );
+    let z = problem.variables(&states, &start);
+    let options = pilotage_sqp::SqpOptions::default();
+    let clock = Instant::now();
+    let solution = solve(&problem, z, &options, &mut |_| ControlFlow::Continue(()));
+    let iterations = solution.work.iterations;
+    (
+        clock.elapsed().as_secs_f64() / iterations as f64,
+        iterations,
+    )
+}

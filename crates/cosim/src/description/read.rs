@@ -1,0 +1,247 @@
+//! A description from a system file.
+
+use super::{
+    InstanceDescription, InstanceSource, Interface, Said, Setting, SystemDescription, Wire,
+};
+use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
+use pilotage_text::is_identifier;
+use pilotage_text::suggestion::{did_you_mean, suggestion};
+use std::path::Path;
+use thiserror::Error;
+
+/// The tables of a system file.
+pub const KEYS: [&str; 2] = ["system", "connect"];
+
+/// Why a file describes no system.
+#[derive(Debug, Error)]
+pub enum DescriptionError {
+    /// Not TOML, an unknown field, a missing one, or one of another kind.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// No instance.
+    #[error(
+        "{place}: the system is empty; expected an instance, such as [system.pilot] with model = \"pilot.fmu\""
+    )]
+    Empty {
+        /// Where its table stands, or the first line.
+        place: Place,
+    },
+    /// A name that cannot stand before a dot.
+    #[error(
+        "{place}: `{name}` cannot name an instance; expected letters, digits and `_`, and no digit first"
+    )]
+    Name {
+        /// Where it stands.
+        place: Place,
+        /// The name.
+        name: String,
+    },
+    /// Neither a model nor a table.
+    #[error(
+        "{place}: `{name}` has no model; add model = \"FILE\", or table = \"FILE.csv\" for signals over time"
+    )]
+    NoModel {
+        /// Where the instance stands.
+        place: Place,
+        /// Its name.
+        name: String,
+    },
+    /// An order that is none.
+    #[error(
+        "{place}: the order of `{name}` is {found}; expected a whole number from 1 to {}",
+        u32::MAX
+    )]
+    Order {
+        /// Where it stands.
+        place: Place,
+        /// Name of the instance.
+        name: String,
+        /// As given.
+        found: f64,
+    },
+    /// An interface that there is not.
+    #[error(
+        "{place}: `{found}` is no kind of FMU{}; expected \"cs\" (co-simulation) or \"me\" (model exchange)",
+        did_you_mean(suggestion.as_deref())
+    )]
+    Interface {
+        /// Where it stands.
+        place: Place,
+        /// As given.
+        found: String,
+        /// The one that was probably meant.
+        suggestion: Option<String>,
+    },
+}
+
+impl SystemDescription {
+    /// Reads a system file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or does not describe a system; with file and line.
+    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+        Self::parse(&document::read(path)?, path)
+    }
+
+    /// The description that a text is; files that it names are beside `path`.
+    ///
+    /// # Errors
+    /// If it does not describe a system; with file and line.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DescriptionError> {
+        let file = path.display().to_string();
+        let document = Document::parse(text, &file)?;
+        document.root().only(&KEYS)?;
+        Self::of(document.root(), path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// What the tables `system` and `connect` of a file say, whatever else is in it.
+    ///
+    /// # Errors
+    /// If they do not describe a system; with file and line.
+    pub fn of(root: TomlTable, folder: &Path) -> Result<Self, DescriptionError> {
+        let mut description = Self::default();
+        if let Some(system) = root.table("system")? {
+            for name in system.names() {
+                description.add_instance(system, name, folder)?;
+            }
+        }
+        if description.instances.is_empty() {
+            let place = key_place(root, "system");
+            return Err(DescriptionError::Empty { place });
+        }
+        if let Some(connect) = root.table("connect")? {
+            wires(connect, "", &mut description.connections)?;
+        }
+        Ok(description)
+    }
+
+    fn add_instance(
+        &mut self,
+        system: TomlTable,
+        name: &str,
+        folder: &Path,
+    ) -> Result<(), DescriptionError> {
+        let place = || key_place(system, name);
+        if !is_identifier(name) {
+            let (place, name) = (place(), name.to_owned());
+            return Err(DescriptionError::Name { place, name });
+        }
+        let table = system.table(name)?;
+        let table = system.required(name, table)?;
+        let Some(source) = source(table, folder)? else {
+            let (place, name) = (place(), name.to_owned());
+            return Err(DescriptionError::NoModel { place, name });
+        };
+        if let Some(values) = table.table("set")? {
+            settings(values, &format!("{name}."), &mut self.settings)?;
+        }
+        self.instances.push(InstanceDescription {
+            name: name.to_owned(),
+            source,
+            order: order(table, name)?,
+            interface: interface(table)?,
+        });
+        Ok(())
+    }
+}
+
+/// Where a name stands, or the table where it has none.
+fn key_place(table: TomlTable, name: &str) -> Place {
+    table.key_place(name).unwrap_or_else(|| Place {
+        file: table.file().to_owned(),
+        line: table.line(name),
+        column: None,
+    })
+}
+
+/// A table has nothing beside it.
+fn source(table: TomlTable, folder: &Path) -> Result<Option<Said<InstanceSource>>, DocumentError> {
+    let said = |key: &str, value| Said {
+        value,
+        place: table.place(key),
+    };
+    if let Some(file) = table.string("table")? {
+        table.only(&["table"])?;
+        let source = InstanceSource::Table(folder.join(file));
+        return Ok(Some(said("table", source)));
+    }
+    table.only(&["model", "set", "order", "kind", "table"])?;
+    let source = |model: &str| match is_identifier(model) {
+        true => InstanceSource::BuiltIn(model.to_owned()),
+        false => InstanceSource::Model(folder.join(model)),
+    };
+    let model = table.string("model")?.filter(|model| !model.is_empty());
+    Ok(model.map(|model| said("model", source(model))))
+}
+
+fn order(table: TomlTable, name: &str) -> Result<Option<Said<u32>>, DescriptionError> {
+    let Some(found) = table.number("order")? else {
+        return Ok(None);
+    };
+    if found.fract() != 0.0 || !(1.0..=f64::from(u32::MAX)).contains(&found) {
+        let place = key_place(table, "order");
+        let name = name.to_owned();
+        return Err(DescriptionError::Order { place, name, found });
+    }
+    let (value, place) = (found as u32, table.place("order"));
+    Ok(Some(Said { value, place }))
+}
+
+fn interface(table: TomlTable) -> Result<Option<Interface>, DescriptionError> {
+    let Some(found) = table.string("kind")? else {
+        return Ok(None);
+    };
+    let known = Interface::ALL.into_iter().find(|i| i.name() == found);
+    known.map(Some).ok_or_else(|| DescriptionError::Interface {
+        place: table
+            .place("kind")
+            .unwrap_or_else(|| key_place(table, "kind")),
+        found: found.to_owned(),
+        suggestion: suggestion(found, Interface::ALL.map(Interface::name)).map(str::to_owned),
+    })
+}
+
+/// The values of a table and the tables in it, under `prefix`.
+fn settings(table: TomlTable, prefix: &str, found: &mut Vec<Setting>) -> Result<(), DocumentError> {
+    for name in table.names() {
+        let full = format!("{prefix}{name}");
+        if table.is_table(name) {
+            if let Some(inner) = table.table(name)? {
+                settings(inner, &format!("{full}."), found)?;
+            }
+        } else if let Some(value) = table.text(name)? {
+            let place = table.key_place(name);
+            found.push(Setting {
+                name: Said { value: full, place },
+                value,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The wires of a table and the tables in it: `a.b = "c.d"` is one, as `"a.b" = "c.d"` is.
+fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), DocumentError> {
+    for name in table.names() {
+        let from = format!("{prefix}{name}");
+        if table.is_table(name) {
+            if let Some(inner) = table.table(name)? {
+                wires(inner, &format!("{from}."), found)?;
+            }
+            continue;
+        }
+        for (to, place) in table.strings(name)?.unwrap_or_default() {
+            found.push(Wire {
+                from: Said {
+                    value: from.clone(),
+                    place: table.key_place(name),
+                },
+                to: Said {
+                    value: to.to_owned(),
+                    place: Some(place),
+                },
+            });
+        }
+    }
+    Ok(())
+}

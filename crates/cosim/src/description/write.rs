@@ -1,0 +1,220 @@
+//! A description as a system file.
+
+use pilotage_text::is_identifier;
+
+use super::{InstanceDescription, InstanceSource, SystemDescription};
+use pilotage_text::document::{Document, quoted};
+use std::path::{Component, Path, PathBuf, absolute};
+use thiserror::Error;
+
+/// First line of the files that are written here.
+pub const HEADER: &str = "# A system of pilotage";
+
+/// Why a description cannot be a file.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum SaveError {
+    /// A name that a system file does not take.
+    #[error(
+        "`{name}` cannot name an instance in a system file: expected letters, digits and `_`, and no digit first"
+    )]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// A file whose name is no text that TOML could hold.
+    #[error("the name of {} is not UTF-8", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+    },
+}
+
+impl SystemDescription {
+    /// The text of a system file that stands in `folder`: read there, it gives the same system. Files are named from
+    /// that folder, where there is a way from it to them.
+    ///
+    /// # Errors
+    /// If a name cannot stand in such a file.
+    pub fn to_toml(&self, folder: &Path) -> Result<String, SaveError> {
+        let mut text = format!("{HEADER}\n");
+        for instance in &self.instances {
+            text += &self.instance(instance, folder)?;
+        }
+        if !self.connections.is_empty() {
+            text += "\n[connect]\n";
+        }
+        let mut done: Vec<&str> = Vec::new();
+        for wire in &self.connections {
+            let from = wire.from.value.as_str();
+            if !done.contains(&from) {
+                text += &format!("{} = {}\n", quoted(from), self.ends_of(from));
+                done.push(from);
+            }
+        }
+        Ok(text)
+    }
+
+    fn instance(&self, instance: &InstanceDescription, folder: &Path) -> Result<String, SaveError> {
+        let name = &instance.name;
+        if !is_identifier(name) {
+            return Err(SaveError::Name { name: name.clone() });
+        }
+        let (key, source) = match &instance.source.value {
+            InstanceSource::BuiltIn(model) => ("model", model.clone()),
+            InstanceSource::Model(file) => ("model", model_file(file, folder)?),
+            InstanceSource::Table(file) => ("table", file_name(file, folder)?),
+        };
+        let mut text = format!("\n[system.{name}]\n{key} = {}\n", quoted(&source));
+        if let Some(order) = &instance.order {
+            text += &format!("order = {}\n", order.value);
+        }
+        if let Some(interface) = instance.interface {
+            text += &format!("kind = \"{}\"\n", interface.name());
+        }
+        let lines: String = (self.settings_of(name))
+            .map(|(variable, text)| format!("{} = {}\n", key_of(variable), value(text)))
+            .collect();
+        if !lines.is_empty() {
+            text += &format!("[system.{name}.set]\n{lines}");
+        }
+        Ok(text)
+    }
+
+    /// What an output feeds: a string, or a list of strings.
+    fn ends_of(&self, from: &str) -> String {
+        let wires = self
+            .connections
+            .iter()
+            .filter(|wire| wire.from.value == from);
+        let ends: Vec<String> = wires.map(|wire| quoted(&wire.to.value)).collect();
+        match ends.as_slice() {
+            [one] => one.clone(),
+            many => format!("[{}]", many.join(", ")),
+        }
+    }
+}
+
+fn key_of(name: &str) -> String {
+    match is_identifier(name) {
+        true => name.to_owned(),
+        false => quoted(name),
+    }
+}
+
+/// A value as TOML, such that it is read as the same text: without quotes where that is so.
+fn value(text: &str) -> String {
+    let line = format!("value = {text}");
+    let read = Document::parse(&line, "").ok();
+    let read = read.and_then(|document| match document.root().names().len() {
+        1 => document.root().text("value").ok()?,
+        _ => None,
+    });
+    match read.as_deref() == Some(text) && !text.contains(['"', '\'']) {
+        true => text.to_owned(),
+        false => quoted(text),
+    }
+}
+
+/// A file of a model, which must not look like the name of a built-in one.
+fn model_file(file: &Path, folder: &Path) -> Result<String, SaveError> {
+    let name = file_name(file, folder)?;
+    Ok(match is_identifier(&name) {
+        true => format!("./{name}"),
+        false => name,
+    })
+}
+
+fn file_name(file: &Path, folder: &Path) -> Result<String, SaveError> {
+    let path = relative(file, folder).or_else(|| absolute(file).ok());
+    let path = path.unwrap_or_else(|| file.to_owned());
+    // All systems understand slashes.
+    let name = path.to_str().map(|name| match cfg!(windows) {
+        true => name.replace('\\', "/"),
+        false => name.to_owned(),
+    });
+    let file = file.to_owned();
+    name.ok_or(SaveError::File { file })
+}
+
+/// The way from a folder to a file, if there is one; links to the file itself are not followed.
+fn relative(file: &Path, folder: &Path) -> Option<PathBuf> {
+    let here = |path: &Path| match path.as_os_str().is_empty() {
+        true => PathBuf::from("."),
+        false => path.to_owned(),
+    };
+    let from = here(folder).canonicalize().ok()?;
+    let whole = match file.file_name() {
+        Some(name) => here(file.parent()?).canonicalize().ok()?.join(name),
+        None => file.canonicalize().ok()?,
+    };
+    let shared = from.components().zip(whole.components());
+    let shared = shared.take_while(|(a, b)| a == b).count();
+    let is_root = |part: &Component| matches!(part, Component::Prefix(_) | Component::RootDir);
+    if from.components().skip(shared).any(|part| is_root(&part)) {
+        return None;
+    }
+    let up = from.components().skip(shared).map(|_| Component::ParentDir);
+    let path: PathBuf = up.chain(whole.components().skip(shared)).collect();
+    Some(here(&path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_named_from_the_folder_of_the_system() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("a/b")).unwrap();
+        for (file, from, expected) in [
+            ("m.fmu", "", "m.fmu"),
+            ("m.fmu", "a/b", "../../m.fmu"),
+            ("a/m.fmu", "a/b", "../m.fmu"),
+            ("a/b/m.fmu", "a", "b/m.fmu"),
+            ("a/b", "", "a/b"),
+            ("a", "", "./a"),
+            ("a/b/..", "a/b", ".."),
+        ] {
+            let found = model_file(&at(file), &at(from)).unwrap();
+            assert_eq!(found, expected, "{file} from {from}");
+        }
+        // Where there is no way to it, it keeps its name.
+        let nowhere = model_file(&at("none/m.fmu"), &at("a")).unwrap();
+        assert_eq!(Path::new(&nowhere), at("none/m.fmu"));
+    }
+
+    #[test]
+    fn values_are_read_as_they_were_said() {
+        for text in [
+            "10",
+            "1.5",
+            "-1e-3",
+            "true",
+            "+1",
+            "1_000",
+            "0x10",
+            "",
+            " 1",
+            "a\nb = 2",
+            "1 # one",
+            "'1'",
+            "\"",
+            "[1]",
+            "nan",
+            "1979-05-27",
+            "größe",
+            "{a=1}",
+            "1\n",
+        ] {
+            let line = format!("value = {}", value(text));
+            let document = Document::parse(&line, "").unwrap();
+            assert_eq!(
+                document.root().text("value").unwrap().as_deref(),
+                Some(text),
+                "{line}"
+            );
+        }
+        assert_eq!(["10", "true", "ten"].map(value), ["10", "true", "\"ten\""]);
+    }
+}

@@ -1,0 +1,320 @@
+//! Values of an FMU's variables, whatever type they have in its version of FMI.
+
+use super::arrays::Arrays;
+use super::ranges::{items, types_of};
+use crate::component::{ComponentError, Value, ValueKind};
+use pilotage_fmi::description::{
+    BaseType, Causality, FmiVersion, IntegerType, ModelDescription, Precision, ScalarVariable,
+    VariableKind,
+};
+use pilotage_fmi::instance::Number;
+use pilotage_fmi::{CallError, Instance};
+use std::cell::RefCell;
+use std::collections::{HashMap, HashSet};
+use thiserror::Error;
+
+/// A value that a variable's type cannot hold.
+#[derive(Debug, Clone, PartialEq, Error)]
+enum Lost {
+    #[error("{value} does not fit into a variable of type {kind}")]
+    OutOfRange { value: i128, kind: &'static str },
+    #[error("`{name}` is of type Float32, and {value:?} is too large for it")]
+    NotSingle { value: f64, name: String },
+    #[error("{value} is none of the values of the enumeration, which are {items:?}")]
+    NoItem { value: i64, items: Vec<i64> },
+}
+
+/// How variables are reached by their value references.
+#[derive(Debug)]
+pub(super) struct Access {
+    /// FMI 3.0: the types, which value references alone do not tell from each other.
+    types: HashMap<u32, BaseType>,
+    /// FMI 3.0: parameters that are set in configuration mode.
+    structural: HashSet<u32>,
+    /// Names of the reals of 32 bits.
+    singles: HashMap<u32, String>,
+    /// Values of enumerations.
+    items: HashMap<u32, Vec<i64>>,
+    /// Arrays, if they are reached by their elements.
+    arrays: Option<RefCell<Arrays>>,
+    /// Whether all reals are scalars of 64 bits.
+    is_simple: bool,
+}
+
+impl Access {
+    /// With these arrays.
+    pub(super) fn with(description: &ModelDescription, arrays: Arrays) -> Self {
+        let scalars = Self::of(description);
+        Self {
+            is_simple: scalars.is_simple && arrays.is_empty(),
+            arrays: (!arrays.is_empty()).then(|| RefCell::new(arrays)),
+            ..scalars
+        }
+    }
+
+    /// Of the scalars.
+    pub(super) fn of(description: &ModelDescription) -> Self {
+        let is_fmi3 = description.fmi_version == FmiVersion::V3;
+        let variables = || description.variables.iter().filter(|_| is_fmi3);
+        let types: HashMap<_, _> = variables()
+            .map(|v| (v.value_reference, v.kind.base_type()))
+            .collect();
+        let single = Some(&BaseType::Real(Precision::Single));
+        let singles: HashMap<_, _> = variables()
+            .filter(|v| types.get(&v.value_reference) == single)
+            .map(|v| (v.value_reference, v.name.clone()))
+            .collect();
+        Self {
+            items: items_of(description),
+            structural: variables()
+                .filter(|v| v.causality == Causality::StructuralParameter)
+                .map(|v| v.value_reference)
+                .collect(),
+            arrays: None,
+            is_simple: singles.is_empty(),
+            singles,
+            types,
+        }
+    }
+
+    /// Whether some reals are of 32 bits.
+    pub(super) fn has_singles(&self) -> bool {
+        !self.singles.is_empty()
+    }
+
+    /// Whether all reals are scalars of 64 bits, so that calls reach them by their handles.
+    pub(super) fn is_simple(&self) -> bool {
+        self.is_simple
+    }
+
+    /// Sets reals; those of 64 bits in one call.
+    #[inline(always)]
+    pub(super) fn set_reals(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &[f64],
+    ) -> Result<(), ComponentError> {
+        match self.is_simple {
+            true => Ok(instance.set_real(handles, values)?),
+            false => self.set_each_real(instance, handles, values),
+        }
+    }
+
+    fn set_each_real(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &[f64],
+    ) -> Result<(), ComponentError> {
+        if let (Some(arrays), false) = (&self.arrays, self.has_singles()) {
+            return Ok(arrays.borrow_mut().set(instance, handles, values)?);
+        }
+        for (&handle, &value) in handles.iter().zip(values) {
+            match self.singles.get(&handle) {
+                Some(name) => instance.set(&[handle], &[single(value, name)?])?,
+                None => match &self.arrays {
+                    Some(arrays) => arrays.borrow_mut().set(instance, &[handle], &[value])?,
+                    None => instance.set_real(&[handle], &[value])?,
+                },
+            }
+        }
+        Ok(())
+    }
+
+    /// Gets reals; those of 64 bits in one call.
+    #[inline]
+    pub(super) fn get_reals(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &mut [f64],
+    ) -> Result<(), CallError> {
+        match self.is_simple {
+            true => instance.get_real(handles, values),
+            false => self.get_each_real(instance, handles, values),
+        }
+    }
+
+    fn get_each_real(
+        &self,
+        instance: &mut Instance,
+        handles: &[u32],
+        values: &mut [f64],
+    ) -> Result<(), CallError> {
+        if let (Some(arrays), false) = (&self.arrays, self.has_singles()) {
+            return arrays.borrow_mut().get(instance, handles, values);
+        }
+        for (&handle, value) in handles.iter().zip(values) {
+            if self.singles.contains_key(&handle) {
+                let mut single = [0f32];
+                instance.get(&[handle], &mut single)?;
+                *value = f64::from(single[0]);
+            } else {
+                let value = std::slice::from_mut(value);
+                match &self.arrays {
+                    Some(arrays) => arrays.borrow_mut().get(instance, &[handle], value)?,
+                    None => instance.get_real(&[handle], value)?,
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn set(
+        &self,
+        instance: &mut Instance,
+        handle: u32,
+        value: &Value,
+    ) -> Result<(), ComponentError> {
+        if self.structural.contains(&handle) {
+            instance.enter_configuration_mode()?;
+            self.set_value(instance, handle, value)?;
+            return Ok(instance.exit_configuration_mode()?);
+        }
+        self.set_value(instance, handle, value)
+    }
+
+    fn set_value(
+        &self,
+        instance: &mut Instance,
+        handle: u32,
+        value: &Value,
+    ) -> Result<(), ComponentError> {
+        self.check(handle, value)?;
+        let kind = self.integer_name(handle);
+        match value {
+            Value::Real(value) => self.set_reals(instance, &[handle], &[*value])?,
+            Value::Integer(value) => match self.integer(handle) {
+                IntegerType::Int8 => set::<i8>(instance, handle, *value, kind)?,
+                IntegerType::UInt8 => set::<u8>(instance, handle, *value, kind)?,
+                IntegerType::Int16 => set::<i16>(instance, handle, *value, kind)?,
+                IntegerType::UInt16 => set::<u16>(instance, handle, *value, kind)?,
+                IntegerType::Int32 => set::<i32>(instance, handle, *value, kind)?,
+                IntegerType::UInt32 => set::<u32>(instance, handle, *value, kind)?,
+                IntegerType::Int64 => set::<i64>(instance, handle, *value, kind)?,
+                IntegerType::UInt64 => set::<u64>(instance, handle, *value, kind)?,
+            },
+            Value::Boolean(value) => instance.set_boolean(handle, *value)?,
+            Value::String(value) => instance.set_string(handle, value)?,
+        }
+        Ok(())
+    }
+
+    pub(super) fn get(
+        &self,
+        instance: &mut Instance,
+        handle: u32,
+        kind: ValueKind,
+    ) -> Result<Value, ComponentError> {
+        Ok(match kind {
+            ValueKind::Real => {
+                let mut value = [0.0];
+                self.get_reals(instance, &[handle], &mut value)?;
+                Value::Real(value[0])
+            }
+            ValueKind::Integer | ValueKind::Enumeration => {
+                Value::Integer(match self.integer(handle) {
+                    IntegerType::Int8 => get::<i8>(instance, handle)?,
+                    IntegerType::UInt8 => get::<u8>(instance, handle)?,
+                    IntegerType::Int16 => get::<i16>(instance, handle)?,
+                    IntegerType::UInt16 => get::<u16>(instance, handle)?,
+                    IntegerType::Int32 => get::<i32>(instance, handle)?,
+                    IntegerType::UInt32 => get::<u32>(instance, handle)?,
+                    IntegerType::Int64 => get::<i64>(instance, handle)?,
+                    IntegerType::UInt64 => get::<u64>(instance, handle)?,
+                })
+            }
+            ValueKind::Boolean => Value::Boolean(instance.get_boolean(handle)?),
+            ValueKind::String => Value::String(instance.get_string(handle)?),
+        })
+    }
+
+    /// That type's name in the FMU's version of the standard.
+    fn integer_name(&self, handle: u32) -> &'static str {
+        match self.types.get(&handle) {
+            Some(BaseType::Integer(integer)) => integer.as_str(),
+            Some(_) => "Int64",
+            None => "Integer",
+        }
+    }
+
+    /// Refuses an integer that the variable cannot hold.
+    pub(super) fn check(&self, handle: u32, value: &Value) -> Result<(), ComponentError> {
+        let &Value::Integer(value) = value else {
+            return Ok(());
+        };
+        if let Some(items) = self.items.get(&handle)
+            && !items.contains(&value)
+        {
+            let items = items.clone();
+            return Err(Lost::NoItem { value, items }.into());
+        }
+        let (range, kind) = (self.integer(handle).range(), self.integer_name(handle));
+        match range.contains(&i128::from(value)) {
+            true => Ok(()),
+            false => {
+                let value = value.into();
+                Err(Lost::OutOfRange { value, kind }.into())
+            }
+        }
+    }
+
+    /// The integer type of a variable: in FMI 2.0 there is one, in FMI 3.0 enumerations are `Int64`.
+    fn integer(&self, handle: u32) -> IntegerType {
+        match self.types.get(&handle) {
+            Some(BaseType::Integer(integer)) => *integer,
+            Some(BaseType::Enumeration) => IntegerType::Int64,
+            _ => IntegerType::Int32,
+        }
+    }
+}
+
+/// A real of 32 bits; what is rounded is no loss, what becomes infinite is.
+fn single(value: f64, name: &str) -> Result<f32, Lost> {
+    match value.is_finite() && !(value as f32).is_finite() {
+        false => Ok(value as f32),
+        true => Err(Lost::NotSingle {
+            value,
+            name: name.to_owned(),
+        }),
+    }
+}
+
+/// The values of the scalars that are enumerations, by handles; none where the type says none.
+fn items_of(description: &ModelDescription) -> HashMap<u32, Vec<i64>> {
+    let types = types_of(description);
+    let items = |variable: &ScalarVariable| {
+        let VariableKind::Enumeration { declared_type, .. } = &variable.kind else {
+            return None;
+        };
+        let items = items(types.get(declared_type.as_str()).copied()).iter();
+        let values: Vec<i64> = items.map(|item| item.value).collect();
+        (!values.is_empty()).then_some((variable.value_reference, values))
+    };
+    description.variables.iter().filter_map(items).collect()
+}
+
+fn set<T: Number + TryFrom<i64>>(
+    instance: &mut Instance,
+    handle: u32,
+    value: i64,
+    kind: &'static str,
+) -> Result<(), ComponentError> {
+    let narrow = T::try_from(value).map_err(|_| Lost::OutOfRange {
+        value: value.into(),
+        kind,
+    })?;
+    Ok(instance.set(&[handle], &[narrow])?)
+}
+
+fn get<T: Number + Into<i128>>(
+    instance: &mut Instance,
+    handle: u32,
+) -> Result<i64, ComponentError> {
+    let mut value = [T::default()];
+    instance.get(&[handle], &mut value)?;
+    let value: i128 = value[0].into();
+    let kind = "Int64";
+    Ok(i64::try_from(value).map_err(|_| Lost::OutOfRange { value, kind })?)
+}

@@ -1,0 +1,330 @@
+//! An FMU of FMI 2.0 or 3.0 as a component. The only place here that knows of FMUs.
+
+mod access;
+mod arrays;
+mod fmi3;
+mod impulse_response;
+mod linear;
+mod model_exchange;
+mod ranges;
+mod variables;
+
+pub use model_exchange::ModelExchangeComponent;
+
+use self::access::Access;
+use self::arrays::Arrays;
+use self::fmi3::Fmi3;
+use self::linear::Knowns;
+use self::variables::variables;
+use super::component::{
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+};
+use pilotage_fmi::description::{DefaultExperiment, FmiVersion, ModelDescription};
+use pilotage_fmi::instance::Saved;
+use pilotage_fmi::{Fmu, FmuError, Instance, Step, fmu};
+use std::path::Path;
+
+/// Opens and loads an FMU and makes a component of it: of the wanted kind, if it has that one, else
+/// co-simulation before model exchange.
+///
+/// # Errors
+/// If anything about the FMU is wrong, or it is for scheduled execution alone.
+pub fn open(
+    path: &Path,
+    name: &str,
+    wanted: Option<pilotage_fmi::InterfaceType>,
+) -> Result<Box<dyn Component>, FmuError> {
+    let mut fmu = Fmu::open(path)?;
+    let kinds: Vec<pilotage_fmi::InterfaceType> =
+        fmu.kinds().iter().map(|(kind, _)| *kind).collect();
+    let has = |kind: &pilotage_fmi::InterfaceType| kinds.contains(kind);
+    let first = wanted.filter(has);
+    let library = fmu.load()?;
+    let is_model_exchange = match first {
+        Some(kind) => kind == pilotage_fmi::InterfaceType::ModelExchange,
+        None => {
+            !has(&pilotage_fmi::InterfaceType::CoSimulation)
+                && has(&pilotage_fmi::InterfaceType::ModelExchange)
+        }
+    };
+    Ok(match is_model_exchange {
+        true => Box::new(ModelExchangeComponent::new(&library, name)?),
+        false => Box::new(FmuComponent::new(&library, name)?),
+    })
+}
+
+/// An instance of an FMU for co-simulation.
+#[derive(Debug)]
+pub struct FmuComponent {
+    instance: Instance,
+    access: Access,
+    knowns: Knowns,
+    variables: Vec<Variable>,
+    /// The description's `DefaultExperiment`.
+    experiment: DefaultExperiment,
+    abilities: Abilities,
+    /// Where it stands [s].
+    time: f64,
+    /// Of FMI 3.0.
+    fmi3: Option<Fmi3>,
+    /// Saved states, and when the next time event comes after each [s].
+    saved: Vec<(Saved, Option<f64>)>,
+    /// The order 1, for each variable of a call.
+    orders: Vec<i32>,
+}
+
+impl FmuComponent {
+    /// Opens and loads an FMU and makes an instance of it.
+    ///
+    /// # Errors
+    /// If anything about it is wrong.
+    pub fn open(path: &Path, name: &str) -> Result<Self, FmuError> {
+        Self::new(&Fmu::open(path)?.load()?, name)
+    }
+
+    /// Makes an instance of a loaded FMU.
+    ///
+    /// # Errors
+    /// If the FMU refuses.
+    pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
+        let description = library.description();
+        let (fmi3, options) = match description.fmi_version {
+            FmiVersion::V2 => (None, pilotage_fmi::InstanceOptions::default()),
+            FmiVersion::V3 => {
+                let (fmi3, options) = Fmi3::of(description);
+                (Some(fmi3), options)
+            }
+        };
+        let instance =
+            library.instantiate_with(name, pilotage_fmi::InterfaceType::CoSimulation, options)?;
+        let arrays = Arrays::of(description);
+        let variables = variables(description, &arrays);
+        let access = Access::with(description, arrays);
+        Ok(Self {
+            abilities: abilities(description, &instance, &access, fmi3.as_ref()),
+            fmi3,
+            time: 0.0,
+            saved: Vec::new(),
+            orders: vec![1; variables.len()],
+            instance,
+            access,
+            knowns: Knowns::of(description),
+            variables,
+            experiment: description.default_experiment.unwrap_or_default(),
+        })
+    }
+}
+
+impl Component for FmuComponent {
+    fn words_of_discard(&mut self) -> Option<String> {
+        self.instance.words_of_discard().map(str::to_owned)
+    }
+
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
+        let tolerance = experiment.tolerance.or(self.experiment.tolerance);
+        let (start, stop) = (experiment.start, experiment.stop);
+        let stop = stop.is_finite().then_some(stop);
+        self.time = start;
+        Ok(self.instance.setup_experiment(tolerance, start, stop)?)
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), ComponentError> {
+        Ok(self.instance.enter_initialization_mode()?)
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), ComponentError> {
+        self.instance.exit_initialization_mode()?;
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.begin(&mut self.instance),
+            None => Ok(()),
+        }
+    }
+
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
+        let (access, instance) = (&self.access, &mut self.instance);
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.set_reals(access, instance, handles, values),
+            None => access.set_reals(instance, handles, values),
+        }
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
+        let instance = &mut self.instance;
+        Ok(self.access.get_reals(instance, handles, values)?)
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), ComponentError> {
+        if let Some(fmi3) = &mut self.fmi3
+            && fmi3.is_for_events(handle, value)
+        {
+            return fmi3.defer(&self.access, &mut self.instance, handle, value);
+        }
+        self.access.set(&mut self.instance, handle, value)
+    }
+
+    fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
+        self.access.get(&mut self.instance, handle, kind)
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
+        self.time = t + h;
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.step(&self.access, &mut self.instance, (t, h), false),
+            None => match self.instance.do_step(t, h) {
+                Ok(Step::Done) => Ok(Progress::Done),
+                other => Ok(progress(other?, t)),
+            },
+        }
+    }
+
+    fn suggested_stop(&self) -> Option<f64> {
+        self.experiment.stop_time
+    }
+
+    fn terminate(&mut self) -> Result<(), ComponentError> {
+        Ok(self.instance.terminate()?)
+    }
+
+    /// By directional derivatives, if the description lists the states; else by responses in steps of
+    /// `step`, if the instance can go back.
+    fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
+        let can_derive = self.instance.provides_directional_derivatives();
+        if can_derive && self.knowns.has_states() || !self.abilities.rollback {
+            let system = self.knowns.by_derivatives(&mut self.instance)?;
+            return Ok(system.into());
+        }
+        impulse_response::linearize(self, step)
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.abilities
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
+        if let Some(fmi3) = &mut self.fmi3 {
+            fmi3.flush(&self.access, &mut self.instance)?;
+        }
+        while self.saved.len() <= place {
+            self.saved.push((self.instance.save()?, None));
+        }
+        let (saved, next_event) = &mut self.saved[place];
+        *saved = self.instance.save_into(*saved)?;
+        *next_event = self.fmi3.as_ref().and_then(|fmi3| fmi3.next_event);
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
+        match self.saved.get(place) {
+            Some(&(saved, next_event)) => {
+                if let Some(fmi3) = &mut self.fmi3 {
+                    fmi3.forget();
+                    fmi3.next_event = next_event;
+                }
+                Ok(self.instance.restore(saved)?)
+            }
+            None => Err(format!("no state is saved in place {place}").into()),
+        }
+    }
+
+    fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
+        self.time = t + h;
+        match &mut self.fmi3 {
+            Some(fmi3) => fmi3.step(&self.access, &mut self.instance, (t, h), true),
+            None => Ok(progress(self.instance.do_step_revocably(t, h)?, t)),
+        }
+    }
+
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        let fmi3 = self.fmi3.as_ref()?;
+        fmi3.next_event.filter(|&next| next > t)
+    }
+
+    fn set_input_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &[f64],
+    ) -> Result<(), ComponentError> {
+        if let Some(fmi3) = &mut self.fmi3 {
+            return fmi3.set_slopes(handles, slopes);
+        }
+        let orders = &self.orders[..handles.len()];
+        Ok(self
+            .instance
+            .set_input_derivatives(handles, orders, slopes)?)
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        let orders = &self.orders[..handles.len()];
+        Ok(self
+            .instance
+            .get_output_derivatives(handles, orders, slopes)?)
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        Ok(self
+            .instance
+            .directional_derivative(outputs, inputs, seed, result)?)
+    }
+}
+
+/// What the description says that the FMU can do. Reals of 32 bits and arrays have no derivatives here.
+fn abilities(
+    description: &ModelDescription,
+    instance: &Instance,
+    access: &Access,
+    fmi3: Option<&Fmi3>,
+) -> Abilities {
+    let Some(cs) = &description.co_simulation else {
+        return Abilities::default();
+    };
+    let is_simple = access.is_simple();
+    Abilities {
+        rollback: cs.can_get_and_set_fmu_state,
+        variable_steps: cs.can_handle_variable_communication_step_size,
+        // In FMI 3.0 there are intermediate updates for this.
+        input_derivatives: match fmi3 {
+            Some(fmi3) => fmi3.has_ramps() && is_simple,
+            None => cs.can_interpolate_inputs,
+        },
+        output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,
+        directional_derivatives: instance.provides_directional_derivatives() && is_simple,
+    }
+}
+
+/// How far a step from time `t` [s] came.
+fn progress(step: Step, t: f64) -> Progress {
+    match step {
+        Step::Done => Progress::Done,
+        Step::Discarded {
+            last_successful,
+            is_end_requested,
+        } => {
+            let reached = last_successful.unwrap_or(t);
+            match is_end_requested {
+                true => Progress::EndRequested { reached },
+                false => Progress::Discarded { reached },
+            }
+        }
+        Step::Stopped {
+            reached,
+            is_end_requested: true,
+            ..
+        } => Progress::EndRequested { reached },
+        // Of FMI 3.0 alone, where it is no end.
+        Step::Stopped { .. } => Progress::Done,
+    }
+}

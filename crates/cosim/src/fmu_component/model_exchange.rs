@@ -1,0 +1,194 @@
+//! An FMU for model exchange, integrated here, as a component.
+
+use super::access::Access;
+use super::arrays::Arrays;
+use super::linear::Knowns;
+use super::variables::variables;
+use crate::component::{
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+};
+use pilotage_fmi::description::DefaultExperiment;
+use pilotage_fmi::simulate::{RunWork, SavedRun};
+use pilotage_fmi::{FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
+
+/// Part of a communication step over which outputs are looked at to see their slopes. What is left out is of
+/// second order in it, and a few roundings of the values are divided by it.
+const GLANCE: f64 = 1e-4;
+
+/// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
+#[derive(Debug)]
+pub struct ModelExchangeComponent {
+    run: ModelExchangeRun,
+    access: Access,
+    knowns: Knowns,
+    variables: Vec<Variable>,
+    /// The description's `DefaultExperiment`.
+    experiment: DefaultExperiment,
+    start: f64,
+    /// Over how long a time outputs are looked at to see their slopes [s].
+    glance: f64,
+    has_begun: bool,
+    can_save: bool,
+    saved: Vec<Option<SavedRun>>,
+    /// Inputs as they were set last.
+    last: Vec<f64>,
+}
+
+impl ModelExchangeComponent {
+    /// Makes an instance of a loaded FMU.
+    ///
+    /// # Errors
+    /// If the FMU is not for model exchange, or refuses.
+    pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
+        let description = library.description();
+        let instance = library.instantiate(name, pilotage_fmi::InterfaceType::ModelExchange)?;
+        Ok(Self {
+            run: ModelExchangeRun::new(instance, description, RunOptions::default()),
+            access: Access::of(description),
+            knowns: Knowns::of(description),
+            variables: variables(description, &Arrays::default()),
+            experiment: description.default_experiment.unwrap_or_default(),
+            start: 0.0,
+            // As for steps of 10 ms, as long as none is known.
+            glance: 1e-2 * GLANCE,
+            has_begun: false,
+            can_save: (description.model_exchange.as_ref())
+                .is_some_and(|me| me.can_get_and_set_fmu_state),
+            saved: Vec::new(),
+            last: Vec::new(),
+        })
+    }
+
+    /// What the solution has cost so far.
+    pub fn work(&self) -> RunWork {
+        self.run.work()
+    }
+}
+
+impl Component for ModelExchangeComponent {
+    fn words_of_discard(&mut self) -> Option<String> {
+        self.run.instance().words_of_discard().map(str::to_owned)
+    }
+
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
+        let tolerance = experiment.tolerance.or(self.experiment.tolerance);
+        if let Some(tolerance) = tolerance {
+            self.run.set_tolerance(tolerance);
+        }
+        self.start = experiment.start;
+        let (start, stop) = (experiment.start, experiment.stop);
+        let stop = stop.is_finite().then_some(stop);
+        self.run.set_stop(stop);
+        let instance = self.run.instance();
+        Ok(instance.setup_experiment(tolerance, start, stop)?)
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), ComponentError> {
+        Ok(self.run.instance().enter_initialization_mode()?)
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), ComponentError> {
+        self.run.instance().exit_initialization_mode()?;
+        self.run.begin(self.start)?;
+        self.has_begun = true;
+        Ok(())
+    }
+
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
+        if self.has_begun && !self.access.has_singles() {
+            self.last.clear();
+            self.last.extend_from_slice(values);
+            return Ok(self.run.set_inputs(handles, values, None)?);
+        }
+        let instance = match self.has_begun {
+            true => self.run.event_mode()?,
+            false => self.run.instance(),
+        };
+        self.access.set_reals(instance, handles, values)
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
+        let instance = self.run.instance();
+        Ok(self.access.get_reals(instance, handles, values)?)
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), ComponentError> {
+        let instance = match (self.has_begun, value) {
+            (true, Value::Real(value)) => return self.set_reals(&[handle], &[*value]),
+            (true, _) => self.run.event_mode()?,
+            (false, _) => self.run.instance(),
+        };
+        self.access.set(instance, handle, value)
+    }
+
+    fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
+        self.access.get(self.run.instance(), handle, kind)
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
+        self.glance = GLANCE * h;
+        Ok(match self.run.step_to(t + h)? {
+            Reached::Target => Progress::Done,
+            Reached::EndRequested(reached) => Progress::EndRequested { reached },
+        })
+    }
+
+    fn suggested_stop(&self) -> Option<f64> {
+        self.experiment.stop_time
+    }
+
+    fn terminate(&mut self) -> Result<(), ComponentError> {
+        Ok(self.run.instance().terminate()?)
+    }
+
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            rollback: self.can_save,
+            variable_steps: true,
+            input_derivatives: !self.access.has_singles(),
+            output_derivatives: self.access.is_simple(),
+            ..Abilities::default()
+        }
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
+        if self.saved.len() <= place {
+            self.saved.resize(place + 1, None);
+        }
+        let old = self.saved[place].take();
+        self.saved[place] = Some(self.run.save(old)?);
+        Ok(())
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
+        match self.saved.get(place) {
+            Some(Some(saved)) => Ok(self.run.restore(saved)?),
+            _ => Err(format!("no state is saved in place {place}").into()),
+        }
+    }
+
+    /// Of the inputs that were set last.
+    fn set_input_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &[f64],
+    ) -> Result<(), ComponentError> {
+        Ok(self.run.set_inputs(handles, &self.last, Some(slopes))?)
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        Ok(self.run.output_slopes(handles, self.glance, slopes)?)
+    }
+
+    fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {
+        Ok(self.knowns.of_run(&mut self.run, &self.access)?.into())
+    }
+}

@@ -1,0 +1,136 @@
+//! The variables of an FMU as the master sees them.
+
+use super::arrays::Arrays;
+use super::ranges::ranges_of;
+use crate::component::{Role, Unit, ValueKind, Variable};
+use pilotage_fmi::description::{
+    BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
+    VariableKind,
+};
+use std::collections::HashMap;
+
+/// A variable or an element of one: position in the description, type, what is behind its name, and handle.
+type Seen = (usize, ValueKind, String, u32);
+
+/// The description's variables as the master sees them.
+///
+/// Of arrays those are seen that are given, as their elements. Other arrays, binary variables and clocks of
+/// FMI 3.0 are left out: no connection carries them.
+pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<Variable> {
+    let all = description.variables.iter().enumerate();
+    let parts = |(index, v): (usize, &'_ ScalarVariable)| {
+        let ends = match v.dimensions.is_empty() {
+            true => vec![(String::new(), v.value_reference)],
+            false => arrays.elements_of(index),
+        };
+        let kind = kind(v);
+        ends.into_iter()
+            .filter_map(move |(end, handle)| Some((index, kind?, end, handle)))
+    };
+    let seen: Vec<Seen> = all.flat_map(parts).collect();
+    // Inputs by their index in the description and their position here.
+    let at = seen.iter().enumerate();
+    let inputs: Vec<(usize, usize)> = at
+        .filter(|(_, (index, ..))| description.variables[*index].causality == Causality::Input)
+        .map(|(position, (index, ..))| (*index, position))
+        .collect();
+    let structure = &description.structure;
+    let (running, initial) = (
+        by_index(&structure.outputs),
+        by_index(&structure.initial_unknowns),
+    );
+    let (units, ranges) = (description.units_of_variables(), ranges_of(description));
+    let see = |(index, kind, end, handle): &Seen| {
+        let (index, kind, handle) = (*index, *kind, *handle);
+        let variable = &description.variables[index];
+        let is_output = variable.causality == Causality::Output;
+        let one_based = index as u32 + 1;
+        let (mut feedthrough, mut initial_feedthrough) = (Vec::new(), Vec::new());
+        if is_output {
+            feedthrough = fed_by(running.get(&one_based), &inputs);
+            // An output with initial exact has its start value; it depends on nothing.
+            if variable.effective_initial() != Some(Initial::Exact) {
+                initial_feedthrough = fed_by(initial.get(&one_based), &inputs);
+            }
+        }
+        Variable {
+            name: format!("{}{end}", variable.name),
+            aliases: (variable.aliases.iter())
+                .map(|alias| format!("{}{end}", alias.name))
+                .collect(),
+            handle,
+            kind,
+            role: role(variable),
+            settable: is_settable(variable),
+            is_discrete: variable.variability != Variability::Continuous,
+            unit: units(variable).map(|name| unit(description, name)),
+            range: ranges(variable),
+            nominal: nominal(variable),
+            feedthrough,
+            initial_feedthrough,
+        }
+    };
+    seen.iter().map(see).collect()
+}
+
+/// The unknowns by their indices; of several of one index the first.
+fn by_index(unknowns: &[Unknown]) -> HashMap<u32, &Unknown> {
+    unknowns.iter().rev().map(|u| (u.index, u)).collect()
+}
+
+/// The inputs among an unknown's dependencies: all of them if it is not listed or says nothing.
+fn fed_by(unknown: Option<&&Unknown>, inputs: &[(usize, usize)]) -> Vec<usize> {
+    let listed = unknown.and_then(|u| u.dependencies.as_ref());
+    let is_listed = |index: usize| {
+        let one_based = index as u32 + 1;
+        listed.is_none_or(|listed| listed.contains(&one_based))
+    };
+    let feeding = inputs.iter().filter(|(index, _)| is_listed(*index));
+    feeding.map(|&(_, position)| position).collect()
+}
+
+fn kind(variable: &ScalarVariable) -> Option<ValueKind> {
+    match variable.kind.base_type() {
+        BaseType::Real(_) => Some(ValueKind::Real),
+        BaseType::Integer(_) => Some(ValueKind::Integer),
+        BaseType::Boolean => Some(ValueKind::Boolean),
+        BaseType::String => Some(ValueKind::String),
+        BaseType::Enumeration => Some(ValueKind::Enumeration),
+        BaseType::Binary | BaseType::Clock => None,
+    }
+}
+
+fn nominal(variable: &ScalarVariable) -> f64 {
+    match &variable.kind {
+        VariableKind::Real(real) => real.attributes.nominal.map_or(1.0, f64::abs),
+        _ => 1.0,
+    }
+}
+
+fn role(variable: &ScalarVariable) -> Role {
+    match variable.causality {
+        Causality::Parameter | Causality::StructuralParameter => Role::Parameter,
+        Causality::Input => Role::Input,
+        Causality::Output => Role::Output,
+        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Role::Local,
+    }
+}
+
+/// Whether `fmi2SetXXX` is allowed before initialization ends (FMI 2.0, section 4.2.4, the table's
+/// footnotes).
+fn is_settable(variable: &ScalarVariable) -> bool {
+    let has_start = matches!(
+        variable.effective_initial(),
+        Some(Initial::Exact | Initial::Approx)
+    );
+    variable.causality == Causality::Input
+        || (has_start && variable.variability != Variability::Constant)
+}
+
+fn unit(description: &ModelDescription, name: &str) -> Unit {
+    let defined = description.units.iter().find(|u| u.name == name);
+    Unit {
+        name: name.to_owned(),
+        base: defined.and_then(|unit| unit.base),
+    }
+}

@@ -1,0 +1,140 @@
+//! Input clocks of FMI 3.0: each ticks once, when it first may (section 2.2.9).
+
+use super::subject::Subject;
+use super::{Stop, Teller};
+use pilotage_abi::fmi3::IntervalQualifier;
+use pilotage_fmi::InterfaceType;
+use pilotage_fmi::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
+use pilotage_fmi::fmu::Library;
+
+/// A clock and when it first ticks.
+struct Due {
+    time: f64,
+    reference: u32,
+    name: String,
+}
+
+/// Whether there are clocks that an importer makes tick in event mode.
+pub(super) fn are_there(description: &ModelDescription, kind: InterfaceType) -> bool {
+    let cs = description.co_simulation.as_ref();
+    let has_event_mode = match kind {
+        InterfaceType::CoSimulation => cs.is_some_and(|cs| cs.has_event_mode),
+        _ => kind == InterfaceType::ModelExchange,
+    };
+    has_event_mode && of(description, Causality::Input).next().is_some()
+}
+
+/// Value reference, name and kind of interval of the clocks of that causality.
+fn of(
+    description: &ModelDescription,
+    causality: Causality,
+) -> impl Iterator<Item = (u32, &str, IntervalVariability)> {
+    let clocks = description.variables.iter();
+    let clocks = clocks.filter(move |v| v.causality == causality);
+    clocks.filter_map(|v| match &v.kind {
+        VariableKind::Clock { attributes, .. } => Some((
+            v.value_reference,
+            v.name.as_str(),
+            attributes.interval_variability,
+        )),
+        _ => None,
+    })
+}
+
+impl Teller<'_> {
+    /// Lets each input clock tick at its time, as far as steps lead there.
+    pub(super) fn clocks(&mut self, library: &Library) -> Result<(), Stop> {
+        let mut subject = Subject::instantiate(library, "check", self)?;
+        subject.enter_initialization(self)?;
+        let mut due = subject.first_ticks(self)?;
+        due.sort_by(|a, b| a.time.total_cmp(&b.time));
+        self.stage("initializing");
+        subject.instance.exit_initialization_mode()?;
+        let (now, later) = due.split_at(due.partition_point(|d| d.time <= subject.time()));
+        subject.tick(now, self)?;
+        if !subject.begin(self)? || !subject.can_go_anywhere(self.kind) {
+            return Ok(());
+        }
+        for together in later.chunk_by(|a, b| a.time == b.time) {
+            if together[0].time > subject.stop() || !subject.step_to(together[0].time, self)? {
+                break;
+            }
+            subject.instance.enter_event_mode()?;
+            subject.tick(together, self)?;
+            if !subject.leave_event_mode(self)? {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Subject {
+    /// In initialization mode: when the input clocks first tick; those left out of which the FMU does not yet know.
+    fn first_ticks(&mut self, teller: &mut Teller) -> Result<Vec<Due>, Stop> {
+        let description = self.description.clone();
+        let mut due = Vec::new();
+        for (reference, name, variability) in of(&description, Causality::Input) {
+            teller.stage(&format!("asking when the clock {name} ticks"));
+            let after = match variability {
+                IntervalVariability::Triggered => Some(0.0),
+                IntervalVariability::Changing | IntervalVariability::Countdown => {
+                    self.first_interval(reference, name, variability, teller)?
+                }
+                _ => self.instance.get_shifts(&[reference])?.pop(),
+            };
+            match after {
+                Some(after) if !(after.is_finite() && after >= 0.0) => teller.error(format!(
+                    "the clock {name} first ticks {after} s after the start; it must be a finite time, not negative"
+                )),
+                Some(after) => due.push(Due {
+                    time: self.time() + after,
+                    reference,
+                    name: name.to_owned(),
+                }),
+                None => {}
+            }
+        }
+        Ok(due)
+    }
+
+    /// From the start to the first tick of an aperiodic clock; `None` where it is not known, which only a
+    /// countdown's may be.
+    fn first_interval(
+        &mut self,
+        reference: u32,
+        name: &str,
+        variability: IntervalVariability,
+        teller: &mut Teller,
+    ) -> Result<Option<f64>, Stop> {
+        let intervals = self.instance.get_intervals(&[reference])?;
+        let known = intervals.first();
+        let known = known.filter(|i| i.qualifier != IntervalQualifier::NOT_YET_KNOWN);
+        if known.is_none() && variability == IntervalVariability::Changing {
+            teller.error(format!(
+                "the interval of the clock {name} is not yet known, which that of a changing clock always is"
+            ));
+        }
+        Ok(known.map(|interval| interval.value))
+    }
+
+    /// In event mode: these clocks tick, and tell which others do.
+    fn tick(&mut self, clocks: &[Due], teller: &mut Teller) -> Result<(), Stop> {
+        if clocks.is_empty() {
+            return Ok(());
+        }
+        let names: Vec<&str> = clocks.iter().map(|due| due.name.as_str()).collect();
+        let (names, time) = (names.join(", "), self.time());
+        teller.stage(&format!("ticking {names} at {time} s"));
+        let references: Vec<u32> = clocks.iter().map(|due| due.reference).collect();
+        let on = vec![true; references.len()];
+        self.instance.set_clocks(&references, &on)?;
+        teller.stage(&format!("reading output clocks when {names} ticks"));
+        let description = self.description.clone();
+        let outputs: Vec<u32> = (of(&description, Causality::Output))
+            .map(|(reference, ..)| reference)
+            .collect();
+        let mut ticking = vec![false; outputs.len()];
+        Ok(self.instance.get_clocks(&outputs, &mut ticking)?)
+    }
+}

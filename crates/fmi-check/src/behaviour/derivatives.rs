@@ -1,0 +1,265 @@
+//! Directional derivatives against differences, and dependencies that the description does not declare.
+//!
+//! By the inputs in initialization mode, where outputs follow inputs at once in both kinds of FMU; by the
+//! states in continuous-time mode.
+
+use super::subject::{Subject, is_double};
+use super::{Stop, Teller};
+use pilotage_abi::fmi2::Status;
+use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
+use pilotage_fmi::fmu::Library;
+use pilotage_fmi::{CallError, InterfaceType};
+
+/// Relative size of the change of a known.
+const CHANGE: f64 = 1e-4;
+
+/// Largest relative difference between a derivative and a difference that is no fault.
+const TOLERANCE: f64 = 1e-3;
+
+/// Relative difference of the slopes to both sides above which a point is a kink.
+const KINK: f64 = 0.05;
+
+/// A known or an unknown.
+#[derive(Debug, Clone)]
+struct Place {
+    /// Index of the variable in the description, from 1.
+    index: u32,
+    reference: u32,
+    name: String,
+    /// Position among the states, for a state.
+    state: Option<usize>,
+}
+
+impl Place {
+    fn new((index, variable): (u32, &ScalarVariable)) -> Self {
+        Self {
+            index,
+            reference: variable.value_reference,
+            name: variable.name.clone(),
+            state: None,
+        }
+    }
+}
+
+impl Teller<'_> {
+    /// Compares the derivative of each unknown by each known.
+    pub(super) fn derivatives(&mut self, library: &Library) -> Result<(), Stop> {
+        let mut subject = Subject::instantiate(library, "check", self)?;
+        subject.enter_initialization(self)?;
+        let unknowns = unknowns(&subject, self.kind);
+        let inputs = inputs(&subject);
+        self.compare_by(&mut subject, &inputs, &unknowns)?;
+        if self.kind == InterfaceType::ModelExchange {
+            self.stage("leaving initialization mode");
+            subject.instance.exit_initialization_mode()?;
+            subject.enter_continuous_time(self)?;
+            let states = states(&subject);
+            self.compare_by(&mut subject, &states, &unknowns)?;
+        }
+        self.unknown_reference(&mut subject);
+        Ok(())
+    }
+
+    fn compare_by(
+        &mut self,
+        subject: &mut Subject,
+        knowns: &[Place],
+        unknowns: &[Place],
+    ) -> Result<(), Stop> {
+        for known in knowns {
+            self.stage(&format!("changing `{}`", known.name));
+            let slopes = slopes(subject, known, unknowns)?;
+            for (unknown, slope) in unknowns.iter().zip(&slopes) {
+                self.undeclared(subject, known, unknown, *slope);
+            }
+            if subject.facts.has_derivatives {
+                self.stage(&format!("asking for derivatives by `{}`", known.name));
+                self.compare_with(subject, known, unknowns, &slopes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What changes with a known must declare it: in initialization mode, where the knowns are inputs,
+    /// among the initial unknowns if it is listed there (FMI 2.0.5, section 2.2.8).
+    fn undeclared(&mut self, subject: &Subject, known: &Place, unknown: &Place, slope: Slope) {
+        let structure = &subject.description.structure;
+        let initial = (structure.initial_unknowns.iter())
+            .filter(|entry| known.state.is_none() && entry.index == unknown.index);
+        let running = (structure.outputs.iter().chain(&structure.derivatives))
+            .filter(|entry| entry.index == unknown.index);
+        let is_declared = initial.chain(running).all(|entry| {
+            let names = entry.dependencies.as_ref();
+            names.is_none_or(|names| names.contains(&known.index))
+        });
+        // A state is what it is.
+        let is_itself = known.index == unknown.index;
+        if slope.value != 0.0 && slope.is_smooth && !is_declared && !is_itself {
+            let (y, u) = (&unknown.name, &known.name);
+            let what = format!(
+                "`{y}` changes with `{u}` at once, which <ModelStructure> does not declare"
+            );
+            self.find(what, Severity::Error, Some(y));
+        }
+    }
+
+    fn compare_with(
+        &mut self,
+        subject: &mut Subject,
+        known: &Place,
+        unknowns: &[Place],
+        slopes: &[Slope],
+    ) -> Result<(), Stop> {
+        let references: Vec<u32> = unknowns.iter().map(|o| o.reference).collect();
+        let mut found = vec![f64::NAN; references.len()];
+        let instance = &mut subject.instance;
+        instance.directional_derivative(&references, &[known.reference], &[1.0], &mut found)?;
+        for ((unknown, slope), found) in unknowns.iter().zip(slopes).zip(found) {
+            let difference = (found - slope.value).abs();
+            let allowed = TOLERANCE * slope.value.abs().max(slope.scale);
+            let differs = difference.is_nan() || difference > allowed;
+            // A state by itself is nothing that solvers ask for, and some FMUs have no answer.
+            let is_itself = unknown.index == known.index;
+            if slope.is_smooth && differs && !is_itself {
+                let (y, u) = (&unknown.name, &known.name);
+                let what = format!(
+                    "the directional derivative of `{y}` by `{u}` is {found}, differences give {}",
+                    shown(slope.value)
+                );
+                self.find(what, Severity::Error, Some(y));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A difference with the digits that it has.
+fn shown(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
+/// The description's variables with their indices from 1.
+fn numbered(subject: &Subject) -> impl Iterator<Item = (u32, &ScalarVariable)> {
+    (1..).zip(&subject.description.variables)
+}
+
+/// Scalar continuous real inputs.
+fn inputs(subject: &Subject) -> Vec<Place> {
+    numbered(subject)
+        .filter(|(_, v)| v.causality == Causality::Input && is_double(v))
+        .filter(|(_, v)| v.variability == Variability::Continuous)
+        .map(Place::new)
+        .collect()
+}
+
+/// The states, in the order of their derivatives; none if some are arrays.
+fn states(subject: &Subject) -> Vec<Place> {
+    let description = &subject.description;
+    let at = |index: u32| {
+        let variable = description
+            .variables
+            .get((index as usize).checked_sub(1)?)?;
+        is_double(variable).then_some((index, variable))
+    };
+    let state = |(position, entry): (usize, &pilotage_fmi::description::Unknown)| {
+        let (_, derivative) = at(entry.index)?;
+        let VariableKind::Real(real) = &derivative.kind else {
+            return None;
+        };
+        Some(Place {
+            state: Some(position),
+            ..Place::new(at(real.derivative?)?)
+        })
+    };
+    let derivatives = description.structure.derivatives.iter().enumerate();
+    derivatives
+        .map(state)
+        .collect::<Option<_>>()
+        .unwrap_or_default()
+}
+
+/// Scalar continuous real outputs, and in model exchange the derivatives of the states.
+fn unknowns(subject: &Subject, kind: InterfaceType) -> Vec<Place> {
+    let derivatives = &subject.description.structure.derivatives;
+    let is_derivative = |index: u32| {
+        kind == InterfaceType::ModelExchange && derivatives.iter().any(|entry| entry.index == index)
+    };
+    numbered(subject)
+        .filter(|(index, v)| v.causality == Causality::Output || is_derivative(*index))
+        .filter(|(_, v)| is_double(v) && v.variability == Variability::Continuous)
+        .map(Place::new)
+        .collect()
+}
+
+/// How an unknown changes with a known.
+#[derive(Debug, Clone, Copy)]
+struct Slope {
+    /// By the smaller of two changes.
+    value: f64,
+    /// Both changes give the same.
+    is_smooth: bool,
+    /// Slopes below this are lost in rounding.
+    scale: f64,
+}
+
+/// The slopes of the unknowns by one known, which has its value again afterwards.
+fn slopes(subject: &mut Subject, known: &Place, unknowns: &[Place]) -> Result<Vec<Slope>, Stop> {
+    let references: Vec<u32> = unknowns.iter().map(|o| o.reference).collect();
+    let start = subject.value(known)?;
+    let change = CHANGE * start.abs().max(1.0);
+    let mut at = |value: f64| -> Result<Vec<f64>, Stop> {
+        let mut values = vec![0.0; references.len()];
+        subject.set(known, value)?;
+        match subject.instance.get_real(&references, &mut values) {
+            // Outside of its domain an FMU has no value to give, and may be asked again elsewhere.
+            Err(CallError::Failed { status, .. }) if status == Status::DISCARD => {
+                values.fill(f64::NAN);
+            }
+            other => other?,
+        }
+        Ok(values)
+    };
+    let far = [at(start + 2.0 * change)?, at(start - 2.0 * change)?];
+    let near = [at(start + change)?, at(start - change)?];
+    let values = at(start)?;
+    let slope = |k: usize| {
+        let value = values[k];
+        let scale = f64::EPSILON * value.abs().max(1.0) / change / TOLERANCE;
+        let coarse = (far[0][k] - far[1][k]) / (4.0 * change);
+        let fine = (near[0][k] - near[1][k]) / (2.0 * change);
+        // On a kink, such as the start of a table's line, both sides have slopes of their own.
+        let sides = [near[0][k] - value, value - near[1][k]].map(|step| step / change);
+        let kink = (sides[0] - sides[1]).abs() > KINK * fine.abs().max(sides[0].abs()).max(scale);
+        Slope {
+            value: fine,
+            is_smooth: !kink && (coarse - fine).abs() <= TOLERANCE * fine.abs().max(scale),
+            scale,
+        }
+    };
+    Ok((0..references.len()).map(slope).collect())
+}
+
+impl Subject {
+    fn value(&mut self, known: &Place) -> Result<f64, Stop> {
+        if let Some(state) = known.state {
+            let mut states = vec![0.0; self.instance.number_of_continuous_states()?];
+            self.instance.get_continuous_states(&mut states)?;
+            return Ok(states.get(state).copied().unwrap_or(f64::NAN));
+        }
+        let mut value = [0.0];
+        self.instance.get_real(&[known.reference], &mut value)?;
+        Ok(value[0])
+    }
+
+    fn set(&mut self, known: &Place, value: f64) -> Result<(), Stop> {
+        let Some(state) = known.state else {
+            return Ok(self.instance.set_real(&[known.reference], &[value])?);
+        };
+        let mut states = vec![0.0; self.instance.number_of_continuous_states()?];
+        self.instance.get_continuous_states(&mut states)?;
+        if let Some(place) = states.get_mut(state) {
+            *place = value;
+        }
+        Ok(self.instance.set_continuous_states(&states)?)
+    }
+}

@@ -1,0 +1,334 @@
+//! An instance on its way through a simulation, of either kind.
+
+use super::exchange::Solver;
+use super::{Facts, Stop, Teller};
+use pilotage_fmi::description::{
+    BaseType, Causality, ModelDescription, Precision, ScalarVariable, Severity,
+};
+use pilotage_fmi::fmu::Library;
+use pilotage_fmi::instance::{Saved, Serialized};
+use pilotage_fmi::{CallError, Instance, InstanceOptions, InterfaceType, Message, Step};
+use std::sync::Arc;
+
+/// When to start and how to go on.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plan {
+    pub(super) tolerance: Option<f64>,
+    start: f64,
+    stop: f64,
+    /// Communication step [s].
+    pub(super) step: f64,
+    /// How many of them a check takes.
+    pub(super) steps: u32,
+}
+
+impl Plan {
+    /// As the description suggests, but no more than some steps.
+    fn of(description: &ModelDescription) -> Self {
+        const MOST: f64 = 20.0;
+        let experiment = description.default_experiment.unwrap_or_default();
+        let start = experiment.start_time.unwrap_or(0.0);
+        let stop = experiment.stop_time.filter(|&stop| stop > start);
+        let stop = stop.unwrap_or(start + 1.0);
+        let fixed = (description.co_simulation.as_ref()).and_then(|cs| cs.fixed_internal_step_size);
+        let step = (fixed.or(experiment.step_size))
+            .filter(|&h| h > 0.0)
+            .unwrap_or((stop - start) / 100.0);
+        Self {
+            tolerance: experiment.tolerance,
+            start,
+            stop,
+            step,
+            steps: ((stop - start) / step + 1e-9).clamp(1.0, MOST) as u32,
+        }
+    }
+}
+
+/// An initialized instance.
+pub(super) struct Subject {
+    pub(super) description: Arc<ModelDescription>,
+    /// The name that it was given.
+    pub(super) name: String,
+    pub(super) instance: Instance,
+    pub(super) facts: Facts,
+    /// Co-simulation: whether events are handled between steps.
+    event_mode_used: bool,
+    pub(super) plan: Plan,
+    pub(super) solver: Solver,
+    time: f64,
+    /// Value references and names of the real outputs.
+    outputs: Vec<u32>,
+    pub(super) names: Vec<String>,
+}
+
+/// The outputs after each of some steps.
+pub(super) type Trace = Vec<Vec<f64>>;
+
+/// A state to go back to.
+#[derive(Debug, Clone)]
+pub(super) struct Point {
+    pub(super) saved: Saved,
+    solver: Solver,
+    time: f64,
+}
+
+impl Subject {
+    /// Instantiates and initializes; compares the start values on the way.
+    pub(super) fn start(library: &Library, name: &str, teller: &mut Teller) -> Result<Self, Stop> {
+        let mut subject = Self::instantiate(library, name, teller)?;
+        subject.initialize(teller)?;
+        Ok(subject)
+    }
+
+    /// Instantiates.
+    pub(super) fn instantiate(
+        library: &Library,
+        name: &str,
+        teller: &mut Teller,
+    ) -> Result<Self, Stop> {
+        teller.stage("instantiating");
+        let description = library.description().clone();
+        let event_mode_used = needs_event_mode(&description, teller.kind);
+        let options = InstanceOptions {
+            event_mode_used,
+            ..InstanceOptions::default()
+        };
+        let instance = library.instantiate_with(name, teller.kind, options)?;
+        let facts = Facts::of(&description, teller.kind)
+            .ok_or(CallError::OtherKind { kind: teller.kind })?;
+        let is_real = |v: &&ScalarVariable| v.causality == Causality::Output && is_double(v);
+        let outputs = || description.variables.iter().filter(is_real);
+        let plan = Plan::of(&description);
+        Ok(Self {
+            outputs: outputs().map(|v| v.value_reference).collect(),
+            names: outputs().map(|v| v.name.clone()).collect(),
+            name: name.to_owned(),
+            facts,
+            event_mode_used,
+            solver: Solver::default(),
+            time: plan.start,
+            plan,
+            instance,
+            description,
+        })
+    }
+
+    /// From instantiated to ready for a step; compares the start values on the way.
+    pub(super) fn initialize(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+        self.enter_initialization(teller)?;
+        teller.start_values(self)?;
+        teller.stage("reading all variables");
+        self.instance.exit_initialization_mode()?;
+        teller.read_all(self)?;
+        self.begin(teller).map(|_| ())
+    }
+
+    /// From the first event mode, if there is one, to where steps are taken. False when the end is asked for.
+    pub(super) fn begin(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        match teller.kind {
+            InterfaceType::ModelExchange => self.enter_continuous_time(teller),
+            _ if self.event_mode_used => self.enter_steps(teller),
+            _ => Ok(true),
+        }
+    }
+
+    /// From a later event mode, likewise.
+    pub(super) fn leave_event_mode(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        match teller.kind {
+            InterfaceType::ModelExchange => self.iterate(teller),
+            _ => self.enter_steps(teller),
+        }
+    }
+
+    /// Whether steps lead to any time.
+    pub(super) fn can_go_anywhere(&self, kind: InterfaceType) -> bool {
+        kind == InterfaceType::ModelExchange || self.facts.can_vary_steps
+    }
+
+    /// Goes on to that time; false when it is not reached.
+    pub(super) fn step_to(&mut self, time: f64, teller: &mut Teller) -> Result<bool, Stop> {
+        teller.stage(&format!("going on to {time} s"));
+        let rest = time - self.time;
+        self.step_by(rest / self.plan.step, teller)
+    }
+
+    /// When the experiment ends [s].
+    pub(super) fn stop(&self) -> f64 {
+        self.plan.stop
+    }
+
+    /// From instantiated to initialization mode.
+    pub(super) fn enter_initialization(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+        let Plan {
+            tolerance,
+            start,
+            stop,
+            ..
+        } = self.plan;
+        teller.stage("initializing");
+        self.time = start;
+        self.instance.setup_experiment(tolerance, start, stop)?;
+        self.instance.enter_initialization_mode()?;
+        Ok(())
+    }
+
+    /// One step of the plan; false when the FMU wants the simulation to end, or discarded the step.
+    pub(super) fn step(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+        self.step_by(1.0, teller)
+    }
+
+    /// A step of that part of the plan's step.
+    pub(super) fn step_by(&mut self, part: f64, teller: &mut Teller) -> Result<bool, Stop> {
+        let h = part * self.plan.step;
+        let went_on = match teller.kind {
+            InterfaceType::ModelExchange => self.integrate(h, teller)?,
+            _ => self.communicate(h, teller)?,
+        };
+        self.check_outputs(teller)?;
+        Ok(went_on)
+    }
+
+    fn communicate(&mut self, h: f64, teller: &mut Teller) -> Result<bool, Stop> {
+        // Checks of saved states go back.
+        let ended = match self.facts.can_save {
+            true => self.instance.do_step_revocably(self.time, h)?,
+            false => self.instance.do_step(self.time, h)?,
+        };
+        match ended {
+            Step::Done => {
+                self.time += h;
+                Ok(true)
+            }
+            Step::Discarded {
+                is_end_requested,
+                last_successful,
+            } => {
+                if last_successful.is_none() {
+                    teller.error(format!(
+                        "the step of {h} s from {} s was discarded, and the FMU does not tell up to \
+                         which time it came",
+                        self.time
+                    ));
+                }
+                if !is_end_requested {
+                    teller.warn(format!(
+                        "the step of {h} s from {} s was discarded",
+                        self.time
+                    ));
+                }
+                Ok(false)
+            }
+            // Early returns were not allowed.
+            Step::Stopped {
+                reached,
+                is_end_requested,
+                is_event,
+            } => {
+                if (reached - self.time - h).abs() > 1e-9 * (h + self.time.abs()) {
+                    teller.error(format!(
+                        "the step of {h} s from {} s ended at {reached} s, though early returns \
+                         were not allowed",
+                        self.time
+                    ));
+                    return Ok(false);
+                }
+                self.time = reached;
+                if is_event && self.event_mode_used && !is_end_requested {
+                    teller.stage("entering event mode");
+                    self.instance.enter_event_mode()?;
+                    return self.enter_steps(teller);
+                }
+                Ok(!is_end_requested)
+            }
+        }
+    }
+
+    /// Outputs are numbers.
+    fn check_outputs(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+        let values = self.outputs()?;
+        for (name, value) in self.names.iter().zip(values) {
+            if !value.is_finite() {
+                let what = format!("`{name}` is {value} at {} s", self.time);
+                teller.find(what, Severity::Warning, Some(name));
+            }
+        }
+        Ok(())
+    }
+
+    /// All real outputs.
+    pub(super) fn outputs(&mut self) -> Result<Vec<f64>, Stop> {
+        let mut values = vec![0.0; self.outputs.len()];
+        self.instance.get_real(&self.outputs, &mut values)?;
+        Ok(values)
+    }
+
+    /// Takes some steps; the outputs after each.
+    pub(super) fn trace(&mut self, steps: u32, teller: &mut Teller) -> Result<Trace, Stop> {
+        let mut trace = Trace::new();
+        for _ in 0..steps {
+            let goes_on = self.step(teller)?;
+            trace.push(self.outputs()?);
+            if !goes_on {
+                break;
+            }
+        }
+        Ok(trace)
+    }
+
+    /// Where the instance stands [s].
+    pub(super) fn time(&self) -> f64 {
+        self.time
+    }
+
+    pub(super) fn set_time(&mut self, time: f64) {
+        self.time = time;
+    }
+
+    /// Saves everything.
+    pub(super) fn save(&mut self) -> Result<Point, Stop> {
+        Ok(Point {
+            saved: self.instance.save()?,
+            solver: self.solver.clone(),
+            time: self.time,
+        })
+    }
+
+    /// The same point in time with the state that bytes hold.
+    pub(super) fn with_bytes(&mut self, point: &Point, bytes: &Serialized) -> Result<Point, Stop> {
+        Ok(Point {
+            saved: self.instance.deserialize(bytes)?,
+            ..point.clone()
+        })
+    }
+
+    /// Goes back to a point.
+    pub(super) fn restore(&mut self, point: &Point) -> Result<(), Stop> {
+        self.instance.restore(point.saved)?;
+        self.solver = point.solver.clone();
+        self.time = point.time;
+        Ok(())
+    }
+
+    pub(super) fn terminate(&mut self) -> Result<(), Stop> {
+        Ok(self.instance.terminate()?)
+    }
+
+    pub(super) fn messages(&mut self) -> Vec<Message> {
+        self.instance.take_messages()
+    }
+}
+
+/// Whether co-simulation must use event mode: clocks tick in no other (FMI 3.0, section 4.2).
+fn needs_event_mode(description: &ModelDescription, kind: InterfaceType) -> bool {
+    let cs = description.co_simulation.as_ref();
+    let mut variables = description.variables.iter();
+    kind == InterfaceType::CoSimulation
+        && cs.is_some_and(|cs| cs.has_event_mode)
+        && variables.any(|v| v.kind.base_type() == BaseType::Clock)
+}
+
+/// A scalar of type `Real` or `Float64`.
+pub(super) fn is_double(variable: &ScalarVariable) -> bool {
+    let is_double = variable.kind.base_type() == BaseType::Real(Precision::Double);
+    is_double && variable.dimensions.is_empty()
+}

@@ -1,0 +1,178 @@
+//! What the recorded flights and the vehicle say before anybody looks at θ.
+
+use super::{Diagnostic, Fit, FitOptions, Trial};
+use crate::Mesh;
+use crate::start::implied_stick;
+use crate::statistics::range;
+use crate::trials::median_step;
+use crate::vehicle::PitchLoop;
+
+/// A run whose positions differ by less does not move [m].
+const STILL: f64 = 1e-6;
+/// A run is driven when its target is at least this part of its largest error away from its start.
+const DRIVEN: f64 = 0.5;
+/// Correlation of positions with targets from which the slope between them means something.
+const FOLLOWS: f64 = 0.7;
+/// Slopes of positions over targets that humans fly; little at first.
+const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=5.0;
+/// Longest run that is too short for a task [s], and longest time between samples [s].
+const SHORT: f64 = 1.0;
+const SPARSE: f64 = 2.0;
+/// Correlation below which the stick's sign is in doubt.
+const AGAINST: f64 = -0.5;
+/// Radius of gyration over arm length: that of any body with motors on arms.
+const GYRATION: std::ops::RangeInclusive<f64> = 0.05..=5.0;
+/// Longest mesh interval, as a part of a run.
+const COARSE: f64 = 0.1;
+/// Part of the samples at the stick's stops that is worth a word.
+const SATURATED: f64 = 0.05;
+/// A stick this near to its stop, relative, lies there: recordings are rounded.
+const AT_STOP: f64 = 0.999;
+
+/// The diagnostics.
+pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
+    let vehicle = options.loop_vehicle().is_some();
+    [
+        movement(trials),
+        time_scale(trials),
+        stick_sign(options, trials).filter(|_| vehicle),
+        dead_stick(trials),
+        vehicle_size(options).filter(|_| vehicle),
+        (vehicle && !PitchLoop::of(&options.vehicle).is_stable())
+            .then_some(Diagnostic::VehicleUnstable),
+        coarse_mesh(options, trials),
+        saturated(fit, options, trials),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn finite(values: &[f64]) -> impl Iterator<Item = f64> {
+    values.iter().copied().filter(|value| value.is_finite())
+}
+
+fn is_still(trial: &Trial) -> bool {
+    let [least, most] = range(&trial.position);
+    most - least <= STILL
+}
+
+/// What is wrong with how the vehicle moves, of one run or of all.
+fn movement(trials: &[Trial]) -> Option<Diagnostic> {
+    if trials.iter().all(is_still) {
+        return Some(Diagnostic::ConstantData);
+    }
+    let largest =
+        |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |m: f64, v| m.max(v.abs()));
+    let of_run = |trial: &Trial| {
+        let errors = trial.target.iter().zip(&trial.position).map(|(w, z)| w - z);
+        let error = largest(&mut errors.filter(|e| e.is_finite()));
+        (trial.forcing(), error)
+    };
+    let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
+    let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;
+    if let Some(factor) = wrong_scale(trials) {
+        return Some(Diagnostic::WrongScale { factor });
+    }
+    let none = Diagnostic::NoForcing {
+        forcing: largest(&mut all.iter().map(|run| run.0)),
+        error: largest(&mut all.iter().map(|run| run.1)),
+    };
+    (!all.iter().any(is_driven)).then_some(none)
+}
+
+/// Slope of positions over targets, both from where the runs begin, where it is no human's.
+fn wrong_scale(trials: &[Trial]) -> Option<f64> {
+    let (mut product, mut targets, mut positions) = (0.0, 0.0, 0.0);
+    for trial in trials {
+        let origin = trial.origin();
+        for (target, z) in trial.target.iter().zip(&trial.position) {
+            let (target, z) = (target - origin, z - origin);
+            if z.is_finite() {
+                product += target * z;
+                targets += target * target;
+                positions += z * z;
+            }
+        }
+    }
+    let correlation = product / (targets * positions).sqrt();
+    let factor = product / targets;
+    (correlation.abs() > FOLLOWS && !SLOPES.contains(&factor)).then_some(factor)
+}
+
+fn time_scale(trials: &[Trial]) -> Option<Diagnostic> {
+    let longest = trials
+        .iter()
+        .max_by(|a, b| a.duration().total_cmp(&b.duration()))?;
+    let (duration, step) = (longest.duration(), median_step(&longest.time)?);
+    (duration < SHORT || step > SPARSE).then_some(Diagnostic::TimeScale { duration, step })
+}
+
+/// Compares the recorded stick with that of the inverted vehicle, over all runs that have one.
+fn stick_sign(options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
+    let (mut product, mut recorded, mut implied) = (0.0, 0.0, 0.0);
+    for trial in trials {
+        let Some(stick) = &trial.stick else {
+            continue;
+        };
+        let unknown = Trial {
+            stick: None,
+            ..trial.clone()
+        };
+        for (u, v) in stick.iter().zip(implied_stick(&unknown, &options.vehicle)) {
+            if u.is_finite() && v.is_finite() {
+                product += u * v;
+                recorded += u * u;
+                implied += v * v;
+            }
+        }
+    }
+    let correlation = product / (recorded * implied).sqrt();
+    (correlation < AGAINST).then_some(Diagnostic::StickSign { correlation })
+}
+
+fn dead_stick(trials: &[Trial]) -> Option<Diagnostic> {
+    let is_dead = |trial: &&Trial| {
+        let stick = trial.stick.as_deref().unwrap_or_default();
+        let known = finite(stick).count();
+        known > 0 && finite(stick).all(|u| u == 0.0) && !is_still(trial)
+    };
+    let run = trials.iter().find(is_dead)?.name.clone();
+    Some(Diagnostic::DeadStick { run })
+}
+
+fn vehicle_size(options: &FitOptions) -> Option<Diagnostic> {
+    let vehicle = &options.vehicle;
+    let (gyration, arm) = ((vehicle.inertia / vehicle.mass).sqrt(), vehicle.arm_length);
+    (!GYRATION.contains(&(gyration / arm))).then_some(Diagnostic::VehicleSize { gyration, arm })
+}
+
+fn coarse_mesh(options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
+    let Mesh::Step(step) = options.mesh else {
+        return None;
+    };
+    let duration = trials
+        .iter()
+        .map(Trial::duration)
+        .fold(f64::INFINITY, f64::min);
+    (step > COARSE * duration).then_some(Diagnostic::CoarseMesh { step, duration })
+}
+
+fn saturated(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
+    let part = |sticks: &mut dyn Iterator<Item = f64>, limit: f64| {
+        let (at, all) = sticks.fold((0.0, 0.0), |(at, all), u| {
+            (
+                at + f64::from(u8::from(u.abs() >= AT_STOP * limit)),
+                all + 1.0,
+            )
+        });
+        (all > 0.0).then_some(at / all)
+    };
+    let sticks = trials.iter().filter_map(|trial| trial.stick.as_deref());
+    // The hand stops at full deflection, whatever limit the fit is given.
+    let recorded = part(&mut sticks.flat_map(finite), 1.0);
+    let model = fit.runs.iter().flat_map(|run| finite(&run.stick));
+    let fitted = part(&mut { model }, options.stick_limit).unwrap_or(0.0);
+    let most = recorded.unwrap_or(0.0).max(fitted);
+    (most >= SATURATED).then_some(Diagnostic::SaturatedStick { recorded, fitted })
+}

@@ -1,0 +1,492 @@
+//! What a model file declares.
+
+use crate::error::{Fault, ModelFileError};
+use crate::syntax::{Expression, Part};
+use pilotage_text::document::{Document, DocumentError, Position, TomlTable};
+use pilotage_text::is_identifier;
+use pilotage_units::{Base, Product};
+use std::collections::HashMap;
+
+/// Longest file that is read, in bytes.
+pub const LONGEST: usize = 1 << 20;
+
+/// Most variables of a model.
+const MOST_VARIABLES: usize = 2000;
+
+/// A model file: what it declares, with its expressions as they are written.
+#[derive(Debug, Clone)]
+pub struct ModelFile {
+    /// Name of the file in messages.
+    pub file: String,
+    /// The whole text.
+    pub text: String,
+    /// Name of the model, a C identifier.
+    pub name: String,
+    /// One sentence: what the model is.
+    pub description: String,
+    /// Where its equations come from.
+    pub source: String,
+    /// What others provide.
+    pub inputs: Vec<Variable>,
+    /// What is constant in time.
+    pub parameters: Vec<Variable>,
+    /// What is integrated.
+    pub states: Vec<Variable>,
+    /// What is computed on the way.
+    pub locals: Vec<Variable>,
+    /// What is meant for others.
+    pub outputs: Vec<Variable>,
+}
+
+/// A variable as it is declared.
+#[derive(Debug, Clone)]
+pub struct Variable {
+    /// Its name.
+    pub name: String,
+    /// Name of its unit; `None` where it is not to be checked.
+    pub unit: Option<String>,
+    /// One line, without the unit.
+    pub description: String,
+    /// Its start value: of inputs, parameters and states.
+    pub start: Formula,
+    /// Least value.
+    pub min: Option<f64>,
+    /// Greatest value.
+    pub max: Option<f64>,
+    /// Typical magnitude.
+    pub nominal: Option<f64>,
+    /// Whether a parameter may be set between communication points.
+    pub tunable: bool,
+    /// Derivative of a state; value of a local or an output, where it has one.
+    pub value: Option<Formula>,
+    /// Between which values an output is held.
+    pub limit: Option<[Formula; 2]>,
+    /// Byte of the text at which it is declared.
+    pub(crate) byte: usize,
+}
+
+/// An expression and where it stands.
+#[derive(Debug, Clone)]
+pub struct Formula {
+    /// The expression.
+    pub expression: Expression,
+    /// Byte of the text at which each part of the expression begins.
+    bytes: Vec<usize>,
+}
+
+impl Formula {
+    /// Byte of the text at which a part begins.
+    pub(crate) fn byte(&self, part: Part) -> usize {
+        self.bytes[part]
+    }
+
+    /// The number that it is, if it is written as one.
+    pub fn number(&self) -> Option<f64> {
+        use crate::syntax::Term::{Negate, Number};
+        match self.expression.terms[..] {
+            [Number(number)] => Some(number),
+            [Number(number), Negate(0)] => Some(-number),
+            _ => None,
+        }
+    }
+}
+
+/// The tables of a model file, their keys beside those of every variable, and what a variable of theirs is called.
+struct Section {
+    title: &'static str,
+    keys: &'static [&'static str],
+    role: &'static str,
+}
+
+const EVERY: [&str; 3] = ["unit", "nominal", "description"];
+
+const SECTIONS: [Section; 5] = [
+    Section {
+        title: "inputs",
+        keys: &["start", "min", "max"],
+        role: "an input",
+    },
+    Section {
+        title: "parameters",
+        keys: &["start", "min", "max", "tunable"],
+        role: "a parameter",
+    },
+    Section {
+        title: "states",
+        keys: &["der", "start", "min", "max"],
+        role: "a state",
+    },
+    Section {
+        title: "locals",
+        keys: &["value"],
+        role: "a local",
+    },
+    Section {
+        title: "outputs",
+        keys: &["value", "limit"],
+        role: "an output",
+    },
+];
+
+/// Names that mean something everywhere.
+pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
+
+/// Whether a text is that of a model file: TOML with a table `[model]`.
+pub fn is_model(text: &str) -> bool {
+    Document::parse(text, "").is_ok_and(|document| document.root().is_table("model"))
+}
+
+impl ModelFile {
+    /// Reads what a text declares; `file` is its name in messages.
+    pub(crate) fn declared(text: &str, file: &str) -> Result<Self, ModelFileError> {
+        if text.len() > LONGEST {
+            return Err(ModelFileError::TooLong {
+                file: file.to_owned(),
+                size: text.len(),
+                limit: LONGEST,
+            });
+        }
+        let document = Document::parse(text, file)?;
+        let root = document.root();
+        root.only(&[
+            "model",
+            "inputs",
+            "parameters",
+            "states",
+            "locals",
+            "outputs",
+        ])?;
+        let reader = Reader {
+            file,
+            text,
+            roles: roles(root)?,
+        };
+        let model = root.required("model", root.table("model")?)?;
+        model.only(&["name", "description", "source"])?;
+        let name = model.required("name", model.string("name")?)?;
+        if !is_identifier(name) {
+            let fault = Fault::NoName(name.to_owned());
+            return Err(reader.at(model.content("name", None).byte(0), fault));
+        }
+        let mut sections = SECTIONS
+            .iter()
+            .map(|section| match root.table(section.title)? {
+                Some(table) => reader.section(section, table),
+                None => Ok(Vec::new()),
+            });
+        let mut next = || sections.next().unwrap_or_else(|| Ok(Vec::new()));
+        let own = |key: &str| -> Result<String, DocumentError> {
+            Ok(model.string(key)?.unwrap_or_default().trim().to_owned())
+        };
+        let declared = Self {
+            file: file.to_owned(),
+            text: text.to_owned(),
+            name: name.to_owned(),
+            description: own("description")?,
+            source: own("source")?,
+            inputs: next()?,
+            parameters: next()?,
+            states: next()?,
+            locals: next()?,
+            outputs: next()?,
+        };
+        declared.check_names(&reader)?;
+        Ok(declared)
+    }
+
+    /// The variables with what each is: inputs, parameters, states, locals, outputs.
+    pub fn variables(&self) -> impl Iterator<Item = (&Variable, &'static str)> {
+        let lists = [
+            &self.inputs,
+            &self.parameters,
+            &self.states,
+            &self.locals,
+            &self.outputs,
+        ];
+        let lists = lists.into_iter().zip(&SECTIONS);
+        lists.flat_map(|(list, section)| list.iter().map(|variable| (variable, section.role)))
+    }
+
+    /// An error at a byte of the text.
+    pub(crate) fn at(&self, byte: usize, fault: Fault) -> ModelFileError {
+        at(&self.file, &self.text, byte, fault)
+    }
+
+    /// Refuses names that stand twice: in the file, or in the FMU that is made of it.
+    fn check_names(&self, reader: &Reader<'_>) -> Result<(), ModelFileError> {
+        let mut known: HashMap<&str, &'static str> = HashMap::new();
+        for (variable, role) in self.variables() {
+            let name = variable.name.as_str();
+            let before = known.get(name);
+            let renamed = role == "an output" && variable.value.is_none();
+            match before {
+                Some(&("a state" | "a local")) if renamed => {}
+                Some(before) => {
+                    let name = name.to_owned();
+                    return Err(reader.at(variable.byte, Fault::Twice { name, before }));
+                }
+                None if renamed => {
+                    let name = name.to_owned();
+                    return Err(reader.at(variable.byte, Fault::NoValue { name }));
+                }
+                None => {
+                    known.insert(name, role);
+                }
+            }
+        }
+        for state in &self.states {
+            let start = format!("{}_start", state.name);
+            let clash = self.variables().find(|(own, _)| own.name == start);
+            if let Some((clash, _)) = clash {
+                let (name, of) = (start, state.name.clone());
+                return Err(reader.at(clash.byte, Fault::Clash { name, of }));
+            }
+        }
+        let mut outputs = self.outputs.iter();
+        if let Some(output) = outputs.find(|own| own.limit.is_some() && own.value.is_none()) {
+            let fault = Fault::LimitWithoutValue(output.name.clone());
+            return Err(reader.at(output.byte, fault));
+        }
+        let found = self.variables().count();
+        if found > MOST_VARIABLES {
+            let limit = MOST_VARIABLES;
+            return Err(reader.at(0, Fault::TooMany { found, limit }));
+        }
+        let lists = [&self.states, &self.locals, &self.outputs];
+        match lists.iter().all(|list| list.is_empty()) {
+            true => Err(reader.at(0, Fault::NothingDeclared)),
+            false => Ok(()),
+        }
+    }
+}
+
+/// File and text, to say where something is wrong.
+struct Reader<'t> {
+    file: &'t str,
+    text: &'t str,
+    /// What each declared name is.
+    roles: HashMap<&'t str, &'static str>,
+}
+
+impl Reader<'_> {
+    fn at(&self, byte: usize, fault: Fault) -> ModelFileError {
+        at(self.file, self.text, byte, fault)
+    }
+
+    /// The variables of a section.
+    fn section(
+        &self,
+        section: &Section,
+        table: TomlTable<'_>,
+    ) -> Result<Vec<Variable>, ModelFileError> {
+        let names = table.names().into_iter();
+        names
+            .map(|name| self.variable(section, table, name))
+            .collect()
+    }
+
+    fn variable(
+        &self,
+        section: &Section,
+        table: TomlTable<'_>,
+        name: &str,
+    ) -> Result<Variable, ModelFileError> {
+        let byte = table.byte_of_name(name);
+        if !is_identifier(name) {
+            return Err(self.at(byte, Fault::NoName(name.to_owned())));
+        }
+        if RESERVED.contains(&name) {
+            return Err(self.at(byte, Fault::Reserved(name.to_owned())));
+        }
+        let plain = Variable {
+            name: name.to_owned(),
+            unit: None,
+            description: String::new(),
+            start: constant(0.0),
+            min: None,
+            max: None,
+            nominal: None,
+            tunable: false,
+            value: None,
+            limit: None,
+            byte,
+        };
+        match (table.is_table(name), section.title) {
+            (false, "inputs" | "parameters") => Ok(Variable {
+                start: constant(self.finite(table, name)?.unwrap_or_default()),
+                ..plain
+            }),
+            (false, "locals" | "outputs") => Ok(Variable {
+                value: self.formula(table, name)?,
+                ..plain
+            }),
+            _ => {
+                let own = table.required(name, table.table(name)?)?;
+                self.detailed(section, own, plain)
+            }
+        }
+    }
+
+    /// A variable that is a table of its own.
+    fn detailed(
+        &self,
+        section: &Section,
+        own: TomlTable<'_>,
+        plain: Variable,
+    ) -> Result<Variable, ModelFileError> {
+        own.only(&[section.keys, &EVERY].concat())?;
+        let (value, start) = match section.title {
+            "states" => (
+                Some(own.required("der", self.formula(own, "der")?)?),
+                self.formula(own, "start")?,
+            ),
+            "locals" => (
+                Some(own.required("value", self.formula(own, "value")?)?),
+                None,
+            ),
+            "outputs" => (self.formula(own, "value")?, None),
+            "parameters" => {
+                let start = own.required("start", self.finite(own, "start")?)?;
+                (None, Some(constant(start)))
+            }
+            _ => (None, self.finite(own, "start")?.map(constant)),
+        };
+        let variable = Variable {
+            unit: self.unit(own)?,
+            description: own
+                .string("description")?
+                .unwrap_or_default()
+                .trim()
+                .to_owned(),
+            start: start.unwrap_or_else(|| constant(0.0)),
+            min: self.finite(own, "min")?,
+            max: self.finite(own, "max")?,
+            nominal: self.finite(own, "nominal")?,
+            tunable: own.boolean("tunable")?.unwrap_or_default(),
+            limit: self.limit(own)?,
+            value,
+            ..plain
+        };
+        self.check_range(own, &variable)?;
+        Ok(variable)
+    }
+
+    fn check_range(&self, own: TomlTable<'_>, variable: &Variable) -> Result<(), ModelFileError> {
+        let byte = |key: &str| own.content(key, None).byte(0);
+        if let Some(nominal) = variable.nominal.filter(|nominal| *nominal <= 0.0) {
+            return Err(self.at(byte("nominal"), Fault::Nominal(nominal)));
+        }
+        let min = variable.min.unwrap_or(f64::NEG_INFINITY);
+        let max = variable.max.unwrap_or(f64::INFINITY);
+        if min > max {
+            return Err(self.at(byte("max"), Fault::Range { min, max }));
+        }
+        match variable.start.number() {
+            Some(start) if !(min..=max).contains(&start) && variable.value.is_none() => {
+                let key = match own.has("start") {
+                    true => byte("start"),
+                    false => variable.byte,
+                };
+                Err(self.at(key, Fault::StartRange { start, min, max }))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn unit(&self, own: TomlTable<'_>) -> Result<Option<String>, ModelFileError> {
+        let Some(unit) = own.string("unit")? else {
+            return Ok(None);
+        };
+        if Base::in_modelicas_spelling(unit).is_none() {
+            let fault = Fault::UnknownUnit {
+                unit: unit.to_owned(),
+                known: Product::known(),
+            };
+            return Err(self.at(own.content("unit", None).byte(0), fault));
+        }
+        Ok(Some(unit.to_owned()))
+    }
+
+    fn finite(&self, table: TomlTable<'_>, key: &str) -> Result<Option<f64>, ModelFileError> {
+        let number = table.number(key)?;
+        if let Some(value) = number.filter(|value| !value.is_finite()) {
+            let field = key.to_owned();
+            let byte = table.content(key, None).byte(0);
+            return Err(self.at(byte, Fault::NotFinite { field, value }));
+        }
+        Ok(number)
+    }
+
+    fn limit(&self, own: TomlTable<'_>) -> Result<Option<[Formula; 2]>, ModelFileError> {
+        let Some([low, high]) = own.pair("limit")? else {
+            return Ok(None);
+        };
+        Ok(Some([
+            self.parsed(own, "limit", Some(0), &low)?,
+            self.parsed(own, "limit", Some(1), &high)?,
+        ]))
+    }
+
+    /// A name that is called and no function: a variable wants a product.
+    fn called(&self, fault: Fault) -> Fault {
+        let Fault::UnknownFunction { name, .. } = &fault else {
+            return fault;
+        };
+        let (role, name) = (self.roles.get(name.as_str()), name.clone());
+        match role {
+            Some(role) => Fault::NoFunction { name, role },
+            None => fault,
+        }
+    }
+
+    /// An expression: a string, or a number.
+    fn formula(&self, table: TomlTable<'_>, key: &str) -> Result<Option<Formula>, ModelFileError> {
+        let Some(text) = table.expression(key)? else {
+            return Ok(None);
+        };
+        self.parsed(table, key, None, &text).map(Some)
+    }
+
+    fn parsed(
+        &self,
+        table: TomlTable<'_>,
+        key: &str,
+        entry: Option<usize>,
+        text: &str,
+    ) -> Result<Formula, ModelFileError> {
+        let content = table.content(key, entry);
+        let parsed = Expression::parse(text);
+        let expression =
+            parsed.map_err(|(fault, offset)| self.at(content.byte(offset), self.called(fault)))?;
+        let places = expression.places.iter();
+        let bytes = places.map(|place| content.byte(place.start)).collect();
+        Ok(Formula { expression, bytes })
+    }
+}
+
+fn at(file: &str, text: &str, byte: usize, fault: Fault) -> ModelFileError {
+    ModelFileError::At {
+        file: file.to_owned(),
+        position: Position::of(text, byte),
+        fault: Box::new(fault),
+    }
+}
+
+/// What each declared name is.
+fn roles<'t>(root: TomlTable<'t>) -> Result<HashMap<&'t str, &'static str>, DocumentError> {
+    let mut roles = HashMap::new();
+    for section in &SECTIONS {
+        let table: Option<TomlTable<'t>> = root.table(section.title)?;
+        let names = table.map(|table| table.names());
+        let names = names.into_iter().flatten();
+        roles.extend(names.map(|name| (name, section.role)));
+    }
+    Ok(roles)
+}
+
+fn constant(value: f64) -> Formula {
+    Formula {
+        expression: Expression::number(value),
+        bytes: vec![0],
+    }
+}

@@ -1,0 +1,258 @@
+//! Models of model files: what they declare as a table, their equations on a tape.
+
+use pilotage_expression::{Graph, Node, Tape};
+use pilotage_language::{Compiled, ModelFileError, Variable as Declared, parse, read};
+use pilotage_sdk::structure::{Influences, Knowledge};
+use pilotage_sdk::variable::Role;
+use pilotage_sdk::{At, Equations, Scalar, Table, Unit, Variable};
+use smallvec::SmallVec;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Registers that are held without allocation.
+const ON_STACK: usize = 128;
+
+/// A model file as [`Equations`]: exported, wired, linearised and simulated as any other model.
+///
+/// Clones share what was compiled.
+#[derive(Debug, Clone)]
+pub struct TextModel(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    compiled: Compiled,
+    table: Table,
+    derivatives: Tape,
+    outputs: Tape,
+    is_linear: bool,
+    has_start_formulas: bool,
+}
+
+impl TextModel {
+    /// Reads a model file, and its tables from the folder in which it stands.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or there is a mistake in it: the message names file, line and column.
+    pub fn read(path: &Path) -> Result<Self, ModelFileError> {
+        read(path).map(Self::of)
+    }
+
+    /// A model of the text of a model file without tables; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// When there is a mistake in it: the message names file, line and column.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ModelFileError> {
+        let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+        parse(text, file, &none).map(Self::of)
+    }
+
+    /// A model of what was compiled.
+    pub fn of(compiled: Compiled) -> Self {
+        let system = &compiled.model.system;
+        let (order, graph, held) = held(&compiled);
+        let tape = |list: &[Node]| Tape::new(&graph, system.variables(), |_| false, &[list]);
+        Self(Arc::new(Inner {
+            derivatives: tape(&system.derivatives),
+            outputs: tape(&held),
+            table: table(&compiled, &order),
+            is_linear: compiled.is_linear(),
+            has_start_formulas: compiled.starts_on_parameters().contains(&true),
+            compiled,
+        }))
+    }
+
+    /// What was compiled.
+    pub fn compiled(&self) -> &Compiled {
+        &self.0.compiled
+    }
+
+    /// The table of the variables.
+    pub fn variables(&self) -> &Table {
+        &self.0.table
+    }
+}
+
+/// What the table takes of the compiled outputs, in its order: outputs, then locals; a local that is an output by
+/// its name stands among the outputs. The graph with their expressions, held within their limits.
+fn held(compiled: &Compiled) -> (Vec<usize>, Graph, Vec<Node>) {
+    let mut graph = compiled.model.system.graph.clone();
+    let names = &compiled.model.outputs;
+    let place = |name: &str| names.iter().position(|own| own == name);
+    let file = &compiled.file;
+    let mut order: Vec<usize> = (file.outputs.iter())
+        .filter_map(|output| place(&output.name))
+        .collect();
+    let rest = (0..names.len()).filter(|k| !order.contains(k));
+    let rest: Vec<usize> = rest.collect();
+    order.extend(rest);
+    let mut held = Vec::new();
+    for &k in &order {
+        let mut node = compiled.model.system.outputs[k];
+        if let Some([low, high]) = compiled.limits[k] {
+            node = graph.larger(node, low);
+            node = graph.smaller(node, high);
+        }
+        held.push(node);
+    }
+    (order, graph, held)
+}
+
+/// The table of a model: inputs, outputs, parameters, states and locals as the file declares them.
+fn table(compiled: &Compiled, order: &[usize]) -> Table {
+    let file = &compiled.file;
+    let starts = compiled.start_values(&compiled.parameters());
+    let mut table = Table::new(&file.name, &file.description);
+    for input in &file.inputs {
+        table = table.with(variable(
+            input,
+            Role::Input,
+            Some(input.start.number().unwrap_or(0.0)),
+        ));
+    }
+    for parameter in &file.parameters {
+        let role = match parameter.tunable {
+            true => Role::Tunable,
+            false => Role::Fixed,
+        };
+        table = table.with(variable(parameter, role, parameter.start.number()));
+    }
+    let output = |name: &str| file.outputs.iter().find(|output| output.name == name);
+    for (state, start) in file.states.iter().zip(&starts) {
+        let role = match output(&state.name) {
+            Some(_) => Role::Output,
+            None => Role::State,
+        };
+        let own = filled(variable(state, role, None), output(&state.name));
+        table = table.state_with(own, *start);
+    }
+    for state in &compiled.delays {
+        let unit = state.unit.as_deref().and_then(Unit::parse);
+        let unit = unit.unwrap_or_else(Unit::none);
+        let own = Variable::calculated(&state.name, unit, Role::State, &state.description);
+        table = table.state_with(own, 0.0);
+    }
+    for k in order {
+        let name = &compiled.model.outputs[*k];
+        let local = file.locals.iter().find(|local| local.name == *name);
+        let own = match (local, output(name)) {
+            (Some(local), Some(output)) => {
+                filled(variable(local, Role::Output, None), Some(output))
+            }
+            (Some(local), None) => variable(local, Role::Local, None),
+            (None, Some(output)) => variable(output, Role::Output, None),
+            (None, None) => continue,
+        };
+        table = table.with(own);
+    }
+    table
+}
+
+fn variable(declared: &Declared, role: Role, start: Option<f64>) -> Variable {
+    let unit = declared.unit.as_deref().and_then(Unit::parse);
+    Variable {
+        start,
+        min: declared.min,
+        max: declared.max,
+        nominal: declared.nominal,
+        ..Variable::calculated(
+            &declared.name,
+            unit.unwrap_or_else(Unit::none),
+            role,
+            &declared.description,
+        )
+    }
+}
+
+/// A state or local with what its entry among the outputs says beyond.
+fn filled(mut own: Variable, output: Option<&Declared>) -> Variable {
+    let Some(output) = output else {
+        return own;
+    };
+    if own.description.is_empty() {
+        own.description.clone_from(&output.description);
+    }
+    own.nominal = own.nominal.or(output.nominal);
+    if !own.unit.is_some() {
+        let unit = output.unit.as_deref().and_then(Unit::parse);
+        own.unit = unit.unwrap_or_else(Unit::none);
+    }
+    own
+}
+
+/// Runs a tape.
+fn run<T: Scalar>(tape: &Tape, at: At<T>, out: &mut [T]) {
+    let mut registers: SmallVec<[T; ON_STACK]> = SmallVec::with_capacity(tape.size());
+    registers.push(at.time);
+    registers.extend_from_slice(at.x);
+    registers.extend_from_slice(at.u);
+    registers.extend_from_slice(at.p);
+    registers.resize(tape.size(), T::from(0.0));
+    tape.compute(&mut registers);
+    for (out, register) in out.iter_mut().zip(tape.outputs(0)) {
+        *out = registers[*register];
+    }
+}
+
+impl Equations for TextModel {
+    fn table(&self) -> Table {
+        self.0.table.clone()
+    }
+
+    fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
+        run(&self.0.derivatives, at, dx);
+    }
+
+    fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
+        run(&self.0.outputs, at, y);
+    }
+
+    fn is_linear(&self) -> bool {
+        self.0.is_linear
+    }
+
+    fn start(&self, p: &[f64], x: &mut [f64]) {
+        if self.0.has_start_formulas {
+            let depends = self.0.compiled.starts_on_parameters();
+            let starts = self.0.compiled.start_values(p);
+            for ((x, start), depends) in x.iter_mut().zip(starts).zip(depends) {
+                if depends {
+                    *x = start;
+                }
+            }
+        }
+    }
+
+    fn trouble(&self, at: At<f64>) -> Option<String> {
+        let trouble = self.0.compiled.trouble(at.time, at.x, at.u, at.p)?;
+        Some(format!("{}, {trouble}", self.0.compiled.file.file))
+    }
+
+    fn influences(&self) -> Option<Influences> {
+        let system = &self.0.compiled.model.system;
+        let (_, mut graph, held) = held(&self.0.compiled);
+        let unknowns = [&system.derivatives[..], &held].concat();
+        let mut rows = vec![Vec::new(); unknowns.len()];
+        for variable in 0..system.variables() {
+            let depends = graph.dependants(|index| index == variable);
+            let slopes = graph.derivatives(&unknowns, variable);
+            for (k, row) in rows.iter_mut().enumerate() {
+                if depends[unknowns[k].index()] {
+                    let slope = graph.value(slopes[k]);
+                    // A slope of 0 is that of steps, which depend by a condition.
+                    let constant = slope.is_some_and(|slope| slope != 0.0);
+                    row.push((knowledge(system, variable), constant));
+                }
+            }
+        }
+        Some(Influences { rows })
+    }
+}
+
+fn knowledge(system: &pilotage_expression::System, variable: usize) -> Knowledge {
+    match variable {
+        0 => Knowledge::Time,
+        k if k < system.input(0) => Knowledge::State(k - system.state(0)),
+        k if k < system.parameter(0) => Knowledge::Input(k - system.input(0)),
+        k => Knowledge::Parameter(k - system.parameter(0)),
+    }
+}

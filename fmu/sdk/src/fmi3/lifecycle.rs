@@ -1,0 +1,230 @@
+//! Version, creation and destruction (FMI 3.0, section 2.3).
+
+use super::Fmi3;
+use crate::abi::fmi3::types::*;
+use crate::abi::fmi3::{Function, State};
+use crate::guard::{self, Component, Events, string, strings};
+use crate::instance::{Experiment, InterfaceType};
+use crate::log::{Log, Sink};
+use crate::problem::Problem;
+use crate::{Equations, Load};
+
+/// `fmi3GetVersion`.
+pub unsafe fn fmi3GetVersion<E: Equations>() -> *const Char {
+    VERSION.as_ptr()
+}
+
+/// `fmi3SetDebugLogging`.
+pub unsafe fn fmi3SetDebugLogging<E: Equations>(
+    instance: Instance,
+    on: Boolean,
+    count: usize,
+    categories: *const String,
+) -> Status {
+    let body = |c: &mut Component<E, Fmi3>| {
+        // SAFETY: the importer passes NULL or `count` strings.
+        let names = unsafe { strings(categories, count, "categories") }?;
+        c.log.switch(on, &names)
+    };
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { guard::call(instance, Function::SetDebugLogging, body) }
+}
+
+/// What both kinds of instances are told.
+struct Order {
+    function: Function,
+    name: String,
+    token: String,
+    location: String,
+    logging: bool,
+    environment: InstanceEnvironment,
+    logger: Option<LogMessageCallback>,
+}
+
+impl Order {
+    /// Makes the instance.
+    ///
+    /// # Safety
+    /// The strings are NULL or C strings.
+    unsafe fn carry_out<E: Equations>(
+        self,
+        load: Load<E>,
+        kind: Result<InterfaceType, Problem>,
+        events: Events,
+    ) -> Instance {
+        // SAFETY: by the caller's promise.
+        let name = unsafe { string(self.name, "instanceName") };
+        let sink = Sink::Fmi3(self.logger, self.environment);
+        let log = Log::new(sink, name.as_ref().unwrap_or(&c""), self.logging);
+        let create = || {
+            let kind = kind?;
+            // SAFETY: by the caller's promise.
+            let (token, location) = unsafe {
+                (
+                    string(self.token, "instantiationToken")?,
+                    string(self.location, "").ok(),
+                )
+            };
+            let fingerprint = ("instantiationToken", token);
+            guard::create(load, name, kind, fingerprint, location)
+        };
+        guard::instantiate::<E, Fmi3>(self.function, log, State::Instantiated, events, create)
+    }
+}
+
+/// `fmi3InstantiateModelExchange`.
+pub unsafe fn fmi3InstantiateModelExchange<E: Equations>(
+    load: Load<E>,
+    name: String,
+    token: String,
+    location: String,
+    _visible: Boolean,
+    logging: Boolean,
+    environment: InstanceEnvironment,
+    logger: Option<LogMessageCallback>,
+) -> Instance {
+    let order = Order {
+        function: Function::InstantiateModelExchange,
+        name,
+        token,
+        location,
+        logging,
+        environment,
+        logger,
+    };
+    // SAFETY: the importer passes NULL or C strings.
+    unsafe { order.carry_out(load, Ok(InterfaceType::ModelExchange), Events::default()) }
+}
+
+/// `fmi3InstantiateCoSimulation`. An importer that names no variables for intermediate updates gets none.
+pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
+    load: Load<E>,
+    name: String,
+    token: String,
+    location: String,
+    _visible: Boolean,
+    logging: Boolean,
+    event_mode: Boolean,
+    early_return: Boolean,
+    _required: *const ValueReference,
+    n_required: usize,
+    environment: InstanceEnvironment,
+    logger: Option<LogMessageCallback>,
+    intermediate_update: Option<IntermediateUpdateCallback>,
+) -> Instance {
+    let order = Order {
+        function: Function::InstantiateCoSimulation,
+        name,
+        token,
+        location,
+        logging,
+        environment,
+        logger,
+    };
+    let events = Events {
+        event_mode,
+        early_return,
+        update: (intermediate_update.filter(|_| n_required > 0))
+            .map(|callback| (callback, environment)),
+    };
+    // SAFETY: the importer passes NULL or C strings.
+    unsafe { order.carry_out(load, Ok(InterfaceType::CoSimulation), events) }
+}
+
+/// `fmi3InstantiateScheduledExecution`: gives NULL, since no model has partitions.
+pub unsafe fn fmi3InstantiateScheduledExecution<E: Equations>(
+    load: Load<E>,
+    name: String,
+    token: String,
+    location: String,
+    _visible: Boolean,
+    logging: Boolean,
+    environment: InstanceEnvironment,
+    logger: Option<LogMessageCallback>,
+    _clock_update: Option<ClockUpdateCallback>,
+    _lock: Option<PreemptionCallback>,
+    _unlock: Option<PreemptionCallback>,
+) -> Instance {
+    let order = Order {
+        function: Function::InstantiateScheduledExecution,
+        name,
+        token,
+        location,
+        logging,
+        environment,
+        logger,
+    };
+    let kind = Err(Problem::NotSupported(
+        "this FMU is for co-simulation and model exchange; call fmi3InstantiateCoSimulation or \
+         fmi3InstantiateModelExchange",
+    ));
+    // SAFETY: the importer passes NULL or C strings.
+    unsafe { order.carry_out(load, kind, Events::default()) }
+}
+
+/// `fmi3FreeInstance`: frees in every state, since a leak helps nobody.
+pub unsafe fn fmi3FreeInstance<E: Equations>(instance: Instance) {
+    // SAFETY: the importer passes NULL or its instance, which it gives up.
+    unsafe { guard::free::<E, Fmi3>(instance) }
+}
+
+/// `fmi3EnterInitializationMode`.
+pub unsafe fn fmi3EnterInitializationMode<E: Equations>(
+    instance: Instance,
+    tolerance_defined: Boolean,
+    tolerance: Float64,
+    start: Float64,
+    stop_defined: Boolean,
+    stop: Float64,
+) -> Status {
+    let experiment = Experiment {
+        tolerance: tolerance_defined.then_some(tolerance),
+        start,
+        stop: stop_defined.then_some(stop),
+    };
+    let body = |c: &mut Component<E, Fmi3>| {
+        c.instance.setup(experiment)?;
+        c.state = State::InitializationMode;
+        Ok(())
+    };
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { guard::call(instance, Function::EnterInitializationMode, body) }
+}
+
+/// `fmi3ExitInitializationMode`: where the importer handles no events, what is one from the start is
+/// handled now.
+pub unsafe fn fmi3ExitInitializationMode<E: Equations>(instance: Instance) -> Status {
+    let body = |c: &mut Component<E, Fmi3>| {
+        c.state = match c.instance.kind == InterfaceType::ModelExchange || c.events.event_mode {
+            true => State::EventMode,
+            false => {
+                c.instance.handle_event()?;
+                State::StepMode
+            }
+        };
+        Ok(())
+    };
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { guard::call(instance, Function::ExitInitializationMode, body) }
+}
+
+/// `fmi3Terminate`.
+pub unsafe fn fmi3Terminate<E: Equations>(instance: Instance) -> Status {
+    let body = |c: &mut Component<E, Fmi3>| {
+        c.state = State::Terminated;
+        Ok(())
+    };
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { guard::call(instance, Function::Terminate, body) }
+}
+
+/// `fmi3Reset`: as just instantiated.
+pub unsafe fn fmi3Reset<E: Equations>(instance: Instance) -> Status {
+    let body = |c: &mut Component<E, Fmi3>| {
+        c.instance.reset();
+        c.state = State::Instantiated;
+        Ok(())
+    };
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { guard::call(instance, Function::Reset, body) }
+}

@@ -1,0 +1,408 @@
+//! Between C and safe code: pointers are checked, panics become a status, and the calling order of a
+//! version of FMI is kept.
+
+use crate::checkpoint::Checkpoint;
+use crate::instance::{Instance, InterfaceType, Phase};
+use crate::log::Log;
+use crate::problem::{Problem, Severity};
+use crate::{Equations, abi};
+use std::any::Any;
+use std::ffi::{CStr, c_char, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What differs between FMI 2.0 and FMI 3.0: states, functions, status.
+pub trait Version {
+    /// State of an instance.
+    type State: Copy + PartialEq + std::fmt::Debug;
+    /// A function of the interface.
+    type Function: Copy;
+    /// What a function returns.
+    type Status: Copy;
+    /// Its number.
+    const NUMBER: u8;
+
+    /// Whether the function may be called, and if not, where it may.
+    fn legal(function: Self::Function, state: Self::State) -> Result<(), String>;
+    /// Part of the interface that the function belongs to.
+    fn part(function: Self::Function) -> abi::Part;
+    /// The function's name.
+    fn name(function: Self::Function) -> &'static str;
+    /// Name of the state.
+    fn state_name(state: Self::State) -> &'static str;
+    /// What may be set in the state.
+    fn phase(state: Self::State) -> Phase;
+    /// The state after something went wrong.
+    fn after(problem: &Problem, state: Self::State) -> Self::State;
+    /// The status; `None`: all went well.
+    fn status(severity: Option<Severity>) -> Self::Status;
+    /// The state as a number.
+    fn bits(state: Self::State) -> u16;
+    /// The state of an instance with that number.
+    fn from_bits(bits: u16) -> Option<Self::State>;
+}
+
+/// What C has a pointer to.
+#[derive(Debug)]
+pub struct Component<E, V: Version> {
+    /// The instance.
+    pub instance: Instance<E>,
+    /// Where it stands in the calling order.
+    pub state: V::State,
+    /// Where its messages go.
+    pub log: Log,
+    /// Who handles events.
+    pub events: Events,
+}
+
+/// FMI 3.0, co-simulation: what the importer can do about events and inputs within a step. In FMI 2.0 nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Events {
+    /// It calls event mode.
+    pub event_mode: bool,
+    /// A step may end early.
+    pub early_return: bool,
+    /// It gives inputs within a step when it is called back, with this as the first argument.
+    pub update: Option<(
+        abi::fmi3::types::IntermediateUpdateCallback,
+        abi::fmi3::types::InstanceEnvironment,
+    )>,
+}
+
+impl<E: Equations, V: Version> Component<E, V> {
+    /// Runs the body of a function if it may be called now; reports what went wrong, and goes into
+    /// the state that this leads to.
+    pub fn call(
+        &mut self,
+        function: V::Function,
+        body: impl FnOnce(&mut Self) -> Result<(), Problem>,
+    ) -> V::Status {
+        let result = self.check(function).and_then(|()| body(self));
+        match result {
+            Ok(()) => V::status(None),
+            Err(problem) => self.fail(function, &problem),
+        }
+    }
+
+    fn check(&self, function: V::Function) -> Result<(), Problem> {
+        let (needed, other) = match V::part(function) {
+            abi::Part::Common => ("", None),
+            abi::Part::CoSimulation => ("co-simulation", Some(InterfaceType::ModelExchange)),
+            abi::Part::ModelExchange => ("model exchange", Some(InterfaceType::CoSimulation)),
+            abi::Part::ScheduledExecution => ("scheduled execution", Some(self.instance.kind)),
+        };
+        V::legal(function, self.state).map_err(|legal| Problem::IllegalState {
+            state: V::state_name(self.state),
+            legal,
+        })?;
+        match other == Some(self.instance.kind) {
+            true => Err(Problem::WrongKind {
+                needed,
+                found: self.instance.kind.name(),
+            }),
+            false => Ok(()),
+        }
+    }
+
+    /// Reports a problem, goes into the state that it leads to, and gives the status to return.
+    pub fn fail(&mut self, function: V::Function, problem: &Problem) -> V::Status {
+        self.state = V::after(problem, self.state);
+        self.log.report(V::name(function), problem);
+        V::status(Some(problem.severity()))
+    }
+
+    /// What may be set now, and the state's name.
+    pub fn phase(&self) -> (Phase, &'static str) {
+        (V::phase(self.state), V::state_name(self.state))
+    }
+
+    /// A copy of all that it is.
+    pub fn checkpoint(&self) -> Checkpoint {
+        self.instance.checkpoint(V::NUMBER, V::bits(self.state))
+    }
+
+    /// The state of the calling order that a copy is in.
+    ///
+    /// # Errors
+    /// When it is none of this version of FMI.
+    pub fn state_of(&self, checkpoint: &Checkpoint) -> Result<V::State, Problem> {
+        let own = checkpoint.version == V::NUMBER;
+        let state = own.then(|| V::from_bits(checkpoint.state)).flatten();
+        state.ok_or_else(|| Problem::Bytes {
+            what: "the state",
+            found: format!("{} of FMI {}", checkpoint.state, checkpoint.version),
+            expected: format!("that of an instance of FMI {}", V::NUMBER),
+        })
+    }
+
+    /// Goes back to a copy.
+    ///
+    /// # Errors
+    /// When it is one of another FMU, kind or version of FMI.
+    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), Problem> {
+        let state = self.state_of(checkpoint)?;
+        self.instance.restore(checkpoint)?;
+        self.state = state;
+        Ok(())
+    }
+}
+
+/// Runs the body of a function on the instance that `component` points to.
+///
+/// # Safety
+/// `component` is NULL, or came from an instantiate function for this model and this version and was not
+/// freed, and no other thread uses it.
+pub unsafe fn call<E: Equations, V: Version>(
+    component: *mut c_void,
+    function: V::Function,
+    body: impl FnOnce(&mut Component<E, V>) -> Result<(), Problem>,
+) -> V::Status {
+    // SAFETY: by the caller's promise it is NULL, or an instance that nobody else uses.
+    let Some(component) = (unsafe { component.cast::<Component<E, V>>().as_mut() }) else {
+        return V::status(Some(Severity::Error));
+    };
+    guarded(component, function, body)
+}
+
+/// An instance whose body panicked is in the state `fatal` and is never used again but to be freed;
+/// therefore it does not matter in which state the panic left it.
+fn guarded<E: Equations, V: Version>(
+    component: &mut Component<E, V>,
+    function: V::Function,
+    body: impl FnOnce(&mut Component<E, V>) -> Result<(), Problem>,
+) -> V::Status {
+    let run = catch_unwind(AssertUnwindSafe(|| component.call(function, body)));
+    run.unwrap_or_else(|panic| {
+        let problem = Problem::Panic {
+            message: message(panic.as_ref()),
+        };
+        let report = catch_unwind(AssertUnwindSafe(|| component.fail(function, &problem)));
+        report.unwrap_or(V::status(Some(Severity::Fatal)))
+    })
+}
+
+/// Makes an instance; NULL, and a message, where it cannot be.
+pub fn instantiate<E: Equations, V: Version>(
+    function: V::Function,
+    log: Log,
+    state: V::State,
+    events: Events,
+    create: impl FnOnce() -> Result<Instance<E>, Problem>,
+) -> *mut c_void {
+    let result = catch_unwind(AssertUnwindSafe(create)).unwrap_or_else(|panic| {
+        Err(Problem::Panic {
+            message: message(panic.as_ref()),
+        })
+    });
+    match result {
+        Ok(instance) => Box::into_raw(Box::new(Component::<E, V> {
+            instance,
+            state,
+            log,
+            events,
+        }))
+        .cast(),
+        Err(problem) => {
+            log.report(V::name(function), &problem);
+            std::ptr::null_mut()
+        }
+    }
+}
+
+/// Checks what every instantiate function is told, and makes the instance.
+///
+/// # Errors
+/// When the name is missing, the model cannot be had, or the fingerprint is another.
+pub fn create<E: Equations>(
+    load: crate::Load<E>,
+    name: Result<&CStr, Problem>,
+    kind: InterfaceType,
+    fingerprint: (&'static str, &CStr),
+    location: Option<&CStr>,
+) -> Result<Instance<E>, Problem> {
+    if name?.is_empty() {
+        return Err(Problem::NoName);
+    }
+    let location = location.map(CStr::to_string_lossy);
+    let model = load(location.as_deref()).map_err(Problem::Load)?;
+    let instance = Instance::new(model, kind);
+    let (argument, found) = fingerprint;
+    match found.to_bytes() == instance.guid().as_bytes() {
+        true => Ok(instance),
+        false => Err(Problem::WrongGuid {
+            argument,
+            found: found.to_string_lossy().into_owned(),
+            expected: instance.guid().to_owned(),
+        }),
+    }
+}
+
+/// Frees an instance, in every state, since a leak helps nobody.
+///
+/// # Safety
+/// As [`call`]; the instance is given up.
+pub unsafe fn free<E, V: Version>(component: *mut c_void) {
+    if component.is_null() {
+        return;
+    }
+    // SAFETY: it came from `Box::into_raw` in `instantiate`, and the importer gives it up.
+    let component = unsafe { Box::from_raw(component.cast::<Component<E, V>>()) };
+    // A panic while freeing must not reach the host; there is nobody left to report it.
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(component)));
+}
+
+/// What a panic says.
+pub(crate) fn message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    let string = || panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(string).unwrap_or("panic").to_owned()
+}
+
+/// The array of `count` elements that C passes as a pointer; NULL is allowed where `count` is 0.
+///
+/// # Safety
+/// `pointer` is NULL, or points to `count` elements that nobody writes while `'a` lasts.
+///
+/// # Errors
+/// When it is NULL, or `count` impossible.
+pub unsafe fn array<'a, T>(
+    pointer: *const T,
+    count: usize,
+    argument: &'static str,
+) -> Result<&'a [T], Problem> {
+    check_array(pointer.is_null(), size_of::<T>(), count, argument)?;
+    match count {
+        0 => Ok(&[]),
+        // SAFETY: not NULL, and by the caller's promise valid for `count` elements.
+        _ => Ok(unsafe { std::slice::from_raw_parts(pointer, count) }),
+    }
+}
+
+/// As [`array()`], to be written.
+///
+/// # Safety
+/// `pointer` is NULL, or points to `count` elements that nobody else uses while `'a` lasts.
+///
+/// # Errors
+/// As [`array()`].
+pub unsafe fn array_mut<'a, T>(
+    pointer: *mut T,
+    count: usize,
+    argument: &'static str,
+) -> Result<&'a mut [T], Problem> {
+    check_array(pointer.is_null(), size_of::<T>(), count, argument)?;
+    match count {
+        0 => Ok(&mut []),
+        // SAFETY: not NULL, and by the caller's promise valid for `count` elements.
+        _ => Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) }),
+    }
+}
+
+fn check_array(
+    null: bool,
+    size: usize,
+    count: usize,
+    argument: &'static str,
+) -> Result<(), Problem> {
+    if count
+        .checked_mul(size)
+        .is_none_or(|n| n > isize::MAX as usize)
+    {
+        return Err(Problem::TooMany { argument, count });
+    }
+    match null && count > 0 {
+        true => Err(Problem::Null { argument }),
+        false => Ok(()),
+    }
+}
+
+/// The place that C passes as a pointer.
+///
+/// # Safety
+/// `pointer` is NULL, or points to a value that nobody else uses while `'a` lasts.
+///
+/// # Errors
+/// When it is NULL.
+pub unsafe fn place<'a, T>(pointer: *mut T, argument: &'static str) -> Result<&'a mut T, Problem> {
+    // SAFETY: by the caller's promise it is NULL or valid.
+    unsafe { pointer.as_mut() }.ok_or(Problem::Null { argument })
+}
+
+/// The C string that a pointer leads to.
+///
+/// # Safety
+/// `pointer` is NULL, or a C string that lives while `'a` lasts.
+///
+/// # Errors
+/// When it is NULL.
+pub unsafe fn string<'a>(
+    pointer: *const c_char,
+    argument: &'static str,
+) -> Result<&'a CStr, Problem> {
+    if pointer.is_null() {
+        return Err(Problem::Null { argument });
+    }
+    // SAFETY: not NULL, and by the caller's promise a C string.
+    Ok(unsafe { CStr::from_ptr(pointer) })
+}
+
+/// The strings of an array of pointers.
+///
+/// # Safety
+/// `pointer` is NULL, or points to `count` pointers that are NULL or C strings; all live while `'a` lasts.
+///
+/// # Errors
+/// When one of them is NULL.
+pub unsafe fn strings<'a>(
+    pointer: *const *const c_char,
+    count: usize,
+    argument: &'static str,
+) -> Result<Vec<&'a CStr>, Problem> {
+    // SAFETY: by the caller's promise.
+    let pointers = unsafe { array(pointer, count, argument) }?;
+    pointers
+        .iter()
+        // SAFETY: by the caller's promise each is NULL or a C string.
+        .map(|p| unsafe { string(*p, argument) })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fmi2::Fmi2;
+    use crate::log::Sink;
+    use crate::{At, Scalar, Table};
+    use abi::fmi2::{Function, State, Status};
+
+    struct Nothing;
+
+    impl Equations for Nothing {
+        fn table(&self) -> Table {
+            Table::new("nothing", "A model without variables").input("u", "1", "Its input")
+        }
+
+        fn derivative<T: Scalar>(&self, _at: At<T>, _dx: &mut [T]) {}
+    }
+
+    /// FMI rule 21: a panic becomes a status.
+    #[test]
+    fn a_panic_becomes_fatal_and_ruins_this_instance_alone() {
+        let new = || Component::<_, Fmi2> {
+            instance: Instance::new(Nothing, InterfaceType::CoSimulation),
+            state: State::Instantiated,
+            log: Log::new(Sink::Fmi2(None), c"test", false),
+            events: Events::default(),
+        };
+        let (mut broken, mut other) = (new(), new());
+        let status = guarded(&mut broken, Function::GetVersion, |_| panic!("at {}", 1));
+        assert_eq!(status, Status::FATAL);
+        assert_eq!(broken.state, State::Fatal);
+        let reset = |c: &mut Component<Nothing, Fmi2>| {
+            c.instance.reset();
+            Ok(())
+        };
+        assert_eq!(guarded(&mut broken, Function::Reset, reset), Status::ERROR);
+        assert_eq!(broken.state, State::Fatal);
+        assert_eq!(guarded(&mut other, Function::Reset, reset), Status::OK);
+    }
+}

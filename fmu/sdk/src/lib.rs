@@ -1,0 +1,88 @@
+//! Makes an FMU out of a model: one trait, one macro.
+//!
+//! A model is a table of variables and equations ([`Equations`]); [`export!`] makes the C functions of
+//! FMI 2.0 and FMI 3.0 of it, for co-simulation and model exchange, in one library:
+//!
+//! ```
+//! use pilotage_sdk::{At, Equations, Scalar, Table};
+//!
+//! #[derive(Default)]
+//! struct Ball;
+//!
+//! impl Equations for Ball {
+//!     fn table(&self) -> Table {
+//!         Table::new("ball", "A ball that bounces")
+//!             .parameter("g", "m/s2", 9.80665, "Gravitational acceleration")
+//!             .parameter("e", "1", 0.7, "Restitution")
+//!             .output_state("h", "m", 1.0, "Height")
+//!             .output_state("v", "m/s", 0.0, "Velocity")
+//!             .indicator("gap", "m", "Distance to the ground")
+//!     }
+//!
+//!     fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
+//!         dx[0] = at.x[1];
+//!         dx[1] = -at.p[0];
+//!     }
+//!
+//!     fn indicators<T: Scalar>(&self, at: At<T>, z: &mut [T]) {
+//!         z[0] = at.x[0];
+//!     }
+//!
+//!     fn event(&self, at: At<f64>, x: &mut [f64]) {
+//!         if at.x[0] <= 0.0 && at.x[1] < 0.0 {
+//!             x[1] = -at.p[1] * at.x[1];
+//!         }
+//!     }
+//! }
+//!
+//! // In a crate of type `cdylib`: pilotage_sdk::export!(Ball);
+//! let mut ball = pilotage_sdk::Simulation::new(Ball);
+//! ball.step(0.5).expect("it bounces once");
+//! # assert!(ball.get(0) > 0.0 && ball.get(1) > 0.0);
+//! ```
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | [`equations`], [`table`], [`variable`], [mod@unit] | what a model says of itself |
+//! | [`structure`], [`interface`] | what depends on what; what an exporter must know |
+//! | [`simulation`], [`lti`] | a model that runs: steps, events, exact derivatives |
+//! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code under the C functions |
+//! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin skins that check pointers and keep panics from the host |
+//! | [`log`], [`problem`] | messages to the importer; everything that can be wrong with a call |
+//!
+//! There is no global state: instances share nothing.
+
+pub mod checkpoint;
+pub mod clock;
+pub mod equations;
+mod export;
+pub mod fmi2;
+pub mod fmi3;
+pub mod guard;
+mod guid;
+pub mod instance;
+pub mod interface;
+mod json;
+pub mod log;
+pub mod lti;
+#[cfg(all(old_glibc, target_os = "linux", target_arch = "x86_64"))]
+mod old_glibc;
+pub mod problem;
+pub mod resources;
+pub mod shared;
+pub mod simulation;
+pub mod structure;
+pub mod table;
+pub mod unit;
+pub mod variable;
+
+/// How a library comes by its model: from the resource location, or without it.
+pub type Load<E> = fn(Option<&str>) -> Result<E, resources::LoadError>;
+
+pub use equations::{At, Equations, Scalar};
+pub use interface::Interface;
+pub use pilotage_abi as abi;
+pub use simulation::Simulation;
+pub use table::Table;
+pub use unit::Unit;
+pub use variable::{Role, ValueError, Variable};

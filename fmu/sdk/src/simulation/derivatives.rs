@@ -1,0 +1,106 @@
+//! Exact derivatives, by dual numbers.
+
+use super::Simulation;
+use crate::structure::evaluate;
+use crate::{Equations, Table};
+use num_dual::Dual64;
+
+impl<E: Equations> Simulation<E> {
+    /// Time derivative of an output at this instant, at the end of the last step [its unit per second]:
+    /// along the states' derivatives and the slopes that the inputs had in that step.
+    ///
+    /// # Panics
+    /// When the variable is no output.
+    pub fn output_derivative(&self, index: usize) -> f64 {
+        assert!(
+            self.table.outputs().contains(&index),
+            "{index} is no output"
+        );
+        self.along_flow(&self.now.last_slopes)[index]
+    }
+
+    /// Time derivatives of the event indicators now, with inputs that go along the slopes set for them.
+    pub(super) fn indicator_rates(&self) -> Vec<f64> {
+        self.along_flow(&self.now.slopes)[self.table.indicators()].to_vec()
+    }
+
+    /// Time derivatives of all variables, where inputs have these slopes.
+    fn along_flow(&self, slopes: &[f64]) -> Vec<f64> {
+        let (mut values, mut states) = self.lifted();
+        let mut rates = vec![0.0; self.table.n_states()];
+        self.derivatives(&mut rates);
+        for (state, rate) in states.iter_mut().zip(rates) {
+            state.eps = rate;
+        }
+        for (value, slope) in values.iter_mut().zip(slopes) {
+            value.eps = *slope;
+        }
+        let time = Dual64::new(self.now.time, 1.0);
+        evaluate(&self.equations, &self.table, time, &values, &states)
+            .iter()
+            .map(|v| v.eps)
+            .collect()
+    }
+
+    /// Derivatives of any variables in the direction of `seeds`, pairs of a known's index and its part:
+    /// `Σ ∂unknown/∂known · part`. Knowns are inputs, parameters, start values (which move their state)
+    /// and states.
+    ///
+    /// # Panics
+    /// When there is no such variable, or a seed is for one that is no known.
+    pub fn directional_derivative(&self, unknowns: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
+        let all = self.forward(seeds);
+        unknowns.iter().map(|index| all[*index]).collect()
+    }
+
+    /// Derivatives of the sum of `seeds`, pairs of an unknown's index and its part, with respect to each
+    /// of the knowns: `Σ part · ∂unknown/∂known`.
+    ///
+    /// # Panics
+    /// As [`directional_derivative`](Self::directional_derivative).
+    pub fn adjoint_derivative(&self, seeds: &[(usize, f64)], knowns: &[usize]) -> Vec<f64> {
+        let sum = |known: &usize| {
+            let all = self.forward(&[(*known, 1.0)]);
+            seeds.iter().map(|(index, part)| part * all[*index]).sum()
+        };
+        knowns.iter().map(sum).collect()
+    }
+
+    /// The derivatives of all variables.
+    fn forward(&self, seeds: &[(usize, f64)]) -> Vec<f64> {
+        let (mut values, mut states) = self.lifted();
+        for &(index, part) in seeds {
+            match known(&self.table, index) {
+                (Some(value), None) => values[value].eps += part,
+                (Some(value), Some(state)) => {
+                    values[value].eps += part;
+                    states[state].eps += part;
+                }
+                (None, Some(state)) => states[state].eps += part,
+                (None, None) => panic!("variable {index} is no known"),
+            }
+        }
+        let time = Dual64::from_re(self.now.time);
+        evaluate(&self.equations, &self.table, time, &values, &states)
+            .iter()
+            .map(|v| v.eps)
+            .collect()
+    }
+
+    fn lifted(&self) -> (Vec<Dual64>, Vec<Dual64>) {
+        let lift = |values: &[f64]| values.iter().map(|&v| Dual64::from_re(v)).collect();
+        (lift(&self.now.values), lift(&self.now.states))
+    }
+}
+
+/// Which value and which state a known moves.
+fn known(table: &Table, index: usize) -> (Option<usize>, Option<usize>) {
+    if table.starts().contains(&index) {
+        return (Some(index), Some(index - table.starts().start));
+    }
+    match table.x().position(|i| i == index) {
+        Some(state) => (None, Some(state)),
+        None if table.variables()[index].is_calculated() => (None, None),
+        None => (Some(index), None),
+    }
+}

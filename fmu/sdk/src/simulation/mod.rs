@@ -1,0 +1,420 @@
+//! A model that runs: values, states, steps, events, derivatives.
+
+mod derivatives;
+mod step;
+
+pub use step::{Reached, StepError, StepFault};
+
+use crate::lti::Transition;
+use crate::variable::{Role, ValueError, Variable};
+use crate::{At, Equations, Table};
+use pilotage_ode::{DormandPrince, Solver};
+
+/// Relative tolerance of the integrator unless another is set.
+pub const DEFAULT_TOLERANCE: f64 = 1e-9;
+
+/// Range of tolerances; a wish beyond it is moved to its end.
+pub const TOLERANCE_RANGE: (f64, f64) = (1e-12, 1e-4);
+
+/// Outputs of that number are computed without allocation.
+const ON_STACK: usize = 32;
+
+/// Why a value cannot be set.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SetError {
+    /// No variable has this index.
+    #[error("there is no variable {index}; the last one is {last}")]
+    NoVariable {
+        /// The index.
+        index: usize,
+        /// The largest index.
+        last: usize,
+    },
+    /// Outputs, states and derivatives are calculated.
+    #[error("{name} is {role} and cannot be set{hint}")]
+    Calculated {
+        /// The variable.
+        name: String,
+        /// What it is, with its article.
+        role: &'static str,
+        /// What to set instead, if anything.
+        hint: String,
+    },
+    /// Only inputs have time derivatives.
+    #[error("{name} is no input and has no derivative to set")]
+    NoInput {
+        /// The variable.
+        name: String,
+    },
+    /// The variable cannot have this value.
+    #[error(transparent)]
+    Value(#[from] ValueError),
+}
+
+/// Everything that changes when a simulation runs: equal snapshots have equal futures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// Time \[s\].
+    pub time: f64,
+    /// Inputs, parameters and start values by index; outputs hold 0 here, since they are calculated.
+    pub values: Vec<f64>,
+    /// Time derivative of each input, for the next step alone.
+    pub slopes: Vec<f64>,
+    /// Time derivative that each input had in the last step.
+    pub last_slopes: Vec<f64>,
+    /// The states, then the modes.
+    pub states: Vec<f64>,
+    /// Which event indicators were positive when last an event was handled.
+    pub positive: Vec<bool>,
+    /// Relative tolerance.
+    pub tolerance: f64,
+}
+
+/// A running model.
+#[derive(Debug)]
+pub struct Simulation<E> {
+    equations: E,
+    table: Table,
+    slots: Vec<Slot>,
+    /// Number of outputs that the equations compute.
+    n_computed: usize,
+    now: Snapshot,
+    /// Not Radau: the exported library is to stay small.
+    solver: Solver<DormandPrince>,
+    /// Typical magnitudes of the states and modes.
+    nominals: Vec<f64>,
+    /// The exact step of a linear model and what it was computed for (step, then parameters),
+    /// and the one before it: a master that looks into its steps goes by halves in between.
+    transitions: [Option<(Vec<f64>, Transition)>; 2],
+    space: Space,
+    /// Whether it has moved from its start values.
+    has_started: bool,
+}
+
+/// Where the value of a variable is.
+#[derive(Debug, Clone, Copy)]
+enum Slot {
+    /// Among the values that are set, at the variable's own index.
+    Value,
+    State(usize),
+    /// Position among the outputs that the equations compute.
+    Output(usize),
+    Derivative(usize),
+    Indicator(usize),
+    Time,
+}
+
+/// Space for one step's numbers.
+#[derive(Debug, Clone, Default)]
+struct Space {
+    next: Vec<f64>,
+    inputs: Vec<f64>,
+    indicators: Vec<f64>,
+    /// Where the derivatives were no finite numbers in the last step: time and what the equations say of it.
+    trouble: Option<(f64, String)>,
+}
+
+impl<E: Equations + Clone> Clone for Simulation<E> {
+    fn clone(&self) -> Self {
+        let mut clone = Self::new(self.equations.clone());
+        clone.restore(&self.now);
+        clone
+    }
+}
+
+impl<E: Equations> Simulation<E> {
+    /// The model with all variables at their start values, at 0 s.
+    pub fn new(equations: E) -> Self {
+        let table = equations.table();
+        let now = at_start(&table);
+        let nominals = table.nominals_of_x();
+        let method = DormandPrince::new(nominals.len());
+        Self {
+            solver: Solver::with(method, table.n_indicators(), now.tolerance, &nominals),
+            nominals,
+            transitions: [None, None],
+            space: Space {
+                next: now.states.clone(),
+                inputs: now.slopes.clone(),
+                indicators: vec![0.0; table.n_indicators()],
+                trouble: None,
+            },
+            slots: slots(&table),
+            n_computed: table.computed().count(),
+            has_started: false,
+            now,
+            table,
+            equations,
+        }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &E {
+        &self.equations
+    }
+
+    /// The table of its variables.
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    /// All that a later [`restore`](Self::restore) needs.
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.now
+    }
+
+    /// Goes back (or forth) to a snapshot of the same model.
+    ///
+    /// # Panics
+    /// When the snapshot's lengths are those of another model.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.now.time = snapshot.time;
+        self.now.values.copy_from_slice(&snapshot.values);
+        self.now.slopes.copy_from_slice(&snapshot.slopes);
+        self.now.last_slopes.copy_from_slice(&snapshot.last_slopes);
+        self.now.states.copy_from_slice(&snapshot.states);
+        self.now.positive.copy_from_slice(&snapshot.positive);
+        self.now.tolerance = snapshot.tolerance;
+    }
+
+    /// All variables back to their start values, and the default tolerance.
+    pub fn reset(&mut self) {
+        self.now = at_start(&self.table);
+        self.has_started = false;
+    }
+
+    /// Sets the relative tolerance, moved into [`TOLERANCE_RANGE`].
+    pub fn set_tolerance(&mut self, relative: f64) {
+        self.now.tolerance = relative.clamp(TOLERANCE_RANGE.0, TOLERANCE_RANGE.1);
+    }
+
+    /// Sets the time \[s\].
+    pub fn set_time(&mut self, time: f64) {
+        self.now.time = time;
+    }
+
+    /// The value of a variable; what is calculated is so from states and inputs as they are now.
+    ///
+    /// # Panics
+    /// When there is no such variable.
+    pub fn get(&self, index: usize) -> f64 {
+        let mut value = [0.0];
+        self.get_all([index], &mut value);
+        value[0]
+    }
+
+    /// As [`get`](Self::get), for several variables: outputs are computed at most once.
+    ///
+    /// # Panics
+    /// When there is no such variable.
+    pub fn get_all(&self, indices: impl IntoIterator<Item = usize>, values: &mut [f64]) {
+        let (n, mut stack) = (self.n_computed, [f64::NAN; ON_STACK]);
+        // Neither allocates unless it must.
+        let mut heap = vec![f64::NAN; if n > ON_STACK { n } else { 0 }];
+        let mut slopes = Vec::new();
+        let outputs = match n > ON_STACK {
+            true => &mut heap[..],
+            false => &mut stack[..n],
+        };
+        let mut computed = false;
+        for (index, value) in indices.into_iter().zip(values) {
+            *value = match self.slots[index] {
+                Slot::Value => self.now.values[index],
+                Slot::State(state) => self.now.states[state],
+                Slot::Output(position) => {
+                    if !computed {
+                        let at = self.at();
+                        self.equations.output(at, outputs);
+                        self.table.clip(outputs, at.p);
+                        computed = true;
+                    }
+                    outputs[position]
+                }
+                Slot::Derivative(state) => {
+                    if slopes.is_empty() {
+                        slopes.resize(self.table.n_states(), 0.0);
+                        self.derivatives(&mut slopes);
+                    }
+                    slopes[state]
+                }
+                Slot::Indicator(position) => {
+                    let mut indicators = vec![0.0; self.table.n_indicators()];
+                    self.indicators(&mut indicators);
+                    indicators[position]
+                }
+                Slot::Time => self.now.time,
+            };
+        }
+    }
+
+    /// Sets an input, a parameter, a mode or a start value; a start value sets its state too.
+    ///
+    /// # Errors
+    /// When it is calculated, or the value not finite or out of the variable's range.
+    pub fn set(&mut self, index: usize, value: f64) -> Result<(), SetError> {
+        let variable = self.variable(index)?;
+        if variable.is_calculated() {
+            return Err(self.calculated(variable));
+        }
+        variable.check(value)?;
+        if variable.is_boolean()
+            && let Some(mode) = self.table.x().position(|i| i == index)
+        {
+            self.now.states[mode] = value;
+        }
+        if self.table.parameters().contains(&index) && !self.has_started {
+            self.set_parameter(index, value);
+        }
+        self.now.values[index] = value;
+        let starts = self.table.starts();
+        if starts.contains(&index) {
+            self.now.states[index - starts.start] = value;
+        }
+        Ok(())
+    }
+
+    /// Sets a parameter before the start, and with it those start values that depend on parameters and are as the
+    /// equations give them.
+    fn set_parameter(&mut self, index: usize, value: f64) {
+        let (parameters, starts) = (self.table.parameters(), self.table.starts());
+        let mut before = self.now.values[starts.clone()].to_vec();
+        let mut after = before.clone();
+        self.equations
+            .start(&self.now.values[parameters.clone()], &mut before);
+        self.now.values[index] = value;
+        self.equations
+            .start(&self.now.values[parameters], &mut after);
+        for (state, index) in starts.enumerate() {
+            if before[state] != after[state] && self.now.values[index] == before[state] {
+                self.now.values[index] = after[state];
+                self.now.states[state] = after[state];
+            }
+        }
+    }
+
+    /// What of the equations is no finite number now, where they tell.
+    pub fn trouble(&self) -> Option<String> {
+        self.equations.trouble(self.at())
+    }
+
+    fn calculated(&self, variable: &Variable) -> SetError {
+        let start = format!("{}_start", variable.name);
+        let role = match variable.role {
+            Role::Output => "an output",
+            Role::Local => "a local",
+            Role::Derivative => "a derivative",
+            Role::Indicator => "an event indicator",
+            Role::Time => "no parameter",
+            _ => "a state",
+        };
+        let hint = match variable.role == Role::State && self.table.index(&start).is_some() {
+            true => format!("; set {start} before the start, or the states as a whole"),
+            false => String::new(),
+        };
+        SetError::Calculated {
+            name: variable.label(),
+            role,
+            hint,
+        }
+    }
+
+    /// Sets the time derivative of an input [its unit per second] for the next step, at whose
+    /// beginning the input has the value that is set.
+    ///
+    /// # Errors
+    /// When it is no input, or the slope not finite.
+    pub fn set_slope(&mut self, index: usize, slope: f64) -> Result<(), SetError> {
+        let variable = self.variable(index)?;
+        if !self.table.inputs().contains(&index) {
+            return Err(SetError::NoInput {
+                name: variable.label(),
+            });
+        }
+        if !slope.is_finite() {
+            return Err(SetError::Value(ValueError::NotFinite {
+                name: format!("time derivative of {}", variable.label()),
+                value: slope,
+            }));
+        }
+        self.now.slopes[index] = slope;
+        Ok(())
+    }
+
+    /// Sets all continuous states.
+    ///
+    /// # Panics
+    /// When their number is another.
+    pub fn set_states(&mut self, states: &[f64]) {
+        self.has_started = true;
+        self.now.states[..self.table.n_states()].copy_from_slice(states);
+    }
+
+    /// Writes the derivatives of the states.
+    ///
+    /// # Panics
+    /// When their number is another.
+    pub fn derivatives(&self, slopes: &mut [f64]) {
+        assert_eq!(slopes.len(), self.table.n_states(), "number of states");
+        self.equations.derivative(self.at(), slopes);
+    }
+
+    /// Writes the event indicators.
+    ///
+    /// # Panics
+    /// When their number is another.
+    pub fn indicators(&self, indicators: &mut [f64]) {
+        assert_eq!(indicators.len(), self.table.n_indicators(), "indicators");
+        self.equations.indicators(self.at(), indicators);
+    }
+
+    /// The equations' arguments as they are now.
+    fn at(&self) -> At<'_, f64> {
+        At {
+            time: self.now.time,
+            x: &self.now.states,
+            u: &self.now.values[self.table.inputs()],
+            p: &self.now.values[self.table.parameters()],
+        }
+    }
+
+    fn variable(&self, index: usize) -> Result<&Variable, SetError> {
+        let variables = self.table.variables();
+        variables.get(index).ok_or(SetError::NoVariable {
+            index,
+            last: variables.len() - 1,
+        })
+    }
+}
+
+fn slots(table: &Table) -> Vec<Slot> {
+    let mut slots = vec![Slot::Value; table.variables().len()];
+    for (position, index) in table.computed().enumerate() {
+        slots[index] = Slot::Output(position);
+    }
+    for (state, index) in table.x().enumerate() {
+        slots[index] = Slot::State(state);
+    }
+    for (state, index) in table.derivatives().enumerate() {
+        slots[index] = Slot::Derivative(state);
+    }
+    for (position, index) in table.indicators().enumerate() {
+        slots[index] = Slot::Indicator(position);
+    }
+    slots[table.time()] = Slot::Time;
+    slots
+}
+
+/// Everything at its start value.
+fn at_start(table: &Table) -> Snapshot {
+    let settable = &table.variables()[..table.starts().end];
+    let values: Vec<f64> = settable.iter().map(|v| v.start.unwrap_or(0.0)).collect();
+    Snapshot {
+        time: 0.0,
+        slopes: vec![0.0; table.inputs().len()],
+        last_slopes: vec![0.0; table.inputs().len()],
+        states: table.start_of_x(&values),
+        positive: vec![true; table.n_indicators()],
+        tolerance: DEFAULT_TOLERANCE,
+        values,
+    }
+}

@@ -1,0 +1,443 @@
+//! Steps of co-simulation, and events.
+
+use super::{Simulation, Space};
+use crate::lti::{Transition, TransitionError};
+use crate::{At, Equations, Table};
+use pilotage_ode::{Advance, DormandPrince, IntegrationError, Solver, System};
+use std::convert::Infallible;
+
+/// Steps of the integrator within one step beyond which it is given up.
+const MAX_STEPS: usize = 1_000_000;
+
+/// Events within one step beyond which it is given up: they come faster than time passes.
+const MAX_EVENTS: usize = 1000;
+
+/// Calls of the event handler at one instant beyond which it is given up.
+const MAX_ITERATIONS: usize = 100;
+
+/// Why a step could not be done.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StepFault {
+    /// The exact step of a linear model cannot be computed.
+    #[error(transparent)]
+    Linear(#[from] TransitionError),
+    /// The integration was given up.
+    #[error(
+        "{0} (times count from the beginning of the communication step; a solution that grows without bound \
+         and a tolerance that is too strict end so as well)"
+    )]
+    Integration(#[from] IntegrationError<Infallible>),
+    /// The integration was given up where an expression is no finite number.
+    #[error("at {time} s: {cause}; the integration ends there")]
+    Trouble {
+        /// Where \[s\].
+        time: f64,
+        /// Which expression, and where it stands.
+        cause: String,
+    },
+    /// The integration takes too long.
+    #[error(
+        "{limit} steps of the integrator were not enough for {step} s, only for {time} s; take a shorter \
+         step or slower coefficients; a jump that pushes back from both sides, such as dry friction by sign(v), \
+         needs a width, as in sat(v / 0.01, 1)"
+    )]
+    TooManySteps {
+        /// Where, from the step's beginning \[s\].
+        time: f64,
+        /// The step \[s\].
+        step: f64,
+        /// The limit.
+        limit: usize,
+    },
+    /// A state is no longer finite.
+    #[error("state {state} is {value} after {step} s; the model or what drives it is unstable")]
+    NotFinite {
+        /// The state's name.
+        state: String,
+        /// Its value.
+        value: f64,
+        /// The step \[s\].
+        step: f64,
+    },
+    /// Events come ever faster.
+    #[error(
+        "{limit} events within {step} s; the model's events follow each other without end, as those of \
+         a bouncing ball do that never comes to rest"
+    )]
+    TooManyEvents {
+        /// The limit.
+        limit: usize,
+        /// The step \[s\].
+        step: f64,
+    },
+    /// The event handler finds no end.
+    #[error("the event at {time} s changes the states again and again ({limit} times)")]
+    EndlessEvent {
+        /// When \[s\].
+        time: f64,
+        /// The limit.
+        limit: usize,
+    },
+}
+
+/// A step that ended early. The simulation then stands where it came to.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{fault}")]
+pub struct StepError {
+    /// Why.
+    pub fault: StepFault,
+    /// How far it came \[s\]: 0 if nothing has changed.
+    pub reached: f64,
+}
+
+/// How far a step came.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reached {
+    /// The time that passed \[s\].
+    pub time: f64,
+    /// Whether an event waits there to be handled.
+    pub event: bool,
+}
+
+impl<E: Equations> Simulation<E> {
+    /// Advances by `h` > 0 seconds, with inputs held or, where a slope was set, along it. Afterwards
+    /// the inputs have the values that they reached, and the slopes are 0. Events are handled.
+    ///
+    /// # Errors
+    /// When the step cannot be done; what was reached is kept.
+    pub fn step(&mut self, h: f64) -> Result<(), StepError> {
+        self.advance(h, false).map(|_| ())
+    }
+
+    /// As [`step`](Self::step), but where `stop_at_event` is set, it ends at the first event, which
+    /// [`handle_event`](Self::handle_event) is then to handle.
+    ///
+    /// # Errors
+    /// When the step cannot be done; what was reached is kept.
+    pub fn advance(&mut self, h: f64, stop_at_event: bool) -> Result<Reached, StepError> {
+        self.has_started = true;
+        if self.table.n_x() == 0 && self.table.n_indicators() == 0 {
+            self.arrive(h);
+            return Ok(Reached {
+                time: h,
+                event: false,
+            });
+        }
+        if self.equations.is_linear() && self.table.modes().next().is_none() {
+            self.step_exactly(h).map_err(|fault| StepError {
+                fault,
+                reached: 0.0,
+            })?;
+            self.arrive(h);
+            return Ok(Reached {
+                time: h,
+                event: false,
+            });
+        }
+        let mut elapsed = 0.0;
+        self.space.trouble = None;
+        let result = self.integrate(h, stop_at_event, &mut elapsed);
+        let result = result.map_err(|fault| self.with_trouble(fault));
+        self.arrive(elapsed);
+        match result {
+            Ok(event) => Ok(Reached {
+                time: elapsed,
+                event,
+            }),
+            Err(fault) => Err(StepError {
+                fault,
+                reached: elapsed,
+            }),
+        }
+    }
+
+    /// A fault with the expression that made it, if one did.
+    fn with_trouble(&mut self, fault: StepFault) -> StepFault {
+        match (fault, self.space.trouble.take()) {
+            (StepFault::Integration(_), Some((time, cause))) => StepFault::Trouble { time, cause },
+            (fault, _) => fault,
+        }
+    }
+
+    /// Handles what the event handler finds to handle now. Whether a state or mode has changed.
+    ///
+    /// # Errors
+    /// When the handler changes the states again and again.
+    pub fn handle_event(&mut self) -> Result<bool, StepFault> {
+        let mut changed = false;
+        for _ in 0..MAX_ITERATIONS {
+            self.space.next.copy_from_slice(&self.now.states);
+            let Self {
+                equations,
+                table,
+                now,
+                space,
+                ..
+            } = self;
+            let at = At {
+                time: now.time,
+                x: &now.states,
+                u: &now.values[table.inputs()],
+                p: &now.values[table.parameters()],
+            };
+            equations.event(at, &mut space.next);
+            if let Some(i) = space.next.iter().position(|v| !v.is_finite()) {
+                return Err(not_finite(table, i, space.next[i], 0.0));
+            }
+            for mode in &mut self.space.next[self.table.n_states()..] {
+                *mode = f64::from(u8::from(*mode != 0.0));
+            }
+            if self.space.next == self.now.states {
+                self.remember_signs();
+                return Ok(changed);
+            }
+            std::mem::swap(&mut self.space.next, &mut self.now.states);
+            changed = true;
+        }
+        Err(StepFault::EndlessEvent {
+            time: self.now.time,
+            limit: MAX_ITERATIONS,
+        })
+    }
+
+    /// Remembers the signs of the event indicators. One that is 0 has the sign that it is about to take:
+    /// a ball that leaves the ground is above it, so that its next touch is seen, however soon it comes.
+    fn remember_signs(&mut self) {
+        let mut indicators = std::mem::take(&mut self.space.indicators);
+        self.indicators(&mut indicators);
+        let rates = match indicators.contains(&0.0) {
+            true => self.indicator_rates(),
+            false => Vec::new(),
+        };
+        for (i, positive) in self.now.positive.iter_mut().enumerate() {
+            *positive = indicators[i] > 0.0 || (indicators[i] == 0.0 && rates[i] > 0.0);
+        }
+        self.space.indicators = indicators;
+    }
+
+    /// Moves time and inputs to where the step ended.
+    fn arrive(&mut self, elapsed: f64) {
+        std::mem::swap(&mut self.now.last_slopes, &mut self.now.slopes);
+        self.now.slopes.fill(0.0);
+        for (value, slope) in self.now.values.iter_mut().zip(&self.now.last_slopes) {
+            *value += slope * elapsed;
+        }
+        self.now.time += elapsed;
+    }
+
+    /// The step of a linear model.
+    fn step_exactly(&mut self, h: f64) -> Result<(), StepFault> {
+        let Self {
+            equations,
+            table,
+            now,
+            ..
+        } = self;
+        let p = &now.values[table.parameters()];
+        let known = |(key, _): &(Vec<f64>, Transition)| key[0] == h && key[1..] == *p;
+        if !self.transitions[0].as_ref().is_some_and(known) {
+            self.transitions.swap(0, 1);
+        }
+        if !self.transitions[0].as_ref().is_some_and(known) {
+            let time = now.time;
+            let size = [table.n_states(), table.inputs().len()];
+            let transition = Transition::new(size, h, |x, u, dx| {
+                equations.derivative(At { time, x, u, p }, dx);
+            })?;
+            let key = std::iter::once(h).chain(p.iter().copied());
+            self.transitions[0] = Some((key.collect(), transition));
+        }
+        if let Some((_, transition)) = &self.transitions[0] {
+            let u = &now.values[table.inputs()];
+            transition.apply(&now.states, u, &now.slopes, &mut self.space.next);
+        }
+        if let Some(i) = self.space.next.iter().position(|v| !v.is_finite()) {
+            return Err(not_finite(&self.table, i, self.space.next[i], h));
+        }
+        std::mem::swap(&mut self.now.states, &mut self.space.next);
+        Ok(())
+    }
+
+    /// Integrates over `h`, event by event; `elapsed` tells how far it came. Whether it stopped at an
+    /// event.
+    fn integrate(&mut self, h: f64, stop: bool, elapsed: &mut f64) -> Result<bool, StepFault> {
+        let (start, mut events) = (self.now.time, 0);
+        // A jump of an input may have been an event.
+        let mut event =
+            self.table.n_indicators() > 0 && self.with_flow(|flow, x, _| flow.has_jumped(x));
+        loop {
+            if event {
+                if stop {
+                    return Ok(true);
+                }
+                self.handle_event_at(start, *elapsed)?;
+                events += 1;
+                if events > MAX_EVENTS {
+                    return Err(StepFault::TooManyEvents {
+                        limit: MAX_EVENTS,
+                        step: h,
+                    });
+                }
+            }
+            if *elapsed >= h {
+                return Ok(false);
+            }
+            event = self.integrate_to_event(h, elapsed)?;
+        }
+    }
+
+    /// Integrates to the end of the step `h` or to the first event; whether there is one.
+    ///
+    /// The first length tried is the whole rest: a call depends on its arguments alone, so that equal calls give
+    /// equal bits, and there is no memory to save with an FMU state.
+    fn integrate_to_event(&mut self, h: f64, elapsed: &mut f64) -> Result<bool, StepFault> {
+        let (from, relative) = (*elapsed, self.now.tolerance);
+        self.with_flow(|flow, x, solver| {
+            let absolute = flow.nominals.iter().map(|nominal| relative * nominal);
+            solver.set_tolerances(relative, absolute);
+            solver.restart(from, x, true);
+            solver.try_first(h - from);
+            solver.remember(flow.positive);
+            let result = run(solver, flow, h);
+            x.copy_from_slice(solver.state());
+            *elapsed = solver.time();
+            result
+        })
+    }
+
+    /// Handles an event within a step, with the inputs as they are there.
+    fn handle_event_at(&mut self, start: f64, elapsed: f64) -> Result<(), StepFault> {
+        let inputs = self.table.inputs();
+        let before = self.now.values[inputs.clone()].to_vec();
+        for (value, slope) in self.now.values.iter_mut().zip(&self.now.slopes) {
+            *value += slope * elapsed;
+        }
+        self.now.time = start + elapsed;
+        let result = self.handle_event();
+        self.now.values[inputs].copy_from_slice(&before);
+        self.now.time = start;
+        result.map(|_| ())
+    }
+
+    /// Runs `f` on the equations of a step, and the states.
+    fn with_flow<R>(
+        &mut self,
+        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut Solver<DormandPrince>) -> R,
+    ) -> R {
+        let Self {
+            equations,
+            table,
+            now,
+            solver,
+            nominals,
+            space,
+            ..
+        } = self;
+        let mut flow = Flow {
+            equations,
+            n_states: table.n_states(),
+            nominals,
+            start: now.time,
+            held: &now.values[table.inputs()],
+            slopes: &now.slopes,
+            p: &now.values[table.parameters()],
+            positive: &now.positive,
+            space,
+        };
+        f(&mut flow, &mut now.states, solver)
+    }
+}
+
+/// Advances to the step's end or to the first event; whether there is one.
+fn run<E: Equations>(
+    solver: &mut Solver<DormandPrince>,
+    flow: &mut Flow<'_, E>,
+    h: f64,
+) -> Result<bool, StepFault> {
+    for _ in 0..MAX_STEPS {
+        let advance = solver.advance(flow, h)?;
+        if advance == Advance::Event || solver.time() >= h {
+            return Ok(advance == Advance::Event);
+        }
+    }
+    Err(StepFault::TooManySteps {
+        time: solver.time(),
+        step: h,
+        limit: MAX_STEPS,
+    })
+}
+
+/// The equations within a step, their time counted from its beginning.
+struct Flow<'s, E> {
+    equations: &'s E,
+    /// Number of continuous states.
+    n_states: usize,
+    /// Typical magnitudes of the states and modes.
+    nominals: &'s [f64],
+    /// Time at the step's beginning \[s\].
+    start: f64,
+    held: &'s [f64],
+    slopes: &'s [f64],
+    p: &'s [f64],
+    positive: &'s [bool],
+    space: &'s mut Space,
+}
+
+impl<E: Equations> Flow<'_, E> {
+    /// Moves the inputs to a time of the integration; the equations' arguments there.
+    fn at<'a>(&'a mut self, time: f64, x: &'a [f64]) -> At<'a, f64> {
+        let along = self.held.iter().zip(self.slopes);
+        for (input, (held, slope)) in self.space.inputs.iter_mut().zip(along) {
+            *input = held + slope * time;
+        }
+        At {
+            time: self.start + time,
+            x,
+            u: &self.space.inputs,
+            p: self.p,
+        }
+    }
+
+    /// Whether an indicator has another sign at the beginning than is remembered; one that is 0 has none.
+    fn has_jumped(&mut self, x: &[f64]) -> bool {
+        let mut indicators = std::mem::take(&mut self.space.indicators);
+        let equations = self.equations;
+        equations.indicators(self.at(0.0, x), &mut indicators);
+        let mut pairs = indicators.iter().zip(self.positive);
+        let has_jumped = pairs.any(|(z, positive)| *z != 0.0 && (*z > 0.0) != *positive);
+        self.space.indicators = indicators;
+        has_jumped
+    }
+}
+
+impl<E: Equations> System for Flow<'_, E> {
+    type Error = Infallible;
+
+    fn derivatives(&mut self, time: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
+        // Modes stay as they are between events.
+        let (dx, modes) = dx.split_at_mut(self.n_states);
+        modes.fill(0.0);
+        let equations = self.equations;
+        equations.derivative(self.at(time, x), dx);
+        if dx.iter().any(|rate| !rate.is_finite()) {
+            let cause = equations.trouble(self.at(time, x));
+            self.space.trouble = cause.map(|cause| (self.start + time, cause));
+        }
+        Ok(true)
+    }
+
+    fn indicators(&mut self, time: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Infallible> {
+        let equations = self.equations;
+        equations.indicators(self.at(time, x), z);
+        Ok(true)
+    }
+}
+
+fn not_finite(table: &Table, state: usize, value: f64, step: f64) -> StepFault {
+    let index = table.x().nth(state).unwrap_or_default();
+    StepFault::NotFinite {
+        state: table.variables()[index].name.clone(),
+        value,
+        step,
+    }
+}

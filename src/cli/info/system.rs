@@ -1,0 +1,121 @@
+//! A system: its instances, connections, free inputs and outputs.
+
+use super::super::Failure;
+use super::super::format::aligned;
+use super::super::system::{Built, open};
+use crate::cosim::description::{InstanceDescription, InstanceSource, SystemDescription};
+use crate::cosim::system::Link;
+use crate::cosim::{Conversion, System, Variable};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// The system of a file, for people or as one JSON object.
+pub(super) fn of(file: &Path, as_json: bool) -> Result<String, Failure> {
+    let Built {
+        system,
+        description,
+        ..
+    } = open(SystemDescription::read(file)?)?;
+    Ok(match as_json {
+        true => format!("{:#}\n", to_json(file, &system, &description)),
+        false => to_text(file, &system, &description),
+    })
+}
+
+fn unit(variable: &Variable) -> &str {
+    variable.unit.as_ref().map_or("", |unit| unit.name.as_str())
+}
+
+/// `model` or `table`, and which.
+fn source(instance: &InstanceDescription) -> (&'static str, String) {
+    match &instance.source.value {
+        InstanceSource::BuiltIn(name) => ("model", name.clone()),
+        InstanceSource::Model(file) => ("model", file.display().to_string()),
+        InstanceSource::Table(file) => ("table", file.display().to_string()),
+    }
+}
+
+fn to_json(file: &Path, system: &System, description: &SystemDescription) -> Value {
+    let instances = description.instances.iter().map(|instance| {
+        let (key, source) = source(instance);
+        let set: serde_json::Map<String, Value> = (description.settings_of(&instance.name))
+            .map(|(variable, value)| (variable.to_owned(), json!(value)))
+            .collect();
+        json!({ "name": instance.name, key: source, "set": set })
+    });
+    let connections = system.links().map(
+        |Link {
+             from,
+             to,
+             conversion,
+         }| {
+            json!({
+                "from": from.0,
+                "fromUnit": unit(from.1),
+                "fromType": from.1.kind.to_string(),
+                "to": to.0,
+                "toUnit": unit(to.1),
+                "toType": to.1.kind.to_string(),
+                "factor": conversion.factor,
+                "offset": conversion.offset,
+            })
+        },
+    );
+    let listed = |(name, v): (String, &Variable)| json!({ "name": name, "unit": unit(v), "type": v.kind.to_string() });
+    json!({
+        "file": file.display().to_string(),
+        "instances": instances.collect::<Vec<_>>(),
+        "connections": connections.collect::<Vec<_>>(),
+        "inputs": system.free_inputs().map(listed).collect::<Vec<_>>(),
+        "outputs": system.outputs().map(listed).collect::<Vec<_>>(),
+    })
+}
+
+fn to_text(file: &Path, system: &System, description: &SystemDescription) -> String {
+    let instances = description.instances.iter().map(|instance| {
+        let set = description.settings_of(&instance.name);
+        let set: Vec<String> = set
+            .map(|(name, value)| format!("{name} = {value}"))
+            .collect();
+        [instance.name.clone(), source(instance).1, set.join(", ")]
+    });
+    let own = |v: &Variable| match unit(v) {
+        "" => v.kind.to_string(),
+        unit => unit.to_owned(),
+    };
+    let connections = system.links().map(
+        |Link {
+             from,
+             to,
+             conversion,
+         }| {
+            let is_same = conversion == Conversion::NONE && from.1.kind == to.1.kind;
+            let converted = if is_same { "" } else { "converted" };
+            let (from, to) = ((from.0, own(from.1)), (to.0, own(to.1)));
+            [from.0, from.1, to.0, to.1, converted.to_owned()]
+        },
+    );
+    let listed = |(name, v): (String, &Variable)| [name, v.kind.to_string(), unit(v).to_owned()];
+    let tables = [
+        table(["instance", "model", "set"], instances),
+        table(["from", "unit", "to", "unit", ""], connections),
+        table(
+            ["free input", "type", "unit"],
+            system.free_inputs().map(listed),
+        ),
+        table(["output", "type", "unit"], system.outputs().map(listed)),
+    ];
+    let tables: Vec<String> = tables.into_iter().flatten().collect();
+    format!("{}\n\n{}", file.display(), tables.join("\n"))
+}
+
+/// A table below its header; nothing where it has no rows.
+fn table<const N: usize>(
+    header: [&str; N],
+    rows: impl Iterator<Item = [String; N]>,
+) -> Option<String> {
+    let rows: Vec<[String; N]> = std::iter::once(header.map(str::to_owned))
+        .chain(rows)
+        .collect();
+    (rows.len() > 1).then(|| aligned(&rows))
+}

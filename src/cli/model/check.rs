@@ -1,0 +1,217 @@
+//! `pilotage model check`: what was understood of a model.
+
+use super::super::linearize::files;
+use super::super::{Failure, Outcome, format, terminal};
+use crate::cosim::{Component, NativeComponent};
+use crate::linear::{Mode, StateSpace};
+use crate::models::{Role, TextModel, Variable};
+use crate::report::significant;
+use pilotage_sdk::Simulation;
+use serde_json::{Value, json};
+
+/// Derivatives at the start values below this part of a state's typical magnitude count as rest.
+const REST: f64 = 1e-9;
+
+/// A model and what is computed of it.
+struct Checked {
+    model: TextModel,
+    /// Linear at the start values.
+    linear: StateSpace,
+    modes: Vec<Mode>,
+    /// Derivatives at the start values.
+    rates: Vec<f64>,
+    /// What is no finite number at the start values.
+    trouble: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(model: TextModel, json: bool) -> Result<Outcome, Failure> {
+    let checked = Checked::of(model)?;
+    match json {
+        true => terminal::print(&format!("{:#}\n", checked.to_json()))?,
+        false => terminal::print(&checked.to_text())?,
+    }
+    Ok(match checked.trouble {
+        Some(_) => Outcome::No,
+        None => Outcome::Done,
+    })
+}
+
+impl Checked {
+    fn of(model: TextModel) -> Result<Self, Failure> {
+        let simulation = Simulation::new(model.clone());
+        let mut rates = vec![0.0; simulation.table().n_states()];
+        simulation.derivatives(&mut rates);
+        let trouble = simulation.trouble();
+        let linear = match NativeComponent::new(model.clone()).linearize(0.0) {
+            Ok(linear) if trouble.is_none() => linear.system,
+            Err(error) if trouble.is_none() => return Err(Failure::new(error.to_string())),
+            _ => StateSpace::empty(),
+        };
+        Ok(Self {
+            modes: Mode::of_poles(&linear.poles()),
+            linear,
+            rates,
+            trouble,
+            model,
+        })
+    }
+
+    fn variables(&self) -> impl Iterator<Item = &Variable> {
+        let variables = self.model.variables().variables().iter();
+        variables.filter(|variable| {
+            !matches!(variable.role, Role::Derivative | Role::Time)
+                && !self.is_start(&variable.name)
+        })
+    }
+
+    /// Whether a variable is the start value of a state.
+    fn is_start(&self, name: &str) -> bool {
+        let table = self.model.variables();
+        let starts = &table.variables()[table.starts()];
+        starts.iter().any(|start| start.name == name)
+    }
+
+    /// States that move from the start on, with their rates and units.
+    fn moving(&self) -> Vec<(String, f64, String)> {
+        let table = self.model.variables();
+        let states = table.states().map(|index| &table.variables()[index]);
+        let rates = table.derivatives().map(|index| &table.variables()[index]);
+        let all = states.zip(rates).zip(&self.rates);
+        let moving =
+            all.filter(|((state, _), rate)| rate.abs() > REST * state.nominal.unwrap_or(1.0));
+        moving
+            .map(|((state, own), rate)| (state.name.clone(), *rate, own.unit.symbol()))
+            .collect()
+    }
+
+    fn start_of(&self, variable: &Variable) -> Option<f64> {
+        let table = self.model.variables();
+        let own = table.index(&variable.name)?;
+        match table.state_at(own) {
+            Some(state) => table.variables()[table.starts().start + state].start,
+            None => variable.start,
+        }
+    }
+
+    fn to_text(&self) -> String {
+        let file = &self.model.compiled().file;
+        let mut text = format!("{}: {}\n", file.file, file.name);
+        for line in [&file.description, &file.source] {
+            if !line.is_empty() {
+                text += &format!("  {line}\n");
+            }
+        }
+        text += &self.table();
+        text += "\nEquations\n";
+        for line in file.equations().lines() {
+            text += &format!("  {line}\n");
+        }
+        text += &self.limits();
+        text + &self.at_start()
+    }
+
+    /// The variables, one a line.
+    fn table(&self) -> String {
+        let rows: Vec<[String; 5]> = self
+            .variables()
+            .map(|variable| {
+                let start = self.start_of(variable).map(|start| significant(start, 5));
+                [
+                    variable.role.name().to_owned(),
+                    variable.name.clone(),
+                    match variable.unit.is_some() {
+                        true => variable.unit.name.clone(),
+                        false => "not checked".to_owned(),
+                    },
+                    match variable.allowed() {
+                        None => start.unwrap_or_default(),
+                        Some(range) => format!("{} ({range})", start.unwrap_or_default()),
+                    },
+                    variable.description.clone(),
+                ]
+            })
+            .collect();
+        let lines = format::aligned(&rows);
+        let lines = lines.lines().map(|line| format!("  {line}\n"));
+        "\nVariables\n".to_owned() + &lines.collect::<String>()
+    }
+
+    /// The states of delays, which no line of the file declares.
+    fn limits(&self) -> String {
+        let delays = &self.model.compiled().delays;
+        match delays.len() {
+            0 => String::new(),
+            n => format!("  and {n} states of Padé's approximation of the delays\n"),
+        }
+    }
+
+    fn at_start(&self) -> String {
+        if let Some(trouble) = &self.trouble {
+            return format!(
+                "\nAt the start values an expression is no finite number: {trouble}\n\
+                 Choose other start values, or an expression that holds there.\n"
+            );
+        }
+        let moving = self.moving();
+        let mut text = match moving.is_empty() {
+            true => "\nAt rest at the start values.\n".to_owned(),
+            false => "\nNot at rest at the start values:\n".to_owned(),
+        };
+        for (name, rate, unit) in moving {
+            text += &format!("  d{name}/dt = {} {unit}\n", significant(rate, 5));
+        }
+        if self.model.variables().n_states() == 0 {
+            return text + "No states: outputs follow inputs at once.\n";
+        }
+        text += match self.model.compiled().is_linear() {
+            true => "Linear in states and inputs; steps of co-simulation are exact.\n",
+            false => "Poles of the linearisation there:\n",
+        };
+        text += "  pole [1/s]            frequency [rad/s]  damping\n";
+        text + &self.modes.iter().map(format::mode).collect::<String>()
+    }
+
+    fn to_json(&self) -> Value {
+        let file = &self.model.compiled().file;
+        let variables: Vec<Value> = self
+            .variables()
+            .map(|variable| {
+                json!({
+                    "name": variable.name,
+                    "role": variable.role.name(),
+                    "unit": variable.unit.is_some().then_some(&variable.unit.name),
+                    "start": self.start_of(variable),
+                    "min": variable.min,
+                    "max": variable.max,
+                    "nominal": variable.nominal,
+                    "description": variable.description,
+                })
+            })
+            .collect();
+        let equations = file.equations();
+        let system = &self.linear;
+        let poles = system.poles();
+        json!({
+            "file": file.file,
+            "name": file.name,
+            "description": file.description,
+            "source": file.source,
+            "variables": variables,
+            "equations": equations.lines().collect::<Vec<_>>(),
+            "is_linear": self.model.compiled().is_linear(),
+            "at_rest": self.trouble.is_none() && self.moving().is_empty(),
+            "trouble": self.trouble,
+            "linear": {
+                "states": system.states,
+                "inputs": system.inputs,
+                "outputs": system.outputs,
+                "a": files::rows(&system.a),
+                "b": files::rows(&system.b),
+                "c": files::rows(&system.c),
+                "d": files::rows(&system.d),
+                "poles": poles.iter().map(|pole| [pole.re, pole.im]).collect::<Vec<_>>(),
+            },
+        })
+    }
+}

@@ -1,0 +1,72 @@
+//! `pilotage model`: a first look at a model file.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | `open` | a model file, or a built-in model by its name |
+//! | `check` | what was understood of a model |
+//! | `simulate` | a model alone, over time |
+//! | `step` | step responses |
+
+pub mod check;
+pub mod open;
+mod simulate;
+mod step;
+
+use self::open::ModelArgs;
+use super::{Failure, Outcome};
+use clap::Subcommand;
+
+/// Arguments of `pilotage model`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Check a model file and print what was understood: variables, units, equations, poles at the start values.
+    #[command(after_help = "Examples:\n  \
+        pilotage model check crossover.toml\n  \
+        pilotage model check linear --order 4          a built-in model\n  \
+        pilotage model check car.toml --json | jq .linear.poles")]
+    Check {
+        #[command(flatten)]
+        model: ModelArgs,
+        /// Print one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Simulate a model alone; `pilotage cosim` wires several.
+    #[command(after_help = "Examples:\n  \
+        pilotage model simulate car.toml --set speed=25 --stop-time 5 -o car.csv\n  \
+        pilotage model simulate car.toml --input steering.csv --stop-time 5 --report car.html\n\n\
+        The input file is a table over time (CSV: `time [s]`, then columns named like inputs, with units). \
+        All that `pilotage cosim` takes stands behind `--`: \
+        pilotage model simulate car.toml --stop-time 5 -- --record-every 0.1")]
+    Simulate {
+        #[command(flatten)]
+        model: ModelArgs,
+        #[command(flatten)]
+        run: simulate::RunArgs,
+    },
+    /// Step responses: from each input to each output final value, rise time, overshoot, settling time.
+    #[command(after_help = "Examples:\n  \
+        pilotage model step dc_motor.toml\n  \
+        pilotage model step short_period --input stick --size 0.1 --csv step.csv --report step.html")]
+    Step {
+        #[command(flatten)]
+        model: ModelArgs,
+        #[command(flatten)]
+        step: step::StepArgs,
+    },
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    match args.command {
+        Command::Check { model, json } => check::run(model.open()?, json),
+        Command::Simulate { model, run } => simulate::run(&model, &run),
+        Command::Step { model, step } => step::run(&model, &step),
+    }
+}

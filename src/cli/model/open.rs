@@ -1,0 +1,92 @@
+//! From a word of the command line to a model: a model file, or a built-in model by its name.
+
+use super::super::{Failure, recognise};
+use crate::models::TextModel;
+use crate::models::library::{self, BuiltIn, MAX_ORDER};
+use crate::suggestion::{did_you_mean, suggestion};
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+/// A model that is named on the command line.
+#[derive(Debug, clap::Args)]
+pub struct ModelArgs {
+    /// A model file (TOML, docs/models.md), or the name of a built-in model (`pilotage models` lists them).
+    #[arg(value_name = "FILE|NAME")]
+    pub model: String,
+    /// The order of a built-in model that has one [default: 3].
+    #[arg(long)]
+    pub order: Option<usize>,
+}
+
+impl ModelArgs {
+    /// The file, where it is one.
+    pub fn file(&self) -> Option<PathBuf> {
+        let path = Path::new(&self.model);
+        let is_name = library::find(&self.model).is_some() && !path.is_file();
+        (!is_name).then(|| path.to_owned())
+    }
+
+    /// The model.
+    pub fn open(&self) -> Result<TextModel, Failure> {
+        match self.file() {
+            Some(file) if self.order.is_some() => {
+                let message = format!("{} has no order: it is a file", file.display());
+                Err(Failure::new(message).hint("leave --order out"))
+            }
+            Some(file) if file.exists() || file.extension().is_some() => read(&file),
+            _ => named(&self.model, self.order),
+        }
+    }
+}
+
+/// The model of a model file.
+pub fn read(file: &Path) -> Result<TextModel, Failure> {
+    recognise::expect(
+        [&file.to_owned()],
+        &[recognise::FileKind::Model],
+        "a model file (TOML with [model])",
+    )?;
+    Ok(TextModel::read(file)?)
+}
+
+/// A built-in model.
+pub fn named(name: &str, order: Option<usize>) -> Result<TextModel, Failure> {
+    let text = text(built_in(name)?, order)?;
+    Ok(TextModel::parse(&text, &format!("{name}.toml"))?)
+}
+
+/// The built-in model of a name.
+pub fn built_in(name: &str) -> Result<&'static BuiltIn, Failure> {
+    library::find(name).ok_or_else(|| {
+        let names = library::all().iter().map(|model| model.name);
+        let near = did_you_mean(suggestion(name, names));
+        let message = format!("`{name}` is neither a file nor a built-in model{near}");
+        Failure::new(message).hint("`pilotage models` lists the built-in ones")
+    })
+}
+
+/// The file of a built-in model.
+pub fn text(model: &BuiltIn, order: Option<usize>) -> Result<String, Failure> {
+    match order {
+        None => Ok(model.text.to_owned()),
+        Some(_) if !model.has_order => {
+            let message = format!("`{}` has no order", model.name);
+            Err(Failure::new(message).hint("leave the order out"))
+        }
+        Some(order) if (1..=MAX_ORDER).contains(&order) => Ok(library::linear(order)),
+        Some(order) => {
+            let message = format!("order {order} of `{}` is out of range", model.name);
+            Err(Failure::new(message).hint(format!("give a number from 1 to {MAX_ORDER}")))
+        }
+    }
+}
+
+/// The name under which a value is set: of a state that of its start value.
+pub fn settable<'a>(model: &TextModel, name: &'a str) -> Cow<'a, str> {
+    let table = model.variables();
+    let mut states = table.states().map(|index| &table.variables()[index].name);
+    match states.any(|state| state == name) {
+        true => format!("{name}_start").into(),
+        false => name.into(),
+    }
+}

@@ -1,0 +1,69 @@
+//! `pilotage model simulate`: a model alone, over time.
+
+use super::super::number::positive;
+use super::super::{Failure, Outcome, cosim};
+use super::open::{ModelArgs, settable};
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Arguments of `pilotage model simulate`.
+#[derive(Debug, clap::Args)]
+pub struct RunArgs {
+    /// Stop time [s].
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = positive)]
+    stop_time: f64,
+    /// Time between rows of the result [s] [default: a thousandth of the time]; must divide the time.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    step: Option<f64>,
+    /// Feed inputs from a table over time (CSV).
+    #[arg(long, value_name = "CSV")]
+    input: Option<PathBuf>,
+    /// Give a parameter, an input or a start value another value; may be given many times.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = super::super::system::flags::pair)]
+    set: Vec<(String, String)>,
+    /// Where the result goes (CSV).
+    #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
+    output: PathBuf,
+    /// Write a page with all signals over time.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+    /// Further arguments of `pilotage cosim`.
+    #[arg(last = true)]
+    more: Vec<OsString>,
+}
+
+/// Runs `pilotage model simulate`: a co-simulation of one instance, all of whose signals are recorded.
+pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
+    let opened = model.open()?;
+    let name = opened.compiled().file.name.clone();
+    let mut words: Vec<OsString> = vec!["pilotage cosim".into()];
+    let mut option = |name: &str, value: OsString| words.extend([name.into(), value]);
+    option("--stop-time", args.stop_time.to_string().into());
+    let step = args.step.unwrap_or(args.stop_time / 1000.0);
+    option("--step", step.to_string().into());
+    option("--record", format!("{name}.*").into());
+    option("-o", args.output.clone().into());
+    for (variable, value) in &args.set {
+        let variable = settable(&opened, variable);
+        option("--set", format!("{name}.{variable}={value}").into());
+    }
+    if let Some(report) = &args.report {
+        option("--report", report.clone().into());
+    }
+    if let Some(input) = &args.input {
+        let mut named = OsString::from("input=");
+        named.push(input);
+        option("--input", named);
+    }
+    if args.json {
+        words.push("--json".into());
+    }
+    let mut own = OsString::from(format!("{name}="));
+    own.push(&model.model);
+    words.push(own);
+    words.extend(args.more.iter().cloned());
+    cosim::run(cosim::Args::of(&words)?)
+}

@@ -1,0 +1,361 @@
+//! `pilotage model step`: step responses of a model.
+
+use super::super::made::made;
+use super::super::number::{number, positive};
+use super::super::overwrite::{self, OutputKind, Overwrite};
+use super::super::{Failure, Outcome, terminal};
+use super::open::{ModelArgs, settable};
+use crate::cosim::{Component, NativeComponent};
+use crate::linear::Mode;
+use crate::models::TextModel;
+use crate::report::{StepFigure, significant, step_page};
+use crate::series::{Column, Series};
+use crate::suggestion::{did_you_mean, suggestion};
+use pilotage_sdk::Simulation;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Points of a step response.
+const POINTS: usize = 1000;
+
+/// Time constants of the slowest mode that a step response shows.
+const TIME_CONSTANTS: f64 = 6.0;
+
+/// The time that a step response shows where no mode says one [s].
+const SHOWN: f64 = 10.0;
+
+/// A response has settled where it stays within this part of its final value.
+const SETTLED: f64 = 0.02;
+
+/// Arguments of `pilotage model step`.
+#[derive(Debug, clap::Args)]
+pub struct StepArgs {
+    /// The input that makes the step; may be given many times [default: each in turn].
+    #[arg(long, value_name = "NAME")]
+    input: Vec<String>,
+    /// The step, in the unit of the input, from its start value on.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1.0, value_parser = number, allow_hyphen_values = true)]
+    size: f64,
+    /// Give a parameter or a start value another value; may be given many times.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = pair)]
+    set: Vec<(String, f64)>,
+    /// When it ends [s] [default: after six time constants of the slowest mode].
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    stop_time: Option<f64>,
+    /// Write the responses as a table over time.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write a page with plots.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+fn pair(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = super::super::system::flags::pair(text)?;
+    Ok((name, number(&value)?))
+}
+
+/// How an output answers to a step.
+struct Response {
+    input: String,
+    output: String,
+    unit: String,
+    /// Deviation from the run without a step, at each time.
+    values: Vec<f64>,
+    /// Deviation at the end.
+    end: f64,
+    /// Whether it stays near its value at the end from some time on, and what is known then.
+    settled: Option<Settled>,
+}
+
+/// What is known of a response that settles.
+struct Settled {
+    /// From a tenth to nine tenths of the final value [s].
+    rise: f64,
+    /// Beyond the final value, as a part of it.
+    overshoot: f64,
+    /// From when on it stays within [`SETTLED`] [s].
+    settling: f64,
+}
+
+/// Runs `pilotage model step`.
+pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
+    let outputs = [
+        (&args.csv, OutputKind::Result),
+        (&args.report, OutputKind::Page),
+    ];
+    let outputs = outputs.map(|(path, kind)| path.as_deref().map(|path| (path, kind)));
+    let outputs: Vec<(&Path, OutputKind)> = outputs.into_iter().flatten().collect();
+    let inputs: Vec<PathBuf> = model.file().into_iter().collect();
+    args.overwrite.check(&inputs, &outputs)?;
+    let model = model.open()?;
+    let steps = steps(&model, args)?;
+    let stop = match args.stop_time {
+        Some(stop) => stop,
+        None => shown(&model, args)?,
+    };
+    let time: Vec<f64> = (0..=POINTS)
+        .map(|k| stop * k as f64 / POINTS as f64)
+        .collect();
+    let rest = simulated(&model, args, None, &time)?;
+    let mut responses = Vec::new();
+    for input in steps {
+        let stepped = simulated(&model, args, Some(input), &time)?;
+        responses.extend(compared(&model, input, &rest, &stepped, &time));
+    }
+    if let Some(path) = &args.csv {
+        overwrite::save(path, series(&time, &responses).to_csv())?;
+    }
+    if let Some(path) = &args.report {
+        let title = format!("step responses of {}", model.compiled().file.name);
+        let page = step_page(&title, &figures(&time, &responses), &made());
+        overwrite::save(path, page)?;
+    }
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", to_json(&responses, stop)),
+        false => to_text(&model, args, &responses, stop),
+    })?;
+    Ok(Outcome::Done)
+}
+
+/// The model, with the values of `--set`.
+fn prepared(model: &TextModel, args: &StepArgs) -> Result<Simulation<TextModel>, Failure> {
+    let mut simulation = Simulation::new(model.clone());
+    for (name, value) in &args.set {
+        let index = found(model, settable(model, name).as_ref())?;
+        simulation.set(index, *value)?;
+    }
+    Ok(simulation)
+}
+
+fn found(model: &TextModel, name: &str) -> Result<usize, Failure> {
+    let table = model.variables();
+    table.index(name).ok_or_else(|| {
+        let names = table.variables().iter().map(|own| own.name.as_str());
+        let near = did_you_mean(suggestion(name, names));
+        Failure::new(format!("the model has no variable `{name}`{near}"))
+            .hint("`pilotage model check` lists them")
+    })
+}
+
+/// The inputs that make a step.
+fn steps(model: &TextModel, args: &StepArgs) -> Result<Vec<usize>, Failure> {
+    let inputs = model.variables().inputs();
+    if inputs.is_empty() {
+        let message = format!("{} has no inputs", model.compiled().file.file);
+        return Err(Failure::new(message).hint("`pilotage model simulate` runs it as it is"));
+    }
+    if args.input.is_empty() {
+        return Ok(inputs.collect());
+    }
+    let index = |name: &String| {
+        let index = found(model, name)?;
+        match inputs.contains(&index) {
+            true => Ok(index),
+            false => Err(Failure::new(format!("`{name}` is no input"))
+                .hint("`pilotage model check` lists them")),
+        }
+    };
+    args.input.iter().map(index).collect()
+}
+
+/// How long the responses are shown [s]: until the slowest mode that decays has done so.
+fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
+    let mut component = NativeComponent::new(model.clone());
+    for (name, value) in &args.set {
+        let index = found(model, settable(model, name).as_ref())?;
+        let index = u32::try_from(index).unwrap_or(u32::MAX);
+        component
+            .set_reals(&[index], &[*value])
+            .map_err(|error| Failure::new(error.to_string()))?;
+    }
+    let modes = match component.linearize(0.0) {
+        Ok(linear) => Mode::of_poles(&linear.system.poles()),
+        Err(_) => Vec::new(),
+    };
+    let decays = modes.iter().map(|mode| -mode.pole.re);
+    let slowest = decays
+        .filter(|rate| *rate > 1e-6)
+        .fold(f64::INFINITY, f64::min);
+    Ok(match slowest.is_finite() {
+        true => rounded(TIME_CONSTANTS / slowest),
+        false => SHOWN,
+    })
+}
+
+/// The next larger of 1, 2, 5, 10, ...
+fn rounded(time: f64) -> f64 {
+    let decade = 10_f64.powf(time.log10().floor());
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);
+    steps.into_iter().find(|step| *step >= time).unwrap_or(time)
+}
+
+/// The outputs at each time, where an input makes a step.
+fn simulated(
+    model: &TextModel,
+    args: &StepArgs,
+    input: Option<usize>,
+    time: &[f64],
+) -> Result<Vec<Vec<f64>>, Failure> {
+    let mut simulation = prepared(model, args)?;
+    if let Some(input) = input {
+        simulation.set(input, simulation.get(input) + args.size)?;
+    }
+    let outputs: Vec<usize> = model.variables().outputs().collect();
+    let mut rows = Vec::with_capacity(time.len());
+    for k in 0..time.len() {
+        if k > 0 {
+            let h = time[k] - time[k - 1];
+            simulation.step(h).map_err(|error| {
+                let at = time[k - 1] + error.reached;
+                Failure::new(format!("the simulation ends at {at} s: {error}"))
+            })?;
+        }
+        let mut row = vec![0.0; outputs.len()];
+        simulation.get_all(outputs.iter().copied(), &mut row);
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+/// The answer of each output to a step.
+fn compared(
+    model: &TextModel,
+    input: usize,
+    rest: &[Vec<f64>],
+    stepped: &[Vec<f64>],
+    time: &[f64],
+) -> Vec<Response> {
+    let table = model.variables();
+    let outputs = table.outputs().enumerate();
+    outputs
+        .map(|(column, index)| {
+            let pairs = stepped.iter().zip(rest);
+            let values: Vec<f64> = pairs
+                .map(|(with, without)| with[column] - without[column])
+                .collect();
+            let variable = &table.variables()[index];
+            Response {
+                input: table.variables()[input].name.clone(),
+                output: variable.name.clone(),
+                unit: variable.unit.name.clone(),
+                end: values.last().copied().unwrap_or_default(),
+                settled: settled(&values, time),
+                values,
+            }
+        })
+        .collect()
+}
+
+/// What is known of a response, where it stays near its end from nine tenths of the time on.
+fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
+    let end = *values.last()?;
+    if end == 0.0 || !end.is_finite() {
+        return None;
+    }
+    let relative: Vec<f64> = values.iter().map(|value| value / end).collect();
+    let outside = relative
+        .iter()
+        .rposition(|value| (value - 1.0).abs() > SETTLED);
+    let from = outside.map_or(0, |last| last + 1);
+    if from > values.len() * 9 / 10 {
+        return None;
+    }
+    let reaches = |part: f64| relative.iter().position(|value| *value >= part);
+    let largest = relative.iter().copied().fold(1.0, f64::max);
+    Some(Settled {
+        rise: time[reaches(0.9)?] - time[reaches(0.1)?],
+        overshoot: largest - 1.0,
+        settling: time[from],
+    })
+}
+
+fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64) -> String {
+    let mut text = format!(
+        "step responses of {} to {} in each input, over {stop} s\n\n",
+        model.compiled().file.name,
+        args.size
+    );
+    let width = |of: fn(&Response) -> usize, least: usize| {
+        responses.iter().map(of).max().unwrap_or(0).max(least)
+    };
+    let inputs = width(|own| own.input.chars().count(), 5);
+    let outputs = width(
+        |own| own.output.chars().count() + own.unit.chars().count() + 3,
+        6,
+    );
+    text += &format!(
+        "  {:inputs$}  {:outputs$}  {:>11}  {:>9}  {:>9}  {:>12}\n",
+        "input", "output", "at the end", "rise [s]", "overshoot", "settling [s]"
+    );
+    for own in responses {
+        let output = match own.unit.as_str() {
+            "" | "1" => own.output.clone(),
+            unit => format!("{} [{unit}]", own.output),
+        };
+        let end = significant(own.end, 4);
+        let rest = match &own.settled {
+            Some(settled) => format!(
+                "{:>9}  {:>8.1}%  {:>12}",
+                significant(settled.rise, 3),
+                100.0 * settled.overshoot,
+                significant(settled.settling, 3)
+            ),
+            None if own.end == 0.0 => "no answer".to_owned(),
+            None => "still moving at the end".to_owned(),
+        };
+        text += &format!(
+            "  {:inputs$}  {output:outputs$}  {end:>11}  {rest}\n",
+            own.input
+        );
+    }
+    text
+}
+
+fn to_json(responses: &[Response], stop: f64) -> Value {
+    let all: Vec<Value> = responses
+        .iter()
+        .map(|own| {
+            json!({
+                "input": own.input,
+                "output": own.output,
+                "unit": own.unit,
+                "end": own.end,
+                "settled": own.settled.is_some(),
+                "rise_time": own.settled.as_ref().map(|known| known.rise),
+                "overshoot": own.settled.as_ref().map(|known| known.overshoot),
+                "settling_time": own.settled.as_ref().map(|known| known.settling),
+            })
+        })
+        .collect();
+    json!({ "stop_time": stop, "responses": all })
+}
+
+fn series(time: &[f64], responses: &[Response]) -> Series {
+    let column = |own: &Response| Column {
+        name: format!("{}.{}", own.input, own.output),
+        unit: own.unit.clone(),
+        values: own.values.clone(),
+    };
+    Series {
+        time: time.to_vec(),
+        columns: responses.iter().map(column).collect(),
+        ..Series::default()
+    }
+}
+
+fn figures<'a>(time: &'a [f64], responses: &'a [Response]) -> Vec<StepFigure<'a>> {
+    let figure = |own: &'a Response| StepFigure {
+        input: &own.input,
+        output: &own.output,
+        unit: &own.unit,
+        time,
+        values: &own.values,
+    };
+    responses.iter().map(figure).collect()
+}

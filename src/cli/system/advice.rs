@@ -1,0 +1,55 @@
+//! What to do about a wire or a value that does not fit.
+
+use super::super::Failure;
+use crate::cosim::description::EntryError;
+use crate::cosim::{SystemError, ValueKind};
+use crate::document;
+
+/// What is wrong with an entry, where it stands, and what to do.
+pub fn explain(entry: EntryError) -> Failure {
+    let advice = advice(&entry.error);
+    let failure = Failure::from(*entry.error).at(entry.place.as_ref());
+    match advice {
+        Some(advice) => failure.hint(advice),
+        None => failure,
+    }
+}
+
+fn advice(error: &SystemError) -> Option<String> {
+    Some(match error {
+        SystemError::UnknownVariable {
+            suggestion: None, ..
+        } => "`pilotage info FILE` lists the variables of an FMU".into(),
+        SystemError::NotAnOutput { swapped: false, .. } | SystemError::NotAnInput { .. } => {
+            "`pilotage info FILE` tells which variables are inputs and outputs".into()
+        }
+        SystemError::KindMismatch { .. } => {
+            "Integers feed Reals and Enumerations, Booleans feed Integers and Reals, Enumerations and whole Reals \
+             feed Integers; connect a variable of such a type"
+                .into()
+        }
+        SystemError::OutOfRange { .. } => "give it a value within, or change the model's limits".into(),
+        SystemError::NotANumber { .. } => value(ValueKind::Real, ""),
+        SystemError::UnitMismatch { .. } => {
+            "connect what means the same quantity, or put a model between them".into()
+        }
+        SystemError::FedTwice { .. } => "an input has one source: leave one of the two out".into(),
+        SystemError::SetWhileFed { .. } => "leave the value or the connection out".into(),
+        SystemError::SetTwice { .. } => "leave one of the two values out".into(),
+        SystemError::BadValue { kind, text, .. } => value(*kind, text),
+        _ => return None,
+    })
+}
+
+/// How a value of that type is written.
+fn value(kind: ValueKind, text: &str) -> String {
+    if let Some(number) = document::with_point(text) {
+        return format!("write a decimal point: {number}");
+    }
+    match kind {
+        ValueKind::Real => "write a number, such as 1.5".into(),
+        ValueKind::Integer | ValueKind::Enumeration => "write a whole number, such as 2".into(),
+        ValueKind::Boolean => "write true or false".into(),
+        ValueKind::String => "write text".into(),
+    }
+}

@@ -1,0 +1,212 @@
+//! Arguments that say what is simulated.
+
+use super::super::Failure;
+use super::super::overwrite::{OutputKind, Overwrite};
+use super::super::recognise::{self, FileKind};
+use super::{Built, build, parameters, save};
+use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, Setting, Wire};
+use crate::cosim::{System, SystemDescription};
+use clap::ValueEnum;
+use pilotage_text::is_identifier;
+use std::path::{Path, PathBuf};
+
+/// A system file, or FMUs, models, tables, wires and values.
+#[derive(Debug, clap::Args)]
+pub struct Wiring {
+    /// FMUs, or pilot and vehicle files (TOML) that run without being exported; an instance is named
+    /// after its file unless NAME= says otherwise. Or a system file (TOML, docs/systems.md), which names
+    /// instances, wires and values; what is given beside it adds to it, and goes before it where both speak
+    /// of one instance, input or parameter.
+    #[arg(required = true, value_name = "[NAME=]FMU")]
+    models: Vec<String>,
+    /// What FMUs that can be both are used for [default: cs].
+    #[arg(long, value_enum)]
+    kind: Option<KindName>,
+    /// Wire an output to an input; may be given many times. Arrays of the same dimensions are wired element
+    /// by element, `NAME[1]` is one of them (in quotes, for the sake of shells such as zsh).
+    #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
+    connect: Vec<(String, String)>,
+    /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like
+    /// an input (of a single FMU: without the instance, too) feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
+    /// samples are interpolated (held, where the input is no real); a repeated time is a jump.
+    #[arg(long, value_name = "[NAME=]CSV")]
+    input: Vec<String>,
+    /// Give a parameter or an unconnected input its value; may be given many times.
+    #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
+    set: Vec<(String, String)>,
+    /// Take such values from a file: TOML (`[instance]`, then `variable = value`) or CSV (columns `name`,
+    /// `value` and, if wanted, `unit`). What --set says comes first.
+    #[arg(long, value_name = "FILE")]
+    parameters: Vec<PathBuf>,
+    /// Write the system as a system file: instances, wires and values, whether arguments or a system file
+    /// said them. Files are named from its folder.
+    #[arg(long, value_name = "FILE")]
+    save_system: Option<PathBuf>,
+}
+
+/// [`Interface`] by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KindName {
+    /// Co-simulation: the FMU brings its own solver.
+    Cs,
+    /// Model exchange: the FMU's equations are solved here, with error control and events.
+    Me,
+}
+
+impl From<KindName> for Interface {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Cs => Self::CoSimulation,
+            KindName::Me => Self::ModelExchange,
+        }
+    }
+}
+
+/// `a=b`, split at the first `=`.
+pub fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((left, right)) if !left.is_empty() => Ok((left.to_owned(), right.to_owned())),
+        _ => Err("expected two parts with `=` between them".to_owned()),
+    }
+}
+
+impl Wiring {
+    /// Opens everything and wires it, if no file is read and written too; saves the system where that is wanted.
+    /// `outputs` are the other files that the command writes.
+    pub fn build(
+        &self,
+        overwrite: &Overwrite,
+        outputs: &[(&Path, OutputKind)],
+    ) -> Result<Built, Failure> {
+        self.expect()?;
+        let (description, connections) = self.describe()?;
+        let files = (description.instances.iter()).filter_map(|i| i.source.value.file());
+        let files = files.map(Path::to_owned).chain(self.system_files());
+        let read: Vec<PathBuf> = files.chain(self.parameters.iter().cloned()).collect();
+        let saved = self
+            .save_system
+            .as_deref()
+            .map(|path| (path, OutputKind::System));
+        let written: Vec<(&Path, OutputKind)> = outputs.iter().copied().chain(saved).collect();
+        overwrite.check(&read, &written)?;
+        let mut built = build(description, |system, description| {
+            let settings = self.settings(system)?;
+            description.override_wiring(connections, settings);
+            Ok(())
+        })?;
+        built.files = read;
+        if let Some(path) = &self.save_system {
+            save::write(path, &built.description)?;
+        }
+        Ok(built)
+    }
+
+    /// Refuses files in the wrong place; those of models are looked at when they are opened.
+    fn expect(&self) -> Result<(), Failure> {
+        let tables = self.input.iter().map(|argument| instance(argument).1);
+        let tables: Vec<PathBuf> = tables.collect();
+        let words = "a table over time (CSV) for --input";
+        recognise::expect(&tables, &[FileKind::Trial, FileKind::Table], words)?;
+        let values = "start values for --parameters (TOML or CSV)";
+        recognise::expect(&self.parameters, &[], values)
+    }
+
+    fn system_files(&self) -> impl Iterator<Item = PathBuf> {
+        let files = self.models.iter().map(|argument| instance(argument).1);
+        files.filter(|file| recognise::is_system(file))
+    }
+
+    /// What the system file says, with the instances of the arguments; and the wires of the arguments.
+    fn describe(&self) -> Result<(SystemDescription, Vec<Wire>), Failure> {
+        let files: Vec<PathBuf> = self.system_files().collect();
+        let mut description = match files.as_slice() {
+            [] => SystemDescription::default(),
+            [file] => self.read(file)?,
+            [first, second, ..] => {
+                let (first, second) = (first.display(), second.display());
+                let message = format!("{first} and {second} are system files; expected one");
+                return Err(Failure::new(message).hint("copy the tables of one into the other"));
+            }
+        };
+        let models = self.models.iter().map(|argument| instance(argument));
+        let models = models.filter(|(_, file)| !files.contains(file));
+        let models = models.map(|(name, file)| described(name, model_source(file)));
+        let tables = self.input.iter().map(|argument| instance(argument));
+        let tables = tables.map(|(name, file)| described(name, InstanceSource::Table(file)));
+        description.override_instances(models.chain(tables).collect())?;
+        if let Some(kind) = self.kind {
+            let is_model =
+                |i: &&mut InstanceDescription| matches!(i.source.value, InstanceSource::Model(_));
+            for instance in description.instances.iter_mut().filter(is_model) {
+                instance.interface = Some(kind.into());
+            }
+        }
+        let wire = |(from, to): &(String, String)| Wire {
+            from: from.clone().into(),
+            to: to.clone().into(),
+        };
+        Ok((description, self.connect.iter().map(wire).collect()))
+    }
+
+    fn read(&self, file: &Path) -> Result<SystemDescription, Failure> {
+        let mut named = self.models.iter().map(Path::new);
+        if !named.any(|argument| argument == file) {
+            let message = format!("{} is a system file, which has no name", file.display());
+            return Err(Failure::new(message).hint("leave what stands before the `=` out"));
+        }
+        Ok(SystemDescription::read(file)?)
+    }
+
+    /// The values of the arguments.
+    fn settings(&self, system: &System) -> Result<Vec<Setting>, Failure> {
+        let said = self.set.iter().map(|(name, value)| Setting {
+            name: name.clone().into(),
+            value: value.clone(),
+        });
+        let mut settings: Vec<Setting> = said.collect();
+        for file in &self.parameters {
+            let is_new =
+                |setting: &Setting| !self.set.iter().any(|(name, _)| *name == setting.name.value);
+            let read = parameters::read(system, file)?;
+            settings.extend(read.into_iter().filter(is_new));
+        }
+        Ok(settings)
+    }
+}
+
+/// An instance as arguments say it.
+fn described(name: String, source: InstanceSource) -> InstanceDescription {
+    InstanceDescription {
+        name,
+        source: source.into(),
+        order: None,
+        interface: None,
+    }
+}
+
+/// A file, or the name of a built-in model where no file has that name.
+fn model_source(file: PathBuf) -> InstanceSource {
+    match file.to_str() {
+        Some(name) if is_identifier(name) && !file.exists() => {
+            InstanceSource::BuiltIn(name.to_owned())
+        }
+        _ => InstanceSource::Model(file),
+    }
+}
+
+/// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
+pub fn instance(argument: &str) -> (String, PathBuf) {
+    let path = Path::new(argument);
+    match argument.split_once('=') {
+        Some((name, file)) if !path.exists() => (name.to_owned(), PathBuf::from(file)),
+        _ => {
+            // `.` and `..` have a name too, that of their folder.
+            let full = match path.file_stem() {
+                Some(_) => path.to_owned(),
+                None => path.canonicalize().unwrap_or_default(),
+            };
+            let stem = full.file_stem().unwrap_or_default();
+            (stem.to_string_lossy().into_owned(), path.to_owned())
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Systems: from arguments or a system file to instances that are wired.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | `flags` | arguments that say what is simulated |
+//! | `resolve` | what `model = "..."` means |
+//! | `tables` | tables that feed inputs |
+//! | `parameters` | start values from a file |
+//! | `save` | systems as files |
+//! | `advice` | what to do about a wire or a value that does not fit |
+
+mod advice;
+pub mod flags;
+mod parameters;
+mod resolve;
+mod save;
+pub mod tables;
+
+use self::resolve::{Resolved, resolve};
+use self::tables::InputTable;
+use super::Failure;
+use crate::cosim::master::Stage;
+use crate::cosim::{MasterError, System, SystemDescription};
+use std::path::{Path, PathBuf};
+
+/// A wired system, what it was made of, and what to tell about the tables that feed it.
+pub struct Built {
+    /// Ready to run.
+    pub system: System,
+    /// The tables.
+    pub tables: Vec<InputTable>,
+    /// All that was said of it.
+    pub description: SystemDescription,
+    /// The files that were read.
+    pub files: Vec<PathBuf>,
+}
+
+/// Opens all instances of a description and wires them.
+pub fn open(description: SystemDescription) -> Result<Built, Failure> {
+    build(description, |_, _| Ok(()))
+}
+
+/// Opens all instances and wires them; `finish` may change wires and values when the instances are there.
+fn build(
+    mut description: SystemDescription,
+    finish: impl FnOnce(&System, &mut SystemDescription) -> Result<(), Failure>,
+) -> Result<Built, Failure> {
+    let mut system = System::new();
+    let mut files = Vec::new();
+    for instance in &description.instances {
+        let place = &instance.source.place;
+        match resolve(instance)? {
+            Resolved::Model(component) => system
+                .add(&instance.name, component)
+                .map_err(|error| Failure::from(error).at(place.as_ref()))?,
+            Resolved::Table(file) => files.push((instance.name.clone(), file, place.clone())),
+        }
+    }
+    let names: Vec<&str> = system.instance_names().collect();
+    let only = <[&str; 1]>::try_from(names)
+        .map(|[one]| one.to_owned())
+        .ok();
+    finish(&system, &mut description)?;
+    let wires = &description.connections;
+    let tables = (files.into_iter())
+        .map(|(name, file, place)| {
+            let added = tables::add(&mut system, &name, &file, wires, only.as_deref());
+            added.map_err(|failure| failure.at(place.as_ref()))
+        })
+        .collect::<Result<_, Failure>>()?;
+    description.wire(&mut system).map_err(advice::explain)?;
+    let files = (description.instances.iter()).filter_map(|i| i.source.value.file());
+    Ok(Built {
+        files: files.map(Path::to_owned).collect(),
+        system,
+        tables,
+        description,
+    })
+}
+
+/// Why a run cannot begin, with the place of the variable that it is about.
+pub fn explain(error: MasterError, description: &SystemDescription) -> Failure {
+    let names = match &error {
+        MasterError::AlgebraicLoop { names, .. } | MasterError::Unsettled { names, .. } => {
+            names.clone()
+        }
+        MasterError::Initialization {
+            instance,
+            stage: Stage::Set(variable) | Stage::Propagate(variable),
+            ..
+        } => vec![format!("{instance}.{variable}")],
+        _ => Vec::new(),
+    };
+    let place = names.iter().find_map(|name| description.place_of(name));
+    Failure::from(error).at(place)
+}

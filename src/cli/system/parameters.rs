@@ -1,0 +1,134 @@
+//! Start values from a file.
+
+use super::super::Failure;
+use crate::cosim::description::{Said, Setting};
+use crate::cosim::{System, Unit};
+use crate::document::{self, Document, DocumentError, Place, TomlTable};
+use crate::series::Lines;
+use std::path::Path;
+
+/// A value as a file gives it.
+struct Entry {
+    line: usize,
+    /// `instance.variable`.
+    name: String,
+    value: String,
+    /// Unit of the value; that of the variable if empty.
+    unit: String,
+}
+
+/// The values in a file, in the units of the variables.
+pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
+    let (text, name) = (document::read(file)?, file.display().to_string());
+    let entries = match file.extension().is_some_and(|extension| extension == "csv") {
+        true => rows(&text, &name)?,
+        false => {
+            let mut entries = Vec::new();
+            fields(Document::parse(&text, &name)?.root(), "", &mut entries)?;
+            entries
+        }
+    };
+    let setting = |entry: Entry| {
+        let place = Some(Place {
+            file: name.clone(),
+            line: entry.line,
+            column: None,
+        });
+        let value = in_its_unit(system, &entry);
+        let value = value.map_err(|why| Failure::new(why).at(place.as_ref()))?;
+        let name = Said {
+            value: entry.name,
+            place,
+        };
+        Ok(Setting { name, value })
+    };
+    entries.into_iter().map(setting).collect()
+}
+
+/// The value in the variable's unit.
+fn in_its_unit(system: &System, entry: &Entry) -> Result<String, String> {
+    if entry.unit.is_empty() {
+        return Ok(entry.value.clone());
+    }
+    let variable = system
+        .find(&entry.name)
+        .map_err(|error| error.to_string())?;
+    let unit = (variable.unit.as_ref())
+        .ok_or_else(|| format!("`{}` has no unit; leave `{}` out", entry.name, entry.unit))?;
+    let conversion = Unit::named(&entry.unit).conversion(unit).ok_or_else(|| {
+        let (name, found, own) = (&entry.name, &entry.unit, &unit.name);
+        format!("`{name}` is in {own}: {found} cannot be converted into it")
+    })?;
+    match entry.value.trim().parse() {
+        Ok(value) => Ok(format!("{:?}", conversion.apply(value))),
+        Err(_) => Err(format!(
+            "`{}` is `{}`; expected a number",
+            entry.name, entry.value
+        )),
+    }
+}
+
+/// All fields of a TOML table and the tables in it, under `prefix`.
+fn fields(table: TomlTable, prefix: &str, entries: &mut Vec<Entry>) -> Result<(), DocumentError> {
+    for field in table.names() {
+        let name = format!("{prefix}{field}");
+        if table.is_table(field) {
+            if let Some(inner) = table.table(field)? {
+                fields(inner, &format!("{name}."), entries)?;
+            }
+        } else if let Some(value) = table.text(field)? {
+            entries.push(Entry {
+                line: table.line(field),
+                name,
+                value,
+                unit: String::new(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The rows of a CSV file with columns `name`, `value` and perhaps `unit`.
+fn rows(text: &str, file: &str) -> Result<Vec<Entry>, Failure> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .comment(Some(b'#'))
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(Lines::new(text.as_bytes()));
+    let mut entries = Vec::new();
+    let mut header: Option<Vec<String>> = None;
+    let mut row = csv::StringRecord::new();
+    let failed = |error| Failure::new(format!("{file}: not CSV: {error}"));
+    while reader.read_record(&mut row).map_err(failed)? {
+        let line = reader.get_ref().number;
+        let wrong = |what: String| Failure::new(format!("{file}:{line}: {what}"));
+        let Some(columns) = &header else {
+            let found: Vec<String> = row.iter().map(str::to_owned).collect();
+            let known = found
+                .iter()
+                .all(|c| ["name", "value", "unit"].contains(&c.as_str()));
+            if !(known && found.len() >= 2 && found[..2] == ["name", "value"]) {
+                return Err(wrong(format!(
+                    "the header is `{}`; expected `name,value` or `name,value,unit`",
+                    found.join(",")
+                )));
+            }
+            header = Some(found);
+            continue;
+        };
+        if row.len() != columns.len() {
+            let (found, expected) = (row.len(), columns.len());
+            return Err(wrong(format!(
+                "{found} cells; expected {expected}, as in the header"
+            )));
+        }
+        entries.push(Entry {
+            line,
+            name: row[0].to_owned(),
+            value: row[1].to_owned(),
+            unit: row.get(2).unwrap_or_default().to_owned(),
+        });
+    }
+    Ok(entries)
+}

@@ -1,0 +1,169 @@
+//! What `model = "..."` means: a built-in model, an FMU, or a file of a model.
+
+use super::super::Failure;
+use super::super::model::open;
+use super::super::recognise::{self, FileKind};
+use crate::cosim::description::{InstanceDescription, InstanceSource, Interface};
+use crate::cosim::{Component, NativeComponent, fmu_component};
+use crate::document::{self, Document};
+use crate::fmi;
+use crate::identification::PilotFile;
+use crate::models::model::Model;
+use crate::models::{COEFFICIENTS, library};
+use crate::suggestion::{did_you_mean, suggestion};
+use crate::vehicle;
+use std::path::{Path, PathBuf};
+
+/// What an instance is made of, opened.
+pub enum Resolved {
+    /// A model, ready to run.
+    Model(Box<dyn Component>),
+    /// The file of a table.
+    Table(PathBuf),
+}
+
+/// Opens what an instance is made of.
+pub fn resolve(instance: &InstanceDescription) -> Result<Resolved, Failure> {
+    let place = instance.source.place.as_ref();
+    let folder = place.and_then(|place| Path::new(&place.file).parent());
+    if let (Some(order), Some(file)) = (&instance.order, instance.source.value.file()) {
+        let message = format!(
+            "`{}` has an order, and {} has none",
+            instance.name,
+            file.display()
+        );
+        return Err(Failure::new(message)
+            .at(order.place.as_ref())
+            .hint("leave `order` out"));
+    }
+    let resolved = match &instance.source.value {
+        InstanceSource::BuiltIn(name) => built_in(name, instance, folder),
+        InstanceSource::Model(file) => model(file, instance).map(Resolved::Model),
+        InstanceSource::Table(file) => table(file),
+    };
+    resolved.map_err(|failure| failure.at(place))
+}
+
+/// A built-in model.
+fn built_in(
+    name: &str,
+    instance: &InstanceDescription,
+    folder: Option<&Path>,
+) -> Result<Resolved, Failure> {
+    if library::find(name).is_none() {
+        return Err(unknown(name, folder.unwrap_or(Path::new(""))));
+    }
+    let order = instance.order.as_ref();
+    let model = open::named(name, order.map(|order| order.value as usize))?;
+    Ok(Resolved::Model(Box::new(NativeComponent::new(model))))
+}
+
+/// A name that is not that of a built-in model, with the model or the file that may be meant.
+fn unknown(name: &str, folder: &Path) -> Failure {
+    let built_in = library::all().iter().map(|model| model.name);
+    let beside = beside(folder);
+    let near = suggestion(name, beside.iter().map(String::as_str));
+    let meant = match (suggestion(name, built_in), near) {
+        (Some(near), _) => format!("did you mean `{near}`?"),
+        (None, Some(near)) => format!("did you mean the file `{near}`?"),
+        (None, None) => {
+            "`pilotage models` lists them, and a file is named with its ending, or with ./".into()
+        }
+    };
+    Failure::new(format!("there is no built-in model `{name}`; {meant}"))
+}
+
+/// Names of the files in a folder.
+fn beside(folder: &Path) -> Vec<String> {
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+/// Refuses a file that is not there, with the nearest one in its folder.
+fn expect_there(file: &Path) -> Result<(), Failure> {
+    if file.exists() {
+        return Ok(());
+    }
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let beside = beside(folder);
+    let near = suggestion(&name, beside.iter().map(String::as_str));
+    let near = near.map(|near| folder.join(near).display().to_string());
+    let words = did_you_mean(near.as_deref());
+    let failure = Failure::new(format!("there is no file {}{words}", file.display()));
+    Err(match near {
+        Some(_) => failure,
+        None => failure.hint("a system file names files from its folder, arguments from this one"),
+    })
+}
+
+fn table(file: &Path) -> Result<Resolved, Failure> {
+    let kinds = [FileKind::Trial, FileKind::Table];
+    recognise::expect([&file.to_owned()], &kinds, "a table over time (CSV)")?;
+    expect_there(file)?;
+    Ok(Resolved::Table(file.to_owned()))
+}
+
+fn model(file: &Path, instance: &InstanceDescription) -> Result<Box<dyn Component>, Failure> {
+    let kinds = [
+        FileKind::Fmu,
+        FileKind::Archive,
+        FileKind::Pilot,
+        FileKind::Vehicle,
+        FileKind::Model,
+    ];
+    let words = "an FMU, a model file, a pilot file or a vehicle file";
+    recognise::expect([&file.to_owned()], &kinds, words)?;
+    expect_there(file)?;
+    match recognise::is_toml(file) {
+        true if recognise::is_model(file) => Ok(Box::new(NativeComponent::new(open::read(file)?))),
+        true => Ok(Box::new(NativeComponent::new(native(file)?))),
+        false => {
+            let kind = instance.interface.map(kind);
+            Ok(fmu_component::open(file, &instance.name, kind)?)
+        }
+    }
+}
+
+fn kind(interface: Interface) -> fmi::InterfaceType {
+    match interface {
+        Interface::CoSimulation => fmi::InterfaceType::CoSimulation,
+        Interface::ModelExchange => fmi::InterfaceType::ModelExchange,
+    }
+}
+
+/// The model that a pilot or a vehicle file describes: a pilot has θ.
+fn native(file: &Path) -> Result<Model, Failure> {
+    let (text, name) = (document::read(file)?, file.display().to_string());
+    let document = Document::parse(&text, &name)?;
+    let fields = document.root().names();
+    let is_coefficient = |field: &&str| COEFFICIENTS.iter().any(|known| known.name == *field);
+    if fields.contains(&"theta") {
+        return pilot(&text, &name);
+    }
+    if fields.iter().any(is_coefficient) {
+        return Ok(Model::quadcopter(&vehicle::parse(&text, &name)?));
+    }
+    Err(Failure::new(format!(
+        "{name} is neither a model file ([model]) nor a pilot file ([theta]) nor a vehicle file (mass = ...)"
+    )))
+}
+
+fn pilot(text: &str, name: &str) -> Result<Model, Failure> {
+    let pilot = PilotFile::parse(text, name)?;
+    let order = pilot.theta.len() / 2;
+    match order <= Model::MAX_ORDER {
+        true => Ok(Model::pilot(&pilot.theta, pilot.stick_limit)),
+        false => Err(Failure::new(format!(
+            "{name}: a pilot of order {order} cannot run; the highest order is {}",
+            Model::MAX_ORDER
+        ))),
+    }
+}

@@ -1,0 +1,45 @@
+//! Where a user's crate finds the SDK.
+
+use super::ExportError;
+use std::path::{Path, PathBuf};
+
+/// The SDK's sources, as they were when this command was built.
+const SDK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fmu/sdk");
+
+/// A setting of cargo for a crate that asks for the SDK by its name and version alone, wherever it is: the SDK is
+/// in no registry. `None` for one that says where it is, as those in its own workspace do.
+///
+/// # Errors
+/// When the SDK's sources are no longer where they were.
+pub fn setting(manifest: &Path, workspace: Option<&Path>) -> Result<Option<String>, ExportError> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let same = |a: &Path, b: &Path| a.canonicalize().ok() == b.canonicalize().ok();
+    if !is_by_name(manifest) || workspace.is_some_and(|root| same(root, own)) {
+        return Ok(None);
+    }
+    match Path::new(SDK).is_dir() {
+        true => {
+            let sdk = toml::Value::from(SDK);
+            Ok(Some(format!("patch.crates-io.pilotage-sdk.path={sdk}")))
+        }
+        false => Err(ExportError::NoSdk {
+            manifest: manifest.to_owned(),
+            sdk: PathBuf::from(SDK),
+        }),
+    }
+}
+
+/// Whether a manifest names the SDK's version, and not where it is.
+fn is_by_name(manifest: &Path) -> bool {
+    let sdk = || {
+        let text = std::fs::read_to_string(manifest).ok()?;
+        let document: toml::Table = text.parse().ok()?;
+        document.get("dependencies")?.get("pilotage-sdk").cloned()
+    };
+    sdk().is_some_and(|sdk| match sdk {
+        toml::Value::String(_) => true,
+        sdk => ["path", "git", "workspace", "registry"]
+            .iter()
+            .all(|place| sdk.get(place).is_none()),
+    })
+}

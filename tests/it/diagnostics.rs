@@ -1,0 +1,669 @@
+//! What a fit says against itself: flights and vehicles that make its answer wrong, each beside the shipped
+//! ones, which do not.
+
+use crate::command::{Folder, example};
+use pilotage::identification::closed_loop::LOOP_MARGIN;
+use pilotage::identification::joint::Joint;
+use pilotage::identification::{
+    ClosedLoop, Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, Scheme, Trial,
+    TrialSet, fit, simulate,
+};
+use pilotage::models::{Pilot, Quadcopter};
+use pilotage::synthetic::{Flights, Human};
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
+
+fn fitted(trials: &[Trial], options: &FitOptions) -> Fit {
+    fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+fn shipped() -> Vec<Trial> {
+    TrialSet::read(&[example("trials/trials.toml")])
+        .unwrap()
+        .fit
+}
+
+/// The default fit of the shipped flights.
+fn shipped_fit() -> &'static Fit {
+    static FIT: OnceLock<Fit> = OnceLock::new();
+    FIT.get_or_init(|| fitted(&shipped(), &FitOptions::default()))
+}
+
+fn synthetic(seed: u64) -> Vec<Trial> {
+    let flights = Flights {
+        seed,
+        ..Flights::default()
+    };
+    let flights = flights
+        .fly(&Human::default(), &Quadcopter::default())
+        .unwrap();
+    let parsed = flights.iter().map(|flight| {
+        let csv = flight.series.to_csv();
+        Trial::parse(csv.as_bytes(), &flight.name).unwrap()
+    });
+    parsed.collect()
+}
+
+fn codes(fit: &Fit) -> Vec<&'static str> {
+    fit.diagnostics.iter().map(Diagnostic::code).collect()
+}
+
+/// Two runs, changed: enough to see what a fit says of them.
+fn changed(change: impl Fn(&mut Trial)) -> Vec<Trial> {
+    let mut trials = vec![shipped().swap_remove(0), shipped().swap_remove(4)];
+    trials.iter_mut().for_each(change);
+    trials
+}
+
+/// Of these seeds the best fit without the constraint flies an unstable loop; seed 7 is 4,900 m away after 300 s.
+#[test]
+fn every_fit_keeps_its_closed_loop_stable() {
+    for seed in [5, 7, 10] {
+        let fit = fitted(&synthetic(seed), &FitOptions::default());
+        assert!(fit.converged, "{seed}: {}", fit.status);
+        let closed_loop = fit.closed_loop.as_ref().unwrap();
+        let rightmost = closed_loop.rightmost().unwrap().re;
+        assert!(
+            closed_loop.is_stable() && rightmost <= -LOOP_MARGIN * (1.0 - 1e-6),
+            "{seed}: {rightmost}"
+        );
+        assert_eq!(codes(&fit), ["loop-on-bound"], "{seed}");
+    }
+}
+
+#[test]
+fn an_unstable_loop_that_was_allowed_is_the_first_diagnostic() {
+    let options = FitOptions {
+        stable_loop: false,
+        ..FitOptions::default()
+    };
+    let free = fitted(&shipped(), &options);
+    assert!(free.converged && !free.closed_loop.as_ref().unwrap().is_stable());
+    assert!(matches!(
+        free.diagnostics[0],
+        Diagnostic::UnstableLoop { allowed: true, .. }
+    ));
+    // What stability costs: little, since the data hardly tell.
+    let cost = shipped_fit().objective / free.objective - 1.0;
+    assert!((0.0..0.01).contains(&cost), "{cost}");
+}
+
+/// Over 6,000 s, from rest; the unstable one was 28 m away by then.
+#[test]
+fn the_pilot_of_the_shipped_flights_stays_at_the_target() {
+    let n = 12_001;
+    let long = Trial {
+        time: (0..n).map(|k| 0.5 * f64::from(k)).collect(),
+        target: vec![10.0; n as usize],
+        position: vec![0.0; n as usize],
+        stick: None,
+        ..shipped().swap_remove(0)
+    };
+    let joint = Joint {
+        vehicle: Quadcopter::default(),
+        pilot: Pilot::default(),
+    };
+    let run = simulate(&joint, &shipped_fit().theta, &long).unwrap();
+    let after = run.time.iter().position(|t| *t >= 15.0).unwrap();
+    let worst = run.position[after..].iter().map(|z| (z - 10.0).abs());
+    let worst = worst.fold(0.0, f64::max);
+    assert!(worst < 0.5, "{worst} m");
+}
+
+/// Poles of a loop whose polynomial is known in closed form: an ideal gain on K/s² is not to be had with this
+/// vehicle, so a pilot with its pole on its zero, which must leave the vehicle's own poles and its own.
+#[test]
+fn a_pilot_of_no_gain_leaves_the_poles_of_pilot_and_vehicle() {
+    let found = ClosedLoop::of(
+        Quadcopter::default(),
+        Pilot { order: 2 },
+        &[6.0, 5.0, 0.0, 0.0],
+    );
+    assert_eq!(found.poles.len(), 8);
+    for pole in [-2.0, -3.0, -14.48, 0.0] {
+        let nearest = found
+            .poles
+            .iter()
+            .map(|p| (p - pole).norm())
+            .fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-7, "{pole}: {:?}", found.poles);
+    }
+    assert!(!found.is_stable(), "nobody brings it back");
+}
+
+#[test]
+fn the_shipped_flights_raise_one_diagnostic() {
+    assert!(shipped_fit().is_answer());
+    assert_eq!(codes(shipped_fit()), ["loop-on-bound"]);
+}
+
+#[test]
+fn flights_that_never_move_are_no_answer() {
+    let trials = changed(|trial| {
+        trial.position.fill(0.0);
+        trial.target.fill(0.0);
+        trial.stick = None;
+    });
+    let fit = fitted(&trials, &FitOptions::default());
+    assert_eq!(codes(&fit)[0], "constant-data");
+    assert!(codes(&fit).contains(&"idle-pilot") && !fit.is_answer());
+}
+
+/// Hovering about the target with the motion of a remnant, here two sines of small amplitude.
+#[test]
+fn hovering_without_a_task_is_no_answer() {
+    let trials = changed(|trial| {
+        let wander = |t: &f64| 0.2 * (0.9 * t).sin() + 0.1 * (2.3 * t).sin();
+        trial.position = trial.time.iter().map(wander).collect();
+        trial.target.fill(0.0);
+        trial.stick = None;
+    });
+    let options = FitOptions {
+        max_iterations: 20,
+        ..FitOptions::default()
+    };
+    let fit = fitted(&trials, &options);
+    assert!(
+        codes(&fit).contains(&"no-forcing") && !fit.is_answer(),
+        "{:?}",
+        codes(&fit)
+    );
+}
+
+/// It must not matter whether the start is away from the target or the target moves.
+#[test]
+fn a_target_that_moves_is_a_task() {
+    let trials = changed(|trial| {
+        trial.target = trial.time.iter().map(|t| 0.5 * t.sin()).collect();
+        trial.position = trial.time.iter().map(|t| 0.4 * (t - 0.4).sin()).collect();
+        trial.stick = None;
+    });
+    let options = FitOptions {
+        max_iterations: 5,
+        ..FitOptions::default()
+    };
+    assert!(!codes(&fitted(&trials, &options)).contains(&"no-forcing"));
+}
+
+#[test]
+fn one_sample_of_500_m_is_named() {
+    let mut trials = changed(|_| ());
+    trials[0].position[123] = 500.0;
+    let fit = fitted(&trials, &FitOptions::default());
+    let Some(Diagnostic::Outlier {
+        run,
+        time,
+        count,
+        share,
+        ..
+    }) = fit.diagnostics.first()
+    else {
+        panic!("{:?}", fit.diagnostics)
+    };
+    assert_eq!((run.as_str(), *time, *count), ("10m-run1", 6.15, 1));
+    assert!(share.unwrap() > 0.9 && !fit.is_answer());
+}
+
+/// Those of a fit that is not followed to its end.
+fn codes_of(trials: &[Trial]) -> Vec<&'static str> {
+    codes(&fitted(trials, &FitOptions::default()))
+}
+
+fn outlier(trials: &[Trial]) -> (String, f64, usize, bool) {
+    let fit = fitted(trials, &FitOptions::default());
+    let found = fit
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::Outlier {
+                run, time, count, ..
+            } => Some((run.clone(), *time, *count, diagnostic.is_fatal())),
+            _ => None,
+        });
+    found.unwrap_or_else(|| panic!("{:?}", codes(&fit)))
+}
+
+#[test]
+fn outliers_side_by_side_are_counted_and_the_worst_is_named() {
+    let mut trials = changed(|_| ());
+    trials[1].position[120..123].copy_from_slice(&[300.0, 500.0, 320.0]);
+    let name = trials[1].name.clone();
+    assert_eq!(outlier(&trials), (name, 6.05, 3, true));
+}
+
+#[test]
+fn a_recording_that_drops_to_zero_for_a_while_is_told() {
+    let mut trials = changed(|_| ());
+    trials[1].position[150..165].fill(0.0);
+    let (run, time, count, _) = outlier(&trials);
+    assert_eq!((run, count), (trials[1].name.clone(), 15));
+    assert!((7.5..8.25).contains(&time), "{time}");
+}
+
+#[test]
+fn a_first_sample_that_is_off_is_told() {
+    let mut trials = changed(|_| ());
+    trials[0].position[0] = 4.0;
+    let (run, time, count, _) = outlier(&trials);
+    assert_eq!((run, time, count), (trials[0].name.clone(), 0.0, 1));
+}
+
+#[test]
+fn a_jump_in_one_run_is_told() {
+    let mut trials = changed(|_| ());
+    trials[1].position[140..].iter_mut().for_each(|z| *z += 3.0);
+    let fit = fitted(&trials, &FitOptions::default());
+    let jump = fit
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::Jump { time, size, .. } => Some((*time, *size)),
+            _ => None,
+        });
+    let (time, size) = jump.unwrap_or_else(|| panic!("{:?}", codes(&fit)));
+    assert!(time == 7.0 && (size - 3.0).abs() < 0.2, "{time} {size}");
+    assert!(!codes(&fit).contains(&"outlier"));
+}
+
+/// A recording in steps of 0.25 m, and one of 0.01 m of a single flight.
+#[test]
+fn rounded_recordings_have_no_outliers() {
+    for (runs, step) in [(2, 0.25), (1, 0.01)] {
+        let mut trials = changed(|trial| {
+            (trial.position.iter_mut()).for_each(|z| *z = (*z / step).round() * step);
+        });
+        trials.truncate(runs);
+        let found = codes_of(&trials);
+        assert!(
+            !found.contains(&"outlier") && !found.contains(&"jump"),
+            "{found:?}"
+        );
+    }
+}
+
+#[test]
+fn a_run_of_another_origin_is_told() {
+    let told = |offset: f64| {
+        let mut trials = shipped();
+        (trials[1].position.iter_mut().skip(1)).for_each(|z| *z += offset);
+        codes_of(&trials).contains(&"misfit")
+    };
+    assert!(told(5.0) && !told(0.0));
+}
+
+#[test]
+fn a_stick_that_was_never_recorded_is_told() {
+    let trials = changed(|trial| trial.stick.as_mut().unwrap().fill(0.0));
+    assert!(codes_of(&trials).contains(&"dead-stick"));
+    assert!(!codes(shipped_fit()).contains(&"dead-stick"));
+}
+
+/// In a fit that comes to nothing, here since it is ended at once.
+#[test]
+fn a_long_time_without_rows_is_told() {
+    let trials = changed(|trial| {
+        for values in [&mut trial.time, &mut trial.target, &mut trial.position] {
+            values.drain(20..200);
+        }
+        trial.stick = None;
+    });
+    let options = FitOptions {
+        max_iterations: 1,
+        ..FitOptions::default()
+    };
+    let fit = fitted(&trials, &options);
+    let gap = fit
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::Gap { from, to, .. } => Some((*from, *to)),
+            _ => None,
+        });
+    assert_eq!(
+        gap,
+        Some((0.95, 10.0)),
+        "{}: {:?}",
+        fit.violation,
+        codes(&fit)
+    );
+}
+
+#[test]
+fn a_target_that_flickers_is_told_and_a_doublet_is_not() {
+    let with = |count: usize| {
+        let mut trials = changed(|_| ());
+        trials[0].target[100..100 + count].fill(500.0);
+        codes_of(&trials).contains(&"target-outlier")
+    };
+    assert!(with(1) && with(2) && !with(20));
+}
+
+/// The first two seconds of each recording are missing.
+#[test]
+fn a_run_that_begins_in_motion_is_told_where_it_is_fitted_from_rest() {
+    let trials = changed(|trial| {
+        for values in [&mut trial.time, &mut trial.target, &mut trial.position] {
+            values.drain(..40);
+        }
+        trial.stick = None;
+    });
+    let of = |initial_state| {
+        let options = FitOptions {
+            initial_state,
+            max_iterations: 50,
+            ..FitOptions::default()
+        };
+        codes(&fitted(&trials, &options)).contains(&"moving-start")
+    };
+    assert!(of(InitialState::AtRest) && of(InitialState::VehicleAtRest));
+    assert!(!of(InitialState::Free));
+}
+
+#[test]
+fn positions_of_the_wrong_sign_or_unit_are_told() {
+    let of = |factor: f64| {
+        let trials = changed(|trial| {
+            trial.position.iter_mut().for_each(|z| *z *= factor);
+            trial.stick = None;
+        });
+        let options = FitOptions {
+            max_iterations: 20,
+            ..FitOptions::default()
+        };
+        let fit = fitted(&trials, &options);
+        (codes(&fit).contains(&"wrong-scale"), fit.is_answer())
+    };
+    assert_eq!([of(-1.0), of(100.0)], [(true, false); 2]);
+    assert!(!of(1.3).0);
+}
+
+#[test]
+fn times_of_another_unit_are_told() {
+    let of = |factor: f64| {
+        let trials = changed(|trial| {
+            trial.time.iter_mut().for_each(|t| *t *= factor);
+            trial.stick = None;
+        });
+        let options = FitOptions {
+            max_iterations: 5,
+            ..FitOptions::default()
+        };
+        codes(&fitted(&trials, &options)).contains(&"time-scale")
+    };
+    assert!(of(1000.0) && of(1.0 / 60.0) && !of(2.0) && !of(0.5));
+}
+
+/// Forward Euler is off by much at 20 Hz; the same with short steps is not.
+#[test]
+fn a_mesh_on_which_the_scheme_is_not_the_equations_is_told() {
+    let of = |scheme, mesh| {
+        let options = FitOptions {
+            scheme,
+            mesh,
+            ..FitOptions::default()
+        };
+        codes(&fitted(&changed(|_| ()), &options)).contains(&"mesh-error")
+    };
+    assert!(of(Scheme::Euler, Mesh::Samples));
+    assert!(!of(Scheme::Euler, Mesh::Step(0.005)));
+    assert!(!of(Scheme::HermiteSimpson, Mesh::Samples));
+}
+
+/// A human who overshoots more each time: no stable loop does so.
+#[test]
+fn a_human_whose_own_loop_grows_gets_no_answer() {
+    let human = Human {
+        gain: 0.05,
+        lead: 0.8,
+        delay: 0.3,
+        ..Human::default()
+    };
+    let flights = Flights {
+        targets: vec![10.0, 20.0],
+        runs: 1,
+        ..Flights::default()
+    };
+    let flown = flights.fly(&human, &Quadcopter::default()).unwrap();
+    let trials: Vec<Trial> = (flown.iter())
+        .map(|flight| Trial::parse(flight.series.to_csv().as_bytes(), &flight.name).unwrap())
+        .collect();
+    let fit = fitted(&trials, &FitOptions::default());
+    let says_so = |diagnostic: &Diagnostic| match diagnostic {
+        Diagnostic::Leaves { .. } => true,
+        Diagnostic::LoopOnBound { swings, .. } => swings.is_some() && diagnostic.is_fatal(),
+        _ => false,
+    };
+    assert!(fit.converged && fit.closed_loop.as_ref().unwrap().is_stable());
+    assert!(fit.diagnostics.iter().any(says_so), "{:?}", fit.diagnostics);
+    assert!(!fit.is_answer());
+    let free = FitOptions {
+        stable_loop: false,
+        ..FitOptions::default()
+    };
+    let free = fitted(&trials, &free);
+    assert!(free.is_answer() && codes(&free)[0] == "unstable-loop");
+}
+
+/// What the bound costs is the ratio to a fit without it.
+#[test]
+fn the_cost_of_the_stability_bound_is_told() {
+    let free = FitOptions {
+        stable_loop: false,
+        ..FitOptions::default()
+    };
+    let expected = shipped_fit().objective / fitted(&shipped(), &free).objective - 1.0;
+    let told = shipped_fit()
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::LoopOnBound { cost, .. } => *cost,
+            _ => None,
+        });
+    assert!(
+        (told.unwrap() / expected - 1.0).abs() < 0.01,
+        "{told:?} {expected}"
+    );
+}
+
+/// Two runs to one target that swing against each other about what a pilot does.
+#[test]
+fn a_model_that_explains_little_is_told() {
+    let mut trials = vec![shipped().swap_remove(0), shipped().swap_remove(0)];
+    trials[1].name = "again".into();
+    for (trial, sign) in trials.iter_mut().zip([1.0, -1.0]) {
+        trial.stick = None;
+        let swing = trial.time.iter().map(|t| sign * 6.0 * (2.0 * t).sin());
+        trial
+            .position
+            .iter_mut()
+            .zip(swing)
+            .for_each(|(z, w)| *z += w);
+    }
+    let fit = fitted(&trials, &FitOptions::default());
+    assert!(fit.converged, "{}", fit.status);
+    let explained = fit
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::PoorFit { explained } => Some(*explained),
+            _ => None,
+        });
+    assert!(
+        (0.0..0.5).contains(&explained.unwrap()),
+        "{:?}",
+        codes(&fit)
+    );
+    assert!(!codes(shipped_fit()).contains(&"poor-fit"));
+}
+
+#[test]
+fn a_stick_of_the_wrong_sign_is_told() {
+    let turned = changed(|trial| {
+        let stick = trial.stick.as_mut().unwrap();
+        stick.iter_mut().for_each(|u| *u = -*u);
+    });
+    let response = fitted(&turned, &FitOptions::default());
+    assert!(
+        codes(&response).contains(&"stick-sign"),
+        "{:?}",
+        codes(&response)
+    );
+    let options = FitOptions {
+        objective: Objective::Stick,
+        ..FitOptions::default()
+    };
+    let stick = fitted(&turned, &options);
+    assert_eq!(codes(&stick)[..2], ["unstable-loop", "stick-sign"]);
+    assert!(!stick.is_answer(), "nobody allowed it");
+    let unknown = FitOptions {
+        vehicle_assumed: true,
+        ..options
+    };
+    let unknown = fitted(&turned, &unknown);
+    assert_eq!(unknown.closed_loop, None, "nobody said what was flown");
+    assert!(!codes(&unknown).contains(&"stick-sign"));
+}
+
+#[test]
+fn a_vehicle_that_is_no_body_is_told() {
+    let of = |vehicle| {
+        let options = FitOptions {
+            vehicle,
+            max_iterations: 5,
+            ..FitOptions::default()
+        };
+        codes(&fitted(&changed(|_| ()), &options))
+    };
+    let heavy = Quadcopter {
+        mass: 1200.0,
+        ..Quadcopter::default()
+    };
+    assert!(of(heavy).contains(&"vehicle-size"));
+    let unflyable = Quadcopter {
+        attitude_gain: 200.0,
+        ..Quadcopter::default()
+    };
+    assert!(of(unflyable).contains(&"vehicle-unstable"));
+}
+
+#[test]
+fn a_mesh_of_a_few_intervals_is_told() {
+    let of = |step| {
+        let options = FitOptions {
+            mesh: Mesh::Step(step),
+            ..FitOptions::default()
+        };
+        codes(&fitted(&changed(|_| ()), &options)).contains(&"coarse-mesh")
+    };
+    assert!(of(2.0) && !of(1.0));
+}
+
+/// Free states of the vehicle tumble in the first tenths of a second; at rest they cannot.
+#[test]
+fn free_initial_states_that_no_vehicle_has_are_told() {
+    let of = |initial_state| {
+        let options = FitOptions {
+            initial_state,
+            ..FitOptions::default()
+        };
+        let fit = fitted(&shipped(), &options);
+        assert!(fit.converged, "{}", fit.status);
+        codes(&fit).contains(&"wild-start")
+    };
+    assert!(of(InitialState::Free) && !of(InitialState::VehicleAtRest));
+}
+
+#[test]
+fn a_stick_at_its_stop_is_told() {
+    let trials = changed(|trial| {
+        let stick = trial.stick.as_mut().unwrap();
+        stick.iter_mut().take(60).for_each(|u| *u = -1.0);
+    });
+    let fit = fitted(&trials, &FitOptions::default());
+    let found = fit
+        .diagnostics
+        .iter()
+        .find_map(|diagnostic| match diagnostic {
+            Diagnostic::SaturatedStick { recorded, .. } => *recorded,
+            _ => None,
+        });
+    assert!(
+        (found.unwrap() - 60.0 / 301.0).abs() < 1e-9,
+        "{:?}",
+        fit.diagnostics
+    );
+}
+
+/// Exit codes, the file that is written, and what is made of it.
+#[test]
+fn the_command_says_what_the_fit_says() {
+    let folder = Folder::new();
+    let flight = std::fs::read_to_string(example("trials/10m-run1.csv")).unwrap();
+    let still: String = (flight.lines())
+        .map(|line| match line.split(',').collect::<Vec<_>>()[..] {
+            [time, ..] if time.parse::<f64>().is_ok() => format!("{time},0,0,0\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    folder.write("still.csv", still);
+    folder.write(
+        "far.csv",
+        flight.replace("\n5,10,11.0206,", "\n5,10,1e100,"),
+    );
+
+    let ended = folder.pilotage(&["fit", "still.csv", "-o", "still.toml"]);
+    assert_eq!(ended.code, 1, "{ended:?}");
+    assert!(
+        ended
+            .stdout
+            .contains("diagnostic (constant-data): the vehicle does not move")
+    );
+    assert!(
+        folder
+            .read("still.toml")
+            .contains("# NO ANSWER: the vehicle does not move")
+    );
+    let ended = folder.pilotage(&["export", "pilot", "still.toml", "-o", "still.fmu"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    assert!(
+        ended.stderr.contains("still.toml: the fit is no answer: "),
+        "{ended:?}"
+    );
+
+    // It never ended, whatever limit was set.
+    let ended = folder.pilotage(&["fit", "far.csv", "-o", "far.toml"]);
+    assert_eq!((ended.code, folder.path("far.toml").exists()), (2, false));
+    assert!(
+        ended
+            .stderr
+            .contains("trial far: position = 1e100 m at 5 s; expected"),
+        "{ended:?}"
+    );
+
+    let flights = example("trials/10m-run1.csv");
+    let flights = flights.to_str().unwrap();
+    let ended = folder.pilotage(&[
+        "fit",
+        flights,
+        "--allow-unstable-loop",
+        "-o",
+        "free.toml",
+        "--json",
+        "--report",
+        "free.html",
+    ]);
+    let json = ended.json();
+    let stable = json["closed_loop"]["stable"].as_bool().unwrap();
+    assert_eq!(json["closed_loop"]["poles"].as_array().unwrap().len(), 9);
+    let first = json["doubts"]
+        .as_array()
+        .unwrap()
+        .first()
+        .map(|diagnostic| &diagnostic["code"]);
+    assert_eq!(first == Some(&"unstable-loop".into()), !stable, "{json}");
+    assert!(
+        folder
+            .read("free.html")
+            .contains("Poles of the closed loop")
+    );
+}
