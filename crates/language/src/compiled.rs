@@ -180,6 +180,11 @@ impl Compiled {
         starts
     }
 
+    /// The declared states' start values as expressions; delays begin with 0.
+    pub fn starts(&self) -> &[Node] {
+        &self.starts
+    }
+
     /// Which states have a start value that depends on parameters.
     pub fn starts_on_parameters(&self) -> Vec<bool> {
         let graph = &self.model.system.graph;

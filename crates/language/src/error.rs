@@ -103,6 +103,10 @@ pub enum Fault {
     // Delays and tables.
     #[error("the order of a delay is a whole number from 1 to {limit}; found `{found}`")]
     DelayOrder { found: String, limit: usize },
+    #[error("a delay has states of its own: put it into a model file")]
+    DelayOutside,
+    #[error("a table belongs into a model file: put it into one")]
+    TableOutside,
     #[error("the time of a delay is {0} s; it must be above 0")]
     DelayTime(f64),
     #[error("the first place of `table` is a file in quotes: `table(\"drag.csv\", speed)`")]

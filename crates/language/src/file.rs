@@ -80,6 +80,22 @@ impl Formula {
         self.bytes[part]
     }
 
+    /// A number, which stands nowhere.
+    pub fn of_number(value: f64) -> Self {
+        constant(value)
+    }
+
+    /// Line and column at which it begins, in the text that it was read from.
+    pub fn position(&self, text: &str) -> Position {
+        let first = self.bytes.iter().min().copied();
+        Position::of(text, first.unwrap_or_default())
+    }
+
+    /// The names that stand in it.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.expression.names().map(|(name, _)| name)
+    }
+
     /// The number that it is, if it is written as one.
     pub fn number(&self) -> Option<f64> {
         use crate::syntax::Term::{Negate, Number};
@@ -464,6 +480,23 @@ impl Reader<'_> {
     }
 }
 
+/// An expression of a file, in quotes or a number; none where the table has no such key.
+///
+/// # Errors
+/// When it is none: the message names file, line and column.
+pub fn formula(
+    (file, text): (&str, &str),
+    table: TomlTable<'_>,
+    key: &str,
+) -> Result<Option<Formula>, ModelFileError> {
+    let reader = Reader {
+        file,
+        text,
+        roles: HashMap::new(),
+    };
+    reader.formula(table, key)
+}
+
 fn at(file: &str, text: &str, byte: usize, fault: Fault) -> ModelFileError {
     ModelFileError::At {
         file: file.to_owned(),
@@ -484,7 +517,7 @@ fn roles<'t>(root: TomlTable<'t>) -> Result<HashMap<&'t str, &'static str>, Docu
     Ok(roles)
 }
 
-fn constant(value: f64) -> Formula {
+pub(crate) fn constant(value: f64) -> Formula {
     Formula {
         expression: Expression::number(value),
         bytes: vec![0],

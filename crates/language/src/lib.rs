@@ -36,12 +36,14 @@
 //! | `scope`, `units`, `dimension` | what names mean, circles, units through the equations |
 //! | [`tables`] | the files of `table("file.csv", x)` |
 //! | [`typeset`] | equations as mathematics is set |
+//! | [`expressions`] | expressions of other files, over the variables of a system |
 //! | `build`, [`compiled`] | the expression graph, and what can be asked of it |
 
 mod build;
 pub mod compiled;
 mod dimension;
 mod error;
+pub mod expressions;
 pub mod file;
 pub mod functions;
 mod scope;
@@ -53,4 +55,5 @@ mod units;
 
 pub use compiled::{Compiled, Trouble, parse, read};
 pub use error::{Fault, ModelFileError};
+pub use expressions::Expressions;
 pub use file::{ModelFile, Variable, is_model};

@@ -200,7 +200,7 @@ impl<'f> Scope<'f> {
     }
 
     /// Refuses an expression, or a part of it, that does not depend on parameters and numbers alone.
-    fn check_constant(
+    pub(crate) fn check_constant(
         &self,
         what: &'static str,
         formula: &Formula,

@@ -12,6 +12,14 @@ const DEEPEST: usize = 100;
 /// A part of an expression: a place in its list of parts.
 pub(crate) type Part = usize;
 
+/// The word before the name of a recorded column.
+const COLUMN: &str = "column";
+
+/// What a recorded column is called in expressions.
+pub fn column(name: &str) -> String {
+    format!("{COLUMN}({name:?})")
+}
+
 /// What a part says.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Term {
@@ -225,6 +233,9 @@ impl Parser {
         if called != Some(&Token::Sign("(")) {
             return Ok(self.take(Term::Name(name)));
         }
+        if name == COLUMN {
+            return self.column(begin);
+        }
         let function = functions::find(&name).ok_or_else(|| (unknown_function(&name), begin))?;
         self.next += 2;
         let mut arguments = Vec::new();
@@ -247,6 +258,19 @@ impl Parser {
         }
         let place = begin..self.tokens[self.next - 1].1.end;
         Ok(self.push(Term::Call(function.name, arguments), place))
+    }
+
+    /// A recorded column, `column("name")`: a name too.
+    fn column(&mut self, begin: usize) -> Result<Part, Misplaced> {
+        self.next += 2;
+        let name = match self.tokens.get(self.next) {
+            Some((Token::Text(name), _)) => column(name),
+            _ => return Err(self.expected("the name of a column in quotes")),
+        };
+        self.next += 1;
+        self.close()?;
+        let place = begin..self.tokens[self.next - 1].1.end;
+        Ok(self.push(Term::Name(name), place))
     }
 
     /// The argument of a call at a place: a condition and a file stand where they belong and nowhere else.

@@ -3,7 +3,7 @@
 use crate::error::Fault;
 use std::ops::Range;
 use winnow::ascii::{digit1, multispace0};
-use winnow::combinator::{alt, delimited, opt, preceded};
+use winnow::combinator::{alt, delimited, opt, preceded, repeat};
 use winnow::error::ContextError;
 use winnow::stream::LocatingSlice;
 use winnow::token::{one_of, take_while};
@@ -95,7 +95,10 @@ fn number(input: &mut Input<'_>) -> ModalResult<Token> {
 fn name(input: &mut Input<'_>) -> ModalResult<Token> {
     let begins = |c: char| c == '_' || c.is_ascii_alphabetic();
     let goes_on = |c: char| c == '_' || c.is_ascii_alphanumeric();
-    (one_of(begins), take_while(0.., goes_on))
+    let word = move || (one_of(begins), take_while(0.., goes_on));
+    // Of an instance: `pilot.gain`.
+    let of_instance = repeat::<_, _, (), _, _>(0.., ('.', word()).void());
+    (word(), of_instance)
         .take()
         .map(|name: &str| Token::Name(name.to_owned()))
         .parse_next(input)

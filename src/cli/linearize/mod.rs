@@ -151,7 +151,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(path) = &args.report {
         overwrite::save(
             path,
-            &args.page(run.time, &views, &notes(&linearization), &files),
+            args.page(run.time, &views, &notes(&linearization), &files),
         )?;
     }
     args.write(&coupled)?;
@@ -235,10 +235,10 @@ impl Args {
     /// Writes the matrices.
     fn write(&self, coupled: &StateSpace) -> Result<(), Failure> {
         if let Some(path) = &self.matlab {
-            overwrite::save(path, &files::matlab(coupled))?;
+            overwrite::save(path, files::matlab(coupled))?;
         }
         if let Some(path) = &self.csv {
-            overwrite::save(path, &files::table(coupled))?;
+            overwrite::save(path, files::table(coupled))?;
         }
         Ok(())
     }
