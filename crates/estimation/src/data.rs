@@ -1,0 +1,217 @@
+//! The runs: their columns, what drives the system in them, and at which times.
+
+use crate::error::ProblemError;
+use crate::file::{Hold, RunLine};
+use crate::joint::unknown;
+use pilotage_cosim::description::Said;
+use pilotage_series::Series;
+use pilotage_units::Unit;
+
+/// Where the values of an input come from.
+#[derive(Debug, Clone)]
+pub enum Source {
+    /// A column of each run.
+    Column {
+        /// Its name.
+        name: Said<String>,
+        /// Unit of the input, where it has one.
+        unit: Option<String>,
+        /// What it does between two samples.
+        hold: Hold,
+        /// What is taken where a sample is missing; that between its neighbours if this is.
+        missing: Option<f64>,
+    },
+    /// For each run, from when on each value holds; the first from the begin.
+    Given(Vec<Vec<(f64, f64)>>),
+}
+
+/// A run as it was read.
+#[derive(Debug)]
+pub struct RunData<'f> {
+    /// What the problem says of it.
+    pub line: &'f RunLine,
+    /// Its columns.
+    pub series: Series,
+}
+
+/// The samples of a run: its rows, and others at which something changes.
+#[derive(Debug, Clone)]
+pub struct Rows {
+    /// Times \[s\].
+    pub time: Vec<f64>,
+    /// Inputs at each.
+    pub inputs: Vec<Vec<f64>>,
+    /// The row of the file, of those that are one.
+    pub rows: Vec<Option<usize>>,
+}
+
+/// An input over time: samples, and how it goes on between them.
+struct Signal {
+    time: Vec<f64>,
+    values: Vec<f64>,
+    hold: Hold,
+}
+
+impl<'f> RunData<'f> {
+    /// Reads a run.
+    ///
+    /// # Errors
+    /// When the file cannot be read, has a number that is not finite, or begins after its start time.
+    pub fn read(line: &'f RunLine) -> Result<Self, ProblemError> {
+        let series = Series::read_table(&line.file)?;
+        let file = line.file.display();
+        for column in &series.columns {
+            if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
+                let fault = format!("{file}: `{}` is {} at {} s; expected a number, or an empty cell",
+                    column.name, column.values[k], series.time[k]);
+                return Err(ProblemError::at(&line.place, fault));
+            }
+        }
+        let first = series.time[0];
+        if let Some(start) = line.start_time.filter(|start| *start > first) {
+            let fault = format!("{file} begins at {first} s, before start_time = {start}; begin no later");
+            return Err(ProblemError::at(&line.place, fault));
+        }
+        let last = series.time[series.time.len() - 1];
+        let begin = line.start_time.unwrap_or(first);
+        if last <= begin {
+            let fault = format!("{file} has no sample after {begin} s; a run lasts some time");
+            return Err(ProblemError::at(&line.place, fault));
+        }
+        if let Some((time, _)) = line.changes.iter().find(|(time, _)| *time <= begin || *time >= last) {
+            let fault = format!("a change at {time} s is not within {file}, from {begin} to {last} s");
+            return Err(ProblemError::at(&line.place, fault));
+        }
+        Ok(Self { line, series })
+    }
+
+    /// When it begins \[s\].
+    pub fn begin(&self) -> f64 {
+        self.line.start_time.unwrap_or(self.series.time[0])
+    }
+
+    /// A column in a unit.
+    ///
+    /// # Errors
+    /// Where there is none, or its unit does not fit.
+    pub fn column(&self, name: &Said<String>, unit: Option<&str>) -> Result<Vec<f64>, ProblemError> {
+        let fault = |text: String| ProblemError::maybe_at(name.place.as_ref(), text);
+        let file = self.line.file.display();
+        let column = self.series.column(&name.value).ok_or_else(|| {
+            let known: Vec<String> = self.series.columns.iter().map(|own| own.name.clone()).collect();
+            fault(format!("{file}: {}", unknown("column", &name.value, &known)))
+        })?;
+        let wanted = match unit {
+            Some(unit) if !column.unit.is_empty() => unit,
+            _ => return Ok(column.values.clone()),
+        };
+        let conversion = Unit::named(&column.unit).conversion(&Unit::named(wanted));
+        let conversion = conversion.ok_or_else(|| {
+            fault(format!(
+                "{file}: the column `{}` is in {}; expected a unit of {wanted}",
+                column.name, column.unit
+            ))
+        })?;
+        Ok(column.values.iter().map(|value| conversion.apply(*value)).collect())
+    }
+
+    /// The samples with these inputs; `run` is its number.
+    ///
+    /// # Errors
+    /// Where a column is missing.
+    pub fn rows(&self, run: usize, sources: &[Source]) -> Result<Rows, ProblemError> {
+        let signals: Vec<Signal> = (sources.iter())
+            .map(|source| self.signal(run, source))
+            .collect::<Result<_, _>>()?;
+        let mut times: Vec<f64> = self.series.time.clone();
+        times.push(self.begin());
+        times.extend(self.line.changes.iter().map(|(time, _)| *time));
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let mut found = Rows {
+            time: Vec::new(),
+            inputs: Vec::new(),
+            rows: Vec::new(),
+        };
+        let mut push = |time: f64, row: Option<usize>, inputs: Vec<f64>| {
+            found.time.push(time);
+            found.rows.push(row);
+            found.inputs.push(inputs);
+        };
+        for time in times {
+            let own = |signal: &Signal, row: usize| signal.at_row(time, row, &self.series.time);
+            let before: Vec<f64> = signals.iter().map(|signal| signal.before(time)).collect();
+            let after: Vec<f64> = signals.iter().map(|signal| signal.after(time)).collect();
+            let first = self.series.time.partition_point(|t| *t < time);
+            let end = self.series.time.partition_point(|t| *t <= time);
+            if before != after && time > self.begin() {
+                push(time, None, before);
+            }
+            for row in first..end {
+                let inputs = signals.iter().map(|signal| own(signal, row)).collect();
+                push(time, Some(row), inputs);
+            }
+            if first == end {
+                push(time, None, after);
+            }
+        }
+        Ok(found)
+    }
+
+    fn signal(&self, run: usize, source: &Source) -> Result<Signal, ProblemError> {
+        match source {
+            Source::Given(values) => Ok(Signal {
+                time: values[run].iter().map(|(time, _)| *time).collect(),
+                values: values[run].iter().map(|(_, value)| *value).collect(),
+                hold: Hold::Zero,
+            }),
+            Source::Column { name, unit, hold, missing } => {
+                let values = self.column(name, unit.as_deref())?;
+                let samples = self.series.time.iter().copied().zip(values);
+                let kept = |(time, value): (f64, f64)| match (value.is_nan(), missing) {
+                    (true, None) => None,
+                    (true, Some(missing)) => Some((time, *missing)),
+                    (false, _) => Some((time, value)),
+                };
+                let (time, values): (Vec<f64>, Vec<f64>) = samples.filter_map(kept).unzip();
+                if time.is_empty() {
+                    let fault = format!("{}: the column `{}` has no number", self.line.file.display(), name.value);
+                    return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                }
+                Ok(Signal { time, values, hold: *hold })
+            }
+        }
+    }
+}
+
+impl Signal {
+    /// Just before a time.
+    fn before(&self, time: f64) -> f64 {
+        self.between(self.time.partition_point(|t| *t < time), time)
+    }
+
+    /// At a time and just after it.
+    fn after(&self, time: f64) -> f64 {
+        self.between(self.time.partition_point(|t| *t <= time), time)
+    }
+
+    /// In a row of the file: of rows of one time each has its own.
+    fn at_row(&self, time: f64, row: usize, times: &[f64]) -> f64 {
+        let all_there = self.time.len() == times.len();
+        match all_there && self.time[row] == time {
+            true => self.values[row],
+            false => self.after(time),
+        }
+    }
+
+    /// Between the sample before that of a number and it.
+    fn between(&self, next: usize, time: f64) -> f64 {
+        let (from, to) = (next.saturating_sub(1), next.min(self.time.len() - 1));
+        let span = self.time[to] - self.time[from];
+        if self.hold == Hold::Zero || span <= 0.0 {
+            return self.values[from];
+        }
+        let part = ((time - self.time[from]) / span).clamp(0.0, 1.0);
+        self.values[from] + part * (self.values[to] - self.values[from])
+    }
+}

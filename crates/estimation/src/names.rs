@@ -1,0 +1,205 @@
+//! The expressions of a problem, in its names, compiled.
+
+use crate::error::ProblemError;
+use crate::file::{Calibration, Deviation, Initial, ProblemFile, Quantity};
+use crate::joint::{Joint, unknown};
+use crate::unknowns::{Meaning, Parameters};
+use pilotage_language::Expressions;
+use pilotage_language::expressions::CompiledExpressions;
+use pilotage_language::file::Formula;
+use pilotage_language::syntax::column;
+use std::collections::HashMap;
+
+/// What a noise level calls the value that the model predicts.
+pub const PREDICTED: &str = "y";
+
+/// The expressions of a problem file.
+#[derive(Debug)]
+pub struct Named {
+    /// Names of the signals, in the order of the graph's variables behind the time.
+    pub signals: Vec<String>,
+    /// Names of recorded columns, behind the signals; then comes the predicted value.
+    pub columns: Vec<String>,
+    /// Names of the parameters behind that: those that are not tied.
+    pub parameters: Vec<String>,
+    /// The expressions.
+    pub compiled: CompiledExpressions,
+    /// Where each formula stands in the compiled list, by what it is of.
+    places: HashMap<Of, usize>,
+}
+
+/// What an expression is of.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub enum Of {
+    /// A tied parameter.
+    Tied(String),
+    /// What was measured, by its number.
+    Measured(usize),
+    /// Its noise level.
+    Deviation(usize),
+    /// Gain of its sensor.
+    Gain(usize),
+    /// Offset of its sensor.
+    Offset(usize),
+    /// A line of `[initial]`, by its number, for a state.
+    Initial(usize, String),
+    /// A constraint, by its number.
+    Constraint(usize),
+    /// What a run sets: the parameter and the expression as it is written.
+    Set(String, String),
+}
+
+impl Named {
+    /// Compiles the expressions of a file.
+    ///
+    /// # Errors
+    /// When a name means nothing, units do not fit, or parameters are tied in a circle.
+    pub fn new(
+        file: &ProblemFile,
+        joint: &Joint,
+        parameters: &Parameters,
+    ) -> Result<Self, ProblemError> {
+        let mut builder = Builder {
+            expressions: Expressions::new(&file.file, &file.text),
+            places: HashMap::new(),
+            columns: Vec::new(),
+        };
+        let signals = joint.signals();
+        // Inputs that nothing drives are numbers, and signals all the same.
+        for name in &signals {
+            builder.expressions.add_signal(name, joint.unit(name));
+        }
+        add_all(&mut builder, file, joint, parameters)?;
+        let columns = std::mem::take(&mut builder.columns);
+        for name in &columns {
+            builder.expressions.add_signal(&column(name), None);
+        }
+        builder.expressions.add_signal(PREDICTED, None);
+        let is_plain = |name: &&String| {
+            !matches!(parameters.meanings[*name], Meaning::Tied(_)) && !signals.contains(name)
+        };
+        let names: Vec<String> = parameters.names.iter().filter(is_plain).cloned().collect();
+        for name in &names {
+            builder.expressions.add_parameter(name, parameters.unit(name, joint));
+        }
+        Ok(Self {
+            compiled: builder.expressions.compile()?,
+            places: builder.places,
+            parameters: names,
+            signals,
+            columns,
+        })
+    }
+
+    /// The place of an expression in the compiled list.
+    pub fn place(&self, of: &Of) -> Option<usize> {
+        self.places.get(of).copied()
+    }
+}
+
+struct Builder {
+    expressions: Expressions,
+    places: HashMap<Of, usize>,
+    columns: Vec<String>,
+}
+
+impl Builder {
+    fn add(&mut self, of: Of, unit: Option<&str>, formula: &Formula, constant: Option<&'static str>) {
+        if self.places.contains_key(&of) {
+            return;
+        }
+        for name in formula.names() {
+            let quoted = name.strip_prefix("column(\"").and_then(|rest| rest.strip_suffix("\")"));
+            if let Some(quoted) = quoted.filter(|quoted| !self.columns.iter().any(|own| own == quoted)) {
+                self.columns.push(quoted.to_owned());
+            }
+        }
+        let name = match &of {
+            Of::Tied(name) => name.clone(),
+            other => format!("expression {other:?}"),
+        };
+        let place = self.expressions.add(&name, unit, formula, constant);
+        self.places.insert(of, place);
+    }
+}
+
+fn add_all(
+    builder: &mut Builder,
+    file: &ProblemFile,
+    joint: &Joint,
+    parameters: &Parameters,
+) -> Result<(), ProblemError> {
+    for name in &parameters.names {
+        if let Meaning::Tied(formula) = &parameters.meanings[name] {
+            let unit = parameters.unit(name, joint);
+            builder.add(Of::Tied(name.clone()), unit, formula, Some("a tied parameter"));
+        }
+    }
+    for (k, measured) in file.measured.iter().enumerate() {
+        if let Quantity::Expression(formula, unit) = &measured.of {
+            builder.add(Of::Measured(k), unit.as_deref(), formula, None);
+        }
+        if let Deviation::Formula(formula) = &measured.sd {
+            builder.add(Of::Deviation(k), None, formula, None);
+        }
+        for (of, calibrated, what) in [
+            (Of::Gain(k), &measured.gain, "the gain of a sensor"),
+            (Of::Offset(k), &measured.offset, "the offset of a sensor"),
+        ] {
+            if let Calibration::Formula(formula) = calibrated {
+                builder.add(of, None, formula, Some(what));
+            }
+        }
+    }
+    for (k, (name, initial)) in file.initial.iter().enumerate() {
+        let states = matching(&name.value, &joint.model.states);
+        if states.is_empty() {
+            let fault = unknown("state", &name.value, &joint.model.states);
+            return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+        }
+        if let Initial::Formula(formula) = initial {
+            for state in states {
+                let of = Of::Initial(k, state.clone());
+                builder.add(of, joint.unit(state), formula, Some("an initial state"));
+            }
+        }
+    }
+    for (k, constraint) in file.constraints.iter().enumerate() {
+        let constant = (constraint.at == crate::file::Holds::Parameters)
+            .then_some("a constraint at the parameters");
+        builder.add(Of::Constraint(k), None, &constraint.formula, constant);
+    }
+    for run in &file.runs {
+        let changes = run.changes.iter().flat_map(|(_, set)| set);
+        for set in run.set.iter().chain(changes) {
+            let name = &set.name.value;
+            if !parameters.names.contains(name) {
+                let fault = unknown("parameter or free input", name, &parameters.names);
+                return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+            }
+            if let Meaning::Tied(_) = parameters.meanings[name] {
+                let fault = format!("`{name}` is tied to others; a run cannot set it");
+                return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+            }
+            let unit = parameters.unit(name, joint);
+            builder.add(Of::set(name, &set.value), unit, &set.value, Some("a value of a run"));
+        }
+    }
+    Ok(())
+}
+
+impl Of {
+    /// The value that a run sets.
+    pub fn set(name: &str, value: &Formula) -> Self {
+        Self::Set(name.to_owned(), value.expression.text.clone())
+    }
+}
+
+/// The names that a name or a pattern `instance.*` means.
+pub fn matching<'n>(pattern: &str, names: &'n [String]) -> Vec<&'n String> {
+    let is_meant = |name: &&String| match pattern.strip_suffix('*') {
+        Some(begin) if begin.ends_with('.') => name.starts_with(begin),
+        _ => *name == pattern,
+    };
+    names.iter().filter(is_meant).collect()
+}

@@ -1,0 +1,277 @@
+//! What each parameter of a problem is: a number, sought, or tied to others.
+
+use crate::error::ProblemError;
+use crate::file::{Calibration, Measured, Per, Prior, ProblemFile, Quantity, Sought};
+use crate::joint::{Joint, unknown};
+use crate::part::About;
+use pilotage_cosim::description::Said;
+use pilotage_language::file::Formula;
+use pilotage_text::document::Place;
+use pilotage_text::is_identifier;
+use std::collections::HashMap;
+
+/// A sought parameter.
+#[derive(Debug, Clone)]
+pub struct Unknown {
+    /// Its name.
+    pub name: String,
+    /// Name of its unit, where it has one.
+    pub unit: Option<String>,
+    /// Where the search starts.
+    pub start: f64,
+    /// Least value.
+    pub min: Option<f64>,
+    /// Greatest value.
+    pub max: Option<f64>,
+    /// Typical magnitude.
+    pub nominal: Option<f64>,
+    /// The search goes along its logarithm.
+    pub log: bool,
+    /// What is known of it beforehand.
+    pub prior: Option<Prior>,
+    /// For what it has a value of its own.
+    pub per: Per,
+    /// Where it is sought.
+    pub place: Option<Place>,
+}
+
+/// What a parameter is.
+#[derive(Debug, Clone)]
+pub enum Meaning {
+    /// A number.
+    Number(f64),
+    /// Sought: its place among the unknowns.
+    Unknown(usize),
+    /// Tied to others.
+    Tied(Formula),
+}
+
+/// All parameters of a problem: those of the instances, inputs that nothing drives, and the problem's own.
+#[derive(Debug)]
+pub struct Parameters {
+    /// Their names.
+    pub names: Vec<String>,
+    /// What each is.
+    pub meanings: HashMap<String, Meaning>,
+    /// What is sought.
+    pub unknowns: Vec<Unknown>,
+    /// Units of the problem's own parameters.
+    own_units: HashMap<String, Option<String>>,
+}
+
+/// The number of a sensor that is sought.
+pub fn calibration(what: &str, column: &str) -> String {
+    format!("{what}({column})")
+}
+
+impl Parameters {
+    /// The parameters of a file whose instances are these.
+    ///
+    /// # Errors
+    /// Where a line means nothing, or a start is missing or out of range.
+    pub fn new(file: &ProblemFile, joint: &Joint) -> Result<Self, ProblemError> {
+        let fed = |name: &String| file.inputs.iter().any(|fed| fed.signal.value == *name);
+        let inputs = joint.model.inputs.iter().filter(|name| !fed(name) && !name.starts_with("wire "));
+        let names: Vec<String> = joint.model.parameters.iter().chain(inputs).cloned().collect();
+        let start = |name: &String| joint.variables.get(name).map_or(0.0, |about| about.start);
+        let meanings = names.iter().map(|name| (name.clone(), Meaning::Number(start(name))));
+        let mut all = Self {
+            meanings: meanings.collect(),
+            names,
+            unknowns: Vec::new(),
+            own_units: HashMap::new(),
+        };
+        all.set(file)?;
+        let is_pattern = |line: &&Sought| line.name.value.ends_with(".*");
+        for line in file.parameters.iter().filter(is_pattern) {
+            all.seek_all(line, file, joint)?;
+        }
+        for line in file.parameters.iter().filter(|line| !is_pattern(line)) {
+            all.seek(line, joint)?;
+        }
+        for measured in &file.measured {
+            all.calibrate(measured, joint)?;
+        }
+        Ok(all)
+    }
+
+    /// Name of a parameter's unit, where it has one.
+    pub fn unit<'a>(&'a self, name: &str, joint: &'a Joint) -> Option<&'a str> {
+        match self.own_units.get(name) {
+            Some(unit) => unit.as_deref(),
+            None => joint.unit(name),
+        }
+    }
+
+    /// The values that the system says.
+    fn set(&mut self, file: &ProblemFile) -> Result<(), ProblemError> {
+        for setting in &file.system.settings {
+            let name = &setting.name;
+            let Some(Meaning::Number(value)) = self.meanings.get_mut(&name.value) else {
+                return Err(self.unknown(name));
+            };
+            let number = setting.value.parse().ok().filter(|value: &f64| value.is_finite());
+            *value = number.ok_or_else(|| {
+                let fault = format!("`{}` is {}; expected a number", name.value, setting.value);
+                ProblemError::maybe_at(name.place.as_ref(), fault)
+            })?;
+        }
+        Ok(())
+    }
+
+    fn unknown(&self, name: &Said<String>) -> ProblemError {
+        let fault = unknown("parameter", &name.value, &self.names);
+        ProblemError::maybe_at(name.place.as_ref(), fault)
+    }
+
+    /// All parameters of an instance that have no line of their own.
+    fn seek_all(
+        &mut self,
+        line: &Sought,
+        file: &ProblemFile,
+        joint: &Joint,
+    ) -> Result<(), ProblemError> {
+        let instance = line.name.value.trim_end_matches('*');
+        let own = joint.model.parameters.iter();
+        let own: Vec<&String> = own.filter(|name| name.starts_with(instance)).collect();
+        if own.is_empty() {
+            let known: Vec<String> = joint.parts.iter().map(|(name, _)| format!("{name}.*")).collect();
+            let fault = unknown("instance with parameters", &line.name.value, &known);
+            return Err(ProblemError::maybe_at(line.name.place.as_ref(), fault));
+        }
+        let has_line = |name: &&&String| file.parameters.iter().any(|line| line.name.value == ***name);
+        for name in own.iter().filter(|name| !has_line(name)).copied() {
+            let mut one = line.clone();
+            one.name.value.clone_from(name);
+            self.seek(&one, joint)?;
+        }
+        Ok(())
+    }
+
+    fn seek(&mut self, line: &Sought, joint: &Joint) -> Result<(), ProblemError> {
+        let name = &line.name.value;
+        let place = line.name.place.as_ref();
+        let fault = |text: String| ProblemError::maybe_at(place, text);
+        let is_part = joint.model.parameters.contains(name);
+        if !is_part {
+            self.declare(line)?;
+        } else if line.unit.is_some() {
+            return Err(fault(format!("`{name}` has its model's unit; leave `unit` out")));
+        }
+        if let Some(formula) = &line.value {
+            self.meanings.insert(name.clone(), Meaning::Tied(formula.clone()));
+            return Ok(());
+        }
+        let about = joint.variables.get(name).filter(|_| is_part);
+        let none = About::default();
+        let about = about.unwrap_or(&none);
+        let before = match self.meanings.get(name) {
+            Some(Meaning::Number(value)) if is_part => Some(*value),
+            _ => None,
+        };
+        let start = line.start.or(before).ok_or_else(|| {
+            fault(format!("`{name}` is the problem's own and has no start; write start = ..."))
+        })?;
+        if line.fixed {
+            self.meanings.insert(name.clone(), Meaning::Number(start));
+            return Ok(());
+        }
+        let unknown = Unknown {
+            name: name.clone(),
+            unit: self.unit(name, joint).map(str::to_owned),
+            start,
+            min: line.min.or(about.min).filter(|min| !line.log || *min > 0.0),
+            max: line.max.or(about.max),
+            nominal: line.nominal.or(about.nominal),
+            log: line.log,
+            prior: line.prior,
+            per: line.per,
+            place: line.name.place.clone(),
+        };
+        check_start(&unknown)?;
+        self.add(unknown);
+        Ok(())
+    }
+
+    /// A parameter of the problem's own.
+    fn declare(&mut self, line: &Sought) -> Result<(), ProblemError> {
+        let name = &line.name.value;
+        if !is_identifier(name) || ["time", "pi", "y"].contains(&name.as_str()) {
+            return Err(match name.contains('.') {
+                true => self.unknown(&line.name),
+                false => {
+                    let fault = format!(
+                        "`{name}` cannot name a parameter of the problem; expected letters, digits and `_`, no digit \
+                         first, and neither `time` nor `pi` nor `y`"
+                    );
+                    ProblemError::maybe_at(line.name.place.as_ref(), fault)
+                }
+            });
+        }
+        self.names.push(name.clone());
+        self.own_units.insert(name.clone(), line.unit.clone());
+        Ok(())
+    }
+
+    /// What is sought of a sensor.
+    fn calibrate(&mut self, measured: &Measured, joint: &Joint) -> Result<(), ProblemError> {
+        let unit = match &measured.of {
+            Quantity::Signal(name) => joint.unit(name).map(str::to_owned),
+            Quantity::Expression(_, unit) => unit.clone(),
+        };
+        let sensors = [
+            ("gain", &measured.gain, 1.0, Some("1".to_owned())),
+            ("offset", &measured.offset, 0.0, unit),
+        ];
+        for (what, calibrated, start, unit) in sensors {
+            let Calibration::Sought(per) = calibrated else { continue };
+            let name = calibration(what, &measured.column.value);
+            if self.own_units.insert(name.clone(), unit.clone()).is_some() {
+                let fault = format!("the {what} of the column `{}` is sought twice", measured.column.value);
+                return Err(ProblemError::at(&measured.place, fault));
+            }
+            self.names.push(name.clone());
+            self.add(Unknown {
+                name,
+                unit,
+                start,
+                min: None,
+                max: None,
+                nominal: None,
+                log: false,
+                prior: None,
+                per: *per,
+                place: Some(measured.place.clone()),
+            });
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, unknown: Unknown) {
+        let place = self.unknowns.len();
+        self.meanings.insert(unknown.name.clone(), Meaning::Unknown(place));
+        self.unknowns.push(unknown);
+    }
+}
+
+fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
+    let Unknown { name, start, .. } = unknown;
+    let fault = |text: String| ProblemError::maybe_at(unknown.place.as_ref(), text);
+    let within = unknown.min.unwrap_or(f64::NEG_INFINITY)..=unknown.max.unwrap_or(f64::INFINITY);
+    if !within.contains(start) {
+        return Err(fault(format!(
+            "`{name}` starts at {start}, out of its range {} to {}; give it a start, or another range",
+            within.start(),
+            within.end()
+        )));
+    }
+    if unknown.min.is_some() && unknown.min == unknown.max {
+        return Err(fault(format!("the range of `{name}` is one value; write fixed = true")));
+    }
+    if unknown.log && *start <= 0.0 {
+        return Err(fault(format!(
+            "`{name}` starts at {start}, which has no logarithm; give it a start above 0"
+        )));
+    }
+    Ok(())
+}
