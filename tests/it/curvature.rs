@@ -8,7 +8,9 @@ use pilotage::sqp::{
     self, Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, Status,
 };
 use pilotage::transcription::Scheme;
-use pilotage::transcription::{Collocation, Condensed, Differentiated, Recording, Run, Scales};
+use pilotage::transcription::{
+    Bound, Collocation, Condensed, Differentiated, Recording, Run, Scales,
+};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -144,7 +146,7 @@ where
         Scheme::Trapezoid,
         vec![run],
         scales,
-        &[(-limit, limit)],
+        &[Bound::at_samples(-limit, limit)],
     );
     let start = vec![0.0; problem.n_variables()];
     let options = sqp::SqpOptions::default();

@@ -6,7 +6,7 @@ use num_dual::DualNum;
 use pilotage::expression::{Point, System};
 use pilotage::sqp::{Iterate, Problem};
 use pilotage::transcription::{
-    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
+    Bound, Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -149,7 +149,10 @@ fn with_mesh(seed: u64, on_samples: bool) -> Random {
         SCHEMES[draw.below(SCHEMES.len())],
         runs,
         scales,
-        &[(-limit, limit), (-0.7 * limit, 1.2 * limit)][..model.bounded],
+        &[
+            Bound::at_samples(-limit, limit),
+            Bound::at_samples(-0.7 * limit, 1.2 * limit),
+        ][..model.bounded],
     )
 }
 

@@ -1,5 +1,6 @@
 //! The NLP that collocation makes of several runs with shared parameters (paper, eq. 5).
 
+use super::bound::Bound;
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
 use super::layout::Layout;
@@ -42,8 +43,7 @@ pub struct Collocation {
 }
 
 impl Collocation {
-    /// The NLP of these runs of a model whose last outputs are within these bounds, lower and upper, at every
-    /// sample; those before are measured.
+    /// The NLP of these runs of a model whose last outputs are within these bounds; those before are measured.
     ///
     /// # Panics
     /// Where a run breaks what [`Run`] asks for, or has not as many inputs, recordings or initial states as the model;
@@ -54,28 +54,26 @@ impl Collocation {
         scheme: Scheme,
         runs: Vec<Run>,
         scales: Scales,
-        bounds: &[(f64, f64)],
+        bounds: &[Bound],
     ) -> Self {
         let model = NodeModel::new(tapes, scales);
         let (n, p, inputs) = (model.n_states(), model.n_parameters(), model.n_inputs());
         let measured = model.n_outputs().checked_sub(bounds.len());
         let measured = measured.expect("no more bounds than outputs");
         assert!(n > 0, "a model with states: others need no collocation");
-        let are_bounds = |(least, most): &(f64, f64)| least <= most;
-        assert!(bounds.iter().all(are_bounds), "lower and upper bounds");
+        let is_ordered = |bound: &Bound| bound.lower <= bound.upper;
+        assert!(bounds.iter().all(is_ordered), "lower and upper bounds");
         runs.iter().for_each(|run| run.check([n, inputs, measured]));
         let grids: Vec<Grid> = runs
             .iter()
             .map(|run| Grid::new(scheme, run, inputs))
             .collect();
         let layout = Layout::new(&runs, &grids, n, bounds.len());
-        let (mut lower, mut upper) = (Vec::new(), Vec::new());
-        for run in &runs {
-            for &(least, most) in bounds {
-                lower.extend(vec![least; run.time.len()]);
-                upper.extend(vec![most; run.time.len()]);
-            }
-        }
+        let of_run = |run: &Run| {
+            let samples = run.time.len();
+            bounds.iter().flat_map(move |bound| bound.limits(samples))
+        };
+        let (mut lower, mut upper): (Vec<f64>, Vec<f64>) = runs.iter().flat_map(of_run).unzip();
         lower.extend(vec![CLEARANCE; constraints.count()]);
         upper.extend(vec![f64::INFINITY; constraints.count()]);
         let mut damping_weights = vec![0.0; layout.theta];

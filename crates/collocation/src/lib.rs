@@ -7,7 +7,8 @@
 //!
 //! Every state on a mesh is an unknown, so that nothing is integrated while θ is still wrong: unstable and
 //! stiff models are fitted as calm ones are. Several runs share θ; inputs, measured and bounded outputs are
-//! as many as one likes; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
+//! as many as one likes; a [bound](Bound) holds at all samples, or at the start or the end of each run, and equal
+//! limits are an equation; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
 //! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
 //! eliminates the states at a cost linear in their number ([`Condensed`]).
 //!
@@ -62,6 +63,7 @@
 //! | [`condensed`] | its QP by elimination of the states |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
 
+mod bound;
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
@@ -75,6 +77,7 @@ pub mod solve;
 mod sparse;
 pub mod tableau;
 
+pub use bound::{Bound, BoundAt};
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;

@@ -2,8 +2,8 @@
 
 use num_dual::DualNum;
 use pilotage_collocation::{
-    Collocation, Condensed, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
-    solve,
+    Bound, Collocation, Condensed, Differentiated, ParameterConstraints, Recording, Run, Scales,
+    Scheme, solve,
 };
 use pilotage_expression::System;
 use pilotage_sqp::{Solution, SqpOptions, Status};
@@ -20,7 +20,7 @@ fn fitted(
     runs: Vec<Run>,
     start: &[f64],
     initial: &[f64],
-    bounds: &[(f64, f64)],
+    bounds: &[Bound],
 ) -> (Vec<f64>, Solution, Collocation) {
     by_scheme(Scheme::Gauss(2), system, runs, (start, initial), bounds)
 }
@@ -30,7 +30,7 @@ fn by_scheme(
     system: &System,
     runs: Vec<Run>,
     (start, initial): (&[f64], &[f64]),
-    bounds: &[(f64, f64)],
+    bounds: &[Bound],
 ) -> (Vec<f64>, Solution, Collocation) {
     let model = Arc::new(Differentiated::new(system));
     let states: Vec<_> = (runs.iter())
@@ -130,7 +130,7 @@ fn time_and_several_inputs_are_taken() {
         time,
     };
     let start = [0.5, 1.8, 0.1];
-    let free = [(-f64::INFINITY, f64::INFINITY)];
+    let free = [Bound::at_samples(-f64::INFINITY, f64::INFINITY)];
     let (theta, solution, _) = fitted(
         &system.clone().unwrap(),
         vec![run.clone()],
@@ -146,7 +146,7 @@ fn time_and_several_inputs_are_taken() {
         vec![run],
         &start,
         &[0.0],
-        &[(-15.0, 20.0)],
+        &[Bound::at_samples(-15.0, 20.0)],
     );
     assert_eq!(solution.status, Status::Converged);
     let bounded = &problem.outputs_at_samples(&solution.iterate.z, 0)[1];

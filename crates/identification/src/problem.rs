@@ -4,7 +4,7 @@ use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::joint::{Joint, open_loop};
 use super::{FitOptions, InitialPosition, InitialState, Mesh, Trial};
-use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints};
+use pilotage_collocation::{Bound, Collocation, Differentiated, ParameterConstraints};
 use pilotage_collocation::{Recording, Run, Scales};
 use pilotage_expression::System;
 use pilotage_models::Quadcopter;
@@ -59,7 +59,7 @@ impl Posed {
             options.scheme,
             self.runs.clone(),
             scales,
-            &[(-options.stick_limit, options.stick_limit)],
+            &[Bound::at_samples(-options.stick_limit, options.stick_limit)],
         )
     }
 }
