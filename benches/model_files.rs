@@ -10,7 +10,8 @@ use pilotage::export::{Export, Provenance};
 use pilotage::identification::TrialSet;
 use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
 use pilotage_collocation::{
-    Bound, Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    solve,
 };
 use pilotage_cosim::component::Experiment;
 use pilotage_expression::Model as Expressions;
@@ -197,6 +198,7 @@ fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
             measured: vec![Recording {
                 values: trial.position.clone(),
                 weight: trial.weight,
+                loss: Loss::Square,
             }],
             initial: vec![Some(0.0); 9],
         })

@@ -11,7 +11,8 @@ use pilotage::expression::Model;
 use pilotage::models::{Model as BuiltIn, traced};
 use pilotage::sqp::{SqpOptions, Status};
 use pilotage::transcription::{
-    Bound, Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    solve,
 };
 use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::error::Error;
@@ -119,6 +120,7 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
             Recording {
                 values: states.iter().enumerate().map(value).collect(),
                 weight: sd.powi(-2),
+                loss: Loss::Square,
             }
         })
         .collect();

@@ -9,7 +9,7 @@ use pilotage::sqp::{
 };
 use pilotage::transcription::Scheme;
 use pilotage::transcription::{
-    Bound, Collocation, Condensed, Differentiated, Recording, Run, Scales,
+    Bound, Collocation, Condensed, Differentiated, Loss, Recording, Run, Scales,
 };
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -132,6 +132,7 @@ where
         measured: vec![Recording {
             values: time.iter().map(|t| slope * t).collect(),
             weight: 1.0,
+            loss: Loss::Square,
         }],
         initial: vec![Some(0.0)],
         time,

@@ -4,6 +4,7 @@ use super::bound::Bound;
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
 use super::layout::Layout;
+use super::loss::Loss;
 use super::mesh::Run;
 use super::node::{Differentiated, NodeModel, Scales};
 use super::parallel;
@@ -19,8 +20,8 @@ pub const CLEARANCE: f64 = 1e-7;
 
 /// Collocation of runs of one model with shared parameters θ.
 ///
-/// Variables and defects are scaled by [`Scales`]; the objective is `Σ w (y_k - h(x(t_k)))²` over the runs,
-/// their measured outputs and the samples `t_k`, with the weight of each [recording](super::Recording).
+/// Variables and defects are scaled by [`Scales`]; the objective is `Σ w ℓ(y_k - h(x(t_k)))` over the
+/// runs, their measured outputs and the samples `t_k`, with weight and loss of each [recording](super::Recording).
 #[derive(Debug, Clone)]
 pub struct Collocation {
     /// The model at a point: its first outputs are measured, the others bounded.
@@ -155,6 +156,12 @@ impl Collocation {
         value.is_finite().then_some(value)
     }
 
+    /// Whether every recording's loss is the square.
+    pub(super) fn is_least_squares(&self) -> bool {
+        let mut recordings = self.runs.iter().flat_map(|run| &run.measured);
+        recordings.all(|own| own.loss == Loss::Square)
+    }
+
     /// The model at every point of run `j`; calls `observe` with each observed point's sample, its group's
     /// outputs and its lane among them.
     pub(super) fn evaluate_points(
@@ -196,11 +203,11 @@ impl Collocation {
             *c = v[i] - value / self.model.scales.states[i];
         }
         let samples = run.time.len();
-        let mut squares = 0.0;
+        let mut costs = 0.0;
         let values = self.evaluate_points(z, j, |sample, outputs, lane| {
             for (k, own) in run.measured.iter().enumerate() {
                 if let Some(recorded) = self.recorded(j, k, sample) {
-                    squares += own.weight * (recorded - outputs[k][lane]).powi(2);
+                    costs += own.weight * own.loss.value(recorded, outputs[k][lane]);
                 }
             }
             for (k, output) in outputs[self.measured..].iter().enumerate() {
@@ -214,7 +221,7 @@ impl Collocation {
             f: &values.f,
             c,
         });
-        squares
+        costs
     }
 
     /// Scaled values of the constraints on θ.

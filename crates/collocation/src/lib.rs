@@ -1,7 +1,7 @@
 //! Parameters of ordinary differential equations from data, by direct collocation.
 //!
 //! ```text
-//! minimise    Σ w (y_k - h(x(t_k); θ))²            over θ and the states x(t) of every run
+//! minimise    Σ w ℓ(y_k - h(x(t_k); θ))            over θ and the states x(t) of every run
 //! subject to  ẋ = f(t, x, u; θ),  lb ≤ g(x(t_k); θ) ≤ ub,  c(θ) ≥ 0
 //! ```
 //!
@@ -11,6 +11,9 @@
 //! limits are an equation; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
 //! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
 //! eliminates the states at a cost linear in their number ([`Condensed`]).
+//!
+//! The loss ℓ of a recording is the square, or one for data with outliers; with the residual over an estimated
+//! standard deviation as output, and [`Loss::Linear`], noise levels are estimated too.
 //!
 //! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
 //! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
@@ -22,7 +25,7 @@
 //! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
 //!
 //! ```
-//! use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
 //! use pilotage_expression::System;
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
@@ -39,6 +42,7 @@
 //!     measured: vec![Recording {
 //!         values: time.iter().map(|t| 3.0 / (1.0 + 5.0 * (-0.9 * t).exp())).collect(),
 //!         weight: 1.0,
+//!         loss: Loss::Square,
 //!     }],
 //!     initial: vec![None],
 //!     time,
@@ -69,6 +73,7 @@ pub mod condensed;
 pub mod constraints;
 pub mod grid;
 pub mod layout;
+mod loss;
 pub mod mesh;
 pub mod node;
 mod parallel;
@@ -81,6 +86,7 @@ pub use bound::{Bound, BoundAt};
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
+pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
 pub use solve::{rk4, solve};

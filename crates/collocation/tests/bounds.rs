@@ -1,8 +1,8 @@
 //! Bounds at the samples, and conditions at the start or the end of a run, against analytic solutions.
 
 use pilotage_collocation::{
-    Bound, BoundAt, Collocation, Condensed, Differentiated, ParameterConstraints, Recording, Run,
-    Scales, Scheme,
+    Bound, BoundAt, Collocation, Condensed, Differentiated, Loss, ParameterConstraints, Recording,
+    Run, Scales, Scheme,
 };
 use pilotage_expression::System;
 use pilotage_sqp::{QpSolver, Solution, SparseQp, SqpOptions, Status};
@@ -18,6 +18,7 @@ fn run(initial: &[Option<f64>], recorded: Option<&dyn Fn(f64) -> f64>) -> Run {
     let recorded = recorded.map(|value| Recording {
         values: time.iter().map(|t| value(*t)).collect(),
         weight: 1.0,
+        loss: Loss::Square,
     });
     Run {
         mesh: time.clone(),
