@@ -10,7 +10,8 @@ use pilotage::export::{Export, Provenance};
 use pilotage::identification::TrialSet;
 use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
 use pilotage_collocation::{
-    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    solve,
 };
 use pilotage_cosim::component::Experiment;
 use pilotage_expression::Model as Expressions;
@@ -197,6 +198,7 @@ fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
             measured: vec![Recording {
                 values: trial.position.clone(),
                 weight: trial.weight,
+                loss: Loss::Square,
             }],
             initial: vec![Some(0.0); 9],
         })
@@ -206,7 +208,7 @@ fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
         .collect();
     let scales = Scales::of(&states, &start);
     let free = ParameterConstraints::default();
-    let bounds = [(-1.0, 1.0)];
+    let bounds = [Bound::at_samples(-1.0, 1.0)];
     let problem = Collocation::new(
         model.clone(),
         free,

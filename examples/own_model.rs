@@ -11,7 +11,8 @@ use pilotage::expression::Model;
 use pilotage::models::{Model as BuiltIn, traced};
 use pilotage::sqp::{SqpOptions, Status};
 use pilotage::transcription::{
-    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    solve,
 };
 use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::error::Error;
@@ -65,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scales = Scales::of(&states, &start);
     let free = ParameterConstraints::default();
     // The stick is measured, and once more bounded: it has stops.
-    let bounds = [(-1.0, 1.0)];
+    let bounds = [Bound::at_samples(-1.0, 1.0)];
     let problem = Collocation::new(model, free, Scheme::HermiteSimpson, runs, scales, &bounds);
     let z = problem.variables(&states, &start);
     let solution = solve(&problem, z, &SqpOptions::default(), &mut |_| {
@@ -119,6 +120,7 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
             Recording {
                 values: states.iter().enumerate().map(value).collect(),
                 weight: sd.powi(-2),
+                loss: Loss::Square,
             }
         })
         .collect();

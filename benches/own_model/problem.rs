@@ -3,7 +3,7 @@
 
 use num_dual::DualNum;
 use pilotage_collocation::{
-    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
+    Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme, solve,
 };
 use pilotage_expression::System;
 use std::ops::ControlFlow;
@@ -66,6 +66,7 @@ fn run(model: &Differentiated, k: usize) -> Run {
         .map(|(n, weight)| Recording {
             values: outputs.iter().map(|y| y[n]).collect(),
             weight,
+            loss: Loss::Square,
         })
         .to_vec();
     run

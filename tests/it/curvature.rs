@@ -8,7 +8,9 @@ use pilotage::sqp::{
     self, Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, Status,
 };
 use pilotage::transcription::Scheme;
-use pilotage::transcription::{Collocation, Condensed, Differentiated, Recording, Run, Scales};
+use pilotage::transcription::{
+    Bound, Collocation, Condensed, Differentiated, Loss, Recording, Run, Scales,
+};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -130,6 +132,7 @@ where
         measured: vec![Recording {
             values: time.iter().map(|t| slope * t).collect(),
             weight: 1.0,
+            loss: Loss::Square,
         }],
         initial: vec![Some(0.0)],
         time,
@@ -144,7 +147,7 @@ where
         Scheme::Trapezoid,
         vec![run],
         scales,
-        &[(-limit, limit)],
+        &[Bound::at_samples(-limit, limit)],
     );
     let start = vec![0.0; problem.n_variables()];
     let options = sqp::SqpOptions::default();

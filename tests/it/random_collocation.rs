@@ -6,7 +6,7 @@ use num_dual::DualNum;
 use pilotage::expression::{Point, System};
 use pilotage::sqp::{Iterate, Problem};
 use pilotage::transcription::{
-    Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -131,6 +131,7 @@ fn with_mesh(seed: u64, on_samples: bool) -> Random {
         run.measured.push(Recording {
             values: others.vector(run.time.len()),
             weight: 1.3 + others.one(),
+            loss: Loss::Square,
         });
     }
     if on_samples {
@@ -149,7 +150,10 @@ fn with_mesh(seed: u64, on_samples: bool) -> Random {
         SCHEMES[draw.below(SCHEMES.len())],
         runs,
         scales,
-        &[(-limit, limit), (-0.7 * limit, 1.2 * limit)][..model.bounded],
+        &[
+            Bound::at_samples(-limit, limit),
+            Bound::at_samples(-0.7 * limit, 1.2 * limit),
+        ][..model.bounded],
     )
 }
 
@@ -182,6 +186,7 @@ fn run(draw: &mut Draw, n: usize) -> Run {
                 .map(|v| if v > 0.8 { f64::NAN } else { v })
                 .collect(),
             weight: 1.1 + draw.one(),
+            loss: Loss::Square,
         }],
         initial,
         time,

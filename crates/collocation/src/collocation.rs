@@ -1,8 +1,10 @@
 //! The NLP that collocation makes of several runs with shared parameters (paper, eq. 5).
 
+use super::bound::Bound;
 use super::constraints::ParameterConstraints;
 use super::grid::{Grid, PointState};
 use super::layout::Layout;
+use super::loss::Loss;
 use super::mesh::Run;
 use super::node::{Differentiated, NodeModel, Scales};
 use super::parallel;
@@ -18,8 +20,8 @@ pub const CLEARANCE: f64 = 1e-7;
 
 /// Collocation of runs of one model with shared parameters θ.
 ///
-/// Variables and defects are scaled by [`Scales`]; the objective is `Σ w (y_k - h(x(t_k)))²` over the runs,
-/// their measured outputs and the samples `t_k`, with the weight of each [recording](super::Recording).
+/// Variables and defects are scaled by [`Scales`]; the objective is `Σ w ℓ(y_k - h(x(t_k)))` over the
+/// runs, their measured outputs and the samples `t_k`, with weight and loss of each [recording](super::Recording).
 #[derive(Debug, Clone)]
 pub struct Collocation {
     /// The model at a point: its first outputs are measured, the others bounded.
@@ -42,8 +44,7 @@ pub struct Collocation {
 }
 
 impl Collocation {
-    /// The NLP of these runs of a model whose last outputs are within these bounds, lower and upper, at every
-    /// sample; those before are measured.
+    /// The NLP of these runs of a model whose last outputs are within these bounds; those before are measured.
     ///
     /// # Panics
     /// Where a run breaks what [`Run`] asks for, or has not as many inputs, recordings or initial states as the model;
@@ -54,28 +55,26 @@ impl Collocation {
         scheme: Scheme,
         runs: Vec<Run>,
         scales: Scales,
-        bounds: &[(f64, f64)],
+        bounds: &[Bound],
     ) -> Self {
         let model = NodeModel::new(tapes, scales);
         let (n, p, inputs) = (model.n_states(), model.n_parameters(), model.n_inputs());
         let measured = model.n_outputs().checked_sub(bounds.len());
         let measured = measured.expect("no more bounds than outputs");
         assert!(n > 0, "a model with states: others need no collocation");
-        let are_bounds = |(least, most): &(f64, f64)| least <= most;
-        assert!(bounds.iter().all(are_bounds), "lower and upper bounds");
+        let is_ordered = |bound: &Bound| bound.lower <= bound.upper;
+        assert!(bounds.iter().all(is_ordered), "lower and upper bounds");
         runs.iter().for_each(|run| run.check([n, inputs, measured]));
         let grids: Vec<Grid> = runs
             .iter()
             .map(|run| Grid::new(scheme, run, inputs))
             .collect();
         let layout = Layout::new(&runs, &grids, n, bounds.len());
-        let (mut lower, mut upper) = (Vec::new(), Vec::new());
-        for run in &runs {
-            for &(least, most) in bounds {
-                lower.extend(vec![least; run.time.len()]);
-                upper.extend(vec![most; run.time.len()]);
-            }
-        }
+        let of_run = |run: &Run| {
+            let samples = run.time.len();
+            bounds.iter().flat_map(move |bound| bound.limits(samples))
+        };
+        let (mut lower, mut upper): (Vec<f64>, Vec<f64>) = runs.iter().flat_map(of_run).unzip();
         lower.extend(vec![CLEARANCE; constraints.count()]);
         upper.extend(vec![f64::INFINITY; constraints.count()]);
         let mut damping_weights = vec![0.0; layout.theta];
@@ -157,6 +156,12 @@ impl Collocation {
         value.is_finite().then_some(value)
     }
 
+    /// Whether every recording's loss is the square.
+    pub(super) fn is_least_squares(&self) -> bool {
+        let mut recordings = self.runs.iter().flat_map(|run| &run.measured);
+        recordings.all(|own| own.loss == Loss::Square)
+    }
+
     /// The model at every point of run `j`; calls `observe` with each observed point's sample, its group's
     /// outputs and its lane among them.
     pub(super) fn evaluate_points(
@@ -198,11 +203,11 @@ impl Collocation {
             *c = v[i] - value / self.model.scales.states[i];
         }
         let samples = run.time.len();
-        let mut squares = 0.0;
+        let mut costs = 0.0;
         let values = self.evaluate_points(z, j, |sample, outputs, lane| {
             for (k, own) in run.measured.iter().enumerate() {
                 if let Some(recorded) = self.recorded(j, k, sample) {
-                    squares += own.weight * (recorded - outputs[k][lane]).powi(2);
+                    costs += own.weight * own.loss.value(recorded, outputs[k][lane]);
                 }
             }
             for (k, output) in outputs[self.measured..].iter().enumerate() {
@@ -216,7 +221,7 @@ impl Collocation {
             f: &values.f,
             c,
         });
-        squares
+        costs
     }
 
     /// Scaled values of the constraints on θ.

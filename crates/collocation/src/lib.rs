@@ -1,15 +1,19 @@
 //! Parameters of ordinary differential equations from data, by direct collocation.
 //!
 //! ```text
-//! minimise    Σ w (y_k - h(x(t_k); θ))²            over θ and the states x(t) of every run
+//! minimise    Σ w ℓ(y_k - h(x(t_k); θ))            over θ and the states x(t) of every run
 //! subject to  ẋ = f(t, x, u; θ),  lb ≤ g(x(t_k); θ) ≤ ub,  c(θ) ≥ 0
 //! ```
 //!
 //! Every state on a mesh is an unknown, so that nothing is integrated while θ is still wrong: unstable and
 //! stiff models are fitted as calm ones are. Several runs share θ; inputs, measured and bounded outputs are
-//! as many as one likes; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
+//! as many as one likes; a [bound](Bound) holds at all samples, or at the start or the end of each run, and equal
+//! limits are an equation; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
 //! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
 //! eliminates the states at a cost linear in their number ([`Condensed`]).
+//!
+//! The loss ℓ of a recording is the square, or one for data with outliers; with the residual over an estimated
+//! standard deviation as output, and [`Loss::Linear`], noise levels are estimated too.
 //!
 //! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
 //! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
@@ -21,7 +25,7 @@
 //! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
 //!
 //! ```
-//! use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
 //! use pilotage_expression::System;
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
@@ -38,6 +42,7 @@
 //!     measured: vec![Recording {
 //!         values: time.iter().map(|t| 3.0 / (1.0 + 5.0 * (-0.9 * t).exp())).collect(),
 //!         weight: 1.0,
+//!         loss: Loss::Square,
 //!     }],
 //!     initial: vec![None],
 //!     time,
@@ -62,11 +67,13 @@
 //! | [`condensed`] | its QP by elimination of the states |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
 
+mod bound;
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
 pub mod grid;
 pub mod layout;
+mod loss;
 pub mod mesh;
 pub mod node;
 mod parallel;
@@ -75,9 +82,11 @@ pub mod solve;
 mod sparse;
 pub mod tableau;
 
+pub use bound::{Bound, BoundAt};
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
+pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
 pub use solve::{rk4, solve};

@@ -1,5 +1,7 @@
 //! One run: what is known of it, and the mesh on which it is solved.
 
+use super::loss::Loss;
+
 /// A run as the transcription needs it.
 ///
 /// The mesh and the samples are apart: the mesh may be finer or coarser than the samples, neither need
@@ -23,8 +25,10 @@ pub struct Run {
 pub struct Recording {
     /// Its value at each sample; NaN where it is missing.
     pub values: Vec<f64>,
-    /// Weight of its squared residuals.
+    /// Weight of its terms in the objective.
     pub weight: f64,
+    /// What its residuals cost.
+    pub loss: Loss,
 }
 
 impl Run {
@@ -49,6 +53,7 @@ impl Run {
         }
         assert_eq!(self.measured.len(), measured, "recordings");
         for own in &self.measured {
+            own.loss.check();
             assert_eq!(own.values.len(), time.len(), "values of a recording");
             let is_value = |value: &f64| !value.is_infinite();
             assert!(

@@ -201,14 +201,34 @@ impl Collocation {
         }
     }
 
-    /// Derivatives of the objective by the measured outputs at a sample: `-2 w (y - h)`, zero where none is
-    /// recorded.
-    fn pull(&self, j: usize, sample: u32, outputs: &[f64]) -> Vec<f64> {
+    /// First and second derivatives of the objective by the measured outputs at a sample, zero where none is
+    /// recorded; the second ones exact, or those of Gauss–Newton.
+    fn loss_derivatives(
+        &self,
+        (j, sample): (usize, u32),
+        outputs: &[f64],
+        kind: Hessian,
+    ) -> Vec<(f64, f64)> {
         let of = |(k, own): (usize, &Recording)| {
-            let recorded = self.recorded(j, k, sample);
-            -2.0 * own.weight * recorded.map_or(0.0, |value| value - outputs[k])
+            let Some(recorded) = self.recorded(j, k, sample) else {
+                return (0.0, 0.0);
+            };
+            let (r, twice) = (recorded - outputs[k], 2.0 * own.weight);
+            let half = own.loss.halved(r);
+            let beyond = match kind {
+                Hessian::Exact => half.curvature,
+                Hessian::GaussNewton => 0.0,
+            };
+            let slope = half.slope - half.weight * r;
+            (twice * slope, twice * (half.weight + beyond))
         };
         self.runs[j].measured.iter().enumerate().map(of).collect()
+    }
+
+    /// The first ones alone.
+    fn pull(&self, j: usize, sample: u32, outputs: &[f64]) -> Vec<f64> {
+        let both = self.loss_derivatives((j, sample), outputs, Hessian::GaussNewton);
+        both.into_iter().map(|(first, _)| first).collect()
     }
 
     /// Weights of every point's `f̄` in the Lagrangian, as matrices of one column, given the weights of
@@ -436,11 +456,11 @@ impl SparseProblem for Collocation {
                 if point.sample.is_some() {
                     used.fill(1.0);
                 }
-                for (k, own) in self.runs[j].measured.iter().enumerate() {
-                    let is_recorded = |sample| self.recorded(j, k, sample).is_some();
-                    if point.sample.is_some_and(is_recorded) {
-                        let h = &run.points[i].gradients[k];
-                        w += h * h.transpose() * (2.0 * own.weight);
+                if let Some(sample) = point.sample {
+                    let own = &run.points[i];
+                    let both = self.loss_derivatives((j, sample), &own.outputs, kind);
+                    for (h, (_, second)) in own.gradients.iter().zip(both) {
+                        w += h * h.transpose() * second;
                     }
                 }
                 if exact {

@@ -2,8 +2,8 @@
 
 use num_dual::DualNum;
 use pilotage_collocation::{
-    Collocation, Condensed, Differentiated, ParameterConstraints, Recording, Run, Scales, Scheme,
-    solve,
+    Bound, Collocation, Condensed, Differentiated, Loss, ParameterConstraints, Recording, Run,
+    Scales, Scheme, solve,
 };
 use pilotage_expression::System;
 use pilotage_sqp::{Solution, SqpOptions, Status};
@@ -20,7 +20,7 @@ fn fitted(
     runs: Vec<Run>,
     start: &[f64],
     initial: &[f64],
-    bounds: &[(f64, f64)],
+    bounds: &[Bound],
 ) -> (Vec<f64>, Solution, Collocation) {
     by_scheme(Scheme::Gauss(2), system, runs, (start, initial), bounds)
 }
@@ -30,7 +30,7 @@ fn by_scheme(
     system: &System,
     runs: Vec<Run>,
     (start, initial): (&[f64], &[f64]),
-    bounds: &[(f64, f64)],
+    bounds: &[Bound],
 ) -> (Vec<f64>, Solution, Collocation) {
     let model = Arc::new(Differentiated::new(system));
     let states: Vec<_> = (runs.iter())
@@ -78,6 +78,7 @@ fn step_through(length: usize, known: bool) -> (Vec<f64>, Solution, Collocation,
     let of = |i: usize| Recording {
         values: states.iter().map(|x| x[i]).collect(),
         weight: 1.0,
+        loss: Loss::Square,
     };
     run.measured = (0..length).map(of).collect();
     let start: Vec<f64> = truth.iter().map(|t| 1.2 * t).collect();
@@ -125,12 +126,13 @@ fn time_and_several_inputs_are_taken() {
         measured: vec![Recording {
             values: (time.iter().map(|t| 0.4 * (2.0 * t).sin() - 0.3 * t * t)).collect(),
             weight: 3.0,
+            loss: Loss::Square,
         }],
         initial: vec![Some(0.0)],
         time,
     };
     let start = [0.5, 1.8, 0.1];
-    let free = [(-f64::INFINITY, f64::INFINITY)];
+    let free = [Bound::at_samples(-f64::INFINITY, f64::INFINITY)];
     let (theta, solution, _) = fitted(
         &system.clone().unwrap(),
         vec![run.clone()],
@@ -146,7 +148,7 @@ fn time_and_several_inputs_are_taken() {
         vec![run],
         &start,
         &[0.0],
-        &[(-15.0, 20.0)],
+        &[Bound::at_samples(-15.0, 20.0)],
     );
     assert_eq!(solution.status, Status::Converged);
     let bounded = &problem.outputs_at_samples(&solution.iterate.z, 0)[1];
@@ -165,7 +167,11 @@ fn samples_of_one_instant_are_counted_each() {
     let run = |time: Vec<f64>, values: Vec<f64>, weight: f64| Run {
         mesh: single.clone(),
         inputs: vec![vec![]; time.len()],
-        measured: vec![Recording { values, weight }],
+        measured: vec![Recording {
+            values,
+            weight,
+            loss: Loss::Square,
+        }],
         initial: vec![None],
         time,
     };
@@ -236,6 +242,7 @@ fn inputs_jump_between_two_samples_of_one_instant() {
         measured: vec![Recording {
             values,
             weight: 1.0,
+            loss: Loss::Square,
         }],
         initial: vec![Some(0.0)],
         time,
@@ -271,6 +278,7 @@ fn runs_that_break_the_contract_are_refused() {
         measured: vec![Recording {
             values: vec![0.0; 5],
             weight: 1.0,
+            loss: Loss::Square,
         }],
         initial: vec![None],
         time,

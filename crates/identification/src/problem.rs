@@ -4,8 +4,8 @@ use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::joint::{Joint, open_loop};
 use super::{FitOptions, InitialPosition, InitialState, Mesh, Trial};
-use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints};
-use pilotage_collocation::{Recording, Run, Scales};
+use pilotage_collocation::{Bound, Collocation, Differentiated, ParameterConstraints};
+use pilotage_collocation::{Loss, Recording, Run, Scales};
 use pilotage_expression::System;
 use pilotage_models::Quadcopter;
 use std::sync::Arc;
@@ -59,7 +59,7 @@ impl Posed {
             options.scheme,
             self.runs.clone(),
             scales,
-            &[(-options.stick_limit, options.stick_limit)],
+            &[Bound::at_samples(-options.stick_limit, options.stick_limit)],
         )
     }
 }
@@ -99,7 +99,11 @@ pub fn pose_response(trials: &[Trial], options: &FitOptions) -> Posed {
 /// What a trial recorded of the one measured output.
 fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
     let weight = trial.weight;
-    vec![Recording { values, weight }]
+    vec![Recording {
+        values,
+        weight,
+        loss: Loss::Square,
+    }]
 }
 
 /// What is known of pilot and vehicle at the first sample.

@@ -9,7 +9,9 @@ use super::FitOptions;
 use super::race::Race;
 use super::random_starts::between;
 use super::solve::{ROUGH_TOLERANCE, SHORT_STEP};
-use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Scales, rk4, solve};
+use pilotage_collocation::{
+    Bound, Collocation, Differentiated, ParameterConstraints, Scales, rk4, solve,
+};
 use pilotage_models::quadcopter;
 use pilotage_sqp::{Problem, Status};
 use rand_chacha::ChaCha8Rng;
@@ -98,7 +100,7 @@ impl OneRun {
                 states: whole.model.scales.states.clone(),
                 parameters: Vec::new(),
             },
-            &[(-options.stick_limit, options.stick_limit)],
+            &[Bound::at_samples(-options.stick_limit, options.stick_limit)],
         );
         let z = whole.coefficients(z, j).to_vec();
         let mut c = vec![0.0; problem.n_equalities()];

@@ -65,6 +65,11 @@ impl Row {
         along.sum::<f64>() / (squares * squares).max(f64::MIN_POSITIVE)
     }
 
+    /// True where both limits are one: the multiplier may have any sign.
+    pub fn is_equation(&self) -> bool {
+        self.lower == self.upper
+    }
+
     /// How far a value of the row lies above its upper limit, or, negative, below its lower one: zero within
     /// rounding.
     pub fn excess(&self, value: f64) -> f64 {
@@ -140,9 +145,9 @@ impl Convex {
 }
 
 /// True when the first rows are active at these sides.
-pub fn held(sides: &[f64], solution: &ConvexSolution) -> bool {
-    let pairs = sides.iter().zip(&solution.y);
-    solution.violation == 0.0 && pairs.into_iter().all(|(side, y)| side * y > 0.0)
+pub fn held(rows: &[Row], sides: &[f64], solution: &ConvexSolution) -> bool {
+    let mut first = rows.iter().zip(sides).zip(&solution.y);
+    solution.violation == 0.0 && first.all(|((row, side), y)| row.is_equation() || side * y > 0.0)
 }
 
 /// Minimises `½ ρᵀ H ρ + qᵀ ρ` within the rows; `guess` says which are active, as [`exchanged`].
@@ -245,7 +250,7 @@ pub fn exchanged(
         for ((row, side), y) in rows.iter().zip(&mut sides).zip(&solution.y) {
             let next = match *side {
                 0.0 => row.excess(row.value(&solution.x)),
-                side if side * y < 0.0 => 0.0,
+                side if side * y < 0.0 && !row.is_equation() => 0.0,
                 side => side,
             };
             let next = sign(next);
@@ -351,12 +356,16 @@ pub mod tests {
         let solution = solve(&convex, &q, &rows, &sides).unwrap();
         assert!((solution.x[0] - 1.0).abs() < 1e-14 && (solution.x[1] - 1.0).abs() < 1e-14);
         assert!((solution.y[0] - 3.0).abs() < 1e-13, "{solution:?}");
-        assert!(held(&sides, &solution));
+        assert!(held(&rows, &sides, &solution));
         // Not along the other row, and not where the row is left: with y's pull turned round.
         assert!(Convex::held(arrow, &[row(&[1.0, 0.0], -INF, 1.0)]).is_none());
         let mut q = [-2.0, 3.0];
         convex.shift(&rows, &sides, &mut q);
-        assert!(!held(&sides, &solve(&convex, &q, &rows, &sides).unwrap()));
+        assert!(!held(
+            &rows,
+            &sides,
+            &solve(&convex, &q, &rows, &sides).unwrap()
+        ));
     }
 
     pub const INF: f64 = f64::INFINITY;

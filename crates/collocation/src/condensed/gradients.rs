@@ -5,7 +5,7 @@ use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
 use crate::node::{NodeModel, pull_back};
-use crate::simd::{self, LANES, Lanes, Task, plus, side_by_side, times};
+use crate::simd::{self, LANES, Lanes, Task, less, plus, side_by_side, times};
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
@@ -40,16 +40,41 @@ impl RunSweep {
         for (k, output) in measured.iter_mut().enumerate() {
             let residual = &mut self.residual.group_mut(points.number)[k];
             let weight = &mut self.weight.group_mut(points.number)[k];
-            let twice = 2.0 * at.problem.runs[at.j].measured[k].weight;
+            let own = &at.problem.runs[at.j].measured[k];
+            let twice = 2.0 * own.weight;
             for (lane, sample) in points.samples() {
                 let recorded = at.problem.recorded(at.j, k, sample as u32);
                 residual[lane] = recorded.map_or(0.0, |value| value - output[lane]);
-                weight[lane] = recorded.map_or(0.0, |_| twice);
+                let half = own.loss.halved(residual[lane]);
+                weight[lane] = recorded.map_or(0.0, |_| twice * half.weight);
+                if let Some(beyond) = &mut self.beyond {
+                    let beyond = &mut beyond.group_mut(points.number)[2 * k..];
+                    beyond[0][lane] = recorded.map_or(0.0, |_| twice * half.slope);
+                    beyond[1][lane] = recorded.map_or(0.0, |_| twice * half.curvature);
+                }
             }
-            *output = times(*weight, *residual).map(|v| -v);
+            *output = self.pull(points.number, k);
         }
         for (output, eta) in bounded.iter_mut().zip(eta.chunks_exact(samples)) {
             *output = points.of_samples(eta);
+        }
+    }
+
+    /// Slope and curvature of a group's losses of a measured output beyond those of squares.
+    #[inline(always)]
+    pub(super) fn beyond(&self, group: usize, k: usize) -> Option<(Lanes, Lanes)> {
+        let own = &self.beyond.as_ref()?.group(group)[2 * k..];
+        Some((own[0], own[1]))
+    }
+
+    /// Derivatives of the objective by a measured output at a group of points.
+    #[inline(always)]
+    pub(super) fn pull(&self, group: usize, k: usize) -> Lanes {
+        let (weight, residual) = (self.weight.group(group)[k], self.residual.group(group)[k]);
+        let pull = times(weight, residual).map(|v| -v);
+        match self.beyond(group, k) {
+            Some((slope, _)) => plus(pull, [1.0; LANES], slope),
+            None => pull,
         }
     }
 
@@ -89,7 +114,13 @@ impl RunSweep {
         for (k, (weight, residual)) in weights.enumerate() {
             let (columns, own) = (model.columns(k), self.gradients[k].group(group));
             let change = along(columns, own, step);
-            let factor = times(*weight, plus(change, [-1.0; LANES], *residual));
+            let mut factor = times(*weight, plus(change, [-1.0; LANES], *residual));
+            if let Some((slope, curvature)) = self.beyond(group, k) {
+                factor = plus(factor, [1.0; LANES], slope);
+                if kind == Hessian::Exact {
+                    factor = plus(factor, curvature, change);
+                }
+            }
             add_at(columns, factor, own, out);
         }
         if kind == Hessian::Exact {
@@ -216,11 +247,9 @@ impl Task for ObjectiveGradient<'_> {
         let (mut outputs, mut full) = (zeros(own), zeros(own));
         for points in Points::all(grid).rev() {
             outputs.fill([0.0; LANES]);
-            let weights = own.weight.group(points.number).iter();
-            let weights = weights.zip(own.residual.group(points.number));
-            for (k, (weight, residual)) in weights.enumerate() {
+            for k in 0..at.problem.measured {
                 let gradient = own.gradients[k].group(points.number);
-                let pull = times(*weight, *residual).map(|v| -v);
+                let pull = own.pull(points.number, k);
                 add_at(model.columns(k), pull, gradient, &mut outputs);
             }
             for lanes in points.turns(nested) {
@@ -272,12 +301,10 @@ impl Task for StepGradient<'_> {
             own.model_gradient(model, points.number, kind, &step, &mut outputs);
             // The objective's gradient is among them, and no part of the Hessian.
             let mut sum = [0.0; LANES];
-            let weights = own.weight.group(points.number).iter();
-            let weights = weights.zip(own.residual.group(points.number));
-            for (k, (weight, residual)) in weights.enumerate() {
+            for k in 0..measured {
                 let gradient = own.gradients[k].group(points.number);
                 let change = along(model.columns(k), gradient, &step);
-                sum = plus(sum, times(*weight, *residual), change);
+                sum = less(sum, own.pull(points.number, k), change);
             }
             for (gradient, step) in outputs[..n + p].iter().zip(&step) {
                 sum = plus(sum, *gradient, *step);

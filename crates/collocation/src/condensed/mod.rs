@@ -258,11 +258,12 @@ impl Condensed {
             guess.resize(rows.len(), 0.0);
             solution = active::solve(&convex, &q, &rows, &guess)?;
         }
-        if convex.holds() && !held(&sides, &solution) {
+        if convex.holds() && !held(&rows, &sides, &solution) {
             return Err(QpFailure::NotConvex);
         }
         self.expand(problem, &solution.x, 1.0);
-        let sides = rows.iter().zip(&solution.y).filter(|(_, y)| **y != 0.0);
+        let is_active = |(row, y): &(&Row, &f64)| **y != 0.0 || row.is_equation();
+        let sides = rows.iter().zip(&solution.y).filter(is_active);
         self.working = sides.map(|(row, y)| (row.at, y.signum())).collect();
         self.write_primal(problem, &rows, &solution, step);
         Ok(())
@@ -278,7 +279,7 @@ impl Condensed {
             self.jacobians = ElementJacobians::new(problem);
             self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
-            self.working.clear();
+            self.working = equations(problem).map(|at| (at, 1.0)).collect();
         }
         let theta = problem.layout.theta;
         self.gradient[theta..].fill(0.0);
@@ -466,6 +467,18 @@ impl Condensed {
             }
         }
     }
+}
+
+/// The bounded outputs whose limits are equal at some sample: active from the first QP on.
+fn equations(problem: &Collocation) -> impl Iterator<Item = RowAt> {
+    let (lower, upper) = problem.limits();
+    let runs = problem.layout.runs.iter().enumerate();
+    let rows = runs.flat_map(|(run, at)| at.inequalities().map(move |index| (run, index, at.g)));
+    rows.filter(|(_, index, _)| lower[*index] == upper[*index])
+        .map(|(run, index, first)| RowAt::Bounded {
+            run,
+            row: index - first,
+        })
 }
 
 /// A vector over all reduced variables from those over each run's: the sum over the `p` parameters, and the

@@ -57,15 +57,22 @@ impl RunSweep {
             for (output, own) in self.gradients[..measured].iter().enumerate() {
                 let (gradient, columns) = (own.group(group), model.columns(output));
                 let weight = self.weight.group(group)[output];
-                let residual = self.residual.group(group)[output];
+                let pull = self.pull(group, output);
                 let (mut factors, mut along) = ([[0.0; W]; LANES], [[0.0; W]; LANES]);
                 for lane in 0..points.count {
                     let row = project(gradient, lane, columns, s[lane], p);
-                    add(-weight[lane] * residual[lane], &row, &mut slope);
+                    add(pull[lane], &row, &mut slope);
                     (factors[lane], along[lane]) = (row, [0.0; W]);
                     add(0.5 * weight[lane], &row, &mut along[lane]);
                 }
                 add_products(&factors, &along, r, &mut squares);
+                if let Some((_, beyond)) = self.beyond(group, output).filter(|_| exact) {
+                    for lane in 0..points.count {
+                        along[lane] = [0.0; W];
+                        add(0.5 * beyond[lane], &factors[lane], &mut along[lane]);
+                    }
+                    add_products(&factors, &along, r, &mut curved);
+                }
             }
             if exact {
                 pairs.add(self.second.group(group), &s, points.count, r, &mut curved);

@@ -25,9 +25,12 @@ pub struct RunSweep {
     pub(super) jacobian: Grouped,
     /// Gradients of the outputs at all points, at their columns.
     pub(super) gradients: Vec<Grouped>,
-    /// Recorded minus modelled outputs at the points, and `2 w`; both zero where none is recorded.
+    /// Recorded minus modelled outputs at the points, and weights of the squares that stand for their losses, `2 w` of
+    /// a square; both zero where none is recorded.
     pub(super) residual: Grouped,
     pub(super) weight: Grouped,
+    /// Slope and curvature of each loss beyond its square; None where all are squares.
+    pub(super) beyond: Option<Grouped>,
     /// Second derivatives at all points.
     pub(super) second: Grouped,
     /// Rows `S` and steps of the unknowns, and of the points that are combinations.
@@ -118,6 +121,8 @@ impl RunSweep {
                 .collect(),
             residual: Grouped::zeros(points, problem.measured),
             weight: Grouped::zeros(points, problem.measured),
+            beyond: (!problem.is_least_squares())
+                .then(|| Grouped::zeros(points, 2 * problem.measured)),
             second: Grouped::zeros(points, model.pairs.len()),
             nodes: Rows::new(grid.nodes() * n, w),
             combined: Rows::new(grid.combinations * n, w),
