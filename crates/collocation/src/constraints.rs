@@ -1,7 +1,7 @@
 //! Constraints on the parameters alone.
 
 use num_dual::DualNum;
-use pilotage_expression::{Obstacle, Tape, Traced, trace};
+use pilotage_expression::{Graph, Node, Obstacle, Tape, Traced, trace};
 
 /// Constraints `values(θ) ≥ 0`, such as the stability of an identified model.
 #[derive(Debug, Clone, Default)]
@@ -20,10 +20,15 @@ impl ParameterConstraints {
         values: impl FnOnce(&[Traced]) -> Vec<Traced>,
     ) -> Result<Self, Obstacle> {
         let (graph, values) = trace(parameters, values)?;
-        Ok(Self {
-            tape: Tape::new(&graph, parameters, |_| true, &[&values]),
+        Ok(Self::of(&graph, parameters, &values))
+    }
+
+    /// The constraints that these expressions over the parameters are.
+    pub fn of(graph: &Graph, parameters: usize, values: &[Node]) -> Self {
+        Self {
+            tape: Tape::new(graph, parameters, |_| true, &[values]),
             count: values.len(),
-        })
+        }
     }
 
     /// Number of constraints.

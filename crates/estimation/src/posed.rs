@@ -5,17 +5,17 @@
 //! run as the others are. An initial state that depends on sought parameters is added to its state, which then
 //! begins at zero.
 
-use crate::data::{RunData, Source};
+use crate::assembly::Assembly;
+use crate::data::RunData;
 use crate::error::ProblemError;
-use crate::file::{Hold, Holds, Initial, Per, ProblemFile, Set};
+use crate::file::ProblemFile;
 use crate::joint::Joint;
-use crate::names::{Named, Of, matching};
+use crate::names::Named;
 use crate::part::Part;
-use crate::unknowns::{Meaning, Parameters, Unknown};
-use pilotage_collocation::{Bound, BoundAt, Differentiated, ParameterConstraints, Run};
-use pilotage_cosim::description::{InstanceDescription, Said};
-use pilotage_expression::{Function, Graph, Node, System};
-use std::collections::HashMap;
+use crate::unknowns::{Parameters, Unknown};
+use pilotage_collocation::{Bound, Differentiated, ParameterConstraints, Run};
+use pilotage_cosim::description::InstanceDescription;
+use pilotage_expression::Node;
 use std::sync::Arc;
 
 /// A problem that is ready to be discretised.
@@ -43,4 +43,77 @@ pub struct Posed<'f> {
     pub told: Told,
     /// What was read, of each run that is fitted.
     pub data: Vec<RunData<'f>>,
+}
+
+/// A state of the equations.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Its name; that of the parameter, of a run's own one.
+    pub name: String,
+    /// Typical magnitude, where one is known.
+    pub nominal: Option<f64>,
+    /// For each run, what it begins with where that is not known.
+    pub guesses: Vec<f64>,
+    /// What is added to it, where it begins at zero by that.
+    pub shift: Option<Node>,
+}
+
+/// Where an unknown stands among the variables.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Stands {
+    /// Among the shared parameters.
+    Shared(usize),
+    /// Among the shared parameters, one for each subject.
+    Subjects(Vec<(String, usize)>),
+    /// Among the states.
+    State(usize),
+}
+
+/// What is told of a solution, in the graph of the equations.
+#[derive(Debug, Clone)]
+pub struct Told {
+    /// What each sensor should show, in the unit of the signal.
+    pub predicted: Vec<Node>,
+    /// The standard deviation of each one's noise.
+    pub deviations: Vec<Node>,
+    /// Parameters that are tied to others.
+    pub tied: Vec<(String, Node)>,
+    /// For each measured signal, the recorded values of each run's samples, in the unit of the signal.
+    pub recorded: Vec<Vec<Vec<f64>>>,
+}
+
+/// How an instance is opened.
+pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
+
+impl<'f> Posed<'f> {
+    /// The problem of a file.
+    ///
+    /// # Errors
+    /// When anything in it does not fit: with file, line and column.
+    pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
+        let mut parts = Vec::new();
+        for instance in &file.system.instances {
+            parts.push((instance.name.clone(), open(instance)?));
+        }
+        let joint = Joint::new(&file.system, parts)?;
+        let parameters = Parameters::new(file, &joint)?;
+        let named = Named::new(file, &joint, &parameters)?;
+        let runs = file.runs.iter().filter(|run| run.fits);
+        let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
+        let assembly = Assembly::new(file, &joint, &parameters, &named, &data)?;
+        let made = assembly.finish()?;
+        Ok(Self {
+            model: Arc::new(Differentiated::new(&made.system)),
+            bounds: made.bounds,
+            constraints: made.constraints,
+            runs: made.runs,
+            unknowns: made.unknowns,
+            shared: made.shared,
+            states: made.states,
+            told: made.told,
+            file,
+            joint,
+            data,
+        })
+    }
 }
