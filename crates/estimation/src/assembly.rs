@@ -2,7 +2,10 @@
 
 use crate::data::{Rows, RunData, Source};
 use crate::error::ProblemError;
-use crate::file::{Calibration, Deviation, Hold, Holds, Initial, Measured, Noise, Per, Prior, ProblemFile, Quantity, Set};
+use crate::file::{
+    Calibration, Deviation, Hold, Holds, Initial, Measured, Noise, Per, Prior, ProblemFile,
+    Quantity, Set,
+};
 use crate::joint::{Joint, unknown};
 use crate::names::{Named, Of, matching};
 use crate::posed::{Stands, State, Told};
@@ -127,7 +130,9 @@ impl<'a> Assembly<'a> {
             let name = &fed.signal.value;
             if !self.joint.model.inputs.contains(name) {
                 let fault = match self.joint.driven.contains_key(name) {
-                    true => format!("`{name}` is driven by a wire; leave the wire or the column out"),
+                    true => {
+                        format!("`{name}` is driven by a wire; leave the wire or the column out")
+                    }
                     false => unknown("free input", name, &self.joint.model.inputs),
                 };
                 return Err(ProblemError::maybe_at(fed.signal.place.as_ref(), fault));
@@ -204,7 +209,12 @@ impl<'a> Assembly<'a> {
             }
         }
         for name in &names {
-            for set in self.data.iter().flat_map(of_run).filter(|set| set.name.value == **name) {
+            for set in self
+                .data
+                .iter()
+                .flat_map(of_run)
+                .filter(|set| set.name.value == **name)
+            {
                 let mut taken = set.value.names();
                 if let Some(other) = taken.find(|other| names.iter().any(|own| own == other)) {
                     let fault = format!("`{other}` is set by runs itself; write its value here");
@@ -219,8 +229,11 @@ impl<'a> Assembly<'a> {
     }
 
     fn find_set(&mut self, name: &str, span: Span) {
-        let timelines: Vec<Vec<(f64, Option<&Formula>)>> =
-            self.data.iter().map(|run| timeline(run, name, span)).collect();
+        let timelines: Vec<Vec<(f64, Option<&Formula>)>> = self
+            .data
+            .iter()
+            .map(|run| timeline(run, name, span))
+            .collect();
         let base = match self.parameters.meanings[name] {
             Meaning::Number(value) => Some(value),
             _ => None,
@@ -231,7 +244,9 @@ impl<'a> Assembly<'a> {
         };
         let given = |of: &dyn Fn(Option<&Formula>) -> f64| {
             let run = |line: &Vec<(f64, Option<&Formula>)>| {
-                line.iter().map(|(time, formula)| (*time, of(*formula))).collect()
+                line.iter()
+                    .map(|(time, formula)| (*time, of(*formula)))
+                    .collect()
             };
             Source::Given(timelines.iter().map(run).collect())
         };
@@ -299,7 +314,10 @@ impl<'a> Assembly<'a> {
                 continue;
             }
             let is_own = |run: &RunData<'_>| f64::from(run.line.subject.as_ref() == Some(subject));
-            let values = self.data.iter().map(|run| vec![(f64::NEG_INFINITY, is_own(run))]);
+            let values = self
+                .data
+                .iter()
+                .map(|run| vec![(f64::NEG_INFINITY, is_own(run))]);
             self.sources.push((key, Source::Given(values.collect())));
         }
         Ok(subjects)
@@ -316,7 +334,8 @@ impl<'a> Assembly<'a> {
     }
 
     fn theta(&mut self, k: usize) -> Node {
-        self.graph.variable(1 + self.states + self.sources.len() + k)
+        self.graph
+            .variable(1 + self.states + self.sources.len() + k)
     }
 
     fn variables(&self) -> usize {
@@ -329,9 +348,15 @@ impl<'a> Assembly<'a> {
         (0..self.variables()).for_each(|k| {
             self.graph.variable(k);
         });
-        let sources: Vec<Source> = self.sources.iter().map(|(_, source)| source.clone()).collect();
+        let sources: Vec<Source> = self
+            .sources
+            .iter()
+            .map(|(_, source)| source.clone())
+            .collect();
         let rows = self.data.iter().enumerate();
-        let rows: Vec<Rows> = rows.map(|(k, run)| run.rows(k, &sources)).collect::<Done<_>>()?;
+        let rows: Vec<Rows> = rows
+            .map(|(k, run)| run.rows(k, &sources))
+            .collect::<Done<_>>()?;
         for (k, span) in [(0, Span::Run), (1, Span::Begin)] {
             self.values[k] = self.parameter_nodes(span);
         }
@@ -349,9 +374,13 @@ impl<'a> Assembly<'a> {
             .collect();
         let variables = self.joint_variables(&x);
         let system = &self.joint.model.system;
-        let mut derivatives = self.graph.import(&system.graph, &system.derivatives, &variables);
+        let mut derivatives = self
+            .graph
+            .import(&system.graph, &system.derivatives, &variables);
         derivatives.resize(self.states, zero);
-        self.outputs = self.graph.import(&system.graph, &system.outputs, &variables);
+        self.outputs = self
+            .graph
+            .import(&system.graph, &system.outputs, &variables);
         let signals: Vec<Node> = (self.named.signals.iter())
             .map(|name| self.joint.signal(name).expect("a signal of its own"))
             .collect();
@@ -388,28 +417,39 @@ impl<'a> Assembly<'a> {
         constraints: ParameterConstraints,
     ) -> Made {
         let outputs = self.recordings.iter().map(|own| own.output);
-        let outputs = outputs.chain(self.bounded.iter().map(|(node, _)| *node)).collect();
-        let runs = rows.into_iter().zip(known).enumerate().map(|(j, (rows, initial))| {
-            let measured = self.recordings.iter().map(|own| Recording {
-                values: own.values[j].clone(),
-                weight: match own.is_prior {
-                    true => own.weight,
-                    false => own.weight * self.data[j].line.weight,
-                },
-                loss: own.loss,
+        let outputs = outputs
+            .chain(self.bounded.iter().map(|(node, _)| *node))
+            .collect();
+        let runs = rows
+            .into_iter()
+            .zip(known)
+            .enumerate()
+            .map(|(j, (rows, initial))| {
+                let measured = self.recordings.iter().map(|own| Recording {
+                    values: own.values[j].clone(),
+                    weight: match own.is_prior {
+                        true => own.weight,
+                        false => own.weight * self.data[j].line.weight,
+                    },
+                    loss: own.loss,
+                });
+                let mut mesh = rows.time.clone();
+                mesh.dedup();
+                Run {
+                    mesh,
+                    time: rows.time,
+                    inputs: rows.inputs,
+                    measured: measured.collect(),
+                    initial,
+                }
             });
-            let mut mesh = rows.time.clone();
-            mesh.dedup();
-            Run {
-                mesh,
-                time: rows.time,
-                inputs: rows.inputs,
-                measured: measured.collect(),
-                initial,
-            }
-        });
         let runs: Vec<Run> = runs.collect();
-        let unknowns = self.parameters.unknowns.iter().cloned().zip(std::mem::take(&mut self.stands));
+        let unknowns = self
+            .parameters
+            .unknowns
+            .iter()
+            .cloned()
+            .zip(std::mem::take(&mut self.stands));
         Made {
             system: System {
                 graph: self.graph,
@@ -497,7 +537,9 @@ impl<'a> Assembly<'a> {
                 for (subject, theta) in subjects {
                     let variable = self.theta(theta);
                     let value = plain(&mut self.graph, variable);
-                    let is_own = self.input_node(&Key::Subject(subject)).expect("it was found");
+                    let is_own = self
+                        .input_node(&Key::Subject(subject))
+                        .expect("it was found");
                     let part = self.graph.multiply(is_own, value);
                     sum = self.graph.add(sum, part);
                 }
@@ -527,10 +569,15 @@ impl<'a> Assembly<'a> {
             }
             None => variables.resize(2 + named.signals.len() + named.columns.len(), zero),
         }
-        let values = named.parameters.iter().map(|name| parameters.get(name).copied());
+        let values = named
+            .parameters
+            .iter()
+            .map(|name| parameters.get(name).copied());
         variables.extend(values.map(|node| node.unwrap_or(zero)));
         let compiled = &named.compiled;
-        let nodes = of.iter().map(|of| named.place(of).map(|place| compiled.nodes[place]));
+        let nodes = of
+            .iter()
+            .map(|of| named.place(of).map(|place| compiled.nodes[place]));
         let nodes: Vec<Node> = nodes.map(|node| node.expect("it was compiled")).collect();
         self.graph.import(&compiled.graph, &nodes, &variables)
     }
@@ -618,7 +665,11 @@ impl<'a> Assembly<'a> {
         let lines = self.file.initial.iter().map(|(name, _)| &name.value);
         let own = lines.clone().position(|name| name == state);
         let state = [state.to_owned()];
-        own.or_else(|| lines.clone().rposition(|name| !matching(name, &state).is_empty()))
+        own.or_else(|| {
+            lines
+                .clone()
+                .rposition(|name| !matching(name, &state).is_empty())
+        })
     }
 
     /// The models' start values.
@@ -638,7 +689,9 @@ impl<'a> Assembly<'a> {
 
     fn depends_on_sought(&self, node: Node) -> bool {
         let inputs = 1 + self.states..1 + self.states + self.sources.len();
-        let depends = self.graph.dependants(|variable| variable > 0 && !inputs.contains(&variable));
+        let depends = self
+            .graph
+            .dependants(|variable| variable > 0 && !inputs.contains(&variable));
         depends[node.index()]
     }
 
@@ -658,7 +711,9 @@ impl<'a> Assembly<'a> {
             match stands {
                 Stands::Shared(k) => variables[shared + k] = start,
                 Stands::State(k) => variables[1 + k] = start,
-                Stands::Subjects(all) => all.iter().for_each(|(_, k)| variables[shared + k] = start),
+                Stands::Subjects(all) => {
+                    all.iter().for_each(|(_, k)| variables[shared + k] = start)
+                }
             }
         }
         variables
@@ -667,17 +722,23 @@ impl<'a> Assembly<'a> {
     /// States and inputs of the joint model as the first run begins: where it is linearised.
     fn operating_point(&self, rows: &[Rows]) -> (Vec<f64>, Vec<f64>) {
         let values = self.graph.values(&self.begin_values(&rows[0]));
-        let inputs = self.joint.model.inputs.iter().map(|name| match self.input(&Key::Fed(name.clone())) {
-            Some(input) => rows[0].inputs[0][input],
-            None => values[self.values[0][name].index()],
-        });
+        let inputs =
+            self.joint
+                .model
+                .inputs
+                .iter()
+                .map(|name| match self.input(&Key::Fed(name.clone())) {
+                    Some(input) => rows[0].inputs[0][input],
+                    None => values[self.values[0][name].index()],
+                });
         (self.begins.clone(), inputs.collect())
     }
 
     /// The first measurement of a state in each run, where it is measured as it is.
     fn first_samples(&self, state: &str) -> Option<Vec<f64>> {
         let is_it = |measured: &&Measured| {
-            matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state)) && measured.is_plain()
+            matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state))
+                && measured.is_plain()
         };
         let measured = self.file.measured.iter().find(is_it)?;
         let unit = self.unit_of(measured);
@@ -740,7 +801,9 @@ impl<'a> Assembly<'a> {
         };
         let mut sensor = |what: &str, of: Of, calibration: &Calibration| match calibration {
             Calibration::Formula(_) => self.expressions(&[of], Some((signals, zero)), &values)[0],
-            Calibration::Sought(_) => values[&crate::unknowns::calibration(what, &measured.column.value)],
+            Calibration::Sought(_) => {
+                values[&crate::unknowns::calibration(what, &measured.column.value)]
+            }
         };
         let gain = sensor("gain", Of::Gain(k), &measured.gain);
         let offset = sensor("offset", Of::Offset(k), &measured.offset);
@@ -767,20 +830,36 @@ impl<'a> Assembly<'a> {
             let column = run.column(&measured.column, unit.as_deref())?;
             let value = |row: &Option<usize>| row.map_or(f64::NAN, |row| column[row]);
             let values: Vec<f64> = rows.rows.iter().map(value).collect();
-            if let Some(sample) = values.iter().position(|value| *value <= 0.0).filter(|_| measured.noise == Noise::LogNormal) {
+            if let Some(sample) = values
+                .iter()
+                .position(|value| *value <= 0.0)
+                .filter(|_| measured.noise == Noise::LogNormal)
+            {
                 let fault = format!(
                     "{}: the column `{}` is {} at {} s, and log-normal noise has values above 0",
-                    run.line.file.display(), measured.column.value, values[sample], rows.time[sample]
+                    run.line.file.display(),
+                    measured.column.value,
+                    values[sample],
+                    rows.time[sample]
                 );
-                return Err(ProblemError::maybe_at(measured.column.place.as_ref(), fault));
+                return Err(ProblemError::maybe_at(
+                    measured.column.place.as_ref(),
+                    fault,
+                ));
             }
             all.push(values);
         }
         match all.iter().flatten().any(|value| value.is_finite()) {
             true => Ok(all),
             false => {
-                let fault = format!("the column `{}` has no number in any run", measured.column.value);
-                Err(ProblemError::maybe_at(measured.column.place.as_ref(), fault))
+                let fault = format!(
+                    "the column `{}` has no number in any run",
+                    measured.column.value
+                );
+                Err(ProblemError::maybe_at(
+                    measured.column.place.as_ref(),
+                    fault,
+                ))
             }
         }
     }
@@ -812,12 +891,16 @@ impl<'a> Assembly<'a> {
         let difference = self.graph.subtract(expected, seen);
         let output = self.graph.divide(difference, deviation);
         let there = |own: &Vec<f64>| -> Vec<f64> {
-            own.iter().map(|value| if value.is_finite() { 0.0 } else { f64::NAN }).collect()
+            own.iter()
+                .map(|value| if value.is_finite() { 0.0 } else { f64::NAN })
+                .collect()
         };
         let values: Vec<Vec<f64>> = recorded.iter().map(there).collect();
         let loss = match noise {
             Noise::Normal | Noise::LogNormal => Loss::Square,
-            Noise::Laplace => Loss::Absolute { smoothing: LAPLACE_SMOOTHING },
+            Noise::Laplace => Loss::Absolute {
+                smoothing: LAPLACE_SMOOTHING,
+            },
             Noise::Student(dof) => Loss::Student { dof },
         };
         let term = |output, loss| Measurement {
@@ -839,12 +922,15 @@ impl<'a> Assembly<'a> {
     /// Whether a noise level depends on more than recorded columns.
     fn depends_on_variables(&self, node: Node) -> bool {
         let inputs = 1 + self.states..1 + self.states + self.sources.len();
-        let depends = self.graph.dependants(|variable| !inputs.contains(&variable));
+        let depends = self
+            .graph
+            .dependants(|variable| !inputs.contains(&variable));
         depends[node.index()]
     }
 
     fn bound(&mut self, node: Node, lower: f64, upper: f64, at: BoundAt) {
-        if self.graph.value(node).is_none() && (lower > f64::NEG_INFINITY || upper < f64::INFINITY) {
+        if self.graph.value(node).is_none() && (lower > f64::NEG_INFINITY || upper < f64::INFINITY)
+        {
             self.bounded.push((node, Bound { lower, upper, at }));
         }
     }
@@ -884,7 +970,9 @@ impl<'a> Assembly<'a> {
     /// States at rest at the start.
     fn hold_steady(&mut self, derivatives: &[Node]) {
         for (k, name) in self.joint.model.states.iter().enumerate() {
-            let line = self.initial_line(name).map(|line| &self.file.initial[line].1);
+            let line = self
+                .initial_line(name)
+                .map(|line| &self.file.initial[line].1);
             if let Some(Initial::Steady) = line {
                 self.bound(derivatives[k], 0.0, 0.0, BoundAt::Start);
             }
@@ -966,9 +1054,12 @@ impl<'a> Assembly<'a> {
             let (variables, in_each): (Vec<Node>, bool) = match self.stands[k].clone() {
                 Stands::Shared(theta) => (vec![self.theta(theta)], false),
                 Stands::State(state) => (vec![self.graph.variable(1 + state)], true),
-                Stands::Subjects(all) => {
-                    (all.into_iter().map(|(_, theta)| self.theta(theta)).collect(), false)
-                }
+                Stands::Subjects(all) => (
+                    all.into_iter()
+                        .map(|(_, theta)| self.theta(theta))
+                        .collect(),
+                    false,
+                ),
             };
             for variable in variables {
                 let output = match (unknown.log, prior.log) {
@@ -999,7 +1090,11 @@ impl<'a> Assembly<'a> {
     }
 
     /// Constraints on the shared parameters, stability among them.
-    fn parameter_constraints(&mut self, mut on_parameters: Vec<Node>, rows: &[Rows]) -> Done<ParameterConstraints> {
+    fn parameter_constraints(
+        &mut self,
+        mut on_parameters: Vec<Node>,
+        rows: &[Rows],
+    ) -> Done<ParameterConstraints> {
         let at = stability::Point {
             joint: self.joint,
             file: self.file,
@@ -1043,7 +1138,10 @@ impl Unknown {
     pub fn searched_nominal(&self) -> Option<f64> {
         match self.log {
             true => Some(1.0),
-            false => self.nominal.or(Some(self.start.abs())).filter(|size| *size > 0.0),
+            false => self
+                .nominal
+                .or(Some(self.start.abs()))
+                .filter(|size| *size > 0.0),
         }
     }
 }
@@ -1051,9 +1149,7 @@ impl Unknown {
 impl Measured {
     /// Whether the sensor shows what it measures.
     fn is_plain(&self) -> bool {
-        let is = |calibration: &Calibration, value: f64| {
-            matches!(calibration, Calibration::Formula(formula) if formula.number() == Some(value))
-        };
+        let is = |calibration: &Calibration, value: f64| matches!(calibration, Calibration::Formula(formula) if formula.number() == Some(value));
         is(&self.gain, 1.0) && is(&self.offset, 0.0)
     }
 }
@@ -1063,7 +1159,11 @@ pub const LAPLACE_SMOOTHING: f64 = 1e-3;
 
 /// From when on a parameter has which value in a run; none for what it has else.
 fn timeline<'r>(run: &'r RunData<'_>, name: &str, span: Span) -> Vec<(f64, Option<&'r Formula>)> {
-    let find = |set: &'r [Set]| set.iter().find(|set| set.name.value == name).map(|set| &set.value);
+    let find = |set: &'r [Set]| {
+        set.iter()
+            .find(|set| set.name.value == name)
+            .map(|set| &set.value)
+    };
     let mut line = vec![(f64::NEG_INFINITY, find(&run.line.set))];
     if span == Span::Run {
         let changes = run.line.changes.iter();

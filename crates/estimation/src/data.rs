@@ -62,14 +62,17 @@ impl<'f> RunData<'f> {
         let file = line.file.display();
         for column in &series.columns {
             if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
-                let fault = format!("{file}: `{}` is {} at {} s; expected a number, or an empty cell",
-                    column.name, column.values[k], series.time[k]);
+                let fault = format!(
+                    "{file}: `{}` is {} at {} s; expected a number, or an empty cell",
+                    column.name, column.values[k], series.time[k]
+                );
                 return Err(ProblemError::at(&line.place, fault));
             }
         }
         let first = series.time[0];
         if let Some(start) = line.start_time.filter(|start| *start > first) {
-            let fault = format!("{file} begins at {first} s, before start_time = {start}; begin no later");
+            let fault =
+                format!("{file} begins at {first} s, before start_time = {start}; begin no later");
             return Err(ProblemError::at(&line.place, fault));
         }
         let last = series.time[series.time.len() - 1];
@@ -78,11 +81,22 @@ impl<'f> RunData<'f> {
             let fault = format!("{file} has no sample after {begin} s; a run lasts some time");
             return Err(ProblemError::at(&line.place, fault));
         }
-        if let Some((time, _)) = line.changes.iter().find(|(time, _)| *time <= begin || *time >= last) {
-            let fault = format!("a change at {time} s is not within {file}, from {begin} to {last} s");
+        if let Some((time, _)) = line
+            .changes
+            .iter()
+            .find(|(time, _)| *time <= begin || *time >= last)
+        {
+            let fault =
+                format!("a change at {time} s is not within {file}, from {begin} to {last} s");
             return Err(ProblemError::at(&line.place, fault));
         }
         Ok(Self { line, series })
+    }
+
+    /// Name of its file.
+    pub fn name(&self) -> String {
+        let name = self.line.file.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
     }
 
     /// When it begins \[s\].
@@ -94,12 +108,24 @@ impl<'f> RunData<'f> {
     ///
     /// # Errors
     /// Where there is none, or its unit does not fit.
-    pub fn column(&self, name: &Said<String>, unit: Option<&str>) -> Result<Vec<f64>, ProblemError> {
+    pub fn column(
+        &self,
+        name: &Said<String>,
+        unit: Option<&str>,
+    ) -> Result<Vec<f64>, ProblemError> {
         let fault = |text: String| ProblemError::maybe_at(name.place.as_ref(), text);
         let file = self.line.file.display();
         let column = self.series.column(&name.value).ok_or_else(|| {
-            let known: Vec<String> = self.series.columns.iter().map(|own| own.name.clone()).collect();
-            fault(format!("{file}: {}", unknown("column", &name.value, &known)))
+            let known: Vec<String> = self
+                .series
+                .columns
+                .iter()
+                .map(|own| own.name.clone())
+                .collect();
+            fault(format!(
+                "{file}: {}",
+                unknown("column", &name.value, &known)
+            ))
         })?;
         let wanted = match unit {
             Some(unit) if !column.unit.is_empty() => unit,
@@ -112,7 +138,11 @@ impl<'f> RunData<'f> {
                 column.name, column.unit
             ))
         })?;
-        Ok(column.values.iter().map(|value| conversion.apply(*value)).collect())
+        Ok(column
+            .values
+            .iter()
+            .map(|value| conversion.apply(*value))
+            .collect())
     }
 
     /// The samples with these inputs; `run` is its number.
@@ -165,7 +195,12 @@ impl<'f> RunData<'f> {
                 values: values[run].iter().map(|(_, value)| *value).collect(),
                 hold: Hold::Zero,
             }),
-            Source::Column { name, unit, hold, missing } => {
+            Source::Column {
+                name,
+                unit,
+                hold,
+                missing,
+            } => {
                 let values = self.column(name, unit.as_deref())?;
                 let samples = self.series.time.iter().copied().zip(values);
                 let kept = |(time, value): (f64, f64)| match (value.is_nan(), missing) {
@@ -175,10 +210,18 @@ impl<'f> RunData<'f> {
                 };
                 let (time, values): (Vec<f64>, Vec<f64>) = samples.filter_map(kept).unzip();
                 if time.is_empty() {
-                    let fault = format!("{}: the column `{}` has no number", self.line.file.display(), name.value);
+                    let fault = format!(
+                        "{}: the column `{}` has no number",
+                        self.line.file.display(),
+                        name.value
+                    );
                     return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
                 }
-                Ok(Signal { time, values, hold: *hold })
+                Ok(Signal {
+                    time,
+                    values,
+                    hold: *hold,
+                })
             }
         }
     }

@@ -80,7 +80,9 @@ impl Named {
         };
         let names: Vec<String> = parameters.names.iter().filter(is_plain).cloned().collect();
         for name in &names {
-            builder.expressions.add_parameter(name, parameters.unit(name, joint));
+            builder
+                .expressions
+                .add_parameter(name, parameters.unit(name, joint));
         }
         Ok(Self {
             compiled: builder.expressions.compile()?,
@@ -104,13 +106,23 @@ struct Builder {
 }
 
 impl Builder {
-    fn add(&mut self, of: Of, unit: Option<&str>, formula: &Formula, constant: Option<&'static str>) {
+    fn add(
+        &mut self,
+        of: Of,
+        unit: Option<&str>,
+        formula: &Formula,
+        constant: Option<&'static str>,
+    ) {
         if self.places.contains_key(&of) {
             return;
         }
         for name in formula.names() {
-            let quoted = name.strip_prefix("column(\"").and_then(|rest| rest.strip_suffix("\")"));
-            if let Some(quoted) = quoted.filter(|quoted| !self.columns.iter().any(|own| own == quoted)) {
+            let quoted = name
+                .strip_prefix("column(\"")
+                .and_then(|rest| rest.strip_suffix("\")"));
+            if let Some(quoted) =
+                quoted.filter(|quoted| !self.columns.iter().any(|own| own == quoted))
+            {
                 self.columns.push(quoted.to_owned());
             }
         }
@@ -132,7 +144,12 @@ fn add_all(
     for name in &parameters.names {
         if let Meaning::Tied(formula) = &parameters.meanings[name] {
             let unit = parameters.unit(name, joint);
-            builder.add(Of::Tied(name.clone()), unit, formula, Some("a tied parameter"));
+            builder.add(
+                Of::Tied(name.clone()),
+                unit,
+                formula,
+                Some("a tied parameter"),
+            );
         }
     }
     for (k, measured) in file.measured.iter().enumerate() {
@@ -182,7 +199,12 @@ fn add_all(
                 return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
             }
             let unit = parameters.unit(name, joint);
-            builder.add(Of::set(name, &set.value), unit, &set.value, Some("a value of a run"));
+            builder.add(
+                Of::set(name, &set.value),
+                unit,
+                &set.value,
+                Some("a value of a run"),
+            );
         }
     }
     Ok(())

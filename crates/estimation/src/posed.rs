@@ -9,6 +9,7 @@ use crate::assembly::Assembly;
 use crate::data::RunData;
 use crate::error::ProblemError;
 use crate::file::ProblemFile;
+use crate::fit::factor;
 use crate::joint::Joint;
 use crate::names::Named;
 use crate::part::Part;
@@ -41,6 +42,8 @@ pub struct Posed<'f> {
     pub states: Vec<State>,
     /// What is told of a solution.
     pub told: Told,
+    /// What the solver's objective is, per unit of the problem's.
+    pub factor: f64,
     /// What was read, of each run that is fitted.
     pub data: Vec<RunData<'f>>,
 }
@@ -104,6 +107,7 @@ impl<'f> Posed<'f> {
         let made = assembly.finish()?;
         Ok(Self {
             model: Arc::new(Differentiated::new(&made.system)),
+            factor: factor(&made.runs),
             bounds: made.bounds,
             constraints: made.constraints,
             runs: made.runs,

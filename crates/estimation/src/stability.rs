@@ -37,7 +37,9 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, Proble
             let fault = unknown("instance", &name.value, &known);
             ProblemError::maybe_at(name.place.as_ref(), fault)
         })?;
-        let before = joint.parts[..part].iter().map(|(_, part)| part.model.states.len());
+        let before = joint.parts[..part]
+            .iter()
+            .map(|(_, part)| part.model.states.len());
         let first: usize = before.sum();
         let model = &joint.parts[part].1.model;
         let prefix = format!("{}.", name.value);
@@ -47,7 +49,9 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, Proble
     }
     if let Some(place) = &stability.closed_loop {
         let found = of_model(graph, at, &joint.model, 0, "");
-        all.extend(found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?);
+        all.extend(
+            found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?,
+        );
     }
     Ok(all)
 }
@@ -62,7 +66,9 @@ fn of_model(
 ) -> Result<Vec<Node>, String> {
     let n = model.states.len();
     if n == 0 || n > MOST_STATES {
-        return Err(format!("has {n} states; stability is kept of 1 to {MOST_STATES}"));
+        return Err(format!(
+            "has {n} states; stability is kept of 1 to {MOST_STATES}"
+        ));
     }
     let mut own = model.system.graph.clone();
     let columns: Vec<Vec<Node>> = (0..n)
@@ -140,7 +146,9 @@ fn routh(graph: &mut Graph, mut p: Vec<Node>) -> Vec<Node> {
         let factor = graph.divide(upper[0], lower[0]);
         let next: Vec<Node> = (1..upper.len())
             .map(|k| {
-                let part = lower.get(k).map_or(zero, |own| graph.multiply(factor, *own));
+                let part = lower
+                    .get(k)
+                    .map_or(zero, |own| graph.multiply(factor, *own));
                 graph.subtract(upper[k], part)
             })
             .collect();

@@ -71,10 +71,22 @@ impl Parameters {
     /// Where a line means nothing, or a start is missing or out of range.
     pub fn new(file: &ProblemFile, joint: &Joint) -> Result<Self, ProblemError> {
         let fed = |name: &String| file.inputs.iter().any(|fed| fed.signal.value == *name);
-        let inputs = joint.model.inputs.iter().filter(|name| !fed(name) && !name.starts_with("wire "));
-        let names: Vec<String> = joint.model.parameters.iter().chain(inputs).cloned().collect();
+        let inputs = joint
+            .model
+            .inputs
+            .iter()
+            .filter(|name| !fed(name) && !name.starts_with("wire "));
+        let names: Vec<String> = joint
+            .model
+            .parameters
+            .iter()
+            .chain(inputs)
+            .cloned()
+            .collect();
         let start = |name: &String| joint.variables.get(name).map_or(0.0, |about| about.start);
-        let meanings = names.iter().map(|name| (name.clone(), Meaning::Number(start(name))));
+        let meanings = names
+            .iter()
+            .map(|name| (name.clone(), Meaning::Number(start(name))));
         let mut all = Self {
             meanings: meanings.collect(),
             names,
@@ -110,7 +122,11 @@ impl Parameters {
             let Some(Meaning::Number(value)) = self.meanings.get_mut(&name.value) else {
                 return Err(self.unknown(name));
             };
-            let number = setting.value.parse().ok().filter(|value: &f64| value.is_finite());
+            let number = setting
+                .value
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite());
             *value = number.ok_or_else(|| {
                 let fault = format!("`{}` is {}; expected a number", name.value, setting.value);
                 ProblemError::maybe_at(name.place.as_ref(), fault)
@@ -135,11 +151,19 @@ impl Parameters {
         let own = joint.model.parameters.iter();
         let own: Vec<&String> = own.filter(|name| name.starts_with(instance)).collect();
         if own.is_empty() {
-            let known: Vec<String> = joint.parts.iter().map(|(name, _)| format!("{name}.*")).collect();
+            let known: Vec<String> = joint
+                .parts
+                .iter()
+                .map(|(name, _)| format!("{name}.*"))
+                .collect();
             let fault = unknown("instance with parameters", &line.name.value, &known);
             return Err(ProblemError::maybe_at(line.name.place.as_ref(), fault));
         }
-        let has_line = |name: &&&String| file.parameters.iter().any(|line| line.name.value == ***name);
+        let has_line = |name: &&&String| {
+            file.parameters
+                .iter()
+                .any(|line| line.name.value == ***name)
+        };
         for name in own.iter().filter(|name| !has_line(name)).copied() {
             let mut one = line.clone();
             one.name.value.clone_from(name);
@@ -156,10 +180,13 @@ impl Parameters {
         if !is_part {
             self.declare(line)?;
         } else if line.unit.is_some() {
-            return Err(fault(format!("`{name}` has its model's unit; leave `unit` out")));
+            return Err(fault(format!(
+                "`{name}` has its model's unit; leave `unit` out"
+            )));
         }
         if let Some(formula) = &line.value {
-            self.meanings.insert(name.clone(), Meaning::Tied(formula.clone()));
+            self.meanings
+                .insert(name.clone(), Meaning::Tied(formula.clone()));
             return Ok(());
         }
         let about = joint.variables.get(name).filter(|_| is_part);
@@ -170,7 +197,9 @@ impl Parameters {
             _ => None,
         };
         let start = line.start.or(before).ok_or_else(|| {
-            fault(format!("`{name}` is the problem's own and has no start; write start = ..."))
+            fault(format!(
+                "`{name}` is the problem's own and has no start; write start = ..."
+            ))
         })?;
         if line.fixed {
             self.meanings.insert(name.clone(), Meaning::Number(start));
@@ -224,10 +253,15 @@ impl Parameters {
             ("offset", &measured.offset, 0.0, unit),
         ];
         for (what, calibrated, start, unit) in sensors {
-            let Calibration::Sought(per) = calibrated else { continue };
+            let Calibration::Sought(per) = calibrated else {
+                continue;
+            };
             let name = calibration(what, &measured.column.value);
             if self.own_units.insert(name.clone(), unit.clone()).is_some() {
-                let fault = format!("the {what} of the column `{}` is sought twice", measured.column.value);
+                let fault = format!(
+                    "the {what} of the column `{}` is sought twice",
+                    measured.column.value
+                );
                 return Err(ProblemError::at(&measured.place, fault));
             }
             self.names.push(name.clone());
@@ -249,7 +283,8 @@ impl Parameters {
 
     fn add(&mut self, unknown: Unknown) {
         let place = self.unknowns.len();
-        self.meanings.insert(unknown.name.clone(), Meaning::Unknown(place));
+        self.meanings
+            .insert(unknown.name.clone(), Meaning::Unknown(place));
         self.unknowns.push(unknown);
     }
 }
@@ -266,7 +301,9 @@ fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
         )));
     }
     if unknown.min.is_some() && unknown.min == unknown.max {
-        return Err(fault(format!("the range of `{name}` is one value; write fixed = true")));
+        return Err(fault(format!(
+            "the range of `{name}` is one value; write fixed = true"
+        )));
     }
     if unknown.log && *start <= 0.0 {
         return Err(fault(format!(

@@ -1,0 +1,248 @@
+//! What a fit has found.
+
+use crate::fit::Solved;
+use crate::posed::{Posed, Stands};
+use nalgebra::DMatrix;
+use pilotage_collocation::Collocation;
+use pilotage_linear::eigenvalues;
+use pilotage_sqp::{Kkt, Status};
+
+/// The result of a fit.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// How the solve ended.
+    pub status: Status,
+    /// `Σ w ((y - h)/sd)²`, with `Σ 2 ln sd` where noise levels are estimated, and what is known beforehand.
+    pub objective: f64,
+    /// `Σ w ((y - h)/sd)²` alone.
+    pub chi2: f64,
+    /// Negative logarithm of the likelihood, with its constants.
+    pub nllh: f64,
+    /// Measured values.
+    pub samples: usize,
+    /// What was sought, and what is tied to it.
+    pub parameters: Vec<Found>,
+    /// The runs.
+    pub runs: Vec<RunFit>,
+    /// Iterations of the solver.
+    pub iterations: usize,
+    /// Its last KKT residual.
+    pub kkt: Kkt,
+    /// Poles of the system, linearised at the end of the first run \[1/s\].
+    pub poles: Vec<[f64; 2]>,
+    /// For each start how it ended, and its objective.
+    pub starts: Vec<(Status, f64)>,
+    /// How long it took \[s\].
+    pub seconds: f64,
+}
+
+/// A parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Its name.
+    pub name: String,
+    /// Name of its unit, where it has one.
+    pub unit: Option<String>,
+    /// Its value, or that for each run or subject, by their names.
+    pub values: Vec<(Option<String>, f64)>,
+    /// True where it follows from others.
+    pub is_tied: bool,
+    /// The end of its range on which it lies.
+    pub bound: Option<f64>,
+}
+
+/// A run.
+#[derive(Debug, Clone)]
+pub struct RunFit {
+    /// Its file.
+    pub name: String,
+    /// Times of the samples \[s\].
+    pub time: Vec<f64>,
+    /// The states at the samples, each by itself, as the models have them.
+    pub states: Vec<Vec<f64>>,
+    /// What each sensor should show, in the unit of its signal.
+    pub predicted: Vec<Vec<f64>>,
+    /// What was recorded, in the same.
+    pub recorded: Vec<Vec<f64>>,
+    /// The noise levels.
+    pub deviations: Vec<Vec<f64>>,
+}
+
+impl Fit {
+    /// What a solution says.
+    pub(crate) fn of(posed: &Posed<'_>, solved: &Solved) -> Self {
+        let Solved { problem, solution } = solved;
+        let z = &solution.iterate.z;
+        let theta = problem.physical_theta(z);
+        let states: Vec<Vec<Vec<f64>>> = (0..posed.runs.len())
+            .map(|j| problem.states_at_samples(z, j))
+            .collect();
+        let mut runs = Vec::new();
+        let (mut chi2, mut logs, mut samples) = (0.0, 0.0, 0);
+        for (j, states) in states.iter().enumerate() {
+            let run = run_fit(posed, problem, j, states, &theta);
+            let weight = posed.data[j].line.weight;
+            for k in 0..run.predicted.len() {
+                for ((y, h), sd) in run.recorded[k]
+                    .iter()
+                    .zip(&run.predicted[k])
+                    .zip(&run.deviations[k])
+                {
+                    if y.is_finite() {
+                        samples += 1;
+                        chi2 += weight * ((y - h) / sd).powi(2);
+                        logs += 2.0 * sd.ln();
+                    }
+                }
+            }
+            runs.push(run);
+        }
+        let objective = solution.iterate.f / posed.factor;
+        let constant = samples as f64 * (2.0 * std::f64::consts::PI).ln();
+        Self {
+            status: solution.status,
+            objective,
+            chi2,
+            nllh: 0.5 * (chi2 + logs + constant),
+            samples,
+            parameters: parameters(posed, &states, &theta),
+            iterations: solution.work.iterations,
+            kkt: solution.kkt,
+            poles: poles(posed, &runs, &states, &theta),
+            runs,
+            starts: Vec::new(),
+            seconds: 0.0,
+        }
+    }
+
+    /// Whether the solver is done.
+    pub fn is_answer(&self) -> bool {
+        self.status == Status::Converged
+    }
+}
+
+/// All variables of the graph at a sample.
+fn variables(posed: &Posed<'_>, j: usize, sample: usize, x: &[f64], theta: &[f64]) -> Vec<f64> {
+    let run = &posed.runs[j];
+    let mut all = vec![run.time[sample]];
+    all.extend_from_slice(x);
+    all.extend_from_slice(&run.inputs[sample]);
+    all.extend_from_slice(theta);
+    all
+}
+
+fn run_fit(
+    posed: &Posed<'_>,
+    problem: &Collocation,
+    j: usize,
+    states: &[Vec<f64>],
+    theta: &[f64],
+) -> RunFit {
+    let told = &posed.told;
+    let graph = &posed.model.system.graph;
+    let count = posed.joint.model.states.len();
+    let mut run = RunFit {
+        name: posed.data[j].name(),
+        time: problem.runs[j].time.clone(),
+        states: vec![Vec::new(); count],
+        predicted: vec![Vec::new(); told.predicted.len()],
+        recorded: told.recorded.iter().map(|all| all[j].clone()).collect(),
+        deviations: vec![Vec::new(); told.predicted.len()],
+    };
+    for (sample, x) in states.iter().enumerate() {
+        let values = graph.values(&variables(posed, j, sample, x, theta));
+        for k in 0..told.predicted.len() {
+            run.predicted[k].push(values[told.predicted[k].index()]);
+            run.deviations[k].push(values[told.deviations[k].index()]);
+        }
+        for (k, own) in run.states.iter_mut().enumerate() {
+            let shift = posed.states[k]
+                .shift
+                .map_or(0.0, |node| values[node.index()]);
+            own.push(x[k] + shift);
+        }
+    }
+    run
+}
+
+fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<Found> {
+    let mut all = Vec::new();
+    for (unknown, stands) in &posed.unknowns {
+        let values: Vec<(Option<String>, f64)> = match stands {
+            Stands::Shared(k) => vec![(None, unknown.found(theta[*k]))],
+            Stands::Subjects(subjects) => (subjects.iter())
+                .map(|(subject, k)| (Some(subject.clone()), unknown.found(theta[*k])))
+                .collect(),
+            Stands::State(k) => (posed.data.iter().zip(states))
+                .map(|(run, states)| (Some(run.name()), unknown.found(states[0][*k])))
+                .collect(),
+        };
+        let near = |end: &f64| {
+            values.iter().any(|(_, value)| {
+                (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(unknown.start.abs()))
+            })
+        };
+        all.push(Found {
+            name: unknown.name.clone(),
+            unit: unknown.unit.clone(),
+            bound: [unknown.min, unknown.max].into_iter().flatten().find(near),
+            values,
+            is_tied: false,
+        });
+    }
+    let graph = &posed.model.system.graph;
+    let of_runs: Vec<Vec<f64>> = (states.iter().enumerate())
+        .map(|(j, states)| graph.values(&variables(posed, j, 0, &states[0], theta)))
+        .collect();
+    for (name, node) in &posed.told.tied {
+        let values: Vec<f64> = of_runs.iter().map(|values| values[node.index()]).collect();
+        let is_one = values.windows(2).all(|pair| pair[0] == pair[1]);
+        let labelled = posed
+            .data
+            .iter()
+            .zip(&values)
+            .map(|(run, value)| (Some(run.name()), *value));
+        all.push(Found {
+            name: name.clone(),
+            unit: posed.joint.unit(name).map(str::to_owned),
+            values: match is_one {
+                true => vec![(None, values[0])],
+                false => labelled.collect(),
+            },
+            is_tied: true,
+            bound: None,
+        });
+    }
+    all
+}
+
+/// Eigenvalues of the joint system's Jacobian, at the end of the first run.
+fn poles(
+    posed: &Posed<'_>,
+    runs: &[RunFit],
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+) -> Vec<[f64; 2]> {
+    let system = &posed.model.system;
+    let n = posed.joint.model.states.len();
+    let last = runs[0].time.len() - 1;
+    let at = variables(posed, 0, last, &states[0][last], theta);
+    let mut graph = system.graph.clone();
+    let mut matrix = DMatrix::zeros(n, n);
+    let columns: Vec<_> = (0..n)
+        .map(|k| graph.derivatives(&system.derivatives[..n], system.state(k)))
+        .collect();
+    let values = graph.values(&at);
+    for (j, column) in columns.iter().enumerate() {
+        for (i, node) in column.iter().enumerate() {
+            matrix[(i, j)] = values[node.index()];
+        }
+    }
+    match matrix.iter().all(|value| value.is_finite()) {
+        true => eigenvalues(&matrix)
+            .iter()
+            .map(|pole| [pole.re, pole.im])
+            .collect(),
+        false => Vec::new(),
+    }
+}
