@@ -38,6 +38,8 @@ pub struct Collocation {
     pub grids: Vec<Grid>,
     /// Where everything stands.
     pub layout: Layout,
+    /// Limits of the last outputs.
+    pub bounds: Vec<Bound>,
     constraint_scales: Vec<f64>,
     limits: (Vec<f64>, Vec<f64>),
     damping_weights: Vec<f64>,
@@ -89,6 +91,7 @@ impl Collocation {
             constraint_scales: reference.iter().map(|v| v.abs().max(1e-3)).collect(),
             limits: (lower, upper),
             damping_weights,
+            bounds: bounds.to_vec(),
             model,
             measured,
             constraints,
@@ -358,7 +361,8 @@ impl<F: FnMut(u32, &[Lanes], usize)> Task for Evaluate<'_, F> {
 /// Derivatives at all points of a run, and the states of those that are combinations.
 #[derive(Debug, Default)]
 pub(super) struct PointValues {
-    f: Vec<f64>,
+    /// Scaled, `n` for each point.
+    pub f: Vec<f64>,
     combined: Vec<f64>,
 }
 

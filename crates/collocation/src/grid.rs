@@ -253,7 +253,7 @@ fn combination(
 }
 
 /// The scheme's interpolant at a time; at a node, the node.
-fn place(element: &Element, time: f64, start: f64) -> (Row, Row) {
+pub(super) fn place(element: &Element, time: f64, start: f64) -> (Row, Row) {
     let c = (time - start) / element.h;
     element.tableau.interpolate(c.clamp(0.0, 1.0))
 }

@@ -15,6 +15,9 @@
 //! The loss ℓ of a recording is the square, or one for data with outliers; with the residual over an estimated
 //! standard deviation as output, and [`Loss::Linear`], noise levels are estimated too.
 //!
+//! How good a mesh is, [`Collocation::mesh_errors`] tells; [`solve_refined`] divides intervals until their local errors
+//! are below a tolerance.
+//!
 //! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
 //! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
 //! one), and start states (those of [`Differentiated::simulate`], an explicit method, or, of stiff models, from
@@ -63,7 +66,9 @@
 //! | --- | --- |
 //! | [`mesh`], [`grid`], [`tableau`] | runs, schemes, and what a scheme makes of a run |
 //! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
+//! | `bound`, `loss` | what outputs keep, and what residuals cost |
 //! | [`collocation`], [`layout`] | the nonlinear program |
+//! | `refinement` | local errors, and meshes that make them small |
 //! | [`condensed`] | its QP by elimination of the states |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
 
@@ -77,6 +82,9 @@ mod loss;
 pub mod mesh;
 pub mod node;
 mod parallel;
+mod path;
+mod reference;
+mod refinement;
 pub mod simd;
 pub mod solve;
 mod sparse;
@@ -89,5 +97,6 @@ pub use constraints::ParameterConstraints;
 pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
+pub use refinement::{Refined, refined, solve_refined};
 pub use solve::{rk4, solve};
 pub use tableau::Scheme;

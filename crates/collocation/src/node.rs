@@ -4,6 +4,7 @@
 //! zero, and which depend on θ alone, stands in the graph. Tapes compute them.
 
 use super::simd::{LANES, Lanes, plus, scaled, times};
+use nalgebra::DMatrix;
 use num_dual::DualNum;
 use pilotage_expression::{Node, Registers, System, Tape};
 use std::sync::Arc;
@@ -154,6 +155,26 @@ impl Differentiated {
         theta: &[T],
     ) -> Vec<T> {
         self.values.evaluate(&[&[time], x, u, theta].concat())
+    }
+
+    /// `∂f/∂x` at one point, n × n.
+    pub fn jacobian(&self, time: f64, x: &[f64], u: &[f64], theta: &[f64]) -> DMatrix<f64> {
+        let tape = &self.derivatives;
+        let mut registers = tape.registers::<1>();
+        let variables = [&[time], x, u, theta].concat();
+        let values = variables.into_iter().enumerate();
+        values.for_each(|(k, value)| registers.set(k, [value]));
+        tape.run(0, &mut registers);
+        tape.run(1, &mut registers);
+        let mut out = DMatrix::zeros(x.len(), x.len());
+        let own = tape.outputs(0)[self.n_outputs()..].iter();
+        let by_states = self
+            .entries
+            .iter()
+            .zip(own)
+            .filter(|((_, j), _)| *j < x.len());
+        by_states.for_each(|(at, register)| [out[*at]] = registers.get(*register));
+        out
     }
 
     /// Number of states.

@@ -61,15 +61,21 @@ impl Collocation {
                 let between = from.iter().zip(to).map(|(a, b)| a + c * (b - a));
                 z.extend(between.zip(&scales.states).map(|(x, s)| x / s));
             }
-            let start = self.layout.runs[j].z;
-            for (i, known) in self.runs[j].initial.iter().enumerate() {
+        }
+        z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
+        self.set_known(&mut z);
+        z
+    }
+
+    /// Puts the known initial states into the variables.
+    pub(super) fn set_known(&self, z: &mut [f64]) {
+        for (run, at) in self.runs.iter().zip(&self.layout.runs) {
+            for (i, known) in run.initial.iter().enumerate() {
                 if let Some(value) = known {
-                    z[start + i] = value / scales.states[i];
+                    z[at.z + i] = value / self.model.scales.states[i];
                 }
             }
         }
-        z.extend(theta.iter().zip(&scales.parameters).map(|(t, s)| t / s));
-        z
     }
 }
 

@@ -21,6 +21,7 @@ mod scheme;
 #[cfg(test)]
 mod tests;
 
+use nalgebra::DMatrix;
 use std::sync::Arc;
 
 use legendre::Lagrange;
@@ -122,6 +123,25 @@ impl Tableau {
         }
     }
 
+    /// The coefficients of an element whose states at the [abscissae](Self::abscissae) are these.
+    pub fn through(&self, states: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        let (rows, n) = (states.len(), states[0].len());
+        let mut basis = DMatrix::zeros(rows, rows);
+        if self.interpolant == Interpolant::Bernstein {
+            for (i, c) in self.abscissae.iter().enumerate() {
+                let (p, _) = self.interpolate(*c);
+                p.iter().for_each(|&(j, w)| basis[(i, j)] = w);
+            }
+            let right = DMatrix::from_fn(rows, n, |i, k| states[i][k]);
+            let found = basis.lu().solve(&right);
+            let found = found.expect("Bernstein polynomials are independent");
+            return (0..rows)
+                .map(|i| found.row(i).iter().copied().collect())
+                .collect();
+        }
+        states
+    }
+
     /// The coefficient that is the state at `c`, where there is one.
     fn coefficient_at(&self, c: f64) -> Option<usize> {
         let last = self.unknowns();
@@ -133,6 +153,11 @@ impl Tableau {
             .filter(is_state)
             .find(|j| (self.abscissae[*j] - c).abs() < SAME)
     }
+}
+
+/// The sum over a row's entries.
+pub fn dot(row: &Row, of: impl Fn(usize) -> f64) -> f64 {
+    row.iter().map(|(j, w)| w * of(*j)).sum()
 }
 
 /// A sparse row from a dense one.

@@ -101,13 +101,22 @@ impl Scheme {
     /// Order of convergence of [`Tableau::interpolate`] between the ends. Below [`Scheme::order`] for the
     /// schemes with many stages, whose ends converge faster than all between.
     pub fn interpolant_order(&self) -> usize {
-        let points = match *self {
+        (self.degree() + 1).min(self.order())
+    }
+
+    /// Degree of the polynomials of [`Tableau::interpolate`]: their local error falls with one power more of an
+    /// element's length.
+    pub fn degree(&self) -> usize {
+        match *self {
+            Self::Euler => 1,
+            Self::Trapezoid => 2,
+            Self::HermiteSimpson => 3,
+            // Through f at the points, integrated.
             Self::Gauss(s) | Self::Radau(s) => s,
             Self::Lobatto(n) => n + 1,
-            _ => return self.order(),
-        };
-        // The polynomial through f at the points, integrated.
-        (points + 1).min(self.order())
+            Self::Bernstein(d) => d,
+            Self::FiniteDifference(p) => p,
+        }
     }
 
     /// Where it comes from.

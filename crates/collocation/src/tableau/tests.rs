@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::scheme::every_scheme;
-use super::{Interpolant, Row, Scheme, Tableau, Value};
+use super::{Interpolant, Row, Scheme, Tableau, Value, dot};
 
 /// A mesh without two equal intervals [s].
 fn uneven(intervals: usize) -> Vec<f64> {
@@ -13,10 +13,6 @@ fn uneven(intervals: usize) -> Vec<f64> {
 
 fn tableau(scheme: Scheme) -> Arc<Tableau> {
     scheme.elements(&uneven(14)).remove(0).tableau
-}
-
-fn dot(row: &Row, of: impl Fn(usize) -> f64) -> f64 {
-    row.iter().map(|(j, w)| w * of(*j)).sum()
 }
 
 fn assert_close(a: f64, b: f64, tolerance: f64, what: &str) {
@@ -129,6 +125,22 @@ fn polynomials_are_reproduced() {
                     rounding,
                     &what,
                 );
+            }
+        }
+    }
+}
+
+/// The states of `c^k` at the abscissae give its coefficients.
+#[test]
+fn polynomials_are_drawn_through_states() {
+    for scheme in every_scheme() {
+        let t = tableau(scheme);
+        for k in 1..=t.unknowns().min(4) {
+            let states = t.abscissae.iter().map(|c| vec![c.powi(k as i32), 1.0]);
+            let found = t.through(states.collect());
+            for (found, exact) in found.iter().zip(power(&t, k)) {
+                assert_close(found[0], exact, 1e-11, &scheme.name());
+                assert_close(found[1], 1.0, 1e-11, &scheme.name());
             }
         }
     }
@@ -361,6 +373,7 @@ fn every_name_is_read_back() {
         assert_eq!(scheme.name().parse(), Ok(scheme));
         assert!(!scheme.source().is_empty());
         assert!(scheme.interpolant_order() <= scheme.order());
+        assert_eq!(scheme.degree(), degree(&tableau(scheme)), "{scheme}");
     }
 }
 

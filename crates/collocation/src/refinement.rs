@@ -1,0 +1,147 @@
+//! Local errors of a solution, and meshes that make them small (J. T. Betts, *Practical Methods for Optimal Control
+//! and Estimation Using Nonlinear Programming*, 2nd ed. 2010, section 4.7).
+
+use super::mesh::Run;
+use super::parallel;
+use super::path::Path;
+use super::reference::Reference;
+use super::tableau::Scheme;
+use super::{Collocation, solve};
+use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
+use std::ops::ControlFlow;
+
+/// Relative error of the solution that the scheme's is held against.
+const REFERENCE_TOLERANCE: f64 = 1e-10;
+/// Part of a state's scale below which its magnitude does not matter.
+const SMALL: f64 = 1e-3;
+/// Parts into which an interval is divided at a time, at most.
+const MOST_PARTS: f64 = 8.0;
+
+impl Collocation {
+    /// Relative local errors of every run's states, interval by interval of its mesh.
+    ///
+    /// From the states at an interval's start, the equations are solved with error control to the samples inside and
+    /// to the interval's end, by an L-stable method where they are stiff. The error is the largest difference of a
+    /// state there, over that state's largest magnitude on the run's mesh plus 10⁻³ of its scale. Errors below 10⁻⁹ are
+    /// rounding; where there is no such solution the error is infinite.
+    pub fn mesh_errors(&self, z: &[f64]) -> Vec<Vec<f64>> {
+        let mut errors = vec![Vec::new(); self.runs.len()];
+        parallel::each(&mut errors, |j, out| *out = self.run_errors(z, j));
+        errors
+    }
+
+    fn run_errors(&self, z: &[f64], j: usize) -> Vec<f64> {
+        let (run, path) = (&self.runs[j], Path::new(self, z, j));
+        let theta = self.physical_theta(z);
+        let nodes: Vec<Vec<f64>> = run.mesh.iter().map(|t| path.at(*t)).collect();
+        let scales = self.model.scales.states.iter().enumerate();
+        let magnitudes: Vec<f64> = scales
+            .map(|(i, s)| nodes.iter().fold(0.0_f64, |m, x| m.max(x[i].abs())) + SMALL * s)
+            .collect();
+        let of = (&*self.model.tapes, run);
+        let mut reference = Reference::new(of, &theta, &magnitudes, REFERENCE_TOLERANCE);
+        let error = |(ends, first): (&[f64], &Vec<f64>)| {
+            let (mut time, mut x, mut worst) = (ends[0], first.clone(), 0.0_f64);
+            for stop in inside(run, ends).chain([ends[1]]) {
+                let Some(next) = reference.between((time, stop), &x) else {
+                    return f64::INFINITY;
+                };
+                let pairs = next.iter().zip(path.at(stop)).zip(&magnitudes);
+                worst = pairs.fold(worst, |m, ((x, own), s)| m.max((x - own).abs() / s));
+                (time, x) = (stop, next);
+            }
+            worst
+        };
+        run.mesh.windows(2).zip(&nodes).map(error).collect()
+    }
+
+    /// The same problem with these meshes of its runs.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn with_meshes(&self, meshes: Vec<Vec<f64>>) -> Self {
+        let mut runs = self.runs.clone();
+        let pairs = runs.iter_mut().zip(meshes);
+        pairs.for_each(|(run, mesh)| run.mesh = mesh);
+        let (tapes, scales) = (self.model.tapes.clone(), self.model.scales.clone());
+        let constraints = self.constraints.clone();
+        Self::new(tapes, constraints, self.scheme, runs, scales, &self.bounds)
+    }
+}
+
+/// Times of the samples within an interval, each once.
+fn inside(run: &Run, ends: &[f64]) -> impl Iterator<Item = f64> {
+    let first = run.time.partition_point(|t| *t <= ends[0]);
+    let last = run.time.partition_point(|t| *t < ends[1]).max(first);
+    let mut before = ends[0];
+    let times = run.time[first..last].iter().copied();
+    times.filter(move |t| *t > std::mem::replace(&mut before, *t))
+}
+
+/// Boundaries of a mesh on which a run's [local errors](Collocation::mesh_errors) come below a tolerance.
+///
+/// An interval whose error is too large is divided into as many equal parts as the scheme's order asks for, and into
+/// eight at most; all boundaries stay, since inputs may jump there.
+pub fn refined(run: &Run, errors: &[f64], scheme: Scheme, tolerance: f64) -> Vec<f64> {
+    let mut mesh = vec![run.mesh[0]];
+    for (ends, error) in run.mesh.windows(2).zip(errors) {
+        // At samples within the interval the error is that of the interpolant.
+        let power = match inside(run, ends).next() {
+            Some(_) => scheme.degree() + 1,
+            None => scheme.order() + 1,
+        };
+        let parts = match *error > tolerance {
+            true => (error / tolerance).powf(1.0 / power as f64).ceil(),
+            false => 1.0,
+        };
+        let parts = parts.min(MOST_PARTS) as usize;
+        let part = |k: usize| ends[0] + (ends[1] - ends[0]) * (k as f64 / parts as f64);
+        mesh.extend((1..parts).map(part));
+        mesh.push(ends[1]);
+    }
+    mesh
+}
+
+/// A solution on refined meshes.
+#[derive(Debug)]
+pub struct Refined {
+    /// The problem with the last meshes.
+    pub problem: Collocation,
+    /// Its solution.
+    pub solution: Solution,
+    /// Its [local errors](Collocation::mesh_errors).
+    pub errors: Vec<Vec<f64>>,
+    /// How often the meshes were refined.
+    pub rounds: usize,
+}
+
+/// Solves a problem from these variables on meshes that are refined until every [local
+/// error](Collocation::mesh_errors) is below `tolerance`, `rounds` times at most, each time from the solution before.
+/// It ends with the first solve that does not converge.
+pub fn solve_refined(
+    mut problem: Collocation,
+    mut z: Vec<f64>,
+    options: &SqpOptions,
+    (tolerance, rounds): (f64, usize),
+    observer: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
+) -> Refined {
+    for round in 0.. {
+        let solution = solve(&problem, z, options, observer);
+        let errors = problem.mesh_errors(&solution.iterate.z);
+        let is_exact = errors.iter().flatten().all(|error| *error <= tolerance);
+        if is_exact || round == rounds || solution.status != Status::Converged {
+            return Refined {
+                problem,
+                solution,
+                errors,
+                rounds: round,
+            };
+        }
+        let pairs = problem.runs.iter().zip(&errors);
+        let meshes = pairs.map(|(run, own)| refined(run, own, problem.scheme, tolerance));
+        let finer = problem.with_meshes(meshes.collect());
+        z = problem.carried(&solution.iterate.z, &finer);
+        problem = finer;
+    }
+    unreachable!("the last round returns")
+}
