@@ -9,6 +9,6 @@ fn main() {
         println!("== {path}: {:?} f={:.12} chi2={:.9} n={} it={} {:.3}s kkt {:?}", fit.status, fit.objective, fit.chi2, fit.samples, fit.iterations, fit.seconds, fit.kkt);
         for p in &fit.parameters { println!("  {} [{:?}] {:?} bound {:?}", p.name, p.unit, p.values, p.bound); }
         for s in &fit.starts { println!("   start {:?} {}", s.0, s.1); }
-        println!("  poles {:?}", fit.poles);
+        println!("  {:?}", fit.refinement); println!("  poles {:?}", fit.poles);
     }
 }

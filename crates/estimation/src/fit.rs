@@ -4,7 +4,7 @@ use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use crate::starts::drawn;
-use pilotage_collocation::{Collocation, Loss, Run, Scales};
+use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -70,12 +70,84 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let best = (0..solved.len())
         .min_by(|a, b| rank(&solved[*a]).total_cmp(&rank(&solved[*b])))
         .unwrap_or_default();
-    let mut solved: Vec<Option<Solved>> = solved.into_iter().map(Some).collect();
-    let first = solved[best].take().expect("one start at least");
-    let mut found = Fit::of(posed, &first);
-    found.starts = ends;
-    found.seconds = clock.elapsed().as_secs_f64();
-    found
+    let mut solved = solved;
+    let first = solved.swap_remove(best);
+    let (last, refinement) = refine(posed, first, |progress| {
+        observer.lock().map_or(ControlFlow::Continue(()), |mut see| see(progress))
+    });
+    Fit {
+        starts: ends,
+        refinement,
+        seconds: clock.elapsed().as_secs_f64(),
+        ..Fit::of(posed, &last)
+    }
+}
+
+/// How a mesh was refined.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Refinement {
+    /// How often.
+    pub rounds: usize,
+    /// Intervals of all runs.
+    pub intervals: usize,
+    /// Largest estimated relative error of a state.
+    pub error: f64,
+    /// Largest change of each shared parameter by the last refinement, relative to its scale.
+    pub changes: Vec<f64>,
+    /// Iterations of all solves.
+    pub iterations: usize,
+}
+
+/// The same on meshes that are refined until their errors are small enough, each solve from the one before. One that
+/// does not converge is left, with the mesh before it.
+fn refine(
+    posed: &Posed<'_>,
+    mut solved: Solved,
+    see: impl Fn(&Progress<'_>) -> ControlFlow<Status>,
+) -> (Solved, Refinement) {
+    let tolerance = match posed.file.options.mesh {
+        Mesh::Tolerance(tolerance) => tolerance,
+        Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
+    };
+    let mut told = Refinement {
+        iterations: solved.solution.work.iterations,
+        ..Refinement::default()
+    };
+    loop {
+        let z = &solved.solution.iterate.z;
+        let errors = solved.problem.mesh_errors(z);
+        told.error = errors.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
+        told.intervals = errors.iter().map(Vec::len).sum();
+        let is_over = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        if told.error <= tolerance || is_over {
+            return (solved, told);
+        }
+        let scheme = posed.file.options.scheme;
+        let pairs = solved.problem.runs.iter().zip(&errors);
+        let meshes = pairs.map(|(run, own)| refined(run, own, scheme, tolerance));
+        let meshes: Vec<Vec<f64>> = meshes.collect();
+        if meshes.iter().map(Vec::len).sum::<usize>() > MOST_INTERVALS {
+            return (solved, told);
+        }
+        let finer = solved.problem.with_meshes(meshes);
+        let z = solved.problem.carried(z, &finer);
+        let next = solve(posed, finer, z, |iteration| {
+            see(&Progress {
+                start: 0,
+                starts: 1,
+                refinement: told.rounds + 1,
+                iteration,
+            })
+        });
+        told.iterations += next.solution.work.iterations;
+        if next.solution.status != Status::Converged {
+            return (solved, told);
+        }
+        let [before, after] = [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
+        told.changes = before.iter().zip(after).map(|(a, b)| (a - b).abs()).collect();
+        told.rounds += 1;
+        solved = next;
+    }
 }
 
 /// Converged ones before others, then by their objective.
@@ -214,6 +286,7 @@ fn solve(
     let options = SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: posed.file.options.max_iterations,
+        short_step: 0.01,
         ..SqpOptions::default()
     };
     let solution = pilotage_collocation::solve(&problem, z, &options, &mut see);

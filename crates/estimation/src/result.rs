@@ -1,6 +1,6 @@
 //! What a fit has found.
 
-use crate::fit::Solved;
+use crate::fit::{Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
@@ -30,6 +30,8 @@ pub struct Fit {
     pub kkt: Kkt,
     /// Poles of the system, linearised at the end of the first run \[1/s\].
     pub poles: Vec<[f64; 2]>,
+    /// How the mesh was refined.
+    pub refinement: Refinement,
     /// For each start how it ended, and its objective.
     pub starts: Vec<(Status, f64)>,
     /// How long it took \[s\].
@@ -110,6 +112,7 @@ impl Fit {
             kkt: solution.kkt,
             poles: poles(posed, &runs, &states, &theta),
             runs,
+            refinement: Refinement::default(),
             starts: Vec::new(),
             seconds: 0.0,
         }
