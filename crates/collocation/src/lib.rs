@@ -20,9 +20,8 @@
 //!
 //! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
 //! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
-//! one), and start states (those of [`Differentiated::simulate`], an explicit method, or, of stiff models, from
-//! the data). A parameter that no measured output depends on stays where it starts; the
-//! solution's `curvature` is then 0.
+//! one), and start states (those of [`Differentiated::simulate`], or from the data). A parameter that no measured
+//! output depends on stays where it starts; the solution's `curvature` is then 0.
 //!
 //! Take it where a model is given by equations and data by samples. A single short fit of a model that can
 //! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
@@ -86,6 +85,7 @@ mod path;
 mod reference;
 mod refinement;
 pub mod simd;
+mod simulate;
 pub mod solve;
 mod sparse;
 pub mod tableau;
@@ -98,5 +98,6 @@ pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
 pub use refinement::{Refined, refined, solve_refined};
-pub use solve::{rk4, solve};
+pub use simulate::rk4;
+pub use solve::solve;
 pub use tableau::Scheme;

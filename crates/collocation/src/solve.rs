@@ -1,13 +1,9 @@
 //! From a problem to its solution: what the solver starts from, and with which QP it goes on.
 
-use super::node::{Differentiated, Scales};
-use super::{Collocation, Condensed, Run};
+use super::node::Scales;
+use super::{Collocation, Condensed};
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status};
 use std::ops::ControlFlow;
-
-/// Steps of the simulation between two samples, at least, and the longest one [s].
-const LEAST_STEPS: f64 = 4.0;
-const LONGEST_STEP: f64 = 0.01;
 
 /// Runs the SQP from these variables, with the fast QP where it [takes](Condensed::takes) the problem.
 pub fn solve(
@@ -75,60 +71,6 @@ impl Collocation {
                     z[at.z + i] = value / self.model.scales.states[i];
                 }
             }
-        }
-    }
-}
-
-impl Differentiated {
-    /// States of a run at its samples, simulated with this θ from these initial states: classical Runge–Kutta
-    /// steps of 10 ms at most, and four at least between two samples. They are a start for the solver; a
-    /// state that grows beyond all bounds stays where it was.
-    pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
-        let mut u = vec![0.0; self.n_inputs()];
-        let mut states = vec![initial.to_vec()];
-        for times in run.time.windows(2) {
-            let mut x = states[states.len() - 1].clone();
-            let duration = times[1] - times[0];
-            let steps = (duration / LONGEST_STEP).ceil().max(LEAST_STEPS);
-            for k in 0..steps as usize {
-                let mut next = x.clone();
-                rk4(&mut next, duration / steps, 1, |x, c| {
-                    let part = (k as f64 + c) / steps;
-                    // The end to the last bit: inputs may jump there.
-                    if part == 1.0 {
-                        run.inputs_before(times[1], &mut u);
-                        return self.evaluate(times[1], x, &u, theta);
-                    }
-                    let time = times[0] + duration * part;
-                    run.inputs_at(time, &mut u);
-                    self.evaluate(time, x, &u, theta)
-                });
-                if next.iter().all(|v| v.is_finite()) {
-                    x = next;
-                }
-            }
-            states.push(x);
-        }
-        states
-    }
-}
-
-/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
-///
-/// `f` may give more than the derivatives: what stands behind them is left.
-pub fn rk4(x: &mut [f64], h: f64, substeps: usize, mut f: impl FnMut(&[f64], f64) -> Vec<f64>) {
-    let dt = h / substeps as f64;
-    let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {
-        x.iter().zip(k).map(|(x, k)| x + s * k).collect()
-    };
-    for step in 0..substeps {
-        let c = |part: f64| (step as f64 + part) / substeps as f64;
-        let k1 = f(x, c(0.0));
-        let k2 = f(&shifted(x, &k1, dt / 2.0), c(0.5));
-        let k3 = f(&shifted(x, &k2, dt / 2.0), c(0.5));
-        let k4 = f(&shifted(x, &k3, dt), c(1.0));
-        for (i, x) in x.iter_mut().enumerate() {
-            *x += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
 }
