@@ -67,8 +67,8 @@ pub mod report;
 #[doc(hidden)]
 pub use {
     pilotage_collocation as transcription, pilotage_cosim as cosim,
-    pilotage_expression as expression, pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
-    pilotage_identification as identification,
+    pilotage_estimation as estimation, pilotage_expression as expression, pilotage_fmi as fmi,
+    pilotage_fmi_check as fmi_check, pilotage_identification as identification,
     pilotage_identification::{synthetic, vehicle},
     pilotage_linear as linear, pilotage_models as models, pilotage_ode as integrate,
     pilotage_series as series, pilotage_sqp as sqp,

@@ -1,6 +1,7 @@
 //! What the commands write, told from what else may stand in its place.
 
 use super::Failure;
+use super::fit::FITTED;
 use crate::atomic_file::{self, Planned, Refusal};
 use crate::cosim::description::HEADER;
 use std::fs::File;
@@ -34,6 +35,8 @@ pub enum OutputKind {
     Matrices,
     /// A system file.
     System,
+    /// A model file with fitted parameters.
+    Fitted,
 }
 
 impl Overwrite {
@@ -92,6 +95,9 @@ impl OutputKind {
             Self::Result => ("a result", is_result),
             Self::Matlab => ("a script", |path| {
                 first_line(path).ends_with("made by pilotage linearize")
+            }),
+            Self::Fitted => ("a fitted model", |path| {
+                first_line(path).starts_with(FITTED)
             }),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Matrices => ("a table of matrices", |path| {

@@ -4,6 +4,7 @@ use super::Failure;
 use super::overwrite::head;
 use crate::cosim::description::KEYS;
 use crate::document::Document;
+use crate::estimation::OWN_KEYS;
 use crate::models::COEFFICIENTS;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ pub enum FileKind {
     Model,
     /// Instances and wires.
     System,
+    /// What was measured and what is sought.
+    Problem,
     /// A list of trials.
     Manifest,
     /// A table over time with what a trial must have.
@@ -58,6 +61,11 @@ pub fn expect<'a>(
 /// Whether a file is a model file.
 pub fn is_model(path: &Path) -> bool {
     of(path) == Some(FileKind::Model)
+}
+
+/// Whether a file is a problem file.
+pub fn is_problem(path: &Path) -> bool {
+    of(path) == Some(FileKind::Problem)
 }
 
 /// Whether a file is a system file.
@@ -134,6 +142,7 @@ fn toml(text: &str) -> Option<FileKind> {
     match names.as_slice() {
         names if names.contains(&"theta") => Some(FileKind::Pilot),
         _ if document.root().is_table("model") => Some(FileKind::Model),
+        names if OWN_KEYS.iter().any(|key| names.contains(key)) => Some(FileKind::Problem),
         names if KEYS.iter().any(|key| names.contains(key)) => Some(FileKind::System),
         names if names.contains(&"run") => Some(FileKind::Manifest),
         names if names.iter().filter(|name| is_coefficient(name)).count() >= 3 => {
@@ -171,6 +180,7 @@ impl FileKind {
             Self::Vehicle => "a vehicle file",
             Self::Model => "a model file",
             Self::System => "a system file",
+            Self::Problem => "a problem file",
             Self::Manifest => "a list of trials",
             Self::Trial => "a recorded flight",
             Self::Table => "a table over time",
@@ -199,6 +209,7 @@ impl FileKind {
             Self::System => {
                 format!("a system belongs to `pilotage cosim {file}`, `linearize` or `info`")
             }
+            Self::Problem => format!("a problem belongs to `pilotage fit {file}`"),
             Self::Manifest => format!("trials belong to `pilotage fit {file}` or `trials check`"),
             Self::Trial => format!(
                 "a flight belongs to `pilotage fit {file}`, or feeds an FMU by `cosim --input {file}`"

@@ -1,7 +1,9 @@
 //! Problem files.
 mod assembly;
 pub mod data;
+pub mod doubts;
 pub mod error;
+pub mod evaluate;
 pub mod file;
 pub mod fit;
 pub mod joint;
@@ -14,6 +16,7 @@ mod stability;
 mod starts;
 pub mod unknowns;
 
+pub use doubts::Doubt;
 pub use error::ProblemError;
 pub use file::ProblemFile;
 pub use fit::fit;

@@ -8,7 +8,7 @@
 use crate::assembly::Assembly;
 use crate::data::RunData;
 use crate::error::ProblemError;
-use crate::file::ProblemFile;
+use crate::file::{ProblemFile, Quantity};
 use crate::fit::factor;
 use crate::joint::Joint;
 use crate::names::Named;
@@ -89,6 +89,14 @@ pub struct Told {
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
 impl<'f> Posed<'f> {
+    /// Name of the unit of what was measured, by its number, where it has one.
+    pub fn unit_of(&self, k: usize) -> Option<&str> {
+        match &self.file.measured[k].of {
+            Quantity::Signal(name) => self.joint.unit(name),
+            Quantity::Expression(_, unit) => unit.as_deref(),
+        }
+    }
+
     /// The problem of a file.
     ///
     /// # Errors

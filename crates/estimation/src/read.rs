@@ -28,7 +28,7 @@ const KEYS: [&str; 10] = [
 ];
 
 /// Tables of a problem file that no other kind of file has.
-pub const OWN_KEYS: [&str; 2] = ["measured", "fit"];
+pub const OWN_KEYS: [&str; 5] = ["measured", "fit", "constraint", "initial", "stability"];
 
 type Read<T> = Result<T, ProblemError>;
 

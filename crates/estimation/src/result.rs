@@ -1,5 +1,6 @@
 //! What a fit has found.
 
+use crate::doubts::{Doubt, SAME};
 use crate::fit::{Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
@@ -34,6 +35,8 @@ pub struct Fit {
     pub refinement: Refinement,
     /// For each start how it ended, and its objective.
     pub starts: Vec<(Status, f64)>,
+    /// What speaks against it.
+    pub doubts: Vec<Doubt>,
     /// How long it took \[s\].
     pub seconds: f64,
 }
@@ -71,6 +74,13 @@ pub struct RunFit {
 }
 
 impl Fit {
+    /// The runs of a problem at these variables.
+    pub(crate) fn runs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<RunFit> {
+        let theta = problem.physical_theta(z);
+        let run = |j: usize| run_fit(posed, problem, j, &problem.states_at_samples(z, j), &theta);
+        (0..posed.runs.len()).map(run).collect()
+    }
+
     /// What a solution says.
     pub(crate) fn of(posed: &Posed<'_>, solved: &Solved) -> Self {
         let Solved { problem, solution } = solved;
@@ -79,10 +89,9 @@ impl Fit {
         let states: Vec<Vec<Vec<f64>>> = (0..posed.runs.len())
             .map(|j| problem.states_at_samples(z, j))
             .collect();
-        let mut runs = Vec::new();
+        let runs = Self::runs(posed, problem, z);
         let (mut chi2, mut logs, mut samples) = (0.0, 0.0, 0);
-        for (j, states) in states.iter().enumerate() {
-            let run = run_fit(posed, problem, j, states, &theta);
+        for (j, run) in runs.iter().enumerate() {
             let weight = posed.data[j].line.weight;
             for k in 0..run.predicted.len() {
                 for ((y, h), sd) in run.recorded[k]
@@ -97,7 +106,6 @@ impl Fit {
                     }
                 }
             }
-            runs.push(run);
         }
         let objective = solution.iterate.f / posed.factor;
         let constant = samples as f64 * (2.0 * std::f64::consts::PI).ln();
@@ -114,6 +122,7 @@ impl Fit {
             runs,
             refinement: Refinement::default(),
             starts: Vec::new(),
+            doubts: Vec::new(),
             seconds: 0.0,
         }
     }
@@ -121,6 +130,34 @@ impl Fit {
     /// Whether the solver is done.
     pub fn is_answer(&self) -> bool {
         self.status == Status::Converged
+    }
+
+    /// Whether the wired system decays.
+    pub fn is_stable(&self) -> bool {
+        !self.poles.is_empty() && self.poles.iter().all(|pole| pole[0] < 0.0)
+    }
+
+    /// How many starts ended at the best optimum.
+    pub fn agreeing(&self) -> usize {
+        let best = self
+            .starts
+            .iter()
+            .map(|(_, own)| *own)
+            .fold(f64::INFINITY, f64::min);
+        let is_near = |own: f64| own - best <= SAME * best.abs().max(f64::MIN_POSITIVE);
+        self.starts
+            .iter()
+            .filter(|(status, own)| *status == Status::Converged && is_near(*own))
+            .count()
+    }
+
+    /// How it ended, in a word or two.
+    pub fn verdict(&self) -> String {
+        match (self.is_answer(), self.doubts.len()) {
+            (false, _) => format!("NOT CONVERGED ({})", self.status),
+            (true, 0) => "converged".to_owned(),
+            (true, count) => format!("converged, in doubt ({count})"),
+        }
     }
 }
 

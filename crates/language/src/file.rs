@@ -2,7 +2,7 @@
 
 use crate::error::{Fault, ModelFileError};
 use crate::syntax::{Expression, Part};
-use pilotage_text::document::{Document, DocumentError, Position, TomlTable};
+use pilotage_text::document::{Document, DocumentError, Position, TomlTable, number};
 use pilotage_text::is_identifier;
 use pilotage_units::{Base, Product};
 use std::collections::HashMap;
@@ -146,6 +146,24 @@ const SECTIONS: [Section; 5] = [
 
 /// Names that mean something everywhere.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
+
+/// The text of a model file whose parameters start at other values; what is no parameter of it is left out.
+pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
+    let Ok(document) = Document::parse(text, "") else {
+        return text.to_owned();
+    };
+    let parameters = document.root().table("parameters").ok().flatten();
+    let place = |name: &str| parameters?.table(name).ok()??.bytes("start");
+    let mut places: Vec<_> = (values.iter())
+        .filter_map(|(name, value)| Some((place(name)?, number(*value))))
+        .collect();
+    places.sort_by_key(|(place, _)| place.start);
+    let mut changed = text.to_owned();
+    for (place, value) in places.into_iter().rev() {
+        changed.replace_range(place, &value);
+    }
+    changed
+}
 
 /// Whether a text is that of a model file: TOML with a table `[model]`.
 pub fn is_model(text: &str) -> bool {

@@ -278,6 +278,11 @@ impl<'a> TomlTable<'a> {
         name.map_or(0, |name| name.span().start)
     }
 
+    /// The bytes of the text that a field's value takes.
+    pub fn bytes(&self, field: &str) -> Option<std::ops::Range<usize>> {
+        Some(self.get(field)?.span())
+    }
+
     /// Whether a field stands there.
     pub fn has(&self, field: &str) -> bool {
         self.get(field).is_some()

@@ -2,6 +2,7 @@
 
 mod log;
 mod next;
+mod problem;
 pub mod summary;
 mod table;
 mod watch;
@@ -21,6 +22,7 @@ use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
+pub use problem::FITTED;
 use std::path::{Path, PathBuf};
 use summary::{to_json, to_text};
 use watch::Watch;
@@ -51,14 +53,15 @@ result meaningless, 2 bad use or input.";
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Trials (CSV) or manifests (TOML).
+    /// Trials (CSV) or manifests (TOML); or a problem file (TOML, docs/problems.md), which says everything.
     #[arg(required = true)]
     trials: Vec<PathBuf>,
     #[command(flatten)]
     columns: Columns,
-    /// The pilot file to write.
-    #[arg(short, long, default_value = "pilot.toml")]
-    output: PathBuf,
+    /// The pilot file to write [default: pilot.toml]; of a problem file the fitted model, or a folder for several
+    /// [default: INSTANCE-fitted.toml].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
     /// Collocation scheme; `euler` is the paper's.
     #[arg(long, default_value_t = FitOptions::default().scheme)]
     scheme: Scheme,
@@ -118,6 +121,9 @@ pub struct Args {
     /// Write a report page (HTML) too.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Of a problem file: tell objective, gradient and residuals at the start values, and solve nothing.
+    #[arg(long)]
+    evaluate: bool,
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
@@ -145,6 +151,14 @@ fn named<T: Copy + Send + Sync + 'static, const N: usize>(
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    if let Some(path) = problem::of(&args)? {
+        return problem::run(&args, path);
+    }
+    if args.evaluate {
+        return Err(
+            Failure::new("--evaluate takes a problem file").hint("`pilotage init` writes one")
+        );
+    }
     if args.json && args.logs_to_stdout() {
         return Err(Failure::new("--json and --log - both want stdout")
             .hint("give --log a file; or leave --json out: the log's last line has the result"));
@@ -155,7 +169,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(note);
     }
     args.check_outputs(&set)?;
-    let pilot_output = open(&args.output)?;
+    let pilot_output = open(args.output())?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
     interrupt::listen("stopping at the next iteration")?;
@@ -165,7 +179,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let log = watch.end();
     let found = found?;
 
-    save(pilot_output, &args.output, &pilot_file::to_toml(&found))?;
+    save(pilot_output, args.output(), &pilot_file::to_toml(&found))?;
     if let (Some(output), Some(path)) = (report_output, &args.report) {
         save(output, path, &page(&found))?;
     }
@@ -180,6 +194,39 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 impl Args {
+    /// The pilot file to write.
+    fn output(&self) -> &Path {
+        self.output.as_deref().unwrap_or(Path::new("pilot.toml"))
+    }
+
+    /// A flag that problem files do not take, because they say it themselves.
+    fn of_short_form(&self) -> Option<&'static str> {
+        let default = FitOptions::default();
+        let given = [
+            ("--mesh-step", self.mesh_step.is_some()),
+            ("--scheme", self.scheme != default.scheme),
+            (
+                "--initial-state",
+                self.initial_state != default.initial_state,
+            ),
+            (
+                "--initial-position",
+                self.initial_position != default.initial_position,
+            ),
+            ("--allow-unstable-loop", self.allow_unstable_loop),
+            ("--objective", self.objective != default.objective),
+            ("--start", self.start.is_some()),
+            ("--random-starts", self.random_starts.is_some()),
+            ("--vehicle", self.vehicle.is_some()),
+            ("--order", usize::from(self.order) != default.pilot.order),
+            ("--log", self.log.is_some()),
+        ];
+        given
+            .into_iter()
+            .find(|(_, is_given)| *is_given)
+            .map(|(flag, _)| flag)
+    }
+
     fn options(&self) -> Result<FitOptions, Failure> {
         let pilot = Pilot {
             order: self.order.into(),
@@ -206,7 +253,7 @@ impl Args {
     fn check_outputs(&self, set: &TrialSet) -> Result<(), Failure> {
         let inputs: Vec<PathBuf> = set.files.iter().chain(&self.vehicle).cloned().collect();
         let log = self.log.as_deref().filter(|log| !log::is_stdout(log));
-        let outputs: Vec<(&Path, OutputKind)> = [(self.output.as_path(), OutputKind::Pilot)]
+        let outputs: Vec<(&Path, OutputKind)> = [(self.output(), OutputKind::Pilot)]
             .into_iter()
             .chain(self.report.as_deref().map(|path| (path, OutputKind::Page)))
             .chain(log.map(|path| (path, OutputKind::Log)))

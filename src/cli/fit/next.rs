@@ -9,7 +9,7 @@ impl Args {
     /// The end of the summary.
     pub(super) fn next(&self, found: &Identification) -> String {
         let Identification { fit, options, .. } = found;
-        let pilot = self.output.display();
+        let pilot = self.output().display();
         let mut text = format!("\nwrote {pilot}\n");
         if let Some(report) = &self.report {
             text += &format!("wrote {}\n", report.display());
@@ -18,8 +18,8 @@ impl Args {
             (true, _) => format!(
                 "next: {} export pilot {} -o {}\n",
                 program(),
-                quoted(&self.output.to_string_lossy()),
-                quoted(&self.output.with_extension("fmu").to_string_lossy())
+                quoted(&self.output().to_string_lossy()),
+                quoted(&self.output().with_extension("fmu").to_string_lossy())
             ),
             (false, true) => "next: mend what the first diagnostic says, and fit again\n".into(),
             (false, false) => self.what_else(fit, options),

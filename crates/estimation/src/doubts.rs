@@ -1,0 +1,163 @@
+//! What speaks against taking a result at its word.
+
+use crate::file::Mesh;
+use crate::fit::{Refinement, Solved};
+use crate::posed::Posed;
+use crate::result::{Fit, Found};
+use pilotage_sqp::Status;
+use std::fmt;
+
+/// A reason to doubt a result.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Doubt {
+    /// The solver did not converge.
+    NotConverged(Status),
+    /// A parameter lies on an end of its range.
+    AtBound {
+        /// Its name.
+        name: String,
+        /// The end.
+        bound: f64,
+    },
+    /// The wired system grows \[1/s\].
+    UnstableLoop(f64),
+    /// The mesh could not be refined until its error is as small as was asked for.
+    MeshError {
+        /// The estimated relative error of the states.
+        error: f64,
+        /// What was asked for.
+        tolerance: f64,
+    },
+    /// The last refinement of the mesh still moved the parameters, by this part of their size.
+    MeshMoves(f64),
+    /// Of the starts that converged, one alone led here.
+    Alone {
+        /// How many converged.
+        converged: usize,
+    },
+    /// Along some direction the objective is flat: the data do not tell all parameters apart.
+    Flat(f64),
+}
+
+/// A pole that grows faster is unstable \[1/s\].
+const GROWTH: f64 = 1e-6;
+/// A change of parameters by a refinement that matters, relative to their size.
+const MOVES: f64 = 1e-3;
+/// Smallest scaled curvature that counts as one.
+const FLAT: f64 = 1e-9;
+/// Objectives that differ by less than this part are of one optimum.
+pub const SAME: f64 = 1e-3;
+
+impl Doubt {
+    /// Its code, for scripts.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotConverged(_) => "not-converged",
+            Self::AtBound { .. } => "at-bound",
+            Self::UnstableLoop(_) => "unstable-loop",
+            Self::MeshError { .. } => "mesh-error",
+            Self::MeshMoves(_) => "mesh-moves",
+            Self::Alone { .. } => "alone",
+            Self::Flat(_) => "flat",
+        }
+    }
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConverged(status) => write!(
+                f,
+                "the solver ended with \"{status}\": this is its best iterate, not a result; try other start values, ranges \
+                 (min, max) or more `starts`"
+            ),
+            Self::AtBound { name, bound } => write!(
+                f,
+                "`{name}` lies on the end {bound} of its range: widen the range, or fix the parameter"
+            ),
+            Self::UnstableLoop(pole) => write!(
+                f,
+                "the wired system, linearised where the first run ends, grows by {pole:.3} 1/s: if the recorded one did \
+                 not, add [stability] with closed_loop = true"
+            ),
+            Self::MeshError { error, tolerance } => write!(
+                f,
+                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for"
+            ),
+            Self::MeshMoves(change) => write!(
+                f,
+                "the last refinement of the mesh still moved a parameter by {change:.1e} of its size: lower \
+                 mesh_tolerance and compare"
+            ),
+            Self::Alone { converged } => write!(
+                f,
+                "of {converged} starts that converged, one alone led to this optimum: there may be better ones; raise \
+                 `starts`"
+            ),
+            Self::Flat(curvature) => write!(
+                f,
+                "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not tell all \
+                 parameters apart; fix one, or give it a prior"
+            ),
+        }
+    }
+}
+
+/// All doubts about a result, the heaviest first.
+pub(crate) fn doubts(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Doubt> {
+    let mut all = Vec::new();
+    if !fit.is_answer() {
+        all.push(Doubt::NotConverged(fit.status));
+    }
+    let growth = fit
+        .poles
+        .iter()
+        .map(|pole| pole[0])
+        .fold(f64::NEG_INFINITY, f64::max);
+    if growth > GROWTH && !posed.file.system.connections.is_empty() {
+        all.push(Doubt::UnstableLoop(growth));
+    }
+    let at_bound = |found: &Found| {
+        found.bound.map(|bound| Doubt::AtBound {
+            name: found.name.clone(),
+            bound,
+        })
+    };
+    all.extend(fit.parameters.iter().filter_map(at_bound));
+    let curvature = solved.solution.curvature;
+    all.extend(
+        curvature
+            .filter(|own| fit.is_answer() && *own < FLAT)
+            .map(Doubt::Flat),
+    );
+    all.extend(of_starts(fit));
+    all.extend(of_mesh(posed, &fit.refinement));
+    all
+}
+
+fn of_starts(fit: &Fit) -> Option<Doubt> {
+    let converged = || {
+        fit.starts
+            .iter()
+            .filter(|(status, _)| *status == Status::Converged)
+    };
+    let best = converged()
+        .map(|(_, own)| *own)
+        .fold(f64::INFINITY, f64::min);
+    let near =
+        converged().filter(|(_, own)| own - best <= SAME * best.abs().max(f64::MIN_POSITIVE));
+    let converged = converged().count();
+    (near.count() == 1 && converged > 2).then_some(Doubt::Alone { converged })
+}
+
+fn of_mesh(posed: &Posed<'_>, refinement: &Refinement) -> Option<Doubt> {
+    let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
+        return None;
+    };
+    let error = refinement.error;
+    let change = refinement.changes.iter().copied().fold(0.0, f64::max);
+    if error > tolerance {
+        return Some(Doubt::MeshError { error, tolerance });
+    }
+    (change > MOVES).then_some(Doubt::MeshMoves(change))
+}

@@ -1,0 +1,76 @@
+//! A problem at its start values, without a solve.
+
+use crate::fit::begin;
+use crate::posed::{Posed, Stands};
+use crate::result::Fit;
+use crate::starts::drawn;
+use pilotage_sqp::Problem;
+
+/// A problem at its start values: the states are simulated, and begin where the problem says, or at their guesses.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// The objective.
+    pub objective: f64,
+    /// Its derivative by each sought parameter, as the search sees it, by central differences.
+    pub gradient: Vec<(String, f64)>,
+    /// For each run and measured signal, `(y - h)/sd` at each sample; NaN where nothing was measured.
+    pub residuals: Vec<Vec<Vec<f64>>>,
+}
+
+/// Step of the differences, relative to a parameter's size.
+const STEP: f64 = 1e-5;
+
+/// The problem at its start values.
+pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
+    let start = drawn(posed, 1).remove(0);
+    let mut gradient = Vec::new();
+    let mut own = posed.shared;
+    for (unknown, stands) in &posed.unknowns {
+        let size = unknown.searched_nominal().unwrap_or(1.0) * STEP;
+        let places: Vec<(Option<&String>, usize)> = match stands {
+            Stands::Shared(k) => vec![(None, *k)],
+            Stands::Subjects(all) => all.iter().map(|(subject, k)| (Some(subject), *k)).collect(),
+            Stands::State(_) => {
+                own += 1;
+                vec![(None, own - 1)]
+            }
+        };
+        for (subject, place) in places {
+            let moved = |by: f64| {
+                let mut theta = start.clone();
+                theta[place] += by;
+                objective(posed, &theta)
+            };
+            let name = match subject {
+                Some(subject) => format!("{} ({subject})", unknown.name),
+                None => unknown.name.clone(),
+            };
+            gradient.push((name, (moved(size) - moved(-size)) / (2.0 * size)));
+        }
+    }
+    let (problem, z) = begin(posed, &start);
+    let runs = Fit::runs(posed, &problem, &z);
+    let residuals = runs.iter().map(|run| {
+        let signals = run.recorded.iter().zip(&run.predicted).zip(&run.deviations);
+        let residual = |((y, h), sd): ((&Vec<f64>, &Vec<f64>), &Vec<f64>)| -> Vec<f64> {
+            y.iter()
+                .zip(h)
+                .zip(sd)
+                .map(|((y, h), sd)| (y - h) / sd)
+                .collect()
+        };
+        signals.map(residual).collect()
+    });
+    Evaluation {
+        objective: objective(posed, &start),
+        gradient,
+        residuals: residuals.collect(),
+    }
+}
+
+fn objective(posed: &Posed<'_>, theta: &[f64]) -> f64 {
+    let (problem, z) = begin(posed, theta);
+    let mut equalities = vec![0.0; problem.n_equalities()];
+    let mut inequalities = vec![0.0; problem.limits().0.len()];
+    problem.evaluate(&z, &mut equalities, &mut inequalities) / posed.factor
+}

@@ -1,0 +1,54 @@
+//! `--evaluate`: a problem at its start values.
+
+use crate::cli::format::aligned;
+use crate::cli::{Failure, Outcome, terminal};
+use crate::estimation::Posed;
+use crate::estimation::evaluate::{Evaluation, evaluate};
+use crate::report::significant;
+use serde_json::{Value, json};
+
+/// Tells objective, gradient and residuals.
+pub fn run(posed: &Posed<'_>, json: bool) -> Result<Outcome, Failure> {
+    let found = evaluate(posed);
+    terminal::print(&match json {
+        true => format!("{:#}\n", to_json(posed, &found)),
+        false => to_text(&found),
+    })?;
+    Ok(match found.objective.is_finite() {
+        true => Outcome::Done,
+        false => Outcome::No,
+    })
+}
+
+fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
+    let gradient = found
+        .gradient
+        .iter()
+        .map(|(name, value)| (name.clone(), json!(value)));
+    let residuals = found.residuals.iter().enumerate().map(|(j, of_run)| {
+        let all = posed.file.measured.iter().zip(of_run);
+        let all = all.map(|(measured, values)| (measured.column.value.clone(), json!(values)));
+        json!({ "name": posed.data[j].name(), "residuals": Value::Object(all.collect()) })
+    });
+    json!({
+        "objective": found.objective,
+        "gradient": Value::Object(gradient.collect()),
+        "runs": residuals.collect::<Vec<_>>(),
+    })
+}
+
+fn to_text(found: &Evaluation) -> String {
+    let mut text = format!(
+        "objective at the start values: {}\n\n",
+        significant(found.objective, 8)
+    );
+    let mut rows = vec![["parameter", "gradient"].map(str::to_owned)];
+    rows.extend(
+        found
+            .gradient
+            .iter()
+            .map(|(name, value)| [name.clone(), significant(*value, 6)]),
+    );
+    text += &aligned(&rows);
+    text
+}

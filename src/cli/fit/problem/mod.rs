@@ -1,0 +1,151 @@
+//! `pilotage fit problem.toml`: any pilot, any vehicle, any task.
+
+mod evaluate;
+mod models;
+mod page;
+mod summary;
+
+use super::Args;
+use crate::cli::made::made;
+use crate::cli::overwrite::{self, OutputKind};
+use crate::cli::progress::Spinner;
+use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
+use crate::estimation::fit::Progress;
+use crate::estimation::{Fit, Posed, ProblemFile, part};
+use crate::sqp::Status;
+use models::Fitted;
+pub use models::HEAD as FITTED;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The problem file among the arguments, if there is one.
+pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
+    let Some(problem) = args.trials.iter().find(|path| recognise::is_problem(path)) else {
+        return Ok(None);
+    };
+    if args.trials.len() > 1 {
+        let message = format!(
+            "{} is a problem file, which names its runs itself",
+            problem.display()
+        );
+        return Err(Failure::new(message).hint("give the problem file alone"));
+    }
+    if let Some(flag) = args.of_short_form() {
+        let message = format!("{flag} belongs to `pilotage fit run*.csv`");
+        return Err(
+            Failure::new(message).hint("say it in the problem file: docs/problems.md tells where")
+        );
+    }
+    Ok(Some(problem))
+}
+
+/// Fits a problem.
+pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
+    let file = ProblemFile::read(path)?;
+    let posed = Posed::new(&file, &part::open)?;
+    if args.evaluate {
+        return evaluate::run(&posed, args.json);
+    }
+    let fitted = models::planned(&posed, args.output.as_deref())?;
+    check_outputs(args, path, &posed, &fitted)?;
+    interrupt::listen("stopping at the next iteration")?;
+    let fit = solved(args, &posed);
+    for own in &fitted {
+        own.write(&posed, &fit, path)?;
+    }
+    if let Some(path) = &args.report {
+        overwrite::save(path, page::page(&posed, &fit, &made()))?;
+    }
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", summary::to_json(&posed, &fit)),
+        false => summary::to_text(&posed, &fit) + &next(args, &fit, &fitted),
+    })?;
+    Ok(match fit.is_answer() {
+        true => Outcome::Done,
+        false => Outcome::No,
+    })
+}
+
+fn check_outputs(
+    args: &Args,
+    path: &Path,
+    posed: &Posed<'_>,
+    fitted: &[Fitted],
+) -> Result<(), Failure> {
+    let mut inputs = vec![path.to_owned()];
+    inputs.extend(posed.file.runs.iter().map(|run| run.file.clone()));
+    let instances = posed.file.system.instances.iter();
+    inputs.extend(instances.filter_map(|own| own.source.value.file().map(Path::to_owned)));
+    let mut outputs: Vec<(&Path, OutputKind)> = Vec::new();
+    outputs.extend(
+        fitted
+            .iter()
+            .map(|own| (own.path.as_path(), OutputKind::Fitted)),
+    );
+    outputs.extend(args.report.as_deref().map(|path| (path, OutputKind::Page)));
+    args.overwrite.check(&inputs, &outputs)
+}
+
+/// The fit, watched.
+fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
+    let begin = Instant::now();
+    let mut spinner = Spinner::new();
+    let fit = crate::estimation::fit(posed, &mut |progress| {
+        if args.verbose {
+            terminal::tell(&line(posed, progress));
+        } else {
+            spinner.show(line(posed, progress).trim_end().to_owned());
+        }
+        let seconds = begin.elapsed().as_secs_f64();
+        if interrupt::is_asked() {
+            ControlFlow::Break(Status::Interrupted)
+        } else if args.time_limit.is_some_and(|limit| seconds > limit) {
+            ControlFlow::Break(Status::TimeLimit)
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    spinner.clear();
+    fit
+}
+
+/// An iteration in a line.
+fn line(posed: &Posed<'_>, progress: &Progress<'_>) -> String {
+    let iteration = progress.iteration;
+    let of = match progress.refinement {
+        0 => format!("start {} of {}", progress.start + 1, progress.starts),
+        round => format!("refinement {round}"),
+    };
+    format!(
+        "{of}, iteration {:3}: objective {:.9e}, KKT residual {:.1e}, step {:.1e}\n",
+        iteration.number,
+        iteration.objective / posed.factor,
+        iteration.kkt.residual(),
+        iteration.step
+    )
+}
+
+/// What was written, and what to type next.
+fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
+    use crate::cli::made::{program, quoted};
+    let mut text = String::from("\n");
+    for own in fitted {
+        text += &format!("wrote {}\n", own.path.display());
+    }
+    if let Some(report) = &args.report {
+        text += &format!("wrote {}\n", report.display());
+    }
+    if let (true, Some(own)) = (fit.is_answer(), fitted.first()) {
+        let model = own.path.to_string_lossy();
+        let fmu: PathBuf = own.path.with_extension("fmu");
+        let fmu = fmu.to_string_lossy();
+        text += &format!(
+            "next: {} export {} -o {}\n",
+            program(),
+            quoted(&model),
+            quoted(&fmu)
+        );
+    }
+    text
+}

@@ -1,0 +1,36 @@
+//! The report of a problem: each measured signal as it was recorded and as the model has it.
+
+use crate::estimation::{Fit, Posed};
+use crate::report::{Made, Overlay, overlay_page};
+
+/// The page.
+pub fn page(posed: &Posed<'_>, fit: &Fit, made: &Made) -> String {
+    let mut figures = Vec::new();
+    for run in &fit.runs {
+        for (k, measured) in posed.file.measured.iter().enumerate() {
+            figures.push(Overlay {
+                title: format!("{}: {}", run.name, measured.column.value),
+                unit: posed.unit_of(k).unwrap_or_default(),
+                time: &run.time,
+                recorded: &run.recorded[k],
+                model: &run.predicted[k],
+            });
+        }
+    }
+    let title = format!("fit of {}", posed.file.file);
+    let mut rows = Vec::new();
+    for found in &fit.parameters {
+        for (label, value) in &found.values {
+            let label = label
+                .as_ref()
+                .map_or(String::new(), |label| format!(" ({label})"));
+            let unit = found.unit.clone().unwrap_or_default();
+            rows.push([
+                format!("{}{label}", found.name),
+                crate::report::significant(*value, 7),
+                unit,
+            ]);
+        }
+    }
+    overlay_page(&title, &fit.verdict(), &rows, &figures, made)
+}

@@ -1,0 +1,178 @@
+//! What a fit of a problem gave, for people and for scripts.
+
+use crate::cli::format::aligned;
+use crate::estimation::result::{Found, RunFit};
+use crate::estimation::{Fit, Posed};
+use crate::report::significant;
+use serde_json::{Map, Value, json};
+
+/// The one object of `--json`.
+pub fn to_json(posed: &Posed<'_>, fit: &Fit) -> Value {
+    let runs: Vec<Value> = fit
+        .runs
+        .iter()
+        .map(|run| json!({ "name": run.name, "measured": measured(posed, run) }))
+        .collect();
+    let starts = fit.starts.iter();
+    let starts = starts
+        .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
+    json!({
+        "status": fit.status.as_str(),
+        "converged": fit.is_answer(),
+        "objective": fit.objective,
+        "chi2": fit.chi2,
+        "nllh": fit.nllh,
+        "samples": fit.samples,
+        "parameters": Value::Object(fit.parameters.iter().map(parameter).collect()),
+        "initial": initial(posed, fit),
+        "closed_loop": {
+            "stable": fit.is_stable(),
+            "poles": fit.poles,
+        },
+        "doubts": fit.doubts.iter().map(|doubt| json!({ "code": doubt.code(), "words": doubt.to_string() })).collect::<Vec<_>>(),
+        "iterations": fit.refinement.iterations,
+        "kkt": fit.kkt.residual(),
+        "mesh": {
+            "intervals": fit.refinement.intervals,
+            "refinements": fit.refinement.rounds,
+            "error": fit.refinement.error,
+            "changes": fit.refinement.changes,
+        },
+        "starts": starts.collect::<Vec<_>>(),
+        "runs": runs,
+        "seconds": fit.seconds,
+    })
+}
+
+fn parameter(found: &Found) -> (String, Value) {
+    let mut entry = Map::new();
+    match found.values.as_slice() {
+        [(None, value)] => entry.insert("value".into(), json!(value)),
+        all => {
+            let all = all
+                .iter()
+                .map(|(label, value)| (label.clone().unwrap_or_default(), json!(value)));
+            entry.insert("value".into(), Value::Object(all.collect()))
+        }
+    };
+    entry.insert("unit".into(), json!(found.unit));
+    if let Some(bound) = found.bound {
+        entry.insert("bound".into(), json!(bound));
+    }
+    if found.is_tied {
+        entry.insert("tied".into(), json!(true));
+    }
+    (found.name.clone(), Value::Object(entry))
+}
+
+/// For each state that is estimated at the begin, its value in each run.
+fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
+    let mut all = Map::new();
+    for (k, name) in posed.joint.model.states.iter().enumerate() {
+        let is_free = posed.runs.iter().any(|run| run.initial[k].is_none());
+        if is_free {
+            let values = fit
+                .runs
+                .iter()
+                .map(|run| (run.name.clone(), json!(run.states[k][0])));
+            all.insert(name.clone(), Value::Object(values.collect()));
+        }
+    }
+    Value::Object(all)
+}
+
+fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
+    let mut all = Map::new();
+    for (k, measured) in posed.file.measured.iter().enumerate() {
+        let (residual, relative) = rms(run, k);
+        all.insert(
+            measured.column.value.clone(),
+            json!({ "rms_residual": residual, "rms_per_sd": relative }),
+        );
+    }
+    Value::Object(all)
+}
+
+/// Root mean square of the residuals of a measured signal, as they are and over their standard deviation.
+fn rms(run: &RunFit, k: usize) -> (f64, f64) {
+    let samples = run.recorded[k]
+        .iter()
+        .zip(&run.predicted[k])
+        .zip(&run.deviations[k]);
+    let (mut plain, mut relative, mut count) = (0.0, 0.0, 0.0_f64);
+    for ((y, h), sd) in samples.filter(|((y, _), _)| y.is_finite()) {
+        plain += (y - h).powi(2);
+        relative += ((y - h) / sd).powi(2);
+        count += 1.0;
+    }
+    ((plain / count).sqrt(), (relative / count).sqrt())
+}
+
+/// The summary for people.
+pub fn to_text(posed: &Posed<'_>, fit: &Fit) -> String {
+    let verdict = fit.verdict();
+    let mut text = format!(
+        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n{} runs, {} measured values: objective {}, chi2 {}\n\n",
+        fit.refinement.iterations,
+        significant(fit.seconds, 3),
+        fit.kkt.residual(),
+        fit.runs.len(),
+        fit.samples,
+        significant(fit.objective, 8),
+        significant(fit.chi2, 8),
+    );
+    text += &aligned(&parameter_rows(fit));
+    text += "\n";
+    text += &aligned(&run_rows(posed, fit));
+    text += &format!(
+        "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
+        fit.refinement.intervals, fit.refinement.rounds, fit.refinement.error
+    );
+    if fit.starts.len() > 1 {
+        text += &format!(
+            "starts: {} of {} ended at this optimum\n",
+            fit.agreeing(),
+            fit.starts.len()
+        );
+    }
+    for doubt in &fit.doubts {
+        text += &format!("doubt [{}]: {doubt}\n", doubt.code());
+    }
+    text
+}
+
+fn parameter_rows(fit: &Fit) -> Vec<[String; 4]> {
+    let mut rows = vec![["parameter", "value", "unit", ""].map(str::to_owned)];
+    for found in &fit.parameters {
+        let remark = match (found.is_tied, found.bound) {
+            (true, _) => "tied".to_owned(),
+            (false, Some(bound)) => format!("at its bound {bound}"),
+            (false, None) => String::new(),
+        };
+        for (label, value) in &found.values {
+            let name = match label {
+                Some(label) => format!("{} ({label})", found.name),
+                None => found.name.clone(),
+            };
+            let unit = found.unit.clone().unwrap_or_default();
+            rows.push([name, significant(*value, 7), unit, remark.clone()]);
+        }
+    }
+    rows
+}
+
+fn run_rows(posed: &Posed<'_>, fit: &Fit) -> Vec<[String; 4]> {
+    let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
+    for run in &fit.runs {
+        for (k, measured) in posed.file.measured.iter().enumerate() {
+            let (plain, relative) = rms(run, k);
+            rows.push([
+                run.name.clone(),
+                measured.column.value.clone(),
+                significant(plain, 4),
+                significant(relative, 4),
+            ]);
+        }
+    }
+    rows
+}
