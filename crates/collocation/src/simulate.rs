@@ -40,6 +40,31 @@ impl Differentiated {
         states
     }
 
+    /// The same with error control throughout, for runs of any duration: relative to the states, or to these typical
+    /// magnitudes where those are larger. Where there is no such solution any more the states stay as they are.
+    pub fn flow(
+        &self,
+        run: &Run,
+        theta: &[f64],
+        initial: &[f64],
+        magnitudes: &[f64],
+    ) -> Vec<Vec<f64>> {
+        let mut solution = Reference::new((self, run), theta, magnitudes, TOLERANCE);
+        let mut states = vec![initial.to_vec()];
+        let mut is_there = true;
+        for times in run.time.windows(2) {
+            let x = &states[states.len() - 1];
+            let next = match is_there {
+                true => solution.between((times[0], times[1]), x),
+                false => None,
+            };
+            is_there &= next.is_some();
+            let next = next.unwrap_or_else(|| x.clone());
+            states.push(next);
+        }
+        states
+    }
+
     /// States at the second time by the explicit method, and whether all its steps were finite.
     fn explicit(&self, run: &Run, theta: &[f64], times: (f64, f64), x: &[f64]) -> (Vec<f64>, bool) {
         let mut u = vec![0.0; self.n_inputs()];

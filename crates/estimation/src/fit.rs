@@ -2,7 +2,7 @@
 
 use crate::doubts::doubts;
 use crate::file::{Mesh, Options};
-use crate::posed::{Posed, Stands};
+use crate::posed::{Posed, Stands, State};
 use crate::result::Fit;
 use crate::starts::drawn;
 use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
@@ -202,13 +202,14 @@ pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
 /// States at the samples; of one that runs away, the value where it begins.
 fn simulated(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
     const FARTHEST: f64 = 1e6;
-    let mut states = posed.model.simulate(run, theta, initial);
-    let wild = |k: usize| {
-        let size = posed.states[k].nominal.unwrap_or(1.0).max(initial[k].abs());
-        let far = |x: &Vec<f64>| !(x[k].abs() <= FARTHEST * size);
-        states.iter().any(far)
+    let size = |(state, x): (&State, &f64)| state.nominal.unwrap_or(1.0).max(x.abs());
+    let sizes: Vec<f64> = posed.states.iter().zip(initial).map(size).collect();
+    let mut states = posed.model.flow(run, theta, initial, &sizes);
+    let is_wild = |k: &usize| {
+        let near = |x: &Vec<f64>| x[*k].abs() <= FARTHEST * sizes[*k];
+        !states.iter().all(near)
     };
-    let wild: Vec<usize> = (0..initial.len()).filter(|k| wild(*k)).collect();
+    let wild: Vec<usize> = (0..initial.len()).filter(is_wild).collect();
     for x in &mut states {
         wild.iter().for_each(|k| x[*k] = initial[*k]);
     }
