@@ -8,7 +8,7 @@ use std::path::Path;
 fn is_same(own: &str, other: &str) -> bool {
     let split = |word: &str| -> (String, Option<f64>) {
         let (name, value) = word.rsplit_once('=').unwrap_or(("", word));
-        (name.to_owned(), value.parse().ok())
+        (name.to_owned(), value.trim_end_matches(',').parse().ok())
     };
     match (split(own), split(other)) {
         ((name, Some(a)), (same, Some(b))) => {
@@ -45,4 +45,9 @@ fn of_the_example_models() {
 #[test]
 fn of_the_example_systems() {
     assert_printed("systems_reference.py", "system_examples.txt");
+}
+
+#[test]
+fn of_the_example_problems() {
+    assert_printed("problems_reference.py", "problem_examples.json");
 }

@@ -1,0 +1,193 @@
+//! Problem files: the textbook ones of `examples/problems` against SciPy (`problem_examples.json`, printed by
+//! tests/python/problems_reference.py from right-hand sides written by hand), and the command.
+
+use crate::command::{Folder, example};
+use pilotage::estimation::file::Mesh;
+use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage::transcription::Scheme;
+use serde_json::Value;
+use std::ops::ControlFlow;
+
+fn references() -> Value {
+    serde_json::from_str(include_str!("problem_examples.json")).unwrap()
+}
+
+/// The fit of an example on a mesh whose error is below the digits of the reference.
+fn exact(name: &str) -> Fit {
+    let path = example("problems").join(name).join("problem.toml");
+    let mut file = ProblemFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
+    file.options.scheme = Scheme::Gauss(4);
+    file.options.mesh = Mesh::Tolerance(1e-9);
+    file.options.starts = 1;
+    file.options.tolerance = 1e-10;
+    let posed = Posed::new(&file, &part::open).unwrap_or_else(|error| panic!("{error}"));
+    fit(&posed, &mut |_| ControlFlow::Continue(()))
+}
+
+fn assert_near(what: &str, found: f64, expected: f64) {
+    let error = (found - expected).abs() / expected.abs();
+    assert!(error < 2e-8, "{what}: {found} and not {expected}");
+}
+
+/// Objective, every parameter and every sensor to 8 digits.
+fn assert_as_scipy(name: &str) {
+    let expected = &references()[name];
+    let found = exact(name);
+    assert!(found.is_answer(), "{name}: {}", found.status);
+    assert_eq!(Some(found.samples as u64), expected["samples"].as_u64());
+    assert_near(
+        name,
+        found.objective,
+        expected["objective"].as_f64().unwrap(),
+    );
+    let value = |name: &str, label: Option<&str>| {
+        let own = found.parameters.iter().find(|own| own.name == name);
+        let own = own.unwrap_or_else(|| panic!("no {name}"));
+        let mut values = own.values.iter();
+        let is_it = |(own, _): &&(Option<String>, f64)| own.as_deref() == label;
+        values.find(is_it).expect("a value of its own").1
+    };
+    for (parameter, expected) in expected["parameters"].as_object().unwrap() {
+        match expected {
+            Value::Object(each) => each.iter().for_each(|(label, expected)| {
+                assert_near(
+                    parameter,
+                    value(parameter, Some(label)),
+                    expected.as_f64().unwrap(),
+                );
+            }),
+            number => assert_near(parameter, value(parameter, None), number.as_f64().unwrap()),
+        }
+    }
+    let sensors = expected["sensors"].as_object();
+    for (signal, expected) in sensors.into_iter().flatten() {
+        for (what, expected) in expected.as_object().unwrap() {
+            let column = signal.rsplit('.').next().unwrap();
+            let name = found.parameters.iter().map(|own| &own.name);
+            let name = name
+                .filter(|own| own.starts_with(&format!("{what}(")))
+                .count();
+            assert_eq!(name, 1, "one {what} is sought in this example");
+            let own = found
+                .parameters
+                .iter()
+                .find(|own| own.name.starts_with(what.as_str()));
+            assert_near(column, own.unwrap().values[0].1, expected.as_f64().unwrap());
+        }
+    }
+}
+
+#[test]
+fn hares_and_lynxes_are_those_of_scipy() {
+    assert_as_scipy("hare_lynx");
+}
+
+#[test]
+fn van_der_pols_oscillator_is_that_of_scipy() {
+    assert_as_scipy("van_der_pol");
+}
+
+#[test]
+fn a_nerve_cell_and_its_noise_are_those_of_scipy() {
+    assert_as_scipy("fitzhugh_nagumo");
+}
+
+#[test]
+fn a_battery_is_that_of_scipy() {
+    assert_as_scipy("battery");
+}
+
+#[test]
+fn a_motor_and_an_offset_are_those_of_scipy() {
+    assert_as_scipy("dc_motor");
+}
+
+#[test]
+fn a_reaction_at_two_temperatures_is_that_of_scipy() {
+    assert_as_scipy("reaction");
+}
+
+#[test]
+fn three_people_and_a_drug_are_those_of_scipy() {
+    assert_as_scipy("drug");
+}
+
+/// A decay that is measured: ẋ = -k x, x(0) = 2.
+const DECAY: &str = "[model]\nname = \"decay\"\n[parameters]\nrate = { start = 0.5, unit = \"1/s\", min = 0 }\n\
+                     [states]\nx = { start = 2, der = \"-rate * x\" }\n";
+const PROBLEM: &str = "[system.tank]\nmodel = \"decay.toml\"\n[[measured]]\nsignal = \"tank.x\"\ncolumn = \"x\"\n\
+                       [parameters]\n\"tank.rate\" = {}\n[[run]]\nfile = \"run.csv\"\n";
+
+fn folder() -> Folder {
+    let folder = Folder::new();
+    folder.write("decay.toml", DECAY);
+    folder.write("problem.toml", PROBLEM);
+    let rows = (0..21)
+        .map(|k| 0.1 * f64::from(k))
+        .map(|t| format!("{t},{}\n", 2.0 * (-0.8 * t).exp()));
+    folder.write(
+        "run.csv",
+        &("time,x\n".to_owned() + &rows.collect::<String>()),
+    );
+    folder
+}
+
+#[test]
+fn a_problem_becomes_a_fitted_model_that_is_exported() {
+    let folder = folder();
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    assert_eq!(json["status"], "converged");
+    let rate = json["parameters"]["tank.rate"]["value"].as_f64().unwrap();
+    assert!((rate - 0.8).abs() < 1e-5, "{rate}");
+    assert_eq!(json["parameters"]["tank.rate"]["unit"], "1/s");
+    let text = folder.read("tank-fitted.toml");
+    assert!(
+        text.starts_with("# Fitted by pilotage from problem.toml: converged\n"),
+        "{text}"
+    );
+    assert!(
+        text.contains(&format!("rate = {{ start = {rate}, unit")),
+        "{text}"
+    );
+    assert_eq!(folder.pilotage(&["export", "tank-fitted.toml"]).code, 0);
+    assert_eq!(folder.pilotage(&["validate", "tank-fitted.fmu"]).code, 0);
+    // Once more over what it wrote before, but not over somebody else's file.
+    assert_eq!(folder.pilotage(&["fit", "problem.toml"]).code, 0);
+    let refused = folder.pilotage(&["fit", "problem.toml", "-o", "decay.toml"]);
+    assert_eq!(refused.code, 2, "{refused:?}");
+    assert_eq!(folder.read("decay.toml"), DECAY);
+}
+
+#[test]
+fn what_the_problem_says_itself_is_no_flag() {
+    let folder = folder();
+    for (words, hint) in [
+        (vec!["fit", "problem.toml", "--order", "2"], "--order"),
+        (vec!["fit", "problem.toml", "run.csv"], "alone"),
+        (vec!["fit", "run.csv", "--evaluate"], "problem file"),
+    ] {
+        let ended = folder.pilotage(&words);
+        assert_eq!(ended.code, 2, "{ended:?}");
+        assert!(ended.stderr.contains(hint), "{ended:?}");
+    }
+}
+
+/// Of squares `Σ (y - x)²` with `x = 2 e^(-k t)`: value and derivative by hand.
+#[test]
+fn a_problem_is_evaluated_at_its_start() {
+    let json = folder()
+        .pilotage(&["fit", "problem.toml", "--evaluate", "--json"])
+        .json();
+    let times = (0..21).map(|k| 0.1 * f64::from(k));
+    let (mut objective, mut slope) = (0.0, 0.0);
+    for t in times {
+        let (y, x) = (2.0 * (-0.8 * t).exp(), 2.0 * (-0.5 * t).exp());
+        objective += (y - x).powi(2);
+        slope += 2.0 * (y - x) * t * x;
+    }
+    let value = |value: &Value| value.as_f64().unwrap();
+    assert!((value(&json["objective"]) / objective - 1.0).abs() < 1e-5);
+    assert!((value(&json["gradient"]["tank.rate"]) / slope - 1.0).abs() < 1e-4);
+    let residual = value(&json["runs"][0]["residuals"]["x"][20]);
+    assert!((residual - (2.0 * (-1.6_f64).exp() - 2.0 * (-1.0_f64).exp())).abs() < 1e-5);
+}
