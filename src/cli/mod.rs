@@ -10,6 +10,7 @@ mod fit;
 mod folder;
 mod format;
 mod info;
+mod init;
 mod interrupt;
 mod linearize;
 mod made;
@@ -46,7 +47,9 @@ enum Command {
     Demo(demo::Args),
     /// Check recorded flights, or make synthetic ones.
     Trials(trials::Args),
-    /// Identify the pilot from recorded flights.
+    /// Write a problem file for runs and models: what `fit` takes.
+    Init(init::Args),
+    /// Identify the pilot from recorded flights, or whatever a problem file says.
     Fit(Box<fit::Args>),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
@@ -76,6 +79,7 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Demo(args) => demo::run(args),
         Command::Trials(args) => trials::run(args),
+        Command::Init(args) => init::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Models(args) => models::run(args),

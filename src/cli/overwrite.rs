@@ -2,6 +2,7 @@
 
 use super::Failure;
 use super::fit::FITTED;
+use super::init;
 use crate::atomic_file::{self, Planned, Refusal};
 use crate::cosim::description::HEADER;
 use std::fs::File;
@@ -35,6 +36,8 @@ pub enum OutputKind {
     Matrices,
     /// A system file.
     System,
+    /// A problem file.
+    Problem,
     /// A model file with fitted parameters.
     Fitted,
 }
@@ -95,6 +98,9 @@ impl OutputKind {
             Self::Result => ("a result", is_result),
             Self::Matlab => ("a script", |path| {
                 first_line(path).ends_with("made by pilotage linearize")
+            }),
+            Self::Problem => ("a problem file of `init`", |path| {
+                first_line(path) == init::HEADER
             }),
             Self::Fitted => ("a fitted model", |path| {
                 first_line(path).starts_with(FITTED)

@@ -10,8 +10,12 @@ use crate::joint::{Joint, unknown};
 use pilotage_expression::{Graph, Model, Node};
 use std::collections::HashMap;
 
-/// The slowest decay that counts as stable \[1/s\].
-pub const MARGIN: f64 = 1e-6;
+/// The slowest decay of an instance that counts as stable \[1/s\].
+const MARGIN: f64 = 1e-6;
+
+/// The slowest decay of a closed loop that does \[1/s\]: what is left of a slow mode fades within a thousand seconds;
+/// runs of seconds cannot tell more.
+const LOOP_MARGIN: f64 = 1e-3;
 
 /// Most states of what is kept stable: the polynomial of more loses its digits.
 const MOST_STATES: usize = 20;
@@ -43,12 +47,14 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, Proble
         let first: usize = before.sum();
         let model = &joint.parts[part].1.model;
         let prefix = format!("{}.", name.value);
-        all.extend(of_model(graph, at, model, first, &prefix).map_err(|fault| {
-            ProblemError::maybe_at(name.place.as_ref(), format!("`{}` {fault}", name.value))
-        })?);
+        all.extend(
+            of_model(graph, at, (model, first, &prefix), MARGIN).map_err(|fault| {
+                ProblemError::maybe_at(name.place.as_ref(), format!("`{}` {fault}", name.value))
+            })?,
+        );
     }
     if let Some(place) = &stability.closed_loop {
-        let found = of_model(graph, at, &joint.model, 0, "");
+        let found = of_model(graph, at, (&joint.model, 0, ""), LOOP_MARGIN);
         all.extend(
             found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?,
         );
@@ -60,9 +66,8 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, Proble
 fn of_model(
     graph: &mut Graph,
     at: &Point<'_>,
-    model: &Model,
-    first: usize,
-    prefix: &str,
+    (model, first, prefix): (&Model, usize, &str),
+    margin: f64,
 ) -> Result<Vec<Node>, String> {
     let n = model.states.len();
     if n == 0 || n > MOST_STATES {
@@ -90,7 +95,7 @@ fn of_model(
         .map(|column| graph.import(&own, column, &variables))
         .collect();
     let polynomial = characteristic(graph, &matrix);
-    Ok(routh(graph, polynomial))
+    Ok(routh(graph, polynomial, margin))
 }
 
 /// Coefficients of `det(s I - A)`, that of the highest power first; the matrix column by column.
@@ -127,13 +132,13 @@ fn characteristic(graph: &mut Graph, a: &[Vec<Node>]) -> Vec<Node> {
     coefficients
 }
 
-/// The first column of Routh's array behind its first entry, of the polynomial about `-MARGIN`.
-fn routh(graph: &mut Graph, mut p: Vec<Node>) -> Vec<Node> {
+/// The first column of Routh's array behind its first entry, of the polynomial about `-margin`.
+fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
     let n = p.len() - 1;
     // Horner's scheme: p(s - margin).
     for last in (1..=n).rev() {
         for k in 1..=last {
-            let part = graph.scale(-MARGIN, p[k - 1]);
+            let part = graph.scale(-margin, p[k - 1]);
             p[k] = graph.add(p[k], part);
         }
     }

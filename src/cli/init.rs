@@ -1,0 +1,355 @@
+//! `pilotage init`: a problem file for runs and models that are there.
+
+use super::model::open;
+use super::overwrite::{self, OutputKind, Overwrite};
+use super::recognise::{self, FileKind};
+use super::{Failure, Outcome, made, terminal};
+use crate::document::quoted;
+use crate::models::library;
+use crate::models::{Role, TextModel};
+use crate::series::Series;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # The problem that `pilotage fit run*.csv` solves, with all that can be said about it.
+  pilotage init run*.csv -o problem.toml
+
+  # Another pilot on another vehicle, built in (`pilotage models`) or in files.
+  pilotage init run*.csv --pilot crossover --vehicle double_integrator -o problem.toml
+  pilotage init run*.csv --pilot my_pilot.toml --vehicle my_aircraft.toml -o problem.toml
+
+  # Parameters of one model: columns that are called as its inputs drive it, those that are called as its outputs or
+  # states are measured.
+  pilotage init day*.csv --model tank.toml -o problem.toml
+
+Without -o the file is printed. It asks nothing; what it had to guess is said in comments.";
+
+/// Arguments of `pilotage init`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Recorded runs (CSV).
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// The pilot: a built-in model or a model file.
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        default_value = "linear",
+        conflicts_with = "model"
+    )]
+    pilot: String,
+    /// The vehicle: a built-in model or a model file.
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        default_value = "quadcopter",
+        conflicts_with = "model"
+    )]
+    vehicle: String,
+    /// One model instead of a pilot and a vehicle.
+    #[arg(long, value_name = "NAME|FILE")]
+    model: Option<String>,
+    /// The problem file to write; printed where it is missing.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// An instance of the problem.
+struct Instance {
+    name: String,
+    /// As it was given.
+    given: String,
+    model: TextModel,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let instances = args.instances()?;
+    recognise::expect(
+        &args.runs,
+        &[FileKind::Trial, FileKind::Table],
+        "recorded runs (CSV)",
+    )?;
+    let runs: Vec<Series> = (args.runs.iter())
+        .map(|file| Series::read_table(file))
+        .collect::<Result<_, _>>()?;
+    let text = args.text(&instances, &runs)?;
+    let Some(output) = &args.output else {
+        terminal::print(&text)?;
+        return Ok(Outcome::Done);
+    };
+    args.overwrite
+        .check(&args.runs, &[(output, OutputKind::Problem)])?;
+    overwrite::save(output, text)?;
+    let typed = made::quoted(&output.to_string_lossy());
+    terminal::print(&format!(
+        "wrote {}\nnext: {} fit {typed}\n",
+        output.display(),
+        made::program()
+    ))?;
+    Ok(Outcome::Done)
+}
+
+impl Args {
+    fn instances(&self) -> Result<Vec<Instance>, Failure> {
+        let of = |name: &str, given: &str| -> Result<Instance, Failure> {
+            let is_name = library::find(given).is_some() && !Path::new(given).is_file();
+            let model = match is_name {
+                true => open::named(given, None)?,
+                false => open::read(Path::new(given))?,
+            };
+            Ok(Instance {
+                name: name.to_owned(),
+                given: given.to_owned(),
+                model,
+            })
+        };
+        match &self.model {
+            Some(model) => Ok(vec![of("model", model)?]),
+            None => Ok(vec![
+                of("pilot", &self.pilot)?,
+                of("vehicle", &self.vehicle)?,
+            ]),
+        }
+    }
+
+    /// The problem file.
+    fn text(&self, instances: &[Instance], runs: &[Series]) -> Result<String, Failure> {
+        let shared = |name: &str| runs.iter().all(|run| run.column(name).is_some());
+        let columns: Vec<&str> = (runs[0].columns.iter())
+            .map(|column| column.name.as_str())
+            .filter(|name| shared(name))
+            .collect();
+        let mut text = format!("{HEAD}\n");
+        self.write_system(&mut text, instances);
+        let wires = wires(instances);
+        if !wires.is_empty() {
+            text += "\n[connect]                                # from = to\n";
+            for (from, to) in &wires {
+                let _ = writeln!(text, "\"{from}\" = \"{to}\"");
+            }
+        }
+        write_inputs(&mut text, instances, &wires, &columns);
+        write_measured(&mut text, instances, &columns)?;
+        write_parameters(&mut text, instances);
+        write_rest(&mut text, instances);
+        for file in &self.runs {
+            let _ = writeln!(text, "\n[[run]]\nfile = {}", quoted(&self.beside(file)));
+        }
+        Ok(text + OPTIONS)
+    }
+
+    fn write_system(&self, text: &mut String, instances: &[Instance]) {
+        for own in instances {
+            let is_file = Path::new(&own.given).is_file();
+            let model = match is_file {
+                true => self.beside(Path::new(&own.given)),
+                false => own.given.clone(),
+            };
+            let _ = writeln!(text, "\n[system.{}]\nmodel = {}", own.name, quoted(&model));
+            if own.given == "linear" {
+                *text += "order = 3                                # of the transfer function\n";
+            }
+        }
+    }
+
+    /// A file as the problem file names it: from its own folder.
+    fn beside(&self, file: &Path) -> String {
+        let folder = self.output.as_deref().and_then(Path::parent);
+        let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
+        let named = match folder {
+            None => file.to_owned(),
+            Some(folder) => match file.strip_prefix(folder) {
+                Ok(inside) => inside.to_owned(),
+                Err(_) => std::path::absolute(file).unwrap_or_else(|_| file.to_owned()),
+            },
+        };
+        let text = named.to_string_lossy().into_owned();
+        // A file without an ending or a folder would be taken for a built-in model.
+        match pilotage_text::is_identifier(&text) {
+            true => format!("./{text}"),
+            false => text,
+        }
+    }
+}
+
+/// Names of the variables of an instance with a role.
+fn names(instance: &Instance, is_it: impl Fn(Role) -> bool) -> Vec<String> {
+    let variables = instance.model.variables().variables().iter();
+    let own = variables.filter(|variable| is_it(variable.role));
+    own.map(|variable| variable.name.clone()).collect()
+}
+
+fn outputs(instance: &Instance) -> Vec<String> {
+    names(instance, |role| matches!(role, Role::Output | Role::State))
+}
+
+fn inputs(instance: &Instance) -> Vec<String> {
+    names(instance, |role| role == Role::Input)
+}
+
+/// What the vehicle calls the position that a pilot sees, along an axis.
+fn position(vehicle: &Instance, axis: &str) -> Option<String> {
+    let own = outputs(vehicle);
+    let candidates = [
+        format!("position{axis}"),
+        format!("z{axis}"),
+        format!("x{axis}"),
+    ];
+    let found = candidates.into_iter().find(|name| own.contains(name));
+    found.or_else(|| own.first().filter(|_| axis.is_empty()).cloned())
+}
+
+/// Wires of a pilot and a vehicle: sticks forward, positions back.
+fn wires(instances: &[Instance]) -> Vec<(String, String)> {
+    let [pilot, vehicle] = instances else {
+        return Vec::new();
+    };
+    let mut all = Vec::new();
+    for axis in ["", "2"] {
+        let stick = format!("stick{axis}");
+        if outputs(pilot).contains(&stick) && inputs(vehicle).contains(&stick) {
+            all.push((format!("pilot.{stick}"), format!("vehicle.{stick}")));
+        }
+        let seen = format!("position{axis}");
+        if let (true, Some(position)) = (inputs(pilot).contains(&seen), position(vehicle, axis)) {
+            all.push((format!("vehicle.{position}"), format!("pilot.{seen}")));
+        }
+    }
+    all
+}
+
+fn write_inputs(
+    text: &mut String,
+    instances: &[Instance],
+    wires: &[(String, String)],
+    columns: &[&str],
+) {
+    *text +=
+        "\n[inputs]                                 # columns of the runs that drive the system\n";
+    for own in instances {
+        for input in inputs(own) {
+            let full = format!("{}.{input}", own.name);
+            let is_wired = wires.iter().any(|(_, to)| *to == full);
+            match columns.contains(&input.as_str()) {
+                _ if is_wired => {}
+                true => {
+                    let _ = writeln!(text, "\"{full}\" = {}", quoted(&input));
+                }
+                false => {
+                    let _ = writeln!(
+                        text,
+                        "# \"{full}\" = \"COLUMN\"                # no column is called so: it keeps its start value"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// What columns measure: signals of their names, and the position.
+fn write_measured(
+    text: &mut String,
+    instances: &[Instance],
+    columns: &[&str],
+) -> Result<(), Failure> {
+    let mut measured: Vec<(String, &str)> = Vec::new();
+    for own in instances.iter().filter(|own| own.name != "pilot") {
+        for signal in outputs(own) {
+            if let Some(column) = columns.iter().find(|column| **column == signal) {
+                measured.push((format!("{}.{signal}", own.name), column));
+            }
+        }
+        for axis in ["", "2"] {
+            let column = format!("position{axis}");
+            let column = columns.iter().find(|own| **own == column);
+            let is_new = |column: &&&str| measured.iter().all(|(_, own)| own != *column);
+            if let (Some(column), Some(position)) = (column.filter(is_new), position(own, axis)) {
+                measured.push((format!("{}.{position}", own.name), column));
+            }
+        }
+    }
+    if measured.is_empty() {
+        let message = format!(
+            "no column is called as an output of the models; the runs have {}",
+            columns.join(", ")
+        );
+        return Err(Failure::new(message).hint(
+            "rename a column or write the file by hand: docs/problems.md, examples/problems",
+        ));
+    }
+    for (signal, column) in measured {
+        let _ = write!(
+            text,
+            "\n[[measured]]\nsignal = \"{signal}\"\ncolumn = {}\n# sd = 0.05                              # of the noise, in the unit of the signal; 1 unless given\n",
+            quoted(column)
+        );
+    }
+    Ok(())
+}
+
+fn write_parameters(text: &mut String, instances: &[Instance]) {
+    *text += "\n[parameters]                             # what is sought; each starts at its model's value unless given\n";
+    let sought = &instances[0];
+    let table = sought.model.variables();
+    for index in table.parameters() {
+        let variable = &table.variables()[index];
+        let start = crate::document::number(variable.start.unwrap_or_default());
+        let unit = match variable.unit.name.as_str() {
+            "" => String::new(),
+            unit => format!(" [{unit}]"),
+        };
+        let fixed = match variable.name.ends_with("_limit") {
+            true => ", fixed = true",
+            false => "",
+        };
+        let line = format!(
+            "\"{}.{}\" = {{ start = {start}{fixed} }}",
+            sought.name, variable.name
+        );
+        let _ = writeln!(text, "{line:<40} # {}{unit}", variable.description);
+    }
+}
+
+fn write_rest(text: &mut String, instances: &[Instance]) {
+    *text += "\n[initial]                                # else what the models start with\n";
+    if let [_, vehicle] = instances {
+        if let Some(position) = position(vehicle, "") {
+            let line = format!("\"vehicle.{position}\" = \"free\"");
+            let _ = writeln!(
+                text,
+                "{line:<40} # the first sample is a measurement like the others"
+            );
+        }
+        if let (Some(position), true) = (
+            position(vehicle, "2"),
+            inputs(vehicle).contains(&"stick2".to_owned()),
+        ) {
+            let _ = writeln!(text, "\"vehicle.{position}\" = \"free\"");
+        }
+        *text += "\n[stability]\nmodels = [\"pilot\"]\nclosed_loop = true\n";
+    } else {
+        let _ = writeln!(text, "# \"{}.*\" = \"free\"", instances[0].name);
+    }
+}
+
+/// First line of the files that are written here.
+pub const HEADER: &str = "# A problem of pilotage: what was measured, what is sought.";
+
+const HEAD: &str = "# A problem of pilotage: what was measured, what is sought.
+#
+#     pilotage fit THIS-FILE
+#
+# Every key is in docs/problems.md, other problems are in examples/problems.";
+
+const OPTIONS: &str = "
+[fit]
+# mesh = \"samples\"                       # nodes at the samples alone
+mesh_tolerance = 1e-6                    # nodes between them until the states' relative error is below
+# starts = 1                             # from the given start values alone
+";
