@@ -48,23 +48,16 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let options = &posed.file.options;
     let observer = Mutex::new(observer);
     let starts = drawn(posed, options.starts);
-    let solved: Vec<Solved> = (starts.par_iter().enumerate())
-        .map(|(k, theta)| {
-            let (problem, z) = begin(posed, theta);
-            let see = |iteration: &Iteration| {
-                let progress = Progress {
-                    start: k,
-                    starts: starts.len(),
-                    refinement: 0,
-                    iteration,
-                };
-                observer
-                    .lock()
-                    .map_or(ControlFlow::Continue(()), |mut see| see(&progress))
-            };
-            solve(posed, problem, z, see)
-        })
-        .collect();
+    let see = |start: usize, refinement: usize, iteration: &Iteration| {
+        let progress = Progress {
+            start,
+            starts: starts.len(),
+            refinement,
+            iteration,
+        };
+        (observer.lock()).map_or(ControlFlow::Continue(()), |mut see| see(&progress))
+    };
+    let solved = raced(posed, &starts, &|start, iteration| see(start, 0, iteration));
     let ends: Vec<(Status, f64)> = (solved.iter())
         .map(|own| (own.solution.status, own.solution.iterate.f / posed.factor))
         .collect();
@@ -73,10 +66,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         .unwrap_or_default();
     let mut solved = solved;
     let first = solved.swap_remove(best);
-    let (last, refinement) = refine(posed, first, |progress| {
-        observer
-            .lock()
-            .map_or(ControlFlow::Continue(()), |mut see| see(progress))
+    let (last, refinement) = refine(posed, first, &|round, iteration| {
+        see(best, round, iteration)
     });
     let mut found = Fit {
         starts: ends,
@@ -105,11 +96,7 @@ pub struct Refinement {
 
 /// The same on meshes that are refined until their errors are small enough, each solve from the one before. One that
 /// does not converge is left, with the mesh before it.
-fn refine(
-    posed: &Posed<'_>,
-    mut solved: Solved,
-    see: impl Fn(&Progress<'_>) -> ControlFlow<Status>,
-) -> (Solved, Refinement) {
+fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refinement) {
     let tolerance = match posed.file.options.mesh {
         Mesh::Tolerance(tolerance) => tolerance,
         Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
@@ -140,13 +127,9 @@ fn refine(
         }
         let finer = solved.problem.with_meshes(meshes);
         let z = solved.problem.carried(z, &finer);
-        let next = solve(posed, finer, z, |iteration| {
-            see(&Progress {
-                start: 0,
-                starts: 1,
-                refinement: told.rounds + 1,
-                iteration,
-            })
+        let limit = posed.file.options.max_iterations;
+        let next = solve(posed, (finer, z), limit, &|iteration: &Iteration| {
+            see(told.rounds + 1, iteration)
         });
         told.iterations += next.solution.work.iterations;
         if next.solution.status != Status::Converged {
@@ -292,20 +275,119 @@ fn discretised(posed: &Posed<'_>, mut runs: Vec<Run>, scales: Scales) -> Colloca
     )
 }
 
+/// Iterations of each start before those that are behind are left.
+const HEAT: usize = 30;
+/// Starts that go on after that, at most.
+const FINALISTS: usize = 3;
+
+type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
+
+/// All starts, solved: those that are behind after some iterations are left, but never the given one.
+fn raced(posed: &Posed<'_>, starts: &[Vec<f64>], see: &See<'_>) -> Vec<Solved> {
+    let limit = posed.file.options.max_iterations;
+    let first = match starts.len() {
+        1 => limit,
+        _ => limit.min(HEAT),
+    };
+    let mut solved: Vec<Solved> = (starts.par_iter().enumerate())
+        .map(|(k, start)| {
+            solve(
+                posed,
+                begin(posed, start),
+                first,
+                &|iteration: &Iteration| see(k, iteration),
+            )
+        })
+        .collect();
+    let best = solved.iter().map(rank).fold(f64::MAX, f64::min);
+    let is_open = |own: &Solved| own.solution.status == Status::IterationLimit;
+    let mut open: Vec<usize> = (0..solved.len()).filter(|k| is_open(&solved[*k])).collect();
+    let objective = |k: &usize| solved[*k].solution.iterate.f;
+    open.sort_by(|a, b| objective(a).total_cmp(&objective(b)));
+    let finalists = (open.iter().enumerate())
+        .filter(|(place, k)| **k == 0 || (*place < FINALISTS && objective(k) < best))
+        .map(|(_, k)| *k);
+    let finalists: Vec<usize> = finalists.filter(|_| first < limit).collect();
+    let finished: Vec<(usize, Solved)> = (finalists.into_par_iter())
+        .map(|k| {
+            let Solved { problem, solution } = &solved[k];
+            let from = (problem.clone(), solution.iterate.z.clone());
+            (
+                k,
+                solve(posed, from, limit, &|iteration: &Iteration| {
+                    see(k, iteration)
+                }),
+            )
+        })
+        .collect();
+    for (k, own) in finished {
+        solved[k] = own;
+    }
+    solved
+}
+
+/// How often a solve that makes no progress is begun again, with scales of the size that it has found.
+const RESCALED: usize = 3;
+
 fn solve(
     posed: &Posed<'_>,
-    problem: Collocation,
-    z: Vec<f64>,
-    mut see: impl FnMut(&Iteration) -> ControlFlow<Status>,
+    (mut problem, mut z): (Collocation, Vec<f64>),
+    limit: usize,
+    see: &(dyn Fn(&Iteration) -> ControlFlow<Status> + Sync),
 ) -> Solved {
     let options = SqpOptions {
         tolerance: posed.file.options.tolerance,
-        max_iterations: posed.file.options.max_iterations,
+        max_iterations: limit,
         short_step: 0.01,
         ..SqpOptions::default()
     };
-    let solution = pilotage_collocation::solve(&problem, z, &options, &mut see);
-    Solved { problem, solution }
+    let mut round = 0;
+    loop {
+        let solution =
+            pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
+        if solution.status != Status::NoProgress || round == RESCALED {
+            return Solved { problem, solution };
+        }
+        let rescaled = rescaled(posed, &problem, &solution.iterate.z);
+        z = problem.carried(&solution.iterate.z, &rescaled);
+        problem = rescaled;
+        round += 1;
+    }
+}
+
+/// The same problem with scales of the size that states and parameters have now.
+fn rescaled(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Collocation {
+    /// A scale falls to this part at once, at most: what passes through zero keeps a size.
+    const LEAST: f64 = 1e-3;
+    let n = problem.n_states();
+    let scales = &problem.model.scales;
+    let mut largest = vec![0.0_f64; n];
+    for j in 0..problem.runs.len() {
+        for vector in problem.coefficients(z, j).chunks_exact(n) {
+            let pairs = largest.iter_mut().zip(vector);
+            pairs.for_each(|(most, x)| *most = most.max(x.abs()));
+        }
+    }
+    let sized = |scale: &f64, size: f64| scale * size.max(LEAST);
+    let states = scales
+        .states
+        .iter()
+        .zip(&largest)
+        .map(|(scale, size)| sized(scale, *size));
+    let theta = scales.parameters.iter().zip(problem.theta(z));
+    let parameters = theta.map(|(scale, value)| sized(scale, value.abs()));
+    let scales = Scales {
+        states: states.collect(),
+        parameters: parameters.collect(),
+    };
+    Collocation::new(
+        posed.model.clone(),
+        posed.constraints.clone(),
+        problem.scheme,
+        problem.runs.clone(),
+        scales,
+        &posed.bounds,
+    )
 }
 
 /// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are

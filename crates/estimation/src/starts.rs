@@ -6,6 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 
+/// Part of the starts of a parameter without a lower end that have the other sign than its given one.
+const TURNED: f64 = 0.3;
+
 /// Seed of the starts.
 const SEED: u64 = 0;
 
@@ -67,7 +70,11 @@ fn at_share(unknown: &Unknown, share: f64) -> f64 {
             between(-size, size)
         }
         _ => {
-            let value = start * ratio(1.0 / REACH, REACH);
+            let is_turned = unknown.min.is_none() && !unknown.log && share < TURNED;
+            let value = match is_turned {
+                true => -start * (1.0 / REACH) * REACH.powf(2.0 * share / TURNED),
+                false => start * ratio(1.0 / REACH, REACH),
+            };
             value.clamp(
                 unknown.min.unwrap_or(f64::NEG_INFINITY),
                 unknown.max.unwrap_or(f64::INFINITY),
