@@ -285,39 +285,34 @@ type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
 /// All starts, solved: those that are behind after some iterations are left, but never the given one.
 fn raced(posed: &Posed<'_>, starts: &[Vec<f64>], see: &See<'_>) -> Vec<Solved> {
     let limit = posed.file.options.max_iterations;
-    let first = match starts.len() {
-        1 => limit,
-        _ => limit.min(HEAT),
-    };
+    if let [only] = starts {
+        return vec![solve(posed, begin(posed, only), limit, &|iteration| {
+            see(0, iteration)
+        })];
+    }
     let mut solved: Vec<Solved> = (starts.par_iter().enumerate())
         .map(|(k, start)| {
-            solve(
-                posed,
-                begin(posed, start),
-                first,
-                &|iteration: &Iteration| see(k, iteration),
-            )
+            once(posed, begin(posed, start), limit.min(HEAT), &|own| {
+                see(k, own)
+            })
         })
         .collect();
     let best = solved.iter().map(rank).fold(f64::MAX, f64::min);
-    let is_open = |own: &Solved| own.solution.status == Status::IterationLimit;
-    let mut open: Vec<usize> = (0..solved.len()).filter(|k| is_open(&solved[*k])).collect();
+    let is_open = |k: &usize| solved[*k].solution.status != Status::Converged;
     let objective = |k: &usize| solved[*k].solution.iterate.f;
+    let mut open: Vec<usize> = (0..solved.len()).filter(is_open).collect();
     open.sort_by(|a, b| objective(a).total_cmp(&objective(b)));
-    let finalists = (open.iter().enumerate())
-        .filter(|(place, k)| **k == 0 || (*place < FINALISTS && objective(k) < best))
-        .map(|(_, k)| *k);
-    let finalists: Vec<usize> = finalists.filter(|_| first < limit).collect();
+    let is_finalist =
+        |(place, k): &(usize, usize)| *k == 0 || (*place < FINALISTS && objective(k) < best);
+    let finalists: Vec<usize> = (open.into_iter().enumerate())
+        .filter(is_finalist)
+        .map(|(_, k)| k)
+        .collect();
     let finished: Vec<(usize, Solved)> = (finalists.into_par_iter())
         .map(|k| {
             let Solved { problem, solution } = &solved[k];
-            let from = (problem.clone(), solution.iterate.z.clone());
-            (
-                k,
-                solve(posed, from, limit, &|iteration: &Iteration| {
-                    see(k, iteration)
-                }),
-            )
+            let from = rescaled(posed, problem, &solution.iterate.z);
+            (k, solve(posed, from, limit, &|iteration| see(k, iteration)))
         })
         .collect();
     for (k, own) in finished {
@@ -326,37 +321,48 @@ fn raced(posed: &Posed<'_>, starts: &[Vec<f64>], see: &See<'_>) -> Vec<Solved> {
     solved
 }
 
+/// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
+const SHORT_STEP: f64 = 0.01;
+
 /// How often a solve that makes no progress is begun again, with scales of the size that it has found.
 const RESCALED: usize = 3;
 
 fn solve(
     posed: &Posed<'_>,
-    (mut problem, mut z): (Collocation, Vec<f64>),
+    mut from: (Collocation, Vec<f64>),
+    limit: usize,
+    see: &(dyn Fn(&Iteration) -> ControlFlow<Status> + Sync),
+) -> Solved {
+    let mut round = 0;
+    loop {
+        let solved = once(posed, from, limit, see);
+        if solved.solution.status != Status::NoProgress || round == RESCALED {
+            return solved;
+        }
+        from = rescaled(posed, &solved.problem, &solved.solution.iterate.z);
+        round += 1;
+    }
+}
+
+fn once(
+    posed: &Posed<'_>,
+    (problem, z): (Collocation, Vec<f64>),
     limit: usize,
     see: &(dyn Fn(&Iteration) -> ControlFlow<Status> + Sync),
 ) -> Solved {
     let options = SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: limit,
-        short_step: 0.01,
+        short_step: SHORT_STEP,
         ..SqpOptions::default()
     };
-    let mut round = 0;
-    loop {
-        let solution =
-            pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
-        if solution.status != Status::NoProgress || round == RESCALED {
-            return Solved { problem, solution };
-        }
-        let rescaled = rescaled(posed, &problem, &solution.iterate.z);
-        z = problem.carried(&solution.iterate.z, &rescaled);
-        problem = rescaled;
-        round += 1;
-    }
+    let solution =
+        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
+    Solved { problem, solution }
 }
 
-/// The same problem with scales of the size that states and parameters have now.
-fn rescaled(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Collocation {
+/// The same problem with scales of the size that states and parameters have now, and its variables there.
+fn rescaled(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> (Collocation, Vec<f64>) {
     /// A scale falls to this part at once, at most: what passes through zero keeps a size.
     const LEAST: f64 = 1e-3;
     let n = problem.n_states();
@@ -380,14 +386,16 @@ fn rescaled(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Collocation 
         states: states.collect(),
         parameters: parameters.collect(),
     };
-    Collocation::new(
+    let sized = Collocation::new(
         posed.model.clone(),
         posed.constraints.clone(),
         problem.scheme,
         problem.runs.clone(),
         scales,
         &posed.bounds,
-    )
+    );
+    let z = problem.carried(z, &sized);
+    (sized, z)
 }
 
 /// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are
