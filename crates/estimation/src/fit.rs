@@ -1,6 +1,6 @@
 //! The fit of a problem: starts, the SQP from each, the best on ever finer meshes.
 
-use crate::doubts::doubts;
+use crate::diagnostics::diagnostics;
 use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands, State};
 use crate::result::Fit;
@@ -75,7 +75,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         seconds: clock.elapsed().as_secs_f64(),
         ..Fit::of(posed, &last)
     };
-    found.doubts = doubts(posed, &last, &found);
+    found.diagnostics = diagnostics(posed, &last, &found);
     found
 }
 

@@ -1,7 +1,54 @@
-//! Problem files.
+//! Problem files: what was measured and what is sought, of any system of models, and their fit.
+//!
+//! ```
+//! use pilotage_estimation::{Posed, ProblemFile, fit, part};
+//! use std::ops::ControlFlow;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! let model = r#"
+//!     [model]
+//!     name = "decay"
+//!     [parameters]
+//!     rate = { start = 0.5, unit = "1/s" }
+//!     [states]
+//!     x = { start = 2, der = "-rate * x" }
+//! "#;
+//! std::fs::write(folder.path().join("decay.toml"), model)?;
+//! std::fs::write(folder.path().join("run.csv"), "time,x\n0,2\n1,1\n2,0.5\n")?;
+//! let problem = r#"
+//!     [system.tank]
+//!     model = "decay.toml"
+//!     [[measured]]
+//!     signal = "tank.x"
+//!     column = "x"
+//!     [parameters]
+//!     "tank.rate" = {}
+//!     [[run]]
+//!     file = "run.csv"
+//! "#;
+//! let file = ProblemFile::parse(problem, &folder.path().join("problem.toml"))?;
+//! let posed = Posed::new(&file, &part::open)?;
+//! let found = fit(&posed, &mut |_iteration| ControlFlow::Continue(()));
+//! // The half-life is a second.
+//! assert!((found.parameters[0].values[0].1 - 2_f64.ln()).abs() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Take it where models are text and data are files; `pilotage-collocation` is beneath it, for equations in Rust.
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | [mod@file], `read` | what a problem file says |
+//! | [`part`], [`joint`] | the instances as equations, and wired |
+//! | [`unknowns`], `names` | parameters and what they are; the expressions of the file |
+//! | [`data`] | the runs: columns, inputs, times at which something changes |
+//! | `assembly`, `stability`, [`posed`] | from all that to one system of equations |
+//! | `starts`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
+//! | [`result`], [`diagnostics`] | what was found, and what speaks against it |
+
 mod assembly;
 pub mod data;
-pub mod doubts;
+pub mod diagnostics;
 pub mod error;
 pub mod evaluate;
 pub mod file;
@@ -16,7 +63,7 @@ mod stability;
 mod starts;
 pub mod unknowns;
 
-pub use doubts::Doubt;
+pub use diagnostics::Diagnostic;
 pub use error::ProblemError;
 pub use file::ProblemFile;
 pub use fit::fit;

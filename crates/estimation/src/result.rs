@@ -1,6 +1,6 @@
 //! What a fit has found.
 
-use crate::doubts::{Doubt, SAME};
+use crate::diagnostics::{Diagnostic, SAME};
 use crate::fit::{Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
@@ -36,7 +36,7 @@ pub struct Fit {
     /// For each start how it ended, and its objective.
     pub starts: Vec<(Status, f64)>,
     /// What speaks against it.
-    pub doubts: Vec<Doubt>,
+    pub diagnostics: Vec<Diagnostic>,
     /// How long it took \[s\].
     pub seconds: f64,
 }
@@ -122,7 +122,7 @@ impl Fit {
             runs,
             refinement: Refinement::default(),
             starts: Vec::new(),
-            doubts: Vec::new(),
+            diagnostics: Vec::new(),
             seconds: 0.0,
         }
     }
@@ -153,7 +153,7 @@ impl Fit {
 
     /// How it ended, in a word or two.
     pub fn verdict(&self) -> String {
-        match (self.is_answer(), self.doubts.len()) {
+        match (self.is_answer(), self.diagnostics.len()) {
             (false, _) => format!("NOT CONVERGED ({})", self.status),
             (true, 0) => "converged".to_owned(),
             (true, count) => format!("converged, in doubt ({count})"),

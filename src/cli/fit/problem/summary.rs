@@ -29,7 +29,7 @@ pub fn to_json(posed: &Posed<'_>, fit: &Fit) -> Value {
             "stable": fit.is_stable(),
             "poles": fit.poles,
         },
-        "doubts": fit.doubts.iter().map(|doubt| json!({ "code": doubt.code(), "words": doubt.to_string() })).collect::<Vec<_>>(),
+        "doubts": fit.diagnostics.iter().map(|own| json!({ "code": own.code(), "words": own.to_string() })).collect::<Vec<_>>(),
         "iterations": fit.refinement.iterations,
         "kkt": fit.kkt.residual(),
         "mesh": {
@@ -135,8 +135,8 @@ pub fn to_text(posed: &Posed<'_>, fit: &Fit) -> String {
             fit.starts.len()
         );
     }
-    for doubt in &fit.doubts {
-        text += &format!("doubt [{}]: {doubt}\n", doubt.code());
+    for diagnostic in &fit.diagnostics {
+        text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
     }
     text
 }

@@ -7,9 +7,9 @@ use crate::result::{Fit, Found};
 use pilotage_sqp::Status;
 use std::fmt;
 
-/// A reason to doubt a result.
+/// What speaks against a result.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Doubt {
+pub enum Diagnostic {
     /// The solver did not converge.
     NotConverged(Status),
     /// A parameter lies on an end of its range.
@@ -48,7 +48,7 @@ const FLAT: f64 = 1e-9;
 /// Objectives that differ by less than this part are of one optimum.
 pub const SAME: f64 = 1e-3;
 
-impl Doubt {
+impl Diagnostic {
     /// Its code, for scripts.
     pub fn code(&self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl Doubt {
     }
 }
 
-impl fmt::Display for Doubt {
+impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotConverged(status) => write!(
@@ -103,11 +103,11 @@ impl fmt::Display for Doubt {
     }
 }
 
-/// All doubts about a result, the heaviest first.
-pub(crate) fn doubts(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Doubt> {
+/// All that speaks against a result, the heaviest first.
+pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
     if !fit.is_answer() {
-        all.push(Doubt::NotConverged(fit.status));
+        all.push(Diagnostic::NotConverged(fit.status));
     }
     let growth = fit
         .poles
@@ -115,10 +115,10 @@ pub(crate) fn doubts(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Doubt
         .map(|pole| pole[0])
         .fold(f64::NEG_INFINITY, f64::max);
     if growth > GROWTH && !posed.file.system.connections.is_empty() {
-        all.push(Doubt::UnstableLoop(growth));
+        all.push(Diagnostic::UnstableLoop(growth));
     }
     let at_bound = |found: &Found| {
-        found.bound.map(|bound| Doubt::AtBound {
+        found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
             bound,
         })
@@ -128,14 +128,14 @@ pub(crate) fn doubts(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Doubt
     all.extend(
         curvature
             .filter(|own| fit.is_answer() && *own < FLAT)
-            .map(Doubt::Flat),
+            .map(Diagnostic::Flat),
     );
     all.extend(of_starts(fit));
     all.extend(of_mesh(posed, &fit.refinement));
     all
 }
 
-fn of_starts(fit: &Fit) -> Option<Doubt> {
+fn of_starts(fit: &Fit) -> Option<Diagnostic> {
     let converged = || {
         fit.starts
             .iter()
@@ -147,17 +147,17 @@ fn of_starts(fit: &Fit) -> Option<Doubt> {
     let near =
         converged().filter(|(_, own)| own - best <= SAME * best.abs().max(f64::MIN_POSITIVE));
     let converged = converged().count();
-    (near.count() == 1 && converged > 2).then_some(Doubt::Alone { converged })
+    (near.count() == 1 && converged > 2).then_some(Diagnostic::Alone { converged })
 }
 
-fn of_mesh(posed: &Posed<'_>, refinement: &Refinement) -> Option<Doubt> {
+fn of_mesh(posed: &Posed<'_>, refinement: &Refinement) -> Option<Diagnostic> {
     let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
         return None;
     };
     let error = refinement.error;
     let change = refinement.changes.iter().copied().fold(0.0, f64::max);
     if error > tolerance {
-        return Some(Doubt::MeshError { error, tolerance });
+        return Some(Diagnostic::MeshError { error, tolerance });
     }
-    (change > MOVES).then_some(Doubt::MeshMoves(change))
+    (change > MOVES).then_some(Diagnostic::MeshMoves(change))
 }
