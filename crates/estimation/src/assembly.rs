@@ -12,7 +12,6 @@ use crate::posed::{Stands, State, Told};
 use crate::stability;
 use crate::unknowns::{Meaning, Parameters, Unknown};
 use pilotage_collocation::{Bound, BoundAt, Loss, ParameterConstraints, Recording, Run};
-use pilotage_cosim::description::Said;
 use pilotage_expression::{Function, Graph, Node, System};
 use pilotage_language::file::Formula;
 use std::collections::HashMap;
@@ -147,12 +146,12 @@ impl<'a> Assembly<'a> {
         }
         for name in &self.named.columns {
             let source = Source::Column {
-                name: Said::from(name.clone()),
+                name: name.clone(),
                 unit: None,
                 hold: Hold::Linear,
                 missing: None,
             };
-            self.sources.push((Key::Column(name.clone()), source));
+            self.sources.push((Key::Column(name.value.clone()), source));
         }
         for (k, measured) in self.file.measured.iter().enumerate() {
             let unit = self.unit_of(measured);
@@ -198,10 +197,7 @@ impl<'a> Assembly<'a> {
 
     /// What runs set: inputs that are constant in each, or jump where it changes.
     fn find_sets(&mut self) -> Done<()> {
-        let of_run = |run: &'a RunData<'a>| {
-            let changes = run.line.changes.iter().flat_map(|(_, set)| set);
-            run.line.set.iter().chain(changes)
-        };
+        let of_run = |run: &'a RunData<'a>| run.line.sets();
         let mut names: Vec<&String> = Vec::new();
         for set in self.data.iter().flat_map(of_run) {
             if !names.contains(&&set.name.value) {
@@ -288,7 +284,7 @@ impl<'a> Assembly<'a> {
                     self.states += 1;
                     Stands::State(self.states - 1)
                 }
-                Per::Subject => Stands::Subjects(self.find_subjects()?),
+                Per::Subject => Stands::Subjects(self.find_subjects(&unknown.name)?),
             };
             self.stands.push(stands);
         }
@@ -296,11 +292,13 @@ impl<'a> Assembly<'a> {
     }
 
     /// A parameter for each subject.
-    fn find_subjects(&mut self) -> Done<Vec<(String, usize)>> {
+    fn find_subjects(&mut self, name: &str) -> Done<Vec<(String, usize)>> {
         let mut subjects: Vec<(String, usize)> = Vec::new();
         for run in self.data {
             let Some(subject) = &run.line.subject else {
-                let fault = "a parameter has one value for each subject, and this run has none; write subject = \"...\"";
+                let fault = format!(
+                    "`{name}` has one value for each subject, and this run has none; write subject = \"...\""
+                );
                 return Err(ProblemError::at(&run.line.place, fault));
             };
             if subjects.iter().all(|(own, _)| own != subject) {
@@ -562,7 +560,7 @@ impl<'a> Assembly<'a> {
             Some((signals, predicted)) => {
                 variables.extend_from_slice(signals);
                 for name in &named.columns {
-                    let node = self.input_node(&Key::Column(name.clone()));
+                    let node = self.input_node(&Key::Column(name.value.clone()));
                     variables.push(node.unwrap_or(zero));
                 }
                 variables.push(predicted);
@@ -1167,7 +1165,7 @@ fn timeline<'r>(run: &'r RunData<'_>, name: &str, span: Span) -> Vec<(f64, Optio
     let mut line = vec![(f64::NEG_INFINITY, find(&run.line.set))];
     if span == Span::Run {
         let changes = run.line.changes.iter();
-        line.extend(changes.filter_map(|(time, set)| Some((*time, Some(find(set)?)))));
+        line.extend(changes.filter_map(|change| Some((change.time, Some(find(&change.set)?)))));
     }
     line
 }
