@@ -10,7 +10,8 @@ use crate::joint::{Joint, unknown};
 use crate::names::{Named, Of, matching};
 use crate::posed::{Stands, State, Told};
 use crate::stability;
-use crate::unknowns::{Meaning, Parameters, Unknown};
+use crate::interval::{ALL, Interval, intervals, shared};
+use crate::unknowns::{Meaning, Parameters, Unknown, check_range};
 use pilotage_collocation::{Bound, BoundAt, Loss, ParameterConstraints, Recording, Run};
 use pilotage_expression::{Function, Graph, Node, System};
 use pilotage_language::file::Formula;
@@ -47,6 +48,8 @@ enum Span {
 /// A problem as equations, before it is differentiated.
 pub struct Made {
     pub system: System,
+    /// The terms of the objective that come from recordings.
+    pub measured: Vec<Node>,
     pub bounds: Vec<Bound>,
     pub constraints: ParameterConstraints,
     pub runs: Vec<Run>,
@@ -383,10 +386,12 @@ impl<'a> Assembly<'a> {
             .map(|name| self.joint.signal(name).expect("a signal of its own"))
             .collect();
         let signals = self.graph.import(&system.graph, &signals, &variables);
-        let told = self.measure(&signals, &rows)?;
+        let mut told = self.measure(&signals, &rows)?;
+        told.joint = variables;
+        self.check_tied(&told, &rows)?;
         self.limit();
         self.hold_steady(&derivatives);
-        let on_parameters = self.bound_all(&signals);
+        let on_parameters = self.bound_all(&signals, &rows)?;
         self.expect_priors(&rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;
         Ok(self.made(derivatives, states, known, rows, told, constraints))
@@ -448,7 +453,9 @@ impl<'a> Assembly<'a> {
             .iter()
             .cloned()
             .zip(std::mem::take(&mut self.stands));
+        let measured = self.recordings.iter().filter(|own| !own.is_prior);
         Made {
+            measured: measured.map(|own| own.output).collect(),
             system: System {
                 graph: self.graph,
                 states: self.states,
@@ -580,6 +587,107 @@ impl<'a> Assembly<'a> {
         self.graph.import(&compiled.graph, &nodes, &variables)
     }
 
+    /// Refuses parameters that are tied to a value out of their range, where the search begins.
+    fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
+        for (name, node) in &told.tied {
+            let range = self.parameters.range(name, self.joint);
+            let line = self.file.parameters.iter().find(|line| line.name.value == *name);
+            let place = line.and_then(|line| line.name.place.as_ref());
+            for rows in rows {
+                check_range(name, self.number(*node, rows), range, place)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses noise levels that are not above 0: where they are recorded, or, if neither states nor time change them, at
+    /// the start.
+    fn check_deviation(
+        &self,
+        k: usize,
+        node: Node,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let measured = &self.file.measured[k];
+        match &measured.sd {
+            Deviation::Column(name) => {
+                let unit = self.unit_of(measured);
+                for ((run, rows), recorded) in self.data.iter().zip(rows).zip(recorded) {
+                    let column = run.column(name, unit.as_deref())?;
+                    for (sample, row) in rows.rows.iter().enumerate() {
+                        let Some(sd) = row.map(|row| column[row]) else { continue };
+                        if recorded[sample].is_finite() && !(sd > 0.0) {
+                            let fault = format!(
+                                "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
+                                run.line.file.display(),
+                                name.value,
+                                rows.time[sample]
+                            );
+                            return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                        }
+                    }
+                }
+                Ok(())
+            }
+            Deviation::Formula(formula) => {
+                let changes = self.graph.dependants(|variable| variable <= self.joint.model.states.len());
+                let start = self.number(node, &rows[0]);
+                match changes[node.index()] || start > 0.0 {
+                    true => Ok(()),
+                    false => {
+                        let fault = format!("the standard deviation starts at {start}; expected a number above 0");
+                        Err(ProblemError::at(&self.file.place(formula), fault))
+                    }
+                }
+            }
+        }
+    }
+
+    /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
+    fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
+        let mut found = intervals(&self.graph, &self.ranges(rows));
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
+            if line.formula.names().next().is_none() {
+                let fault = "a constraint on a number, which nothing changes; leave it out";
+                return Err(ProblemError::at(&line.place, fault));
+            }
+            let own = &mut found[node.index()];
+            let [low, high] = *own;
+            *own = shared(*own, [line.min, line.max]).ok_or_else(|| {
+                let shown = &line.formula.expression.text;
+                let fault = match low == high {
+                    true => format!("`{shown}` is always {low}, never from {} to {}; change one of them", line.min, line.max),
+                    false => format!(
+                        "`{shown}` is from {low} to {high} by what else is said, never from {} to {}; change one of them",
+                        line.min, line.max
+                    ),
+                };
+                ProblemError::at(&line.place, fault)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Between which values each variable of the equations lies.
+    fn ranges(&self, rows: &[Rows]) -> Vec<Interval> {
+        let mut ranges = vec![ALL; self.variables()];
+        let sources = 1 + self.states;
+        for k in 0..self.sources.len() {
+            let values = || rows.iter().flat_map(|rows| rows.inputs.iter().map(|own| own[k]));
+            ranges[sources + k] = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        }
+        let shared = self.variables() - self.shared;
+        for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
+            let low = unknown.min.map_or(ALL[0], |min| unknown.searched(min));
+            let high = unknown.max.map_or(ALL[1], |max| unknown.searched(max));
+            for variable in stands.variables(shared) {
+                ranges[variable] = [low, high];
+            }
+        }
+        ranges
+    }
+
     // Initial states.
 
     /// The states, and for each run what is known of their initial values.
@@ -599,6 +707,11 @@ impl<'a> Assembly<'a> {
             };
             let depends = self.depends_on_sought(node);
             let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
+            if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+                let place = line.and_then(|line| self.file.initial[line].0.place.as_ref());
+                let fault = format!("`{name}` begins at {number} where the search starts; expected a finite number");
+                return Err(ProblemError::maybe_at(place, fault));
+            }
             let mut state = State {
                 name: name.clone(),
                 nominal: about.and_then(|about| about.nominal),
@@ -759,6 +872,7 @@ impl<'a> Assembly<'a> {
         let mut told = Told {
             predicted: Vec::new(),
             deviations: Vec::new(),
+            joint: Vec::new(),
             tied: Vec::new(),
             recorded: Vec::new(),
         };
@@ -766,6 +880,7 @@ impl<'a> Assembly<'a> {
             let predicted = self.predicted(k, signals)?;
             let deviation = self.deviation(k, signals, predicted);
             let recorded = self.recorded(k, rows)?;
+            self.check_deviation(k, deviation, &recorded, rows)?;
             self.add_residual(k, predicted, deviation, &recorded)?;
             told.predicted.push(predicted);
             told.deviations.push(deviation);
@@ -979,7 +1094,7 @@ impl<'a> Assembly<'a> {
 
     /// Ranges of what is sought, and the file's constraints. Those on shared parameters alone are returned: each
     /// expression is at least zero.
-    fn bound_all(&mut self, signals: &[Node]) -> Vec<Node> {
+    fn bound_all(&mut self, signals: &[Node], rows: &[Rows]) -> Done<Vec<Node>> {
         let mut on_parameters = Vec::new();
         for k in 0..self.parameters.unknowns.len() {
             let unknown = &self.parameters.unknowns[k];
@@ -1007,8 +1122,10 @@ impl<'a> Assembly<'a> {
         }
         let zero = self.graph.constant(0.0);
         let values = self.values[0].clone();
-        for (k, line) in self.file.constraints.iter().enumerate() {
-            let node = self.expressions(&[Of::Constraint(k)], Some((signals, zero)), &values)[0];
+        let all: Vec<Of> = (0..self.file.constraints.len()).map(Of::Constraint).collect();
+        let nodes = self.expressions(&all, Some((signals, zero)), &values);
+        self.check_constraints(&nodes, rows)?;
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
             let at = match line.at {
                 Holds::Samples => BoundAt::Samples,
                 Holds::Start => BoundAt::Start,
@@ -1021,7 +1138,7 @@ impl<'a> Assembly<'a> {
             };
             self.bound(node, line.min, line.max, at);
         }
-        on_parameters
+        Ok(on_parameters)
     }
 
     /// Whether an expression depends on shared parameters alone.

@@ -4,6 +4,7 @@ use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use crate::starts::drawn;
+use crate::trouble;
 use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use rayon::prelude::*;
@@ -39,7 +40,7 @@ pub struct Solved {
 const MOST_REFINEMENTS: usize = 12;
 
 /// Most mesh intervals of all runs together.
-const MOST_INTERVALS: usize = 400_000;
+pub(crate) const MOST_INTERVALS: usize = 400_000;
 
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
@@ -75,7 +76,12 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (last, refinement) = refine(posed, first, |progress| {
         observer.lock().map_or(ControlFlow::Continue(()), |mut see| see(progress))
     });
+    let trouble = match last.solution.status {
+        Status::Converged => None,
+        _ => trouble::at_start(posed, &starts[0]),
+    };
     Fit {
+        trouble,
         starts: ends,
         refinement,
         seconds: clock.elapsed().as_secs_f64(),

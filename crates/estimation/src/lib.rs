@@ -1,9 +1,11 @@
 //! Problem files.
 mod assembly;
+mod checks;
 pub mod data;
 pub mod error;
 pub mod file;
 pub mod fit;
+mod interval;
 pub mod joint;
 mod names;
 pub mod part;
@@ -12,6 +14,7 @@ mod read;
 pub mod result;
 mod stability;
 mod starts;
+mod trouble;
 pub mod unknowns;
 
 pub use error::ProblemError;

@@ -3,7 +3,7 @@
 use crate::error::ProblemError;
 use crate::file::{Calibration, Deviation, Initial, ProblemFile, Quantity};
 use crate::joint::{Joint, unknown};
-use crate::unknowns::{Meaning, Parameters};
+use crate::unknowns::{Meaning, Parameters, check_range, no_parameter};
 use pilotage_cosim::description::Said;
 use pilotage_language::Expressions;
 use pilotage_language::expressions::CompiledExpressions;
@@ -194,12 +194,15 @@ fn add_all(
         for set in run.sets() {
             let name = &set.name.value;
             if !parameters.names.contains(name) {
-                let fault = unknown("parameter or free input", name, &parameters.names);
-                return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+                return Err(no_parameter(&set.name, file, joint, &parameters.names));
             }
             if let Meaning::Tied(_) = parameters.meanings[name] {
                 let fault = format!("`{name}` is tied to others; a run cannot set it");
                 return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+            }
+            if let Some(number) = set.value.number() {
+                let range = parameters.range(name, joint);
+                check_range(name, number, range, set.name.place.as_ref())?;
             }
             let unit = parameters.unit(name, joint);
             builder.add(
