@@ -6,11 +6,11 @@ use crate::file::{
     Calibration, Deviation, Hold, Holds, Initial, Measured, Noise, Per, Prior, ProblemFile,
     Quantity, Set,
 };
+use crate::interval::{ALL, Interval, intervals, shared};
 use crate::joint::{Joint, unknown};
 use crate::names::{Named, Of, matching};
 use crate::posed::{Stands, State, Told};
 use crate::stability;
-use crate::interval::{ALL, Interval, intervals, shared};
 use crate::unknowns::{Meaning, Parameters, Unknown, check_range};
 use pilotage_collocation::{Bound, BoundAt, Loss, ParameterConstraints, Recording, Run};
 use pilotage_expression::{Function, Graph, Node, System};
@@ -591,7 +591,11 @@ impl<'a> Assembly<'a> {
     fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
         for (name, node) in &told.tied {
             let range = self.parameters.range(name, self.joint);
-            let line = self.file.parameters.iter().find(|line| line.name.value == *name);
+            let line = self
+                .file
+                .parameters
+                .iter()
+                .find(|line| line.name.value == *name);
             let place = line.and_then(|line| line.name.place.as_ref());
             for rows in rows {
                 check_range(name, self.number(*node, rows), range, place)?;
@@ -616,7 +620,9 @@ impl<'a> Assembly<'a> {
                 for ((run, rows), recorded) in self.data.iter().zip(rows).zip(recorded) {
                     let column = run.column(name, unit.as_deref())?;
                     for (sample, row) in rows.rows.iter().enumerate() {
-                        let Some(sd) = row.map(|row| column[row]) else { continue };
+                        let Some(sd) = row.map(|row| column[row]) else {
+                            continue;
+                        };
                         if recorded[sample].is_finite() && !(sd > 0.0) {
                             let fault = format!(
                                 "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
@@ -631,12 +637,16 @@ impl<'a> Assembly<'a> {
                 Ok(())
             }
             Deviation::Formula(formula) => {
-                let changes = self.graph.dependants(|variable| variable <= self.joint.model.states.len());
+                let changes = self
+                    .graph
+                    .dependants(|variable| variable <= self.joint.model.states.len());
                 let start = self.number(node, &rows[0]);
                 match changes[node.index()] || start > 0.0 {
                     true => Ok(()),
                     false => {
-                        let fault = format!("the standard deviation starts at {start}; expected a number above 0");
+                        let fault = format!(
+                            "the standard deviation starts at {start}; expected a number above 0"
+                        );
                         Err(ProblemError::at(&self.file.place(formula), fault))
                     }
                 }
@@ -674,8 +684,14 @@ impl<'a> Assembly<'a> {
         let mut ranges = vec![ALL; self.variables()];
         let sources = 1 + self.states;
         for k in 0..self.sources.len() {
-            let values = || rows.iter().flat_map(|rows| rows.inputs.iter().map(|own| own[k]));
-            ranges[sources + k] = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+            let values = || {
+                rows.iter()
+                    .flat_map(|rows| rows.inputs.iter().map(|own| own[k]))
+            };
+            ranges[sources + k] = [
+                values().fold(f64::INFINITY, f64::min),
+                values().fold(f64::NEG_INFINITY, f64::max),
+            ];
         }
         let shared = self.variables() - self.shared;
         for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
@@ -709,7 +725,9 @@ impl<'a> Assembly<'a> {
             let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
             if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
                 let place = line.and_then(|line| self.file.initial[line].0.place.as_ref());
-                let fault = format!("`{name}` begins at {number} where the search starts; expected a finite number");
+                let fault = format!(
+                    "`{name}` begins at {number} where the search starts; expected a finite number"
+                );
                 return Err(ProblemError::maybe_at(place, fault));
             }
             let mut state = State {
@@ -1122,7 +1140,9 @@ impl<'a> Assembly<'a> {
         }
         let zero = self.graph.constant(0.0);
         let values = self.values[0].clone();
-        let all: Vec<Of> = (0..self.file.constraints.len()).map(Of::Constraint).collect();
+        let all: Vec<Of> = (0..self.file.constraints.len())
+            .map(Of::Constraint)
+            .collect();
         let nodes = self.expressions(&all, Some((signals, zero)), &values);
         self.check_constraints(&nodes, rows)?;
         for (line, node) in self.file.constraints.iter().zip(nodes) {

@@ -11,7 +11,10 @@ pub fn mesh(file: &ProblemFile, data: &[RunData<'_>]) -> Result<(), ProblemError
     let Mesh::Step(step) = file.options.mesh else {
         return Ok(());
     };
-    let duration: f64 = data.iter().map(|run| run.series.time[run.series.time.len() - 1] - run.begin()).sum();
+    let duration: f64 = data
+        .iter()
+        .map(|run| run.series.time[run.series.time.len() - 1] - run.begin())
+        .sum();
     match duration / step <= MOST_INTERVALS as f64 {
         true => Ok(()),
         false => {
@@ -36,9 +39,15 @@ pub fn dependence(made: &Made) -> Result<(), ProblemError> {
             let variable = graph.known_variable(1 + state);
             variable.is_some_and(|node| needed[node.index()])
         };
-        let derivatives = (0..states).filter(|k| is_needed(*k)).map(|k| made.system.derivatives[k]);
+        let derivatives = (0..states)
+            .filter(|k| is_needed(*k))
+            .map(|k| made.system.derivatives[k]);
         let before = nodes.len();
-        nodes.extend(derivatives.filter(|node| !needed[node.index()]).collect::<Vec<_>>());
+        nodes.extend(
+            derivatives
+                .filter(|node| !needed[node.index()])
+                .collect::<Vec<_>>(),
+        );
         if nodes.len() == before {
             break;
         }
@@ -52,7 +61,9 @@ pub fn dependence(made: &Made) -> Result<(), ProblemError> {
         };
         if !own.any(is_needed) {
             let name = &unknown.name;
-            let fault = format!("no measured signal depends on `{name}`; leave it out, or write fixed = true");
+            let fault = format!(
+                "no measured signal depends on `{name}`; leave it out, or write fixed = true"
+            );
             return Err(ProblemError::maybe_at(unknown.place.as_ref(), fault));
         }
     }

@@ -80,7 +80,9 @@ impl<'f> RunData<'f> {
         let last = series.time[series.time.len() - 1];
         let begin = line.start_time.as_ref().map_or(first, |start| start.value);
         let fault = match () {
-            () if begin > first => Some(format!("{file} begins at {first} s, before start_time = {begin}; begin no later")),
+            () if begin > first => Some(format!(
+                "{file} begins at {first} s, before start_time = {begin}; begin no later"
+            )),
             () if first - begin > FARTHEST * (last - first) => Some(format!(
                 "start_time = {begin} is more than {FARTHEST} times the run's length before its first row at {first} s; \
                  begin later"

@@ -75,7 +75,12 @@ fn reciprocal(a: Interval) -> Interval {
 fn product(a: Interval, b: Interval) -> Interval {
     // An end at infinity is never reached: 0 times it is 0.
     let times = |x: f64, y: f64| if x == 0.0 || y == 0.0 { 0.0 } else { x * y };
-    let ends = [times(a[0], b[0]), times(a[0], b[1]), times(a[1], b[0]), times(a[1], b[1])];
+    let ends = [
+        times(a[0], b[0]),
+        times(a[0], b[1]),
+        times(a[1], b[0]),
+        times(a[1], b[1]),
+    ];
     [
         ends.into_iter().fold(f64::INFINITY, f64::min),
         ends.into_iter().fold(f64::NEG_INFINITY, f64::max),
@@ -96,7 +101,9 @@ mod tests {
         let [x, y] = [graph.variable(0), graph.variable(1)];
         for a in [x, y] {
             use Function::{Abs, Atan, Cos, Exp, Ln, Negate, Reciprocal, Sign, Sin, Sqrt, Tanh};
-            for function in [Negate, Reciprocal, Sqrt, Ln, Exp, Tanh, Atan, Sin, Cos, Sign, Abs] {
+            for function in [
+                Negate, Reciprocal, Sqrt, Ln, Exp, Tanh, Atan, Sin, Cos, Sign, Abs,
+            ] {
                 let b = graph.unary(function, a);
                 use Operator::{Add, Divide, Less, Multiply, Power, Subtract};
                 for operator in [Add, Subtract, Multiply, Divide, Less, Power] {
@@ -106,10 +113,15 @@ mod tests {
             }
         }
         let mut random = ChaCha8Rng::seed_from_u64(1);
-        for ends in [[[0.5, 2.0], [-3.0, 1.0]], [[-2.0, -1.0], [0.0, 4.0]], [[-1.0, 1.0], [2.0, 3.0]]] {
+        for ends in [
+            [[0.5, 2.0], [-3.0, 1.0]],
+            [[-2.0, -1.0], [0.0, 4.0]],
+            [[-1.0, 1.0], [2.0, 3.0]],
+        ] {
             let found = intervals(&graph, &ends);
             for _ in 0..200 {
-                let within = |end: Interval| Uniform::new_inclusive(end[0], end[1]).expect("a range");
+                let within =
+                    |end: Interval| Uniform::new_inclusive(end[0], end[1]).expect("a range");
                 let at = ends.map(|end| within(end).sample(&mut random));
                 for (value, [low, high]) in graph.values(&at).iter().zip(&found) {
                     let slack = 1e-12 * (1.0 + value.abs());

@@ -134,7 +134,10 @@ fn check_end(parts: &[(String, Part)], name: &Said<String>, end: End) -> Result<
         rest.is_some_and(|rest| own(part).iter().any(|own| own == rest))
     });
     if is_other {
-        let fault = format!("`{}` is no {what}; a wire goes from an output to an input", name.value);
+        let fault = format!(
+            "`{}` is no {what}; a wire goes from an output to an input",
+            name.value
+        );
         return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
     }
     Err(ProblemError::maybe_at(

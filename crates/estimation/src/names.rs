@@ -180,7 +180,13 @@ fn add_all(
         if let Initial::Formula(formula) = initial {
             for state in states {
                 let of = Of::Initial(k, state.clone());
-                builder.add(file, of, joint.unit(state), formula, Some("an initial state"));
+                builder.add(
+                    file,
+                    of,
+                    joint.unit(state),
+                    formula,
+                    Some("an initial state"),
+                );
             }
         }
     }
@@ -221,7 +227,8 @@ fn add_all(
 fn check_prediction(file: &ProblemFile, formula: &Formula) -> Result<(), ProblemError> {
     match formula.names().any(|name| name == PREDICTED) {
         true => {
-            let fault = "`y` is what the model predicts, and stands in `sd` alone; name the signal instead";
+            let fault =
+                "`y` is what the model predicts, and stands in `sd` alone; name the signal instead";
             Err(ProblemError::at(&file.place(formula), fault))
         }
         false => Ok(()),

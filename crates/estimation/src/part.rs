@@ -146,7 +146,10 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
                 (Some(order), true) => library::linear(order),
                 (Some(_), false) => {
                     let fault = format!("the model `{name}` has no order; leave `order` out");
-                    let place = instance.order.as_ref().and_then(|order| order.place.as_ref());
+                    let place = instance
+                        .order
+                        .as_ref()
+                        .and_then(|order| order.place.as_ref());
                     return Err(ProblemError::maybe_at(place, fault));
                 }
                 (None, _) => built_in.text.to_owned(),

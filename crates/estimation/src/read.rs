@@ -2,12 +2,12 @@
 
 use crate::error::ProblemError;
 use crate::file::{
-    Calibration, Change, Constraint, Deviation, Fed, Hold, Holds, Initial, Measured, Mesh, Noise, Options,
-    Per, Prior, ProblemFile, Quantity, RunLine, Set, Sought, Stability,
+    Calibration, Change, Constraint, Deviation, Fed, Hold, Holds, Initial, Measured, Mesh, Noise,
+    Options, Per, Prior, ProblemFile, Quantity, RunLine, Set, Sought, Stability,
 };
 use pilotage_collocation::Scheme;
-use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_cosim::description::Said;
+use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_language::file::{Formula, LONGEST, formula};
 use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
@@ -61,7 +61,10 @@ impl ProblemFile {
         let folder = path.parent().unwrap_or(Path::new(""));
         let system = system(root, folder)?;
         let instances = system.instances.iter().map(|own| own.name.clone());
-        let own = root.table("parameters")?.map(|table| table.names()).unwrap_or_default();
+        let own = root
+            .table("parameters")?
+            .map(|table| table.names())
+            .unwrap_or_default();
         let reader = Reader {
             file: &file,
             text,
@@ -183,10 +186,7 @@ fn positive(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
         Some(number) => Err(at(
             table,
             field,
-            format!(
-                "`{field} = {}`; expected a number above 0",
-                shown(number)
-            ),
+            format!("`{field} = {}`; expected a number above 0", shown(number)),
         )),
         None => Ok(number),
     }
@@ -207,7 +207,8 @@ fn tolerance(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
     match positive(table, field)? {
         Some(number) if number < LEAST => {
             let number = shown(number);
-            let fault = format!("`{field} = {number}` is finer than numbers are; write {LEAST:?} or more");
+            let fault =
+                format!("`{field} = {number}` is finer than numbers are; write {LEAST:?} or more");
             Err(at(table, field, fault))
         }
         other => Ok(other),
@@ -349,7 +350,9 @@ impl Reader<'_> {
         let is_known = words.contains(&found) || self.own.iter().any(|own| own == found);
         match near.filter(|_| is_word && !is_known) {
             Some(near) => {
-                let fault = format!("\"{found}\" is neither \"{near}\" nor a parameter; did you mean `{near}`?");
+                let fault = format!(
+                    "\"{found}\" is neither \"{near}\" nor a parameter; did you mean `{near}`?"
+                );
                 Err(at(table, field, fault))
             }
             None => Ok(()),
@@ -386,9 +389,7 @@ impl Reader<'_> {
                 return Err(at(table, "expression", fault));
             }
             (Some(signal), None) => Quantity::Signal(signal.to_owned()),
-            (None, Some(formula)) => {
-                Quantity::Expression(formula, unit(table)?)
-            }
+            (None, Some(formula)) => Quantity::Expression(formula, unit(table)?),
             (None, None) => {
                 let fault = "nothing is measured; write signal = \"instance.variable\", or expression = \"...\"";
                 return Err(ProblemError::at(&place_of(table), fault));
@@ -422,7 +423,14 @@ impl Reader<'_> {
             (other, None) => other,
         };
         Ok(Measured {
-            place: place(table, if table.has("signal") { "signal" } else { "expression" }),
+            place: place(
+                table,
+                if table.has("signal") {
+                    "signal"
+                } else {
+                    "expression"
+                },
+            ),
             of,
             column: column(table, "column")?,
             sd: self.deviation(table)?,
@@ -465,7 +473,8 @@ impl Reader<'_> {
         };
         let number = formula.as_ref().and_then(Formula::number);
         if field == "gain" && number == Some(0.0) {
-            let fault = "the sensor shows nothing of what it measures; write another number, or \"free\"";
+            let fault =
+                "the sensor shows nothing of what it measures; write another number, or \"free\"";
             return Err(at(table, field, fault));
         }
         Ok(Calibration::Formula(
@@ -484,7 +493,9 @@ impl Reader<'_> {
     fn sought(&self, (table, field, name): Entry<'_>) -> Read<Sought> {
         let Ok(Some(own)) = table.table(field) else {
             let name = &name.value;
-            let fault = format!("`{name}` is no table; write {{ start = ... }}, with fixed = true for a number");
+            let fault = format!(
+                "`{name}` is no table; write {{ start = ... }}, with fixed = true for a number"
+            );
             return Err(at(table, field, fault));
         };
         own.only(&[

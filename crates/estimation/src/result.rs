@@ -36,7 +36,8 @@ pub struct Fit {
     pub starts: Vec<(Status, f64)>,
     /// How long it took \[s\].
     pub seconds: f64,
-    /// Which expression is no finite number where the search begins; asked where no optimum was found.
+    /// Which expression is no finite number where the search begins, where a solve ended with
+    /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
 }
 
@@ -128,7 +129,13 @@ impl Fit {
 }
 
 /// All variables of the graph at a sample.
-pub(crate) fn variables(posed: &Posed<'_>, j: usize, sample: usize, x: &[f64], theta: &[f64]) -> Vec<f64> {
+pub(crate) fn variables(
+    posed: &Posed<'_>,
+    j: usize,
+    sample: usize,
+    x: &[f64],
+    theta: &[f64],
+) -> Vec<f64> {
     let run = &posed.runs[j];
     let mut all = vec![run.time[sample]];
     all.extend_from_slice(x);

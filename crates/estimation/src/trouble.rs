@@ -24,11 +24,15 @@ pub fn at_start(posed: &Posed<'_>, start: &[f64]) -> Option<String> {
 /// The same at one point of the equations' variables.
 fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     let values = posed.model.system.graph.values(at);
-    let own: Vec<f64> = (posed.told.joint.iter()).map(|node| values[node.index()]).collect();
+    let own: Vec<f64> = (posed.told.joint.iter())
+        .map(|node| values[node.index()])
+        .collect();
     let joint = &posed.joint.model;
     let of_instance = in_instances(posed, &own);
     let is_bad = |node: &Node| !values[node.index()].is_finite();
-    let named = |kind: &str, name: &str, node: &Node| format!("{kind} `{name}` is {}", values[node.index()]);
+    let named = |kind: &str, name: &str, node: &Node| {
+        format!("{kind} `{name}` is {}", values[node.index()])
+    };
     let state = joint.states.iter().zip(&posed.model.system.derivatives);
     let of_state = || {
         let (name, node) = state.clone().find(|(_, node)| is_bad(node))?;
@@ -36,12 +40,20 @@ fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     };
     let of_measured = || {
         let told = &posed.told;
-        let lines = posed.file.measured.iter().map(|line| line.column.value.as_str());
+        let lines = posed
+            .file
+            .measured
+            .iter()
+            .map(|line| line.column.value.as_str());
         let pairs = told.predicted.iter().zip(&told.deviations);
-        lines.zip(pairs).find_map(|(column, (predicted, deviation))| match is_bad(predicted) {
-            true => Some(named("what should be measured in", column, predicted)),
-            false => is_bad(deviation).then(|| named("the standard deviation of", column, deviation)),
-        })
+        lines
+            .zip(pairs)
+            .find_map(|(column, (predicted, deviation))| match is_bad(predicted) {
+                true => Some(named("what should be measured in", column, predicted)),
+                false => {
+                    is_bad(deviation).then(|| named("the standard deviation of", column, deviation))
+                }
+            })
     };
     of_instance.or_else(of_state).or_else(of_measured)
 }
@@ -69,7 +81,10 @@ fn in_instances(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
         };
         let p: Vec<f64> = model.parameters.iter().map(parameter).collect();
         if let Some(trouble) = file.trouble(at[0], x, &u, &p) {
-            return Some(format!("`{instance}`, {trouble}"));
+            let name = std::path::Path::new(&file.file.file)
+                .file_name()
+                .unwrap_or_default();
+            return Some(format!("`{instance}` ({}), {trouble}", name.display()));
         }
     }
     None

@@ -239,7 +239,12 @@ impl Parameters {
     }
 
     /// A parameter of the problem's own.
-    fn declare(&mut self, line: &Sought, file: &ProblemFile, joint: &Joint) -> Result<(), ProblemError> {
+    fn declare(
+        &mut self,
+        line: &Sought,
+        file: &ProblemFile,
+        joint: &Joint,
+    ) -> Result<(), ProblemError> {
         let name = &line.name.value;
         if !is_identifier(name) || ["time", "pi", "y"].contains(&name.as_str()) {
             return Err(match name.contains('.') {
@@ -315,7 +320,10 @@ pub fn no_parameter(
     let said = &name.value;
     let fed = file.inputs.iter().find(|fed| fed.signal.value == *said);
     let fault = match fed {
-        Some(fed) => format!("`{said}` is driven by the column `{}`; leave one of them out", fed.column.value),
+        Some(fed) => format!(
+            "`{said}` is driven by the column `{}`; leave one of them out",
+            fed.column.value
+        ),
         None if joint.driven.contains_key(said) => {
             format!("`{said}` is driven by a wire; leave one of them out")
         }
@@ -337,7 +345,10 @@ pub fn check_range(
     [min, max]: [Option<f64>; 2],
     place: Option<&Place>,
 ) -> Result<(), ProblemError> {
-    let [min, max] = [min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY)];
+    let [min, max] = [
+        min.unwrap_or(f64::NEG_INFINITY),
+        max.unwrap_or(f64::INFINITY),
+    ];
     match (min..=max).contains(&value) && value.is_finite() {
         true => Ok(()),
         false => {

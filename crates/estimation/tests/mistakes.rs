@@ -108,8 +108,15 @@ fn files() -> Vec<(&'static str, String)> {
         ("trolley.toml", TROLLEY.into()),
         ("lever.toml", LEVER.into()),
         ("torn.toml", TROLLEY.replace("drag * v)", "drag * w)")),
-        ("system.toml", "[system.vehicle]\nmodel = \"trolley.toml\"\n".into()),
-        ("infinite.csv", good.replace("1,5,0.5", "1,5,inf").replace(",5,3,", ",inf,3,")),
+        (
+            "system.toml",
+            "[system.vehicle]\nmodel = \"trolley.toml\"\n".into(),
+        ),
+        (
+            "infinite.csv",
+            good.replace("1,5,0.5", "1,5,inf")
+                .replace(",5,3,", ",inf,3,"),
+        ),
         ("back.csv", good.replace("\n1.5,", "\n0.2,")),
         ("word.csv", good.replace("\n1.5,1,", "\n1.5,n/a,")),
         ("header.csv", header.into()),
@@ -131,9 +138,8 @@ fn folder() -> tempfile::TempDir {
 
 /// Poses a problem in that folder, and solves it where it is asked to; paths in messages begin in the folder.
 fn pose(text: &str, folder: &Path, then: &dyn Fn(&Posed<'_>)) -> Result<(), String> {
-    let shown = |error: ProblemError| {
-        error_chain(&error).replace(&format!("{}/", folder.display()), "")
-    };
+    let shown =
+        |error: ProblemError| error_chain(&error).replace(&format!("{}/", folder.display()), "");
     let file = ProblemFile::parse(text, &folder.join("problem.toml")).map_err(shown)?;
     let posed = Posed::new(&file, &part::open).map_err(shown)?;
     then(&posed);

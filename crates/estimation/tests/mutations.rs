@@ -11,13 +11,37 @@ use std::path::{Path, PathBuf};
 const MUTATIONS: usize = 10_000;
 
 /// How many of those that pass are fitted.
-const MOST_FITS: usize = 300;
+const MOST_FITS: usize = 200;
 
 /// What is put in the place of a number or a word.
 const WORDS: [&str; 28] = [
-    "0", "-1", "1e308", "-1e308", "1e-308", "nan", "inf", "-inf", "1e999", "0x7fffffffffffffff",
-    "999999999999999999999", "true", "\"\"", "\"free\"", "\"steady\"", "\"first sample\"", "[]", "{}", "[[run]]",
-    "\"1/0\"", "\"log(-1)\"", "\"(((((((\"", "\"µ→\u{1F600}\"", "\u{0}", "= =", "#", "\"time\"",
+    "0",
+    "-1",
+    "1e308",
+    "-1e308",
+    "1e-308",
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "0x7fffffffffffffff",
+    "999999999999999999999",
+    "true",
+    "\"\"",
+    "\"free\"",
+    "\"steady\"",
+    "\"first sample\"",
+    "[]",
+    "{}",
+    "[[run]]",
+    "\"1/0\"",
+    "\"log(-1)\"",
+    "\"(((((((\"",
+    "\"µ→\u{1F600}\"",
+    "\u{0}",
+    "= =",
+    "#",
+    "\"time\"",
     "{ per = \"run\" }",
 ];
 
@@ -46,12 +70,14 @@ impl Mutation {
         (self.random.next_u64() % end.max(1) as u64) as usize
     }
 
-    /// The text with one to three changes; comments are left out before, since nothing reads them.
+    /// The text with one or two changes; comments are left out before, since nothing reads them.
     fn of(&mut self, text: &str) -> String {
-        let lines = text.lines().map(|line| line.split(" #").next().unwrap_or(line));
+        let lines = text
+            .lines()
+            .map(|line| line.split(" #").next().unwrap_or(line));
         let lines: Vec<&str> = lines.filter(|line| !line.starts_with('#')).collect();
         let mut text = lines.join("\n");
-        for _ in 0..1 + self.below(3) {
+        for _ in 0..1 + self.below(2) {
             text = match self.below(5) {
                 0 => self.bytes(&text),
                 1 => self.lines(&text),
@@ -90,14 +116,27 @@ impl Mutation {
         let is_word = |c: char| c.is_alphanumeric() || "_.-\"".contains(c);
         let mut tokens: Vec<String> = Vec::new();
         for c in text.chars() {
-            match tokens.last_mut().filter(|last| is_word(c) && last.chars().all(is_word)) {
+            match tokens
+                .last_mut()
+                .filter(|last| is_word(c) && last.ends_with(is_word))
+            {
                 Some(last) => last.push(c),
                 None => tokens.push(c.to_string()),
             }
         }
-        let words: Vec<usize> = (0..tokens.len()).filter(|k| tokens[*k].starts_with(is_word)).collect();
-        let numbers: Vec<usize> = words.iter().copied().filter(|k| tokens[*k].parse::<f64>().is_ok()).collect();
-        let among = if self.below(2) == 0 && !numbers.is_empty() { &numbers } else { &words };
+        let words: Vec<usize> = (0..tokens.len())
+            .filter(|k| tokens[*k].starts_with(is_word))
+            .collect();
+        let numbers: Vec<usize> = words
+            .iter()
+            .copied()
+            .filter(|k| tokens[*k].parse::<f64>().is_ok())
+            .collect();
+        let among = if self.below(2) == 0 && !numbers.is_empty() {
+            &numbers
+        } else {
+            &words
+        };
         let at = among[self.below(among.len())];
         tokens[at] = match self.below(8) {
             0 => tokens[words[self.below(words.len())]].clone(),
@@ -117,30 +156,24 @@ fn mutations_of_problems_neither_panic_nor_hang() {
     for k in 0..MUTATIONS {
         let (path, text) = &problems[k % problems.len()];
         let text = mutation.of(text);
-        if let Ok(dir)=std::env::var("LOG") { std::fs::write(format!("{dir}/last.toml"), &text).unwrap(); }
-        let t=std::time::Instant::now();
         let Ok(mut file) = ProblemFile::parse(&text, path) else {
             continue;
         };
-        let Ok(found) = Posed::new(&file, &part::open) else {
-            continue;
-        };
-        drop(found);
-        posed += 1;
-        if t.elapsed().as_secs_f64()>0.3 {eprintln!("slow pose {k} {:?}",t.elapsed());}
-        // What is as before, or nearly, is fitted elsewhere.
-        if posed % 5 != 0 || fitted == MOST_FITS {
-            continue;
-        }
-        fitted += 1;
         file.options.starts = 1;
         file.options.max_iterations = 3;
-        let t=std::time::Instant::now();
-        let found = Posed::new(&file, &part::open).expect("as before");
-        let fit = fit(&found, &mut |_| ControlFlow::Continue(()));
-        if t.elapsed().as_secs_f64()>0.3 {eprintln!("slow fit {k} {} {:?} {:?}",path.display(),fit.status, t.elapsed()); std::fs::write(format!("/tmp/slow{k}.toml"),&text).unwrap();}
-        assert!(fit.iterations <= 60, "{} of {text}", fit.iterations);
+        let Ok(problem) = Posed::new(&file, &part::open) else {
+            continue;
+        };
+        posed += 1;
+        if posed % 5 == 0 && fitted < MOST_FITS {
+            fitted += 1;
+            // At most 12 refinements follow the first solve.
+            let found = fit(&problem, &mut |_| ControlFlow::Continue(()));
+            assert!(found.iterations <= 3 * 13, "{} of {text}", found.iterations);
+        }
     }
-    assert!(posed >= 500 && fitted >= 100, "{posed} posed, {fitted} fitted");
-    eprintln!("{posed} {fitted}");
+    assert!(
+        posed >= 500 && fitted >= 100,
+        "{posed} posed, {fitted} fitted"
+    );
 }

@@ -240,7 +240,8 @@ impl<'f> Scope<'f> {
 
 /// Whether an expression can call something so.
 pub(crate) fn is_spelt(name: &str) -> bool {
-    name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '.')
+    name.chars()
+        .all(|c| c.is_alphanumeric() || c == '_' || c == '.')
 }
 
 /// The first names of a list, and how many more there are.

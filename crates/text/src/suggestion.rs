@@ -17,9 +17,14 @@ pub fn suggestion<'a>(
     let wanted = name[skipped.len()..].to_lowercase();
     let near = |candidate: &'a str| {
         let other = candidate.strip_prefix(skipped)?.to_lowercase();
-        let distance = strsim::damerau_levenshtein(&wanted, &other);
-        let length = wanted.chars().count().max(other.chars().count());
+        let [own, theirs] = [&wanted, &other].map(|text| text.chars().count());
+        let length = own.max(theirs);
         let contained = wanted.len() > 2 && (other.contains(&wanted) || wanted.contains(&other));
+        // The distance is no less than the difference of the lengths, and costs their product.
+        if !contained && 3 * own.abs_diff(theirs) > length {
+            return None;
+        }
+        let distance = strsim::damerau_levenshtein(&wanted, &other);
         (contained || 3 * distance <= length).then_some((distance, candidate))
     };
     (candidates.into_iter().filter_map(near))
