@@ -8,6 +8,8 @@ use nalgebra::{Complex, DMatrix, Schur};
 /// Steps of the explicit method between two samples, at least, and the longest one \[s\].
 const LEAST_STEPS: f64 = 4.0;
 const LONGEST_STEP: f64 = 0.01;
+/// However far apart two samples are: where such steps are too long, the implicit method finds its own.
+const MOST_STEPS: f64 = 1000.0;
 /// Relative error of a step of the implicit method.
 const TOLERANCE: f64 = 1e-6;
 /// Least magnitude of a state to which that is relative, as in [`Scales::of`](super::Scales::of).
@@ -105,7 +107,8 @@ impl Differentiated {
 /// Number and length \[s\] of the explicit method's steps between two times.
 fn steps((from, to): (f64, f64)) -> (f64, f64) {
     let duration = to - from;
-    let steps = (duration / LONGEST_STEP).ceil().max(LEAST_STEPS);
+    let steps = (duration / LONGEST_STEP).ceil();
+    let steps = steps.clamp(LEAST_STEPS, MOST_STEPS);
     (steps, duration / steps)
 }
 

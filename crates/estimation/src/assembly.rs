@@ -6,13 +6,13 @@ use crate::file::{
     Calibration, Deviation, Hold, Holds, Initial, Measured, Noise, Per, Prior, ProblemFile,
     Quantity, Set,
 };
+use crate::interval::{ALL, Interval, intervals, shared};
 use crate::joint::{Joint, unknown};
 use crate::names::{Named, Of, matching};
 use crate::posed::{Stands, State, Told};
 use crate::stability;
-use crate::unknowns::{Meaning, Parameters, Unknown};
+use crate::unknowns::{Meaning, Parameters, Unknown, check_range};
 use pilotage_collocation::{Bound, BoundAt, Loss, ParameterConstraints, Recording, Run};
-use pilotage_cosim::description::Said;
 use pilotage_expression::{Function, Graph, Node, System};
 use pilotage_language::file::Formula;
 use std::collections::HashMap;
@@ -48,6 +48,8 @@ enum Span {
 /// A problem as equations, before it is differentiated.
 pub struct Made {
     pub system: System,
+    /// The terms of the objective that come from recordings.
+    pub measured: Vec<Node>,
     pub bounds: Vec<Bound>,
     pub constraints: ParameterConstraints,
     pub runs: Vec<Run>,
@@ -147,12 +149,12 @@ impl<'a> Assembly<'a> {
         }
         for name in &self.named.columns {
             let source = Source::Column {
-                name: Said::from(name.clone()),
+                name: name.clone(),
                 unit: None,
                 hold: Hold::Linear,
                 missing: None,
             };
-            self.sources.push((Key::Column(name.clone()), source));
+            self.sources.push((Key::Column(name.value.clone()), source));
         }
         for (k, measured) in self.file.measured.iter().enumerate() {
             let unit = self.unit_of(measured);
@@ -198,10 +200,7 @@ impl<'a> Assembly<'a> {
 
     /// What runs set: inputs that are constant in each, or jump where it changes.
     fn find_sets(&mut self) -> Done<()> {
-        let of_run = |run: &'a RunData<'a>| {
-            let changes = run.line.changes.iter().flat_map(|(_, set)| set);
-            run.line.set.iter().chain(changes)
-        };
+        let of_run = |run: &'a RunData<'a>| run.line.sets();
         let mut names: Vec<&String> = Vec::new();
         for set in self.data.iter().flat_map(of_run) {
             if !names.contains(&&set.name.value) {
@@ -288,7 +287,7 @@ impl<'a> Assembly<'a> {
                     self.states += 1;
                     Stands::State(self.states - 1)
                 }
-                Per::Subject => Stands::Subjects(self.find_subjects()?),
+                Per::Subject => Stands::Subjects(self.find_subjects(&unknown.name)?),
             };
             self.stands.push(stands);
         }
@@ -296,11 +295,13 @@ impl<'a> Assembly<'a> {
     }
 
     /// A parameter for each subject.
-    fn find_subjects(&mut self) -> Done<Vec<(String, usize)>> {
+    fn find_subjects(&mut self, name: &str) -> Done<Vec<(String, usize)>> {
         let mut subjects: Vec<(String, usize)> = Vec::new();
         for run in self.data {
             let Some(subject) = &run.line.subject else {
-                let fault = "a parameter has one value for each subject, and this run has none; write subject = \"...\"";
+                let fault = format!(
+                    "`{name}` has one value for each subject, and this run has none; write subject = \"...\""
+                );
                 return Err(ProblemError::at(&run.line.place, fault));
             };
             if subjects.iter().all(|(own, _)| own != subject) {
@@ -385,10 +386,12 @@ impl<'a> Assembly<'a> {
             .map(|name| self.joint.signal(name).expect("a signal of its own"))
             .collect();
         let signals = self.graph.import(&system.graph, &signals, &variables);
-        let told = self.measure(&signals, &rows)?;
+        let mut told = self.measure(&signals, &rows)?;
+        told.joint = variables;
+        self.check_tied(&told, &rows)?;
         self.limit();
         self.hold_steady(&derivatives);
-        let on_parameters = self.bound_all(&signals);
+        let on_parameters = self.bound_all(&signals, &rows)?;
         self.expect_priors(&rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;
         Ok(self.made(derivatives, states, known, rows, told, constraints))
@@ -450,7 +453,9 @@ impl<'a> Assembly<'a> {
             .iter()
             .cloned()
             .zip(std::mem::take(&mut self.stands));
+        let measured = self.recordings.iter().filter(|own| !own.is_prior);
         Made {
+            measured: measured.map(|own| own.output).collect(),
             system: System {
                 graph: self.graph,
                 states: self.states,
@@ -562,7 +567,7 @@ impl<'a> Assembly<'a> {
             Some((signals, predicted)) => {
                 variables.extend_from_slice(signals);
                 for name in &named.columns {
-                    let node = self.input_node(&Key::Column(name.clone()));
+                    let node = self.input_node(&Key::Column(name.value.clone()));
                     variables.push(node.unwrap_or(zero));
                 }
                 variables.push(predicted);
@@ -580,6 +585,123 @@ impl<'a> Assembly<'a> {
             .map(|of| named.place(of).map(|place| compiled.nodes[place]));
         let nodes: Vec<Node> = nodes.map(|node| node.expect("it was compiled")).collect();
         self.graph.import(&compiled.graph, &nodes, &variables)
+    }
+
+    /// Refuses parameters that are tied to a value out of their range, where the search begins.
+    fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
+        for (name, node) in &told.tied {
+            let range = self.parameters.range(name, self.joint);
+            let line = self
+                .file
+                .parameters
+                .iter()
+                .find(|line| line.name.value == *name);
+            let place = line.and_then(|line| line.name.place.as_ref());
+            for rows in rows {
+                check_range(name, self.number(*node, rows), range, place)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses noise levels that are not above 0: where they are recorded, or, if neither states nor time change them, at
+    /// the start.
+    fn check_deviation(
+        &self,
+        k: usize,
+        node: Node,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let measured = &self.file.measured[k];
+        match &measured.sd {
+            Deviation::Column(name) => {
+                let unit = self.unit_of(measured);
+                for ((run, rows), recorded) in self.data.iter().zip(rows).zip(recorded) {
+                    let column = run.column(name, unit.as_deref())?;
+                    for (sample, row) in rows.rows.iter().enumerate() {
+                        let Some(sd) = row.map(|row| column[row]) else {
+                            continue;
+                        };
+                        if recorded[sample].is_finite() && !(sd > 0.0) {
+                            let fault = format!(
+                                "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
+                                run.line.file.display(),
+                                name.value,
+                                rows.time[sample]
+                            );
+                            return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                        }
+                    }
+                }
+                Ok(())
+            }
+            Deviation::Formula(formula) => {
+                let changes = self
+                    .graph
+                    .dependants(|variable| variable <= self.joint.model.states.len());
+                let start = self.number(node, &rows[0]);
+                match changes[node.index()] || start > 0.0 {
+                    true => Ok(()),
+                    false => {
+                        let fault = format!(
+                            "the standard deviation starts at {start}; expected a number above 0"
+                        );
+                        Err(ProblemError::at(&self.file.place(formula), fault))
+                    }
+                }
+            }
+        }
+    }
+
+    /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
+    fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
+        let mut found = intervals(&self.graph, &self.ranges(rows));
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
+            if line.formula.names().next().is_none() {
+                let fault = "a constraint on a number, which nothing changes; leave it out";
+                return Err(ProblemError::at(&line.place, fault));
+            }
+            let own = &mut found[node.index()];
+            let [low, high] = *own;
+            *own = shared(*own, [line.min, line.max]).ok_or_else(|| {
+                let shown = &line.formula.expression.text;
+                let fault = match low == high {
+                    true => format!("`{shown}` is always {low}, never from {} to {}; change one of them", line.min, line.max),
+                    false => format!(
+                        "`{shown}` is from {low} to {high} by what else is said, never from {} to {}; change one of them",
+                        line.min, line.max
+                    ),
+                };
+                ProblemError::at(&line.place, fault)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Between which values each variable of the equations lies.
+    fn ranges(&self, rows: &[Rows]) -> Vec<Interval> {
+        let mut ranges = vec![ALL; self.variables()];
+        let sources = 1 + self.states;
+        for k in 0..self.sources.len() {
+            let values = || {
+                rows.iter()
+                    .flat_map(|rows| rows.inputs.iter().map(|own| own[k]))
+            };
+            ranges[sources + k] = [
+                values().fold(f64::INFINITY, f64::min),
+                values().fold(f64::NEG_INFINITY, f64::max),
+            ];
+        }
+        let shared = self.variables() - self.shared;
+        for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
+            let low = unknown.min.map_or(ALL[0], |min| unknown.searched(min));
+            let high = unknown.max.map_or(ALL[1], |max| unknown.searched(max));
+            for variable in stands.variables(shared) {
+                ranges[variable] = [low, high];
+            }
+        }
+        ranges
     }
 
     // Initial states.
@@ -601,6 +723,13 @@ impl<'a> Assembly<'a> {
             };
             let depends = self.depends_on_sought(node);
             let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
+            if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+                let place = line.and_then(|line| self.file.initial[line].0.place.as_ref());
+                let fault = format!(
+                    "`{name}` begins at {number} where the search starts; expected a finite number"
+                );
+                return Err(ProblemError::maybe_at(place, fault));
+            }
             let mut state = State {
                 name: name.clone(),
                 nominal: about.and_then(|about| about.nominal),
@@ -761,6 +890,7 @@ impl<'a> Assembly<'a> {
         let mut told = Told {
             predicted: Vec::new(),
             deviations: Vec::new(),
+            joint: Vec::new(),
             tied: Vec::new(),
             recorded: Vec::new(),
         };
@@ -768,6 +898,7 @@ impl<'a> Assembly<'a> {
             let predicted = self.predicted(k, signals)?;
             let deviation = self.deviation(k, signals, predicted);
             let recorded = self.recorded(k, rows)?;
+            self.check_deviation(k, deviation, &recorded, rows)?;
             self.add_residual(k, predicted, deviation, &recorded)?;
             told.predicted.push(predicted);
             told.deviations.push(deviation);
@@ -981,7 +1112,7 @@ impl<'a> Assembly<'a> {
 
     /// Ranges of what is sought, and the file's constraints. Those on shared parameters alone are returned: each
     /// expression is at least zero.
-    fn bound_all(&mut self, signals: &[Node]) -> Vec<Node> {
+    fn bound_all(&mut self, signals: &[Node], rows: &[Rows]) -> Done<Vec<Node>> {
         let mut on_parameters = Vec::new();
         for k in 0..self.parameters.unknowns.len() {
             let unknown = &self.parameters.unknowns[k];
@@ -1009,8 +1140,12 @@ impl<'a> Assembly<'a> {
         }
         let zero = self.graph.constant(0.0);
         let values = self.values[0].clone();
-        for (k, line) in self.file.constraints.iter().enumerate() {
-            let node = self.expressions(&[Of::Constraint(k)], Some((signals, zero)), &values)[0];
+        let all: Vec<Of> = (0..self.file.constraints.len())
+            .map(Of::Constraint)
+            .collect();
+        let nodes = self.expressions(&all, Some((signals, zero)), &values);
+        self.check_constraints(&nodes, rows)?;
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
             let at = match line.at {
                 Holds::Samples => BoundAt::Samples,
                 Holds::Start => BoundAt::Start,
@@ -1023,7 +1158,7 @@ impl<'a> Assembly<'a> {
             };
             self.bound(node, line.min, line.max, at);
         }
-        on_parameters
+        Ok(on_parameters)
     }
 
     /// Whether an expression depends on shared parameters alone.
@@ -1167,7 +1302,7 @@ fn timeline<'r>(run: &'r RunData<'_>, name: &str, span: Span) -> Vec<(f64, Optio
     let mut line = vec![(f64::NEG_INFINITY, find(&run.line.set))];
     if span == Span::Run {
         let changes = run.line.changes.iter();
-        line.extend(changes.filter_map(|(time, set)| Some((*time, Some(find(set)?)))));
+        line.extend(changes.filter_map(|change| Some((change.time, Some(find(&change.set)?)))));
     }
     line
 }

@@ -1,11 +1,14 @@
 //! The runs: their columns, what drives the system in them, and at which times.
 
 use crate::error::ProblemError;
-use crate::file::{Hold, RunLine};
+use crate::file::{Change, Hold, RunLine};
 use crate::joint::unknown;
 use pilotage_cosim::description::Said;
-use pilotage_series::Series;
+use pilotage_series::{Series, SeriesError};
 use pilotage_units::Unit;
+
+/// How long before its first row a run may begin, of its length.
+const FARTHEST: f64 = 1000.0;
 
 /// Where the values of an input come from.
 #[derive(Debug, Clone)]
@@ -58,7 +61,11 @@ impl<'f> RunData<'f> {
     /// # Errors
     /// When the file cannot be read, has a number that is not finite, or begins after its start time.
     pub fn read(line: &'f RunLine) -> Result<Self, ProblemError> {
-        let series = Series::read_table(&line.file)?;
+        let unread = |error| match error {
+            SeriesError::Read { .. } => ProblemError::unread(Some(&line.place), &line.file, &error),
+            other => other.into(),
+        };
+        let series = Series::read_table(&line.file).map_err(unread)?;
         let file = line.file.display();
         for column in &series.columns {
             if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
@@ -70,25 +77,30 @@ impl<'f> RunData<'f> {
             }
         }
         let first = series.time[0];
-        if let Some(start) = line.start_time.filter(|start| *start > first) {
-            let fault =
-                format!("{file} begins at {first} s, before start_time = {start}; begin no later");
-            return Err(ProblemError::at(&line.place, fault));
-        }
         let last = series.time[series.time.len() - 1];
-        let begin = line.start_time.unwrap_or(first);
+        let begin = line.start_time.as_ref().map_or(first, |start| start.value);
+        let fault = match () {
+            () if begin > first => Some(format!(
+                "{file} begins at {first} s, before start_time = {begin}; begin no later"
+            )),
+            () if first - begin > FARTHEST * (last - first) => Some(format!(
+                "start_time = {begin} is more than {FARTHEST} times the run's length before its first row at {first} s; \
+                 begin later"
+            )),
+            () => None,
+        };
+        if let (Some(fault), Some(start)) = (fault, &line.start_time) {
+            return Err(ProblemError::maybe_at(start.place.as_ref(), fault));
+        }
         if last <= begin {
             let fault = format!("{file} has no sample after {begin} s; a run lasts some time");
             return Err(ProblemError::at(&line.place, fault));
         }
-        if let Some((time, _)) = line
-            .changes
-            .iter()
-            .find(|(time, _)| *time <= begin || *time >= last)
-        {
+        let is_out = |change: &&Change| change.time <= begin || change.time >= last;
+        if let Some(Change { time, place, .. }) = line.changes.iter().find(is_out) {
             let fault =
                 format!("a change at {time} s is not within {file}, from {begin} to {last} s");
-            return Err(ProblemError::at(&line.place, fault));
+            return Err(ProblemError::at(place, fault));
         }
         Ok(Self { line, series })
     }
@@ -101,7 +113,8 @@ impl<'f> RunData<'f> {
 
     /// When it begins \[s\].
     pub fn begin(&self) -> f64 {
-        self.line.start_time.unwrap_or(self.series.time[0])
+        let start = self.line.start_time.as_ref();
+        start.map_or(self.series.time[0], |start| start.value)
     }
 
     /// A column in a unit.
@@ -155,7 +168,7 @@ impl<'f> RunData<'f> {
             .collect::<Result<_, _>>()?;
         let mut times: Vec<f64> = self.series.time.clone();
         times.push(self.begin());
-        times.extend(self.line.changes.iter().map(|(time, _)| *time));
+        times.extend(self.line.changes.iter().map(|change| change.time));
         times.sort_by(f64::total_cmp);
         times.dedup();
         let mut found = Rows {

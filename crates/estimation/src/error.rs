@@ -4,6 +4,10 @@ use pilotage_cosim::DescriptionError;
 use pilotage_language::ModelFileError;
 use pilotage_series::SeriesError;
 use pilotage_text::document::{DocumentError, Place};
+use pilotage_text::error_chain::error_chain;
+use pilotage_text::suggestion::{did_you_mean, suggestion};
+use std::fs::DirEntry;
+use std::path::Path;
 
 /// Why there is no problem to solve.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +44,21 @@ impl ProblemError {
             place: place.clone(),
             fault: fault.into(),
         }
+    }
+
+    /// A file that is named at a place and cannot be read: with the nearest name beside it, where it is not there.
+    pub fn unread(place: Option<&Place>, file: &Path, error: &dyn std::error::Error) -> Self {
+        let folder = file.parent().filter(|_| !file.exists());
+        let entries = folder.and_then(|folder| match folder.as_os_str().is_empty() {
+            true => std::fs::read_dir(".").ok(),
+            false => std::fs::read_dir(folder).ok(),
+        });
+        let name = |entry: std::io::Result<DirEntry>| entry.ok()?.file_name().into_string().ok();
+        let mut names: Vec<String> = entries.into_iter().flatten().filter_map(name).collect();
+        names.sort();
+        let own = file.file_name().unwrap_or_default().to_string_lossy();
+        let near = did_you_mean(suggestion(&own, names.iter().map(String::as_str)));
+        Self::maybe_at(place, error_chain(error) + &near)
     }
 
     /// A mistake at a place, where there is one.

@@ -34,6 +34,20 @@ pub struct ProblemFile {
     pub runs: Vec<RunLine>,
     /// How it is solved.
     pub options: Options,
+    /// Where the step of the mesh stands, if it does.
+    pub mesh_place: Option<Place>,
+}
+
+impl ProblemFile {
+    /// Where an expression of it begins.
+    pub fn place(&self, formula: &Formula) -> Place {
+        let position = formula.position(&self.text);
+        Place {
+            file: self.file.clone(),
+            line: position.line,
+            column: Some(position.column),
+        }
+    }
 }
 
 /// An input and the column that drives it.
@@ -228,11 +242,30 @@ pub struct RunLine {
     /// Whose run it is.
     pub subject: Option<String>,
     /// When it begins \[s\]; with its first row where this is missing.
-    pub start_time: Option<f64>,
+    pub start_time: Option<Said<f64>>,
     /// What differs in it.
     pub set: Vec<Set>,
-    /// What changes at a time \[s\].
-    pub changes: Vec<(f64, Vec<Set>)>,
+    /// What changes within it, in the order of time.
+    pub changes: Vec<Change>,
+}
+
+/// What changes at a time of a run.
+#[derive(Debug, Clone)]
+pub struct Change {
+    /// When \[s\].
+    pub time: f64,
+    /// Where that stands.
+    pub place: Place,
+    /// The values from then on.
+    pub set: Vec<Set>,
+}
+
+impl RunLine {
+    /// All that is set in it, from its begin or later.
+    pub fn sets(&self) -> impl Iterator<Item = &Set> {
+        let changes = self.changes.iter().flat_map(|change| &change.set);
+        self.set.iter().chain(changes)
+    }
 }
 
 /// A value of a run.

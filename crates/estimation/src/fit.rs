@@ -5,6 +5,7 @@ use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands, State};
 use crate::result::Fit;
 use crate::starts::drawn;
+use crate::trouble;
 use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use rayon::prelude::*;
@@ -40,7 +41,7 @@ pub struct Solved {
 const MOST_REFINEMENTS: usize = 12;
 
 /// Most mesh intervals of all runs together.
-const MOST_INTERVALS: usize = 400_000;
+pub(crate) const MOST_INTERVALS: usize = 400_000;
 
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
@@ -69,7 +70,12 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (last, refinement) = refine(posed, first, &|round, iteration| {
         see(best, round, iteration)
     });
+    let trouble = match last.solution.status {
+        Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
+        _ => None,
+    };
     let mut found = Fit {
+        trouble,
         starts: ends,
         refinement,
         seconds: clock.elapsed().as_secs_f64(),

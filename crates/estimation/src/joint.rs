@@ -125,6 +125,21 @@ fn check_end(parts: &[(String, Part)], name: &Said<String>, end: End) -> Result<
         End::Output => "output",
         End::Input => "input",
     };
+    let own = |part: &Part| match end {
+        End::Output => part.model.inputs.clone(),
+        End::Input => [part.model.outputs.clone(), part.model.states.clone()].concat(),
+    };
+    let is_other = parts.iter().any(|(instance, part)| {
+        let rest = name.value.strip_prefix(&format!("{instance}."));
+        rest.is_some_and(|rest| own(part).iter().any(|own| own == rest))
+    });
+    if is_other {
+        let fault = format!(
+            "`{}` is no {what}; a wire goes from an output to an input",
+            name.value
+        );
+        return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+    }
     Err(ProblemError::maybe_at(
         name.place.as_ref(),
         unknown(what, &name.value, &known),

@@ -47,12 +47,14 @@
 //! | [`result`], [`diagnostics`] | what was found, and what speaks against it |
 
 mod assembly;
+mod checks;
 pub mod data;
 pub mod diagnostics;
 pub mod error;
 pub mod evaluate;
 pub mod file;
 pub mod fit;
+mod interval;
 pub mod joint;
 mod names;
 pub mod part;
@@ -61,6 +63,7 @@ mod read;
 pub mod result;
 mod stability;
 mod starts;
+mod trouble;
 pub mod unknowns;
 
 pub use diagnostics::Diagnostic;

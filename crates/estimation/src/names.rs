@@ -3,7 +3,8 @@
 use crate::error::ProblemError;
 use crate::file::{Calibration, Deviation, Initial, ProblemFile, Quantity};
 use crate::joint::{Joint, unknown};
-use crate::unknowns::{Meaning, Parameters};
+use crate::unknowns::{Meaning, Parameters, check_range, no_parameter};
+use pilotage_cosim::description::Said;
 use pilotage_language::Expressions;
 use pilotage_language::expressions::CompiledExpressions;
 use pilotage_language::file::Formula;
@@ -18,8 +19,8 @@ pub const PREDICTED: &str = "y";
 pub struct Named {
     /// Names of the signals, in the order of the graph's variables behind the time.
     pub signals: Vec<String>,
-    /// Names of recorded columns, behind the signals; then comes the predicted value.
-    pub columns: Vec<String>,
+    /// Names of recorded columns, behind the signals, and where each is first named; then comes the predicted value.
+    pub columns: Vec<Said<String>>,
     /// Names of the parameters behind that: those that are not tied.
     pub parameters: Vec<String>,
     /// The expressions.
@@ -72,7 +73,7 @@ impl Named {
         add_all(&mut builder, file, joint, parameters)?;
         let columns = std::mem::take(&mut builder.columns);
         for name in &columns {
-            builder.expressions.add_signal(&column(name), None);
+            builder.expressions.add_signal(&column(&name.value), None);
         }
         builder.expressions.add_signal(PREDICTED, None);
         let is_plain = |name: &&String| {
@@ -102,12 +103,13 @@ impl Named {
 struct Builder {
     expressions: Expressions,
     places: HashMap<Of, usize>,
-    columns: Vec<String>,
+    columns: Vec<Said<String>>,
 }
 
 impl Builder {
     fn add(
         &mut self,
+        file: &ProblemFile,
         of: Of,
         unit: Option<&str>,
         formula: &Formula,
@@ -120,16 +122,15 @@ impl Builder {
             let quoted = name
                 .strip_prefix("column(\"")
                 .and_then(|rest| rest.strip_suffix("\")"));
-            if let Some(quoted) =
-                quoted.filter(|quoted| !self.columns.iter().any(|own| own == quoted))
-            {
-                self.columns.push(quoted.to_owned());
+            let is_known = |quoted: &&str| self.columns.iter().any(|own| own.value == *quoted);
+            if let Some(quoted) = quoted.filter(|quoted| !is_known(quoted)) {
+                self.columns.push(Said {
+                    value: quoted.to_owned(),
+                    place: Some(file.place(formula)),
+                });
             }
         }
-        let name = match &of {
-            Of::Tied(name) => name.clone(),
-            other => format!("expression {other:?}"),
-        };
+        let name = of.name();
         let place = self.expressions.add(&name, unit, formula, constant);
         self.places.insert(of, place);
     }
@@ -145,6 +146,7 @@ fn add_all(
         if let Meaning::Tied(formula) = &parameters.meanings[name] {
             let unit = parameters.unit(name, joint);
             builder.add(
+                file,
                 Of::Tied(name.clone()),
                 unit,
                 formula,
@@ -154,17 +156,18 @@ fn add_all(
     }
     for (k, measured) in file.measured.iter().enumerate() {
         if let Quantity::Expression(formula, unit) = &measured.of {
-            builder.add(Of::Measured(k), unit.as_deref(), formula, None);
+            check_prediction(file, formula)?;
+            builder.add(file, Of::Measured(k), unit.as_deref(), formula, None);
         }
         if let Deviation::Formula(formula) = &measured.sd {
-            builder.add(Of::Deviation(k), None, formula, None);
+            builder.add(file, Of::Deviation(k), None, formula, None);
         }
         for (of, calibrated, what) in [
             (Of::Gain(k), &measured.gain, "the gain of a sensor"),
             (Of::Offset(k), &measured.offset, "the offset of a sensor"),
         ] {
             if let Calibration::Formula(formula) = calibrated {
-                builder.add(of, None, formula, Some(what));
+                builder.add(file, of, None, formula, Some(what));
             }
         }
     }
@@ -177,29 +180,39 @@ fn add_all(
         if let Initial::Formula(formula) = initial {
             for state in states {
                 let of = Of::Initial(k, state.clone());
-                builder.add(of, joint.unit(state), formula, Some("an initial state"));
+                builder.add(
+                    file,
+                    of,
+                    joint.unit(state),
+                    formula,
+                    Some("an initial state"),
+                );
             }
         }
     }
     for (k, constraint) in file.constraints.iter().enumerate() {
+        check_prediction(file, &constraint.formula)?;
         let constant = (constraint.at == crate::file::Holds::Parameters)
             .then_some("a constraint at the parameters");
-        builder.add(Of::Constraint(k), None, &constraint.formula, constant);
+        builder.add(file, Of::Constraint(k), None, &constraint.formula, constant);
     }
     for run in &file.runs {
-        let changes = run.changes.iter().flat_map(|(_, set)| set);
-        for set in run.set.iter().chain(changes) {
+        for set in run.sets() {
             let name = &set.name.value;
             if !parameters.names.contains(name) {
-                let fault = unknown("parameter or free input", name, &parameters.names);
-                return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+                return Err(no_parameter(&set.name, file, joint, &parameters.names));
             }
             if let Meaning::Tied(_) = parameters.meanings[name] {
                 let fault = format!("`{name}` is tied to others; a run cannot set it");
                 return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
             }
+            if let Some(number) = set.value.number() {
+                let range = parameters.range(name, joint);
+                check_range(name, number, range, set.name.place.as_ref())?;
+            }
             let unit = parameters.unit(name, joint);
             builder.add(
+                file,
                 Of::set(name, &set.value),
                 unit,
                 &set.value,
@@ -210,7 +223,33 @@ fn add_all(
     Ok(())
 }
 
+/// Refuses the predicted value outside of noise levels.
+fn check_prediction(file: &ProblemFile, formula: &Formula) -> Result<(), ProblemError> {
+    match formula.names().any(|name| name == PREDICTED) {
+        true => {
+            let fault =
+                "`y` is what the model predicts, and stands in `sd` alone; name the signal instead";
+            Err(ProblemError::at(&file.place(formula), fault))
+        }
+        false => Ok(()),
+    }
+}
+
 impl Of {
+    /// What messages call it, with a blank where no expression takes it.
+    fn name(&self) -> String {
+        match self {
+            Self::Tied(name) => name.clone(),
+            Self::Measured(_) => "what is measured".into(),
+            Self::Deviation(_) => "the standard deviation".into(),
+            Self::Gain(_) => "the gain".into(),
+            Self::Offset(_) => "the offset".into(),
+            Self::Initial(_, state) => format!("the initial value of `{state}`"),
+            Self::Constraint(_) => "the constraint".into(),
+            Self::Set(name, _) => format!("the value of `{name}`"),
+        }
+    }
+
     /// The value that a run sets.
     pub fn set(name: &str, value: &Formula) -> Self {
         Self::Set(name.to_owned(), value.expression.text.clone())

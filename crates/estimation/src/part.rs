@@ -4,9 +4,10 @@ use crate::error::ProblemError;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource};
 use pilotage_expression::{Model, Node};
 use pilotage_language::file::Variable;
-use pilotage_language::{Compiled, parse};
+use pilotage_language::{Compiled, ModelFileError, parse};
 use pilotage_models::{library, traced};
 use pilotage_sdk::{Equations, Table};
+use pilotage_text::document::DocumentError;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use std::collections::HashMap;
 
@@ -127,6 +128,10 @@ fn about(variable: &Variable) -> About {
 pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
     let place = instance.source.place.as_ref();
     let fault = |text: String| ProblemError::maybe_at(place, text);
+    if instance.interface.is_some() {
+        let text = "`kind` says what an FMU is used for, and this is none; leave it out";
+        return Err(fault(text.to_owned()));
+    }
     let compiled = match &instance.source.value {
         InstanceSource::BuiltIn(name) => {
             let built_in = library::find(name).ok_or_else(|| fault(unknown(name)))?;
@@ -140,9 +145,12 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
                 }
                 (Some(order), true) => library::linear(order),
                 (Some(_), false) => {
-                    return Err(fault(format!(
-                        "the model `{name}` has no order; leave `order` out"
-                    )));
+                    let fault = format!("the model `{name}` has no order; leave `order` out");
+                    let place = instance
+                        .order
+                        .as_ref()
+                        .and_then(|order| order.place.as_ref());
+                    return Err(ProblemError::maybe_at(place, fault));
                 }
                 (None, _) => built_in.text.to_owned(),
             };
@@ -153,7 +161,13 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
                 let text = format!("{} has no order; leave `order` out", file.display());
                 return Err(ProblemError::maybe_at(order.place.as_ref(), text));
             }
-            pilotage_language::read(file)?
+            let unread = |error| match error {
+                ModelFileError::Document(error @ DocumentError::Read { .. }) => {
+                    ProblemError::unread(place, file, &error)
+                }
+                other => other.into(),
+            };
+            pilotage_language::read(file).map_err(unread)?
         }
         InstanceSource::Table(file) => {
             return Err(fault(format!(

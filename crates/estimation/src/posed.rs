@@ -6,6 +6,7 @@
 //! begins at zero.
 
 use crate::assembly::Assembly;
+use crate::checks;
 use crate::data::RunData;
 use crate::error::ProblemError;
 use crate::file::{ProblemFile, Quantity};
@@ -72,6 +73,17 @@ pub enum Stands {
     State(usize),
 }
 
+impl Stands {
+    /// Its variables in the equations, where the shared parameters begin at that one.
+    pub(crate) fn variables(&self, shared: usize) -> Vec<usize> {
+        match self {
+            Self::Shared(k) => vec![shared + k],
+            Self::Subjects(all) => all.iter().map(|(_, k)| shared + k).collect(),
+            Self::State(k) => vec![1 + k],
+        }
+    }
+}
+
 /// What is told of a solution, in the graph of the equations.
 #[derive(Debug, Clone)]
 pub struct Told {
@@ -79,6 +91,8 @@ pub struct Told {
     pub predicted: Vec<Node>,
     /// The standard deviation of each one's noise.
     pub deviations: Vec<Node>,
+    /// The variables of the joint model: time, states, inputs, parameters.
+    pub joint: Vec<Node>,
     /// Parameters that are tied to others.
     pub tied: Vec<(String, Node)>,
     /// For each measured signal, the recorded values of each run's samples, in the unit of the signal.
@@ -112,7 +126,9 @@ impl<'f> Posed<'f> {
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
         let assembly = Assembly::new(file, &joint, &parameters, &named, &data)?;
+        checks::mesh(file, &data)?;
         let made = assembly.finish()?;
+        checks::dependence(&made)?;
         Ok(Self {
             model: Arc::new(Differentiated::new(&made.system)),
             factor: factor(&made.runs),

@@ -2,15 +2,16 @@
 
 use crate::error::ProblemError;
 use crate::file::{
-    Calibration, Constraint, Deviation, Fed, Hold, Holds, Initial, Measured, Mesh, Noise, Options,
-    Per, Prior, ProblemFile, Quantity, RunLine, Set, Sought, Stability,
+    Calibration, Change, Constraint, Deviation, Fed, Hold, Holds, Initial, Measured, Mesh, Noise,
+    Options, Per, Prior, ProblemFile, Quantity, RunLine, Set, Sought, Stability,
 };
 use pilotage_collocation::Scheme;
-use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Said;
+use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_language::file::{Formula, LONGEST, formula};
-use pilotage_text::document::{self, Document, Place, TomlTable};
+use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
+use pilotage_units::Base;
 use std::path::Path;
 
 /// The tables of a problem file.
@@ -56,14 +57,20 @@ impl ProblemFile {
         let document = Document::parse(text, &file)?;
         let root = document.root();
         root.only(&KEYS)?;
+        check_brackets(root)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let system = system(root, folder)?;
         let instances = system.instances.iter().map(|own| own.name.clone());
+        let own = root
+            .table("parameters")?
+            .map(|table| table.names())
+            .unwrap_or_default();
         let reader = Reader {
             file: &file,
             text,
             folder,
             instances: instances.collect(),
+            own: own.into_iter().map(str::to_owned).collect(),
         };
         Ok(Self {
             inputs: reader.inputs(root)?,
@@ -74,6 +81,7 @@ impl ProblemFile {
             stability: stability(root)?,
             runs: reader.runs(root)?,
             options: options(root)?,
+            mesh_place: root.table("fit")?.and_then(|fit| fit.place("mesh_step")),
             folder: folder.to_owned(),
             text: text.to_owned(),
             system,
@@ -90,9 +98,32 @@ fn system(root: TomlTable<'_>, folder: &Path) -> Read<SystemDescription> {
             let fault = format!("the wires stand in {name}; leave [connect] out");
             return Err(at(root, "connect", fault));
         }
-        return Ok(SystemDescription::read(&folder.join(name))?);
+        let file = folder.join(name);
+        let unread = |error| match error {
+            DescriptionError::Document(error @ DocumentError::Read { .. }) => {
+                ProblemError::unread(root.place("system").as_ref(), &file, &error)
+            }
+            error => error.into(),
+        };
+        return SystemDescription::read(&file).map_err(unread);
     }
     Ok(SystemDescription::of(root, folder)?)
+}
+
+/// Refuses single brackets where entries are listed, and double ones elsewhere.
+fn check_brackets(root: TomlTable<'_>) -> Read<()> {
+    for name in root.names() {
+        let is_list = ["measured", "constraint", "run"].contains(&name);
+        let fault = match root.is_table(name) {
+            true if is_list => format!("there may be several `{name}`; write [[{name}]]"),
+            false if !is_list && root.tables(name).is_ok() => {
+                format!("there is one table `{name}`; write [{name}]")
+            }
+            _ => continue,
+        };
+        return Err(at(root, name, fault));
+    }
+    Ok(())
 }
 
 /// A mistake at a field's value, or at its name where that is a table of its own.
@@ -106,11 +137,7 @@ fn place(table: TomlTable<'_>, field: &str) -> Place {
         false => table.place(field),
     };
     own.or_else(|| table.key_place(field))
-        .unwrap_or_else(|| Place {
-            file: table.file().to_owned(),
-            line: table.line(field),
-            column: None,
-        })
+        .unwrap_or_else(|| place_of(table))
 }
 
 /// Where a table of its own stands.
@@ -159,9 +186,46 @@ fn positive(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
         Some(number) => Err(at(
             table,
             field,
-            format!("`{field} = {number}`; expected a number above 0"),
+            format!("`{field} = {}`; expected a number above 0", shown(number)),
         )),
         None => Ok(number),
+    }
+}
+
+/// A number, short: 1e-8 and 3, neither 0.00000001 nor 3.0.
+fn shown(number: f64) -> String {
+    let [plain, other] = [format!("{number}"), format!("{number:?}")];
+    match other.len() < plain.len() {
+        true => other,
+        false => plain,
+    }
+}
+
+/// A tolerance that numbers can resolve.
+fn tolerance(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
+    const LEAST: f64 = 1e-14;
+    match positive(table, field)? {
+        Some(number) if number < LEAST => {
+            let number = shown(number);
+            let fault =
+                format!("`{field} = {number}` is finer than numbers are; write {LEAST:?} or more");
+            Err(at(table, field, fault))
+        }
+        other => Ok(other),
+    }
+}
+
+/// The name of a unit.
+fn unit(table: TomlTable<'_>) -> Read<Option<String>> {
+    let name = table.string("unit")?;
+    match name.filter(|name| Base::in_modelicas_spelling(name).is_none()) {
+        Some(name) => {
+            let fault = format!(
+                "unknown unit `{name}`; write it as in m/s2 or 1/(m.s), `1` where there is no dimension, or leave it out"
+            );
+            Err(at(table, "unit", fault))
+        }
+        None => Ok(name.map(str::to_owned)),
     }
 }
 
@@ -172,6 +236,7 @@ fn whole(table: TomlTable<'_>, field: &str, default: usize, most: usize) -> Read
     match number.fract() == 0.0 && (1.0..=most as f64).contains(&number) {
         true => Ok(number as usize),
         false => {
+            let number = shown(number);
             let fault = format!("`{field} = {number}`; expected a whole number from 1 to {most}");
             Err(at(table, field, fault))
         }
@@ -194,6 +259,8 @@ struct Reader<'t> {
     text: &'t str,
     folder: &'t Path,
     instances: Vec<String>,
+    /// What `[parameters]` names.
+    own: Vec<String>,
 }
 
 /// A table, one of its fields, and the name that the field means: `instance.variable`.
@@ -224,7 +291,7 @@ impl Reader<'_> {
                 .iter()
                 .any(|(_, _, before)| before.value == name.value)
             {
-                let fault = format!("`{}` stands twice", name.value);
+                let fault = format!("`{}` stands twice; leave one out", name.value);
                 return Err(ProblemError::at(&place(*table, field), fault));
             }
         }
@@ -239,6 +306,9 @@ impl Reader<'_> {
     }
 
     fn formula(&self, table: TomlTable<'_>, key: &str) -> Read<Option<Formula>> {
+        if let Ok(Some(_)) = table.number(key) {
+            finite(table, key)?;
+        }
         Ok(formula((self.file, self.text), table, key)?)
     }
 
@@ -269,8 +339,32 @@ impl Reader<'_> {
         Ok(all)
     }
 
+    /// One of these words, or an expression that is none: a word that is nearly one is a mistake, but for names of
+    /// the problem's own parameters.
+    fn check_word(&self, table: TomlTable<'_>, field: &str, words: &[&str]) -> Read<()> {
+        let Ok(Some(found)) = table.string(field) else {
+            return Ok(());
+        };
+        let is_word = found.chars().all(|c| c.is_alphabetic() || c == ' ');
+        let near = suggestion(found, words.iter().copied());
+        let is_known = words.contains(&found) || self.own.iter().any(|own| own == found);
+        match near.filter(|_| is_word && !is_known) {
+            Some(near) => {
+                let fault = format!(
+                    "\"{found}\" is neither \"{near}\" nor a parameter; did you mean `{near}`?"
+                );
+                Err(at(table, field, fault))
+            }
+            None => Ok(()),
+        }
+    }
+
     fn measured(&self, root: TomlTable<'_>) -> Read<Vec<Measured>> {
         let tables = root.tables("measured")?;
+        if tables.is_empty() {
+            let fault = "nothing is measured; add [[measured]] with signal = \"instance.variable\" and column = \"...\"";
+            return Err(at(root, "measured", fault));
+        }
         tables
             .into_iter()
             .map(|table| self.one_measured(table))
@@ -295,9 +389,7 @@ impl Reader<'_> {
                 return Err(at(table, "expression", fault));
             }
             (Some(signal), None) => Quantity::Signal(signal.to_owned()),
-            (None, Some(formula)) => {
-                Quantity::Expression(formula, table.string("unit")?.map(str::to_owned))
-            }
+            (None, Some(formula)) => Quantity::Expression(formula, unit(table)?),
             (None, None) => {
                 let fault = "nothing is measured; write signal = \"instance.variable\", or expression = \"...\"";
                 return Err(ProblemError::at(&place_of(table), fault));
@@ -331,7 +423,14 @@ impl Reader<'_> {
             (other, None) => other,
         };
         Ok(Measured {
-            place: place_of(table),
+            place: place(
+                table,
+                if table.has("signal") {
+                    "signal"
+                } else {
+                    "expression"
+                },
+            ),
             of,
             column: column(table, "column")?,
             sd: self.deviation(table)?,
@@ -367,10 +466,17 @@ impl Reader<'_> {
             own.only(&["per"])?;
             return Ok(Calibration::Sought(per(own)?));
         }
+        self.check_word(table, field, &["free"])?;
         let formula = match table.string(field) {
             Ok(Some("free")) => return Ok(Calibration::Sought(Per::All)),
             _ => self.formula(table, field)?,
         };
+        let number = formula.as_ref().and_then(Formula::number);
+        if field == "gain" && number == Some(0.0) {
+            let fault =
+                "the sensor shows nothing of what it measures; write another number, or \"free\"";
+            return Err(at(table, field, fault));
+        }
         Ok(Calibration::Formula(
             formula.unwrap_or_else(|| Formula::of_number(default)),
         ))
@@ -385,7 +491,13 @@ impl Reader<'_> {
     }
 
     fn sought(&self, (table, field, name): Entry<'_>) -> Read<Sought> {
-        let own = table.required(field, table.table(field)?)?;
+        let Ok(Some(own)) = table.table(field) else {
+            let name = &name.value;
+            let fault = format!(
+                "`{name}` is no table; write {{ start = ... }}, with fixed = true for a number"
+            );
+            return Err(at(table, field, fault));
+        };
         own.only(&[
             "start",
             "min",
@@ -405,7 +517,7 @@ impl Reader<'_> {
             min,
             max,
             nominal: positive(own, "nominal")?,
-            unit: own.string("unit")?.map(str::to_owned),
+            unit: unit(own)?,
             fixed: own.boolean("fixed")?.unwrap_or_default(),
             value: self.formula(own, "value")?,
             per: per(own)?,
@@ -420,6 +532,7 @@ impl Reader<'_> {
     fn initial(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Initial)>> {
         let mut all = Vec::new();
         for (table, field, name) in self.section(root, "initial")? {
+            self.check_word(table, field, &["free", "steady", "first sample"])?;
             let initial = match table.string(field) {
                 Ok(Some("free")) => Initial::Free,
                 Ok(Some("steady")) => Initial::Steady,
@@ -491,16 +604,20 @@ impl Reader<'_> {
             "start_time",
         ])?;
         let file = table.required("file", table.string("file")?)?;
-        let mut changes: Vec<(f64, Vec<Set>)> = Vec::new();
+        let mut changes: Vec<Change> = Vec::new();
         for change in table.tables("change")? {
             change.only(&["time", "set"])?;
             let time = change.required("time", finite(change, "time")?)?;
-            if changes.last().is_some_and(|(before, _)| time <= *before) {
+            if changes.last().is_some_and(|before| time <= before.time) {
                 let fault = "changes stand in the order of their times; this one is not later than the one before";
                 return Err(at(change, "time", fault));
             }
             let set = change.required("set", change.table("set")?)?;
-            changes.push((time, self.set(set)?));
+            changes.push(Change {
+                time,
+                place: place(change, "time"),
+                set: self.set(set)?,
+            });
         }
         Ok(RunLine {
             file: self.folder.join(file),
@@ -508,7 +625,10 @@ impl Reader<'_> {
             fits: word(table, "use", &[("fit", true), ("validation", false)], true)?,
             weight: positive(table, "weight")?.unwrap_or(1.0),
             subject: table.text("subject")?,
-            start_time: finite(table, "start_time")?,
+            start_time: finite(table, "start_time")?.map(|value| Said {
+                value,
+                place: table.place("start_time"),
+            }),
             set: match table.table("set")? {
                 Some(set) => self.set(set)?,
                 None => Vec::new(),
@@ -547,6 +667,15 @@ fn check_sought(own: TomlTable<'_>, sought: &Sought) -> Read<()> {
             "per",
             "a fixed parameter has one value; give others by `set` in a [[run]]",
         ));
+    }
+    if sought.fixed && sought.prior.is_some() {
+        let fault = "a fixed parameter has no prior; leave `fixed` or `prior` out";
+        return Err(at(own, "prior", fault));
+    }
+    let is_log_normal = sought.prior.is_some_and(|prior| prior.log);
+    if is_log_normal && sought.min.is_some_and(|min| min < 0.0) {
+        let fault = "a log-normal prior is of a value above 0; raise `min`, or write prior = { normal = ... }";
+        return Err(at(own, "min", fault));
     }
     if sought.log {
         for (field, value) in [("start", sought.start), ("min", sought.min)] {
@@ -595,19 +724,21 @@ fn prior(table: TomlTable<'_>) -> Read<Option<Prior>> {
     own.only(&["normal", "log-normal"])?;
     let mut found = None;
     for (field, log) in [("normal", false), ("log-normal", true)] {
-        let Some(pair) = own.pair(field)? else {
+        if !own.has(field) {
             continue;
-        };
-        let [mean, sd] = pair.map(|text| text.parse::<f64>());
-        let good =
-            mean.iter().chain(&sd).all(|value| value.is_finite()) && sd.iter().all(|sd| *sd > 0.0);
-        match (mean, sd) {
-            (Ok(mean), Ok(sd)) if good && found.is_none() => found = Some(Prior { mean, sd, log }),
-            _ => {
-                let fault = "a prior is one [mean, standard deviation], the latter above 0";
-                return Err(at(own, field, fault));
-            }
         }
+        if found.is_some() {
+            let fault = "a parameter has one prior; leave this one or the other out";
+            return Err(at(own, field, fault));
+        }
+        let pair = own.pair(field).ok().flatten();
+        let numbers = pair.and_then(|[mean, sd]| Some((mean.parse().ok()?, sd.parse().ok()?)));
+        let good = |(mean, sd): &(f64, f64)| mean.is_finite() && sd.is_finite() && *sd > 0.0;
+        let Some((mean, sd)) = numbers.filter(good) else {
+            let fault = "a prior is [mean, standard deviation], two numbers, the latter above 0";
+            return Err(at(own, field, fault));
+        };
+        found = Some(Prior { mean, sd, log });
     }
     match found {
         Some(prior) => Ok(Some(prior)),
@@ -656,21 +787,23 @@ fn options(root: TomlTable<'_>) -> Read<Options> {
     ])?;
     if let Some(name) = table.string("scheme")? {
         let scheme: Result<Scheme, _> = name.parse();
-        options.scheme = scheme.map_err(|error| at(table, "scheme", error.to_string()))?;
+        let known = ["euler", "trapezoid", "hermite-simpson"];
+        let near = did_you_mean(suggestion(name, known));
+        options.scheme = scheme.map_err(|error| at(table, "scheme", format!("{error}{near}")))?;
     }
     let mut given = meshes.iter().filter(|field| table.has(field));
     if let (Some(first), Some(second)) = (given.next(), given.next()) {
         let fault = format!("`{first}` and `{second}` both say where the nodes are; leave one out");
         return Err(at(table, second, fault));
     }
-    if let Some(tolerance) = positive(table, "mesh_tolerance")? {
+    if let Some(tolerance) = tolerance(table, "mesh_tolerance")? {
         options.mesh = Mesh::Tolerance(tolerance);
     }
     if let Some(step) = positive(table, "mesh_step")? {
         options.mesh = Mesh::Step(step);
     }
     options.mesh = word(table, "mesh", &[("samples", Mesh::Samples)], options.mesh)?;
-    options.tolerance = positive(table, "tolerance")?.unwrap_or(options.tolerance);
+    options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
     options.starts = whole(table, "starts", options.starts, MOST)?;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, MOST)?;
     Ok(options)

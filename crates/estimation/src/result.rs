@@ -39,6 +39,9 @@ pub struct Fit {
     pub diagnostics: Vec<Diagnostic>,
     /// How long it took \[s\].
     pub seconds: f64,
+    /// Which expression is no finite number where the search begins, where a solve ended with
+    /// [`Status::UndefinedStart`].
+    pub trouble: Option<String>,
 }
 
 /// A parameter.
@@ -124,6 +127,7 @@ impl Fit {
             starts: Vec::new(),
             diagnostics: Vec::new(),
             seconds: 0.0,
+            trouble: None,
         }
     }
 
@@ -162,7 +166,13 @@ impl Fit {
 }
 
 /// All variables of the graph at a sample.
-fn variables(posed: &Posed<'_>, j: usize, sample: usize, x: &[f64], theta: &[f64]) -> Vec<f64> {
+pub(crate) fn variables(
+    posed: &Posed<'_>,
+    j: usize,
+    sample: usize,
+    x: &[f64],
+    theta: &[f64],
+) -> Vec<f64> {
     let run = &posed.runs[j];
     let mut all = vec![run.time[sample]];
     all.extend_from_slice(x);

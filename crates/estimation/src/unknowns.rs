@@ -93,13 +93,13 @@ impl Parameters {
             unknowns: Vec::new(),
             own_units: HashMap::new(),
         };
-        all.set(file)?;
+        all.set(file, joint)?;
         let is_pattern = |line: &&Sought| line.name.value.ends_with(".*");
         for line in file.parameters.iter().filter(is_pattern) {
             all.seek_all(line, file, joint)?;
         }
         for line in file.parameters.iter().filter(|line| !is_pattern(line)) {
-            all.seek(line, joint)?;
+            all.seek(line, file, joint)?;
         }
         for measured in &file.measured {
             all.calibrate(measured, joint)?;
@@ -116,11 +116,11 @@ impl Parameters {
     }
 
     /// The values that the system says.
-    fn set(&mut self, file: &ProblemFile) -> Result<(), ProblemError> {
+    fn set(&mut self, file: &ProblemFile, joint: &Joint) -> Result<(), ProblemError> {
         for setting in &file.system.settings {
             let name = &setting.name;
             let Some(Meaning::Number(value)) = self.meanings.get_mut(&name.value) else {
-                return Err(self.unknown(name));
+                return Err(no_parameter(name, file, joint, &self.names));
             };
             let number = setting
                 .value
@@ -131,13 +131,22 @@ impl Parameters {
                 let fault = format!("`{}` is {}; expected a number", name.value, setting.value);
                 ProblemError::maybe_at(name.place.as_ref(), fault)
             })?;
+            let value = *value;
+            let range = self.range(&name.value, joint);
+            check_range(&name.value, value, range, name.place.as_ref())?;
         }
         Ok(())
     }
 
-    fn unknown(&self, name: &Said<String>) -> ProblemError {
-        let fault = unknown("parameter", &name.value, &self.names);
-        ProblemError::maybe_at(name.place.as_ref(), fault)
+    /// Least and greatest value of a parameter, where there are such.
+    pub fn range(&self, name: &str, joint: &Joint) -> [Option<f64>; 2] {
+        match self.meanings.get(name) {
+            Some(Meaning::Unknown(k)) => [self.unknowns[*k].min, self.unknowns[*k].max],
+            _ => {
+                let about = joint.variables.get(name);
+                about.map_or([None; 2], |about| [about.min, about.max])
+            }
+        }
     }
 
     /// All parameters of an instance that have no line of their own.
@@ -167,18 +176,23 @@ impl Parameters {
         for name in own.iter().filter(|name| !has_line(name)).copied() {
             let mut one = line.clone();
             one.name.value.clone_from(name);
-            self.seek(&one, joint)?;
+            self.seek(&one, file, joint)?;
         }
         Ok(())
     }
 
-    fn seek(&mut self, line: &Sought, joint: &Joint) -> Result<(), ProblemError> {
+    fn seek(
+        &mut self,
+        line: &Sought,
+        file: &ProblemFile,
+        joint: &Joint,
+    ) -> Result<(), ProblemError> {
         let name = &line.name.value;
         let place = line.name.place.as_ref();
         let fault = |text: String| ProblemError::maybe_at(place, text);
-        let is_part = joint.model.parameters.contains(name);
+        let is_part = self.names.contains(name);
         if !is_part {
-            self.declare(line)?;
+            self.declare(line, file, joint)?;
         } else if line.unit.is_some() {
             return Err(fault(format!(
                 "`{name}` has its model's unit; leave `unit` out"
@@ -202,6 +216,8 @@ impl Parameters {
             ))
         })?;
         if line.fixed {
+            let range = [line.min.or(about.min), line.max.or(about.max)];
+            check_range(name, start, range, place)?;
             self.meanings.insert(name.clone(), Meaning::Number(start));
             return Ok(());
         }
@@ -223,11 +239,16 @@ impl Parameters {
     }
 
     /// A parameter of the problem's own.
-    fn declare(&mut self, line: &Sought) -> Result<(), ProblemError> {
+    fn declare(
+        &mut self,
+        line: &Sought,
+        file: &ProblemFile,
+        joint: &Joint,
+    ) -> Result<(), ProblemError> {
         let name = &line.name.value;
         if !is_identifier(name) || ["time", "pi", "y"].contains(&name.as_str()) {
             return Err(match name.contains('.') {
-                true => self.unknown(&line.name),
+                true => no_parameter(&line.name, file, joint, &self.names),
                 false => {
                     let fault = format!(
                         "`{name}` cannot name a parameter of the problem; expected letters, digits and `_`, no digit \
@@ -289,6 +310,54 @@ impl Parameters {
     }
 }
 
+/// Why a name is none of the parameters with these names.
+pub fn no_parameter(
+    name: &Said<String>,
+    file: &ProblemFile,
+    joint: &Joint,
+    names: &[String],
+) -> ProblemError {
+    let said = &name.value;
+    let fed = file.inputs.iter().find(|fed| fed.signal.value == *said);
+    let fault = match fed {
+        Some(fed) => format!(
+            "`{said}` is driven by the column `{}`; leave one of them out",
+            fed.column.value
+        ),
+        None if joint.driven.contains_key(said) => {
+            format!("`{said}` is driven by a wire; leave one of them out")
+        }
+        None if joint.model.states.contains(said) => {
+            format!("`{said}` is a state; how it begins stands in [initial]")
+        }
+        None if joint.signals().contains(said) => {
+            format!("`{said}` follows from others; bound it by a [[constraint]]")
+        }
+        None => unknown("parameter or free input", said, names),
+    };
+    ProblemError::maybe_at(name.place.as_ref(), fault)
+}
+
+/// Refuses a number that is out of a parameter's range.
+pub fn check_range(
+    name: &str,
+    value: f64,
+    [min, max]: [Option<f64>; 2],
+    place: Option<&Place>,
+) -> Result<(), ProblemError> {
+    let [min, max] = [
+        min.unwrap_or(f64::NEG_INFINITY),
+        max.unwrap_or(f64::INFINITY),
+    ];
+    match (min..=max).contains(&value) && value.is_finite() {
+        true => Ok(()),
+        false => {
+            let fault = format!("`{name}` is {value}, out of its range {min} to {max}; change it");
+            Err(ProblemError::maybe_at(place, fault))
+        }
+    }
+}
+
 fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
     let Unknown { name, start, .. } = unknown;
     let fault = |text: String| ProblemError::maybe_at(unknown.place.as_ref(), text);
@@ -303,6 +372,11 @@ fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
     if unknown.min.is_some() && unknown.min == unknown.max {
         return Err(fault(format!(
             "the range of `{name}` is one value; write fixed = true"
+        )));
+    }
+    if unknown.prior.is_some_and(|prior| prior.log) && *start <= 0.0 {
+        return Err(fault(format!(
+            "`{name}` starts at {start}, and a log-normal prior is of a value above 0; give it a start above 0"
         )));
     }
     if unknown.log && *start <= 0.0 {

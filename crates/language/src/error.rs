@@ -85,6 +85,8 @@ pub enum Fault {
     StrayText,
     #[error("a circle without a state: {0}; put a state (a lag) between, or solve it by hand")]
     Circle(String),
+    #[error("a circle: {0}; tie one of them to something else, or give it a start")]
+    TiedCircle(String),
     #[error(
         "`{0}` has a limit, beyond which it saturates in a simulation and not in a fit; put what stands before \
          the limit into a local and use that"

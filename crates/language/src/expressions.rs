@@ -56,7 +56,7 @@ impl Expressions {
         self.file.parameters.push(variable(name, unit, None));
     }
 
-    /// An expression, which others may call by that name. With `constant` it may depend on parameters alone, and
+    /// An expression, which others may call by that name; one with a blank in it is for messages alone. With `constant` it may depend on parameters alone, and
     /// that is what messages call it. Its number in the list is returned.
     pub fn add(
         &mut self,
@@ -65,8 +65,12 @@ impl Expressions {
         formula: &Formula,
         constant: Option<&'static str>,
     ) -> usize {
+        let byte = formula.byte(0);
         let formula = Some(formula.clone());
-        self.file.locals.push(variable(name, unit, formula));
+        self.file.locals.push(Variable {
+            byte,
+            ..variable(name, unit, formula)
+        });
         self.constants.push(constant);
         self.constants.len() - 1
     }
@@ -95,10 +99,11 @@ impl Expressions {
                 }
             }
         }
-        let scope = Scope::of(file)?;
+        let scope = Scope::of(file).map_err(reworded)?;
         for (local, constant) in file.locals.iter().zip(&self.constants) {
             if let (Some(what), Some(formula)) = (constant, &local.value) {
-                scope.check_constant(what, formula, None)?;
+                let checked = scope.check_constant(what, formula, None);
+                checked.map_err(reworded)?;
             }
         }
         let tables = Tables::default();
@@ -108,6 +113,35 @@ impl Expressions {
             graph: built.graph,
             nodes: built.computed,
         })
+    }
+}
+
+/// What a mistake is called outside of a model: inputs stand for all signals, and there are no states.
+fn reworded(error: ModelFileError) -> ModelFileError {
+    let ModelFileError::At {
+        file,
+        position,
+        fault,
+    } = error
+    else {
+        return error;
+    };
+    let fault = match *fault {
+        Fault::Circle(names) => Fault::TiedCircle(names),
+        Fault::NotConstant { what, name, role } => Fault::NotConstant {
+            what,
+            name,
+            role: match role {
+                "an input" => "a signal, which changes in time",
+                other => other,
+            },
+        },
+        other => other,
+    };
+    ModelFileError::At {
+        file,
+        position,
+        fault: Box::new(fault),
     }
 }
 

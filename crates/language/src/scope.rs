@@ -99,7 +99,7 @@ impl<'f> Scope<'f> {
         let mut known: Vec<&str> = variables.map(|variable| variable.name.as_str()).collect();
         known.extend(crate::file::RESERVED);
         let mut seen = std::collections::HashSet::new();
-        known.retain(|name| seen.insert(*name));
+        known.retain(|name| is_spelt(name) && seen.insert(*name));
         Err(error(Fault::UnknownName {
             name: name.to_owned(),
             suggestion: suggestion(name, known.iter().copied()).map(str::to_owned),
@@ -236,6 +236,12 @@ impl<'f> Scope<'f> {
             false => Ok(()),
         }
     }
+}
+
+/// Whether an expression can call something so.
+pub(crate) fn is_spelt(name: &str) -> bool {
+    name.chars()
+        .all(|c| c.is_alphanumeric() || c == '_' || c == '.')
 }
 
 /// The first names of a list, and how many more there are.

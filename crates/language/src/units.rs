@@ -4,7 +4,7 @@ use crate::dimension::{Dimension, Quantity};
 use crate::error::{Fault, ModelFileError};
 use crate::file::{Formula, ModelFile, Variable};
 use crate::functions::Name;
-use crate::scope::{Scope, Symbol};
+use crate::scope::{Scope, Symbol, is_spelt};
 use crate::syntax::{Part, Term};
 use crate::tables::Tables;
 use Dimension::{Number, Of, Unchecked};
@@ -37,7 +37,10 @@ pub(crate) fn check(
         checker.assigned(&state.start, &declared(state), &what)?;
     }
     for variable in file.locals.iter().chain(&file.outputs) {
-        let what = format!("`{}`", variable.name);
+        let what = match is_spelt(&variable.name) {
+            true => format!("`{}`", variable.name),
+            false => variable.name.clone(),
+        };
         for formula in variable.value.iter() {
             checker.assigned(formula, &declared(variable), &what)?;
         }

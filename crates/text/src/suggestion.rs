@@ -6,12 +6,25 @@ pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {
-    let wanted = name.to_lowercase();
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    let before = name.rfind('.').map_or("", |dot| &name[..=dot]);
+    let is_beside = |candidate: &&str| !before.is_empty() && candidate.starts_with(before);
+    // Of `pilot.gian` the instance is right: only the rest is compared.
+    let skipped = match candidates.iter().any(is_beside) {
+        true => before,
+        false => "",
+    };
+    let wanted = name[skipped.len()..].to_lowercase();
     let near = |candidate: &'a str| {
-        let other = candidate.to_lowercase();
-        let distance = strsim::damerau_levenshtein(&wanted, &other);
-        let length = wanted.chars().count().max(other.chars().count());
+        let other = candidate.strip_prefix(skipped)?.to_lowercase();
+        let [own, theirs] = [&wanted, &other].map(|text| text.chars().count());
+        let length = own.max(theirs);
         let contained = wanted.len() > 2 && (other.contains(&wanted) || wanted.contains(&other));
+        // The distance is no less than the difference of the lengths, and costs their product.
+        if !contained && 3 * own.abs_diff(theirs) > length {
+            return None;
+        }
+        let distance = strsim::damerau_levenshtein(&wanted, &other);
         (contained || 3 * distance <= length).then_some((distance, candidate))
     };
     (candidates.into_iter().filter_map(near))
@@ -36,5 +49,13 @@ mod tests {
         assert_eq!(suggestion("stick_position", names), Some("position"));
         assert_eq!(suggestion("altitude", names), None);
         assert_eq!(suggestion("", names), None);
+    }
+
+    #[test]
+    fn of_dotted_names_the_last_part_is_compared_where_the_others_are_right() {
+        let names = ["pilot.gain", "pilot.lag", "vehicle.gain"];
+        assert_eq!(suggestion("pilot.gian", names), Some("pilot.gain"));
+        assert_eq!(suggestion("pilt.gain", names), Some("pilot.gain"));
+        assert_eq!(suggestion("pilot.arm", names), None);
     }
 }
