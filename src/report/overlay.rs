@@ -3,19 +3,17 @@
 use super::html::{self, Made};
 use super::plot::{Axes, Line, Plot, colour};
 
-/// A measured signal of a run.
+/// A signal of a run, as it was recorded and as models have it.
 #[derive(Debug, Clone)]
 pub struct Overlay<'a> {
     /// Run and signal.
     pub title: String,
     /// Unit of the signal; empty where it has none.
     pub unit: &'a str,
-    /// Times \[s\].
-    pub time: &'a [f64],
-    /// What was recorded at each; NaN where nothing was.
-    pub recorded: &'a [f64],
-    /// What the model says.
-    pub model: &'a [f64],
+    /// Each line: its name, times \[s\] and values; NaN where there is none.
+    pub lines: Vec<(&'a str, &'a [f64], &'a [f64])>,
+    /// A sentence about it.
+    pub caption: &'a str,
 }
 
 /// A page with a table of the parameters (name, value, unit) and a figure for each signal.
@@ -38,19 +36,17 @@ pub fn overlay_page(
 }
 
 fn figure(of: &Overlay<'_>) -> String {
-    let line = |label: &str, k: usize, x: Vec<f64>, y: Vec<f64>| Line {
-        label: label.to_owned(),
-        name: format!("{} {label}", of.title),
-        class: colour(k),
-        x,
-        y,
+    let line = |(k, (label, time, values)): (usize, &(&str, &[f64], &[f64]))| {
+        let there = time.iter().zip(*values).filter(|(_, y)| y.is_finite());
+        let (x, y): (Vec<f64>, Vec<f64>) = there.unzip();
+        Line {
+            label: (*label).to_owned(),
+            name: format!("{} {label}", of.title),
+            class: colour(k),
+            x,
+            y,
+        }
     };
-    let there = of
-        .time
-        .iter()
-        .zip(of.recorded)
-        .filter(|(_, y)| y.is_finite());
-    let (x, y): (Vec<f64>, Vec<f64>) = there.unzip();
     let plot = Plot {
         description: format!("Recorded and modelled: {}", of.title),
         x_label: "time [s]".to_owned(),
@@ -60,15 +56,8 @@ fn figure(of: &Overlay<'_>) -> String {
         },
         axes: Axes::Linear,
         height: 260.0,
-        lines: vec![
-            line("recorded", 0, x, y),
-            line("model", 1, of.time.to_vec(), of.model.to_vec()),
-        ],
+        lines: of.lines.iter().enumerate().map(line).collect(),
         marks: Vec::new(),
     };
-    html::figure(
-        &of.title,
-        "What was recorded, and what the fitted model says.",
-        &plot.to_svg(),
-    )
+    html::figure(&of.title, of.caption, &plot.to_svg())
 }

@@ -1,5 +1,6 @@
 //! `pilotage fit`: the pilot from recorded flights.
 
+mod both;
 mod log;
 mod next;
 mod problem;
@@ -39,6 +40,13 @@ Examples:
 
   # Is there a better optimum? Twenty starts from anywhere beside those from the data.
   pilotage fit run*.csv --random-starts 20
+
+  # Which pilot brings the vehicle where it was flown: that of its response, or that of the stick?
+  pilotage fit run*.csv --objective both --report both.html
+
+  # Another pilot, another vehicle, other signals: a problem file.
+  pilotage init run*.csv --pilot crossover -o problem.toml
+  pilotage fit problem.toml
 
   # At most ten seconds, and from where that ended.
   pilotage fit run*.csv --time-limit 10
@@ -81,10 +89,10 @@ pub struct Args {
     /// it stable.
     #[arg(long)]
     allow_unstable_loop: bool,
-    /// What is compared with the recording: the vehicle's response (the paper's), or the stick.
-    #[arg(long, value_parser = named(Objective::ALL, Objective::as_str),
-          default_value = FitOptions::default().objective.as_str())]
-    objective: Objective,
+    /// What is compared with the recording: the vehicle's response (the paper's), the stick, or each of them, with both
+    /// pilots flying alone beside the recording.
+    #[arg(long, value_parser = named(Compared::ALL, Compared::as_str), default_value = Compared::ALL[0].as_str())]
+    objective: Compared,
     /// Where θ starts, as θ1,θ2,...; estimated from the data where it is missing.
     #[arg(
         long,
@@ -138,6 +146,28 @@ pub struct Args {
     overwrite: Overwrite,
 }
 
+/// What is compared with a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Compared {
+    One(Objective),
+    Both,
+}
+
+impl Compared {
+    const ALL: [Self; 3] = [
+        Self::One(Objective::Response),
+        Self::One(Objective::Stick),
+        Self::Both,
+    ];
+
+    fn as_str(self) -> &'static str {
+        match self {
+            Self::One(objective) => objective.as_str(),
+            Self::Both => "both",
+        }
+    }
+}
+
 /// A parser for one of `all`, by its name.
 fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [T; N],
@@ -159,6 +189,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             Failure::new("--evaluate takes a problem file").hint("`pilotage init` writes one")
         );
     }
+    if args.objective == Compared::Both && args.log.is_some() {
+        return Err(
+            Failure::new("--log writes one fit, and --objective both are two")
+                .hint("leave --log out, or fit one after the other"),
+        );
+    }
     if args.json && args.logs_to_stdout() {
         return Err(Failure::new("--json and --log - both want stdout")
             .hint("give --log a file; or leave --json out: the log's last line has the result"));
@@ -169,6 +205,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(note);
     }
     args.check_outputs(&set)?;
+    if args.objective == Compared::Both {
+        interrupt::listen("stopping at the next iteration")?;
+        return both::run(&args, set, &options);
+    }
     let pilot_output = open(args.output())?;
     let report_output = args.report.as_deref().map(open).transpose()?;
 
@@ -214,7 +254,7 @@ impl Args {
                 self.initial_position != default.initial_position,
             ),
             ("--allow-unstable-loop", self.allow_unstable_loop),
-            ("--objective", self.objective != default.objective),
+            ("--objective", self.objective != Compared::ALL[0]),
             ("--start", self.start.is_some()),
             ("--random-starts", self.random_starts.is_some()),
             ("--vehicle", self.vehicle.is_some()),
@@ -238,7 +278,10 @@ impl Args {
             initial_state: self.initial_state,
             initial_position: self.initial_position,
             stable_loop: !self.allow_unstable_loop,
-            objective: self.objective,
+            objective: match self.objective {
+                Compared::One(objective) => objective,
+                Compared::Both => Objective::Response,
+            },
             pilot,
             vehicle,
             vehicle_assumed: self.vehicle.is_none(),
@@ -253,8 +296,12 @@ impl Args {
     fn check_outputs(&self, set: &TrialSet) -> Result<(), Failure> {
         let inputs: Vec<PathBuf> = set.files.iter().chain(&self.vehicle).cloned().collect();
         let log = self.log.as_deref().filter(|log| !log::is_stdout(log));
+        let stick = both::stick_file(self);
+        let stick =
+            (self.objective == Compared::Both).then_some((stick.as_path(), OutputKind::Pilot));
         let outputs: Vec<(&Path, OutputKind)> = [(self.output(), OutputKind::Pilot)]
             .into_iter()
+            .chain(stick)
             .chain(self.report.as_deref().map(|path| (path, OutputKind::Page)))
             .chain(log.map(|path| (path, OutputKind::Log)))
             .collect();

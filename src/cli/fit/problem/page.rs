@@ -11,9 +11,11 @@ pub fn page(posed: &Posed<'_>, fit: &Fit, made: &Made) -> String {
             figures.push(Overlay {
                 title: format!("{}: {}", run.name, measured.column.value),
                 unit: posed.unit_of(k).unwrap_or_default(),
-                time: &run.time,
-                recorded: &run.recorded[k],
-                model: &run.predicted[k],
+                lines: vec![
+                    ("recorded", &run.time, &run.recorded[k]),
+                    ("model", &run.time, &run.predicted[k]),
+                ],
+                caption: "What was recorded, and what the fitted model says.",
             });
         }
     }

@@ -1,0 +1,212 @@
+//! `--objective both`: the response and the stick, each fitted, and both pilots flying alone (the paper's Fig. 2).
+
+use super::summary::{to_json, verdict};
+use super::watch::Watch;
+use super::{Args, open, save};
+use crate::cli::format::aligned;
+use crate::cli::made::made;
+use crate::cli::{Failure, Outcome, terminal};
+use crate::identification::{
+    FitOptions, Identification, Objective, RunFit, Trial, TrialSet, pilot_file,
+};
+use crate::report::{Overlay, overlay_page, significant};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Both fits.
+struct Both {
+    response: Identification,
+    stick: Identification,
+}
+
+/// A trial as it was recorded, and as both pilots fly it alone.
+struct Flown<'a> {
+    trial: &'a Trial,
+    response: Option<&'a RunFit>,
+    stick: Option<&'a RunFit>,
+    /// Rms distance from the recording \[m\], of each.
+    rms: [Option<f64>; 2],
+}
+
+/// Where the pilot of the stick fit is written: beside the other one.
+pub fn stick_file(args: &Args) -> PathBuf {
+    let output = args.output();
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}-stick.toml"))
+}
+
+/// Fits both and shows them.
+pub fn run(args: &Args, set: TrialSet, options: &FitOptions) -> Result<Outcome, Failure> {
+    let stick_path = stick_file(args);
+    let outputs = [open(args.output())?, open(&stick_path)?];
+    let page = args
+        .report
+        .as_deref()
+        .map(|path| Ok::<_, Failure>((path, open(path)?)));
+    let page = page.transpose()?;
+    let fitted = |objective: Objective, set: TrialSet| {
+        let mut watch = Watch::new(args.time_limit, None, args.verbose);
+        // Whoever asks for both wants to see them fly, on the default vehicle if no other is named.
+        let options = FitOptions {
+            objective,
+            vehicle_assumed: false,
+            ..options.clone()
+        };
+        let found = Identification::new(set, options, &mut |progress| watch.see(progress));
+        watch.end();
+        found
+    };
+    let both = Both {
+        response: fitted(Objective::Response, set.clone())?,
+        stick: fitted(Objective::Stick, set)?,
+    };
+    let [response, stick] = outputs;
+    save(
+        response,
+        args.output(),
+        &pilot_file::to_toml(&both.response),
+    )?;
+    save(stick, &stick_path, &pilot_file::to_toml(&both.stick))?;
+    if let Some((path, output)) = page {
+        save(output, path, &both.page())?;
+    }
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", both.json()),
+        false => both.text(args),
+    })?;
+    Ok(
+        match both.response.fit.is_answer() && both.stick.fit.converged {
+            true => Outcome::Done,
+            false => Outcome::No,
+        },
+    )
+}
+
+impl Both {
+    fn flown(&self) -> Vec<Flown<'_>> {
+        let pairs = self.response.outcomes().zip(self.stick.outcomes());
+        pairs
+            .map(|(response, stick)| Flown {
+                trial: response.trial,
+                response: response.alone,
+                stick: stick.alone,
+                rms: [response, stick].map(|own| own.errors().map(|(rms, _)| rms)),
+            })
+            .collect()
+    }
+
+    fn json(&self) -> Value {
+        let flown = self.flown();
+        let flown = flown.iter().map(|run| {
+            json!({
+                "name": run.trial.name,
+                "response_rms_m": run.rms[0],
+                "stick_rms_m": run.rms[1],
+            })
+        });
+        json!({
+            "response": to_json(&self.response),
+            "stick": to_json(&self.stick),
+            "flown_alone": flown.collect::<Vec<_>>(),
+        })
+    }
+
+    fn text(&self, args: &Args) -> String {
+        let mut text = String::new();
+        for (name, found) in [("response", &self.response), ("stick", &self.stick)] {
+            let theta: Vec<String> = found
+                .fit
+                .theta
+                .iter()
+                .map(|own| significant(*own, 5))
+                .collect();
+            text += &format!(
+                "{name} fit: {}, theta = {}\n",
+                verdict(&found.fit),
+                theta.join(", ")
+            );
+        }
+        let mut rows = vec![
+            [
+                "flown alone, rms from the recording",
+                "response fit",
+                "stick fit",
+            ]
+            .map(str::to_owned),
+        ];
+        let shown = |rms: Option<f64>| match rms {
+            Some(rms) if rms.is_finite() => format!("{} m", significant(rms, 3)),
+            _ => "out of bounds".to_owned(),
+        };
+        rows.extend(self.flown().iter().map(|run| {
+            let [response, stick] = run.rms.map(shown);
+            [run.trial.name.clone(), response, stick]
+        }));
+        text += "\n";
+        text += &aligned(&rows);
+        text += &format!(
+            "\nwrote {}\nwrote {}\n",
+            args.output().display(),
+            stick_file(args).display()
+        );
+        if let Some(report) = &args.report {
+            text += &format!("wrote {}\n", report.display());
+        }
+        text
+    }
+
+    fn page(&self) -> String {
+        let flown = self.flown();
+        let mut figures = Vec::new();
+        for run in &flown {
+            let trial = run.trial;
+            let mut positions: Vec<(&str, &[f64], &[f64])> = vec![
+                ("target", &trial.time, &trial.target),
+                ("recorded", &trial.time, &trial.position),
+            ];
+            let mut sticks: Vec<(&str, &[f64], &[f64])> = Vec::new();
+            if let Some(stick) = &trial.stick {
+                sticks.push(("recorded", &trial.time, stick));
+            }
+            for (name, own) in [("response fit", run.response), ("stick fit", run.stick)] {
+                if let Some(own) = own {
+                    positions.push((name, &own.time, &own.position));
+                    sticks.push((name, &own.time, &own.stick));
+                }
+            }
+            let caption =
+                "Each pilot flies alone, from rest; nothing is left of the optimiser here.";
+            figures.push(Overlay {
+                title: format!("{}: position", trial.name),
+                unit: "m",
+                lines: positions,
+                caption,
+            });
+            figures.push(Overlay {
+                title: format!("{}: stick", trial.name),
+                unit: "1",
+                lines: sticks,
+                caption,
+            });
+        }
+        let mut rows = Vec::new();
+        for (name, found) in [("response fit", &self.response), ("stick fit", &self.stick)] {
+            let units = pilot_file::units(found.options.pilot);
+            for ((k, value), unit) in found.fit.theta.iter().enumerate().zip(units) {
+                rows.push([
+                    format!("theta{} ({name})", k + 1),
+                    significant(*value, 6),
+                    unit,
+                ]);
+            }
+        }
+        let verdict = verdict(&self.response.fit);
+        overlay_page(
+            "fits of response and stick",
+            &verdict,
+            &rows,
+            &figures,
+            &made(),
+        )
+    }
+}
