@@ -74,9 +74,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let mut solved = solved;
     let first = solved.swap_remove(best);
     let (last, refinement) = refine(posed, first, |progress| {
-        observer
-            .lock()
-            .map_or(ControlFlow::Continue(()), |mut see| see(progress))
+        observer.lock().map_or(ControlFlow::Continue(()), |mut see| see(progress))
     });
     let trouble = match last.solution.status {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
@@ -124,13 +122,9 @@ fn refine(
     loop {
         let z = &solved.solution.iterate.z;
         let errors = solved.problem.mesh_errors(z);
-        told.error = errors
-            .iter()
-            .flatten()
-            .fold(0.0, |most: f64, error| most.max(*error));
+        told.error = errors.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
         told.intervals = errors.iter().map(Vec::len).sum();
-        let is_over =
-            told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        let is_over = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
         if told.error <= tolerance || is_over {
             return (solved, told);
         }
@@ -155,13 +149,8 @@ fn refine(
         if next.solution.status != Status::Converged {
             return (solved, told);
         }
-        let [before, after] =
-            [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
-        told.changes = before
-            .iter()
-            .zip(after)
-            .map(|(a, b)| (a - b).abs())
-            .collect();
+        let [before, after] = [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
+        told.changes = before.iter().zip(after).map(|(a, b)| (a - b).abs()).collect();
         told.rounds += 1;
         solved = next;
     }
