@@ -93,6 +93,9 @@ struct Measurement {
     is_prior: bool,
 }
 
+/// For each run, the initial value of each state that is known.
+type Known = Vec<Vec<Option<f64>>>;
+
 type Done<T> = Result<T, ProblemError>;
 
 impl<'a> Assembly<'a> {
@@ -623,7 +626,7 @@ impl<'a> Assembly<'a> {
                         let Some(sd) = row.map(|row| column[row]) else {
                             continue;
                         };
-                        if recorded[sample].is_finite() && !(sd > 0.0) {
+                        if recorded[sample].is_finite() && (sd.is_nan() || sd <= 0.0) {
                             let fault = format!(
                                 "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
                                 run.line.file.display(),
@@ -707,7 +710,7 @@ impl<'a> Assembly<'a> {
     // Initial states.
 
     /// The states, and for each run what is known of their initial values.
-    fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Vec<Vec<Option<f64>>>)> {
+    fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Known)> {
         let runs = rows.len();
         let (mut states, mut known) = (Vec::new(), vec![Vec::new(); runs]);
         let starts = self.start_nodes();

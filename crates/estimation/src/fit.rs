@@ -114,13 +114,9 @@ fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refi
     loop {
         let z = &solved.solution.iterate.z;
         let errors = solved.problem.mesh_errors(z);
-        told.error = errors
-            .iter()
-            .flatten()
-            .fold(0.0, |most: f64, error| most.max(*error));
+        told.error = errors.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
         told.intervals = errors.iter().map(Vec::len).sum();
-        let is_over =
-            told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        let is_over = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
         if told.error <= tolerance || is_over {
             return (solved, told);
         }
@@ -141,13 +137,8 @@ fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refi
         if next.solution.status != Status::Converged {
             return (solved, told);
         }
-        let [before, after] =
-            [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
-        told.changes = before
-            .iter()
-            .zip(after)
-            .map(|(a, b)| (a - b).abs())
-            .collect();
+        let [before, after] = [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
+        told.changes = before.iter().zip(after).map(|(a, b)| (a - b).abs()).collect();
         told.rounds += 1;
         solved = next;
     }
