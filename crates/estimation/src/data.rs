@@ -255,6 +255,7 @@ impl Signal {
             return self.values[from];
         }
         let part = ((time - self.time[from]) / span).clamp(0.0, 1.0);
-        self.values[from] + part * (self.values[to] - self.values[from])
+        // Exact at both ends: a rounding error would be a jump.
+        (1.0 - part) * self.values[from] + part * self.values[to]
     }
 }
