@@ -55,6 +55,8 @@ pub struct Made {
     pub shared: usize,
     pub states: Vec<State>,
     pub told: Told,
+    /// States that are measured as they are, each with the number of its measured signal.
+    pub measured: Vec<(usize, usize)>,
 }
 
 /// What is collected on the way.
@@ -451,6 +453,7 @@ impl<'a> Assembly<'a> {
             .cloned()
             .zip(std::mem::take(&mut self.stands));
         Made {
+            measured: self.measured_states(&states),
             system: System {
                 graph: self.graph,
                 states: self.states,
@@ -736,10 +739,7 @@ impl<'a> Assembly<'a> {
 
     /// The first measurement of a state in each run, where it is measured as it is.
     fn first_samples(&self, state: &str) -> Option<Vec<f64>> {
-        let is_it = |measured: &&Measured| {
-            matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state))
-                && measured.is_plain()
-        };
+        let is_it = |own: &&Measured| self.measures(own, state);
         let measured = self.file.measured.iter().find(is_it)?;
         let unit = self.unit_of(measured);
         let first = |run: &RunData<'_>| {
@@ -747,6 +747,22 @@ impl<'a> Assembly<'a> {
             values.into_iter().find(|value| value.is_finite())
         };
         self.data.iter().map(first).collect()
+    }
+
+    /// States that are measured as they are, each with the first measured signal that is.
+    fn measured_states(&self, states: &[State]) -> Vec<(usize, usize)> {
+        let names = self.joint.model.states.iter().enumerate();
+        let plain = |k: usize| states[k].shift.is_none();
+        let found = names.filter(|(k, _)| plain(*k)).filter_map(|(k, name)| {
+            let is_it = |own: &Measured| self.measures(own, name);
+            Some((k, self.file.measured.iter().position(is_it)?))
+        });
+        found.collect()
+    }
+
+    /// Whether a sensor shows a state as it is.
+    fn measures(&self, measured: &Measured, state: &str) -> bool {
+        matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state)) && measured.is_plain()
     }
 
     /// Whether a signal is a state, by its name or as an output that is nothing else.

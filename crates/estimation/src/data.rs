@@ -227,6 +227,22 @@ impl<'f> RunData<'f> {
     }
 }
 
+/// Values at these times; where one is NaN, that on the straight line between its neighbours.
+pub fn filled(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let known = time.iter().zip(values).filter(|(_, value)| !value.is_nan());
+    let (times, known) = known.unzip();
+    let signal = Signal {
+        time: times,
+        values: known,
+        hold: Hold::Linear,
+    };
+    let own = |(time, value): (&f64, &f64)| match value.is_nan() {
+        true => signal.after(*time),
+        false => *value,
+    };
+    time.iter().zip(values).map(own).collect()
+}
+
 impl Signal {
     /// Just before a time.
     fn before(&self, time: f64) -> f64 {

@@ -49,7 +49,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let starts = drawn(posed, options.starts);
     let solved: Vec<Solved> = (starts.par_iter().enumerate())
         .map(|(k, theta)| {
-            let (problem, z) = begin(posed, theta);
+            let mode = std::env::var("MODE").unwrap_or_default();
+            let (problem, z) = begin(posed, theta, mode == "f" || mode.is_empty() && k % 2 == 1);
             let see = |iteration: &Iteration| {
                 let progress = Progress {
                     start: k,
@@ -160,7 +161,7 @@ fn rank(solved: &Solved) -> f64 {
 }
 
 /// The nonlinear program on the samples as mesh, and its variables, where the search begins with these parameters.
-pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
+pub fn begin(posed: &Posed<'_>, start: &[f64], follows: bool) -> (Collocation, Vec<f64>) {
     let theta = &start[..posed.shared];
     let own = &start[posed.shared..];
     let joint = posed.states.len() - own.len();
@@ -172,7 +173,12 @@ pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
                     None => known.unwrap_or(state.guesses[j]),
                 })
                 .collect();
-            simulated(posed, run, theta, &initial)
+            let followed = posed.followed.as_ref().filter(|_| follows);
+            let states = match followed {
+                Some(followed) => followed.simulate(j, theta, &initial),
+                None => posed.model.simulate(run, theta, &initial),
+            };
+            tamed(posed, states, &initial)
         })
         .collect();
     let scales = scales(posed, &states, theta);
@@ -185,10 +191,9 @@ pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
     (problem, z)
 }
 
-/// States at the samples; of one that runs away, the value where it begins.
-fn simulated(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
+/// Of a state that runs away, the value where it begins.
+fn tamed(posed: &Posed<'_>, mut states: Vec<Vec<f64>>, initial: &[f64]) -> Vec<Vec<f64>> {
     const FARTHEST: f64 = 1e6;
-    let mut states = posed.model.simulate(run, theta, initial);
     let wild = |k: usize| {
         let size = posed.states[k].nominal.unwrap_or(1.0).max(initial[k].abs());
         let far = |x: &Vec<f64>| !(x[k].abs() <= FARTHEST * size);

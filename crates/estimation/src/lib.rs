@@ -4,6 +4,7 @@ pub mod data;
 pub mod error;
 pub mod file;
 pub mod fit;
+mod followed;
 pub mod joint;
 mod names;
 pub mod part;

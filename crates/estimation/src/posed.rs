@@ -10,6 +10,7 @@ use crate::data::RunData;
 use crate::error::ProblemError;
 use crate::file::ProblemFile;
 use crate::fit::factor;
+use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
 use crate::names::Named;
 use crate::part::Part;
@@ -44,6 +45,8 @@ pub struct Posed<'f> {
     pub told: Told,
     /// What the solver's objective is, per unit of the problem's.
     pub factor: f64,
+    /// Measured states as inputs, for the start of a search.
+    pub followed: Option<Followed>,
     /// What was read, of each run that is fitted.
     pub data: Vec<RunData<'f>>,
 }
@@ -105,8 +108,12 @@ impl<'f> Posed<'f> {
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
         let assembly = Assembly::new(file, &joint, &parameters, &named, &data)?;
         let made = assembly.finish()?;
+        let recorded = made.measured.iter();
+        let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
+        let recorded: Vec<Recorded<'_>> = recorded.collect();
         Ok(Self {
             model: Arc::new(Differentiated::new(&made.system)),
+            followed: Followed::new(&made.system, &made.runs, &recorded),
             factor: factor(&made.runs),
             bounds: made.bounds,
             constraints: made.constraints,

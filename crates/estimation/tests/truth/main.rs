@@ -1,0 +1,3 @@
+//! Parameters that are known come back.
+mod help;
+mod pilots;
