@@ -762,12 +762,13 @@ impl<'a> Assembly<'a> {
 
     /// Whether a sensor shows a state as it is.
     fn measures(&self, measured: &Measured, state: &str) -> bool {
-        matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state)) && measured.is_plain()
+        matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state))
+            && measured.is_plain()
     }
 
     /// Whether a signal is a state, by its name or as an output that is nothing else.
     fn is_state(&self, signal: &str, state: &str) -> bool {
-        let node = |name: &str| self.joint.model.signal(name).ok();
+        let node = |name: &str| self.joint.signal(name);
         signal == state || (node(signal).is_some() && node(signal) == node(state))
     }
 

@@ -3,7 +3,7 @@
 use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
-use crate::starts::drawn;
+use crate::starts::{Start, starts};
 use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use rayon::prelude::*;
@@ -46,11 +46,10 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
     let options = &posed.file.options;
     let observer = Mutex::new(observer);
-    let starts = drawn(posed, options.starts);
+    let starts = starts(posed, options.starts);
     let solved: Vec<Solved> = (starts.par_iter().enumerate())
-        .map(|(k, theta)| {
-            let mode = std::env::var("MODE").unwrap_or_default();
-            let (problem, z) = begin(posed, theta, mode == "f" || mode.is_empty() && k % 2 == 1);
+        .map(|(k, start)| {
+            let (problem, z) = begin(posed, start);
             let see = |iteration: &Iteration| {
                 let progress = Progress {
                     start: k,
@@ -74,7 +73,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let mut solved = solved;
     let first = solved.swap_remove(best);
     let (last, refinement) = refine(posed, first, |progress| {
-        observer.lock().map_or(ControlFlow::Continue(()), |mut see| see(progress))
+        observer
+            .lock()
+            .map_or(ControlFlow::Continue(()), |mut see| see(progress))
     });
     Fit {
         starts: ends,
@@ -117,9 +118,13 @@ fn refine(
     loop {
         let z = &solved.solution.iterate.z;
         let errors = solved.problem.mesh_errors(z);
-        told.error = errors.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
+        told.error = errors
+            .iter()
+            .flatten()
+            .fold(0.0, |most: f64, error| most.max(*error));
         told.intervals = errors.iter().map(Vec::len).sum();
-        let is_over = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        let is_over =
+            told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
         if told.error <= tolerance || is_over {
             return (solved, told);
         }
@@ -144,8 +149,13 @@ fn refine(
         if next.solution.status != Status::Converged {
             return (solved, told);
         }
-        let [before, after] = [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
-        told.changes = before.iter().zip(after).map(|(a, b)| (a - b).abs()).collect();
+        let [before, after] =
+            [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
+        told.changes = before
+            .iter()
+            .zip(after)
+            .map(|(a, b)| (a - b).abs())
+            .collect();
         told.rounds += 1;
         solved = next;
     }
@@ -160,10 +170,9 @@ fn rank(solved: &Solved) -> f64 {
     }
 }
 
-/// The nonlinear program on the samples as mesh, and its variables, where the search begins with these parameters.
-pub fn begin(posed: &Posed<'_>, start: &[f64], follows: bool) -> (Collocation, Vec<f64>) {
-    let theta = &start[..posed.shared];
-    let own = &start[posed.shared..];
+/// The nonlinear program on the samples as mesh, and its variables, where the search begins there.
+pub fn begin(posed: &Posed<'_>, start: &Start) -> (Collocation, Vec<f64>) {
+    let (theta, own) = start.parameters.split_at(posed.shared);
     let joint = posed.states.len() - own.len();
     let states: Vec<Vec<Vec<f64>>> = (posed.runs.par_iter().enumerate())
         .map(|(j, run)| {
@@ -173,7 +182,7 @@ pub fn begin(posed: &Posed<'_>, start: &[f64], follows: bool) -> (Collocation, V
                     None => known.unwrap_or(state.guesses[j]),
                 })
                 .collect();
-            let followed = posed.followed.as_ref().filter(|_| follows);
+            let followed = posed.followed.as_ref().filter(|_| start.follows);
             let states = match followed {
                 Some(followed) => followed.simulate(j, theta, &initial),
                 None => posed.model.simulate(run, theta, &initial),

@@ -36,7 +36,10 @@ impl Followed {
             let mut run = run.clone();
             for (_, all) in &recorded {
                 let values = filled(&run.time, &all[j]);
-                run.inputs.iter_mut().zip(values).for_each(|(inputs, value)| inputs.push(value));
+                run.inputs
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(inputs, value)| inputs.push(value));
             }
             run
         });
@@ -78,8 +81,12 @@ fn opened(system: &System, states: &[usize]) -> System {
         open.graph.variable(place)
     });
     let variables: Vec<_> = variables.collect();
-    open.derivatives = open.graph.import(&system.graph, &system.derivatives, &variables);
+    open.derivatives = open
+        .graph
+        .import(&system.graph, &system.derivatives, &variables);
     let zero = open.graph.constant(0.0);
-    states.iter().for_each(|state| open.derivatives[*state] = zero);
+    states
+        .iter()
+        .for_each(|state| open.derivatives[*state] = zero);
     open
 }

@@ -12,7 +12,7 @@ pub mod posed;
 mod read;
 pub mod result;
 mod stability;
-mod starts;
+pub mod starts;
 pub mod unknowns;
 
 pub use error::ProblemError;

@@ -67,13 +67,24 @@ pub fn sines(seed: u64, time: &[f64], amplitude: f64) -> Vec<f64> {
 /// Independent numbers of Gauss's distribution.
 pub fn noise(seed: u64, count: usize) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    (0..count).map(|_| StandardNormal.sample(&mut random)).collect()
+    (0..count)
+        .map(|_| StandardNormal.sample(&mut random))
+        .collect()
 }
 
 /// The value of a parameter, that of the given run or subject where each has one.
 pub fn value(fit: &Fit, name: &str, place: usize) -> f64 {
     let found = fit.parameters.iter().find(|own| own.name == name);
     found.unwrap_or_else(|| panic!("no {name}")).values[place].1
+}
+
+/// What each sensor of a run should show at the rows of its file: of samples of one time the last, behind a jump.
+pub fn at_rows(fit: &Fit, run: usize) -> Vec<Vec<f64>> {
+    let run = &fit.runs[run];
+    let is_last = |k: &usize| run.time.get(k + 1) != Some(&run.time[*k]);
+    let rows: Vec<usize> = (0..run.time.len()).filter(is_last).collect();
+    let own = |all: &Vec<f64>| rows.iter().map(|k| all[*k]).collect();
+    run.predicted.iter().map(own).collect()
 }
 
 /// Asserts that two numbers agree to a relative tolerance.
