@@ -32,6 +32,8 @@ enum Key {
     Subject(String),
     /// What was recorded, by the number of the measured signal.
     Recorded(usize),
+    /// Whether there was something, by the same.
+    Presence(usize),
     /// A noise level, by the same.
     Deviation(usize),
 }
@@ -166,6 +168,8 @@ impl<'a> Assembly<'a> {
                     missing: Some(1.0),
                 };
                 self.sources.push((Key::Recorded(k), source));
+                let source = Source::Presence(measured.column.clone());
+                self.sources.push((Key::Presence(k), source));
             }
             if let Deviation::Column(name) = &measured.sd {
                 let source = Source::Column {
@@ -900,7 +904,11 @@ impl<'a> Assembly<'a> {
             return Ok(());
         }
         let mut seen = self.input_node(&Key::Recorded(k)).expect("it was found");
-        let mut expected = predicted;
+        // Where nothing was recorded both may be zero, and an infinite residual is no missing one.
+        let is_there = self.input_node(&Key::Presence(k)).expect("it was found");
+        let one = self.graph.constant(1.0);
+        let mut expected = self.graph.select(is_there, predicted, one);
+        let deviation = self.graph.select(is_there, deviation, one);
         if noise == Noise::LogNormal {
             seen = self.graph.unary(Function::Ln, seen);
             expected = self.graph.unary(Function::Ln, expected);

@@ -21,6 +21,8 @@ pub enum Source {
         /// What is taken where a sample is missing; that between its neighbours if this is.
         missing: Option<f64>,
     },
+    /// Whether a column of each run has a number: 1, else 0.
+    Presence(Said<String>),
     /// For each run, from when on each value holds; the first from the begin.
     Given(Vec<Vec<(f64, f64)>>),
 }
@@ -195,6 +197,17 @@ impl<'f> RunData<'f> {
                 values: values[run].iter().map(|(_, value)| *value).collect(),
                 hold: Hold::Zero,
             }),
+            Source::Presence(name) => {
+                let values = self.column(name, None)?;
+                Ok(Signal {
+                    time: self.series.time.clone(),
+                    values: values
+                        .iter()
+                        .map(|value| f64::from(!value.is_nan()))
+                        .collect(),
+                    hold: Hold::Linear,
+                })
+            }
             Source::Column {
                 name,
                 unit,
