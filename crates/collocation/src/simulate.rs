@@ -82,7 +82,9 @@ impl Differentiated {
 /// Number and length \[s\] of the explicit method's steps between two times.
 fn steps((from, to): (f64, f64)) -> (f64, f64) {
     let duration = to - from;
-    let steps = (duration / LONGEST_STEP).ceil().clamp(LEAST_STEPS, MOST_STEPS);
+    let steps = (duration / LONGEST_STEP)
+        .ceil()
+        .clamp(LEAST_STEPS, MOST_STEPS);
     (steps, duration / steps)
 }
 

@@ -97,6 +97,9 @@ struct Measurement {
 
 type Done<T> = Result<T, ProblemError>;
 
+/// For each run, the initial states that are known.
+type Known = Vec<Vec<Option<f64>>>;
+
 impl<'a> Assembly<'a> {
     /// Finds what is a state, an input, a shared parameter.
     pub fn new(
@@ -417,7 +420,7 @@ impl<'a> Assembly<'a> {
         mut self,
         derivatives: Vec<Node>,
         states: Vec<State>,
-        known: Vec<Vec<Option<f64>>>,
+        known: Known,
         rows: Vec<Rows>,
         told: Told,
         constraints: ParameterConstraints,
@@ -592,7 +595,7 @@ impl<'a> Assembly<'a> {
     // Initial states.
 
     /// The states, and for each run what is known of their initial values.
-    fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Vec<Vec<Option<f64>>>)> {
+    fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Known)> {
         let runs = rows.len();
         let (mut states, mut known) = (Vec::new(), vec![Vec::new(); runs]);
         let starts = self.start_nodes();

@@ -205,7 +205,7 @@ fn tamed(posed: &Posed<'_>, mut states: Vec<Vec<f64>>, initial: &[f64]) -> Vec<V
     const FARTHEST: f64 = 1e6;
     let wild = |k: usize| {
         let size = posed.states[k].nominal.unwrap_or(1.0).max(initial[k].abs());
-        let far = |x: &Vec<f64>| !(x[k].abs() <= FARTHEST * size);
+        let far = |x: &Vec<f64>| x[k].is_nan() || x[k].abs() > FARTHEST * size;
         states.iter().any(far)
     };
     let wild: Vec<usize> = (0..initial.len()).filter(|k| wild(*k)).collect();

@@ -67,6 +67,9 @@ fn map(time: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
     time.iter().map(|t| f(*t)).collect()
 }
 
+/// What residuals cost in all, over the parameter.
+type Cost<'c> = &'c dyn Fn(f64) -> f64;
+
 /// Where a function of one variable is least, by golden sections.
 fn least(f: impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
     let section = (5_f64.sqrt() - 1.0) / 2.0;
@@ -345,7 +348,7 @@ fn losses() {
     };
     let laplace = |b: f64| known().map(|(t, y)| (y - b * t).abs()).sum();
     let logarithmic = |b: f64| known().map(|(t, y)| (y.ln() - (b * t).ln()).powi(2)).sum();
-    let of: [(&str, &dyn Fn(f64) -> f64, f64); 3] = [
+    let of: [(&str, Cost<'_>, f64); 3] = [
         ("\"student\"\ndof = 3", &student, 1e-6),
         // Its kinks are rounded off.
         ("\"laplace\"", &laplace, 1e-3),
