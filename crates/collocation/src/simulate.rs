@@ -5,11 +5,11 @@ use super::node::Differentiated;
 use super::reference::Reference;
 use nalgebra::{Complex, DMatrix, Schur};
 
-/// Steps of the explicit method between two samples, at least, and the longest one \[s\].
+/// Steps of the explicit method between two samples, at least and at most, and the longest one \[s\] where these are not
+/// the limit.
 const LEAST_STEPS: f64 = 4.0;
+const MOST_STEPS: f64 = 100.0;
 const LONGEST_STEP: f64 = 0.01;
-/// However far apart two samples are: where such steps are too long, the implicit method finds its own.
-const MOST_STEPS: f64 = 1000.0;
 /// Relative error of a step of the implicit method.
 const TOLERANCE: f64 = 1e-6;
 /// Least magnitude of a state to which that is relative, as in [`Scales::of`](super::Scales::of).
@@ -22,8 +22,8 @@ const MOST_ITERATIONS: usize = 1000;
 impl Differentiated {
     /// States of a run at its samples, simulated with this θ from these initial states, as a start for the solver.
     ///
-    /// Between two samples the method is the classical Runge–Kutta one, in steps of 10 ms at most and in four at least,
-    /// where it is stable for every mode of the model that is; else one with error control, Radau IIA where the model
+    /// Between two samples the method is the classical Runge–Kutta one, in steps of 10 ms at most, four at least and a hundred
+    /// at most, where it is stable for every mode of the model that is; else one with error control, Radau IIA where the model
     /// is stiff. A state that grows beyond all bounds stays where it was.
     pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
         let sizes = initial.iter().map(|x| x.abs().max(LEAST_MAGNITUDE));
@@ -107,8 +107,9 @@ impl Differentiated {
 /// Number and length \[s\] of the explicit method's steps between two times.
 fn steps((from, to): (f64, f64)) -> (f64, f64) {
     let duration = to - from;
-    let steps = (duration / LONGEST_STEP).ceil();
-    let steps = steps.clamp(LEAST_STEPS, MOST_STEPS);
+    let steps = (duration / LONGEST_STEP)
+        .ceil()
+        .clamp(LEAST_STEPS, MOST_STEPS);
     (steps, duration / steps)
 }
 

@@ -32,6 +32,8 @@ enum Key {
     Subject(String),
     /// What was recorded, by the number of the measured signal.
     Recorded(usize),
+    /// Whether there was something, by the same.
+    Presence(usize),
     /// A noise level, by the same.
     Deviation(usize),
 }
@@ -57,6 +59,8 @@ pub struct Made {
     pub shared: usize,
     pub states: Vec<State>,
     pub told: Told,
+    /// States that are measured as they are, each with the number of its measured signal.
+    pub followed: Vec<(usize, usize)>,
 }
 
 /// What is collected on the way.
@@ -169,6 +173,8 @@ impl<'a> Assembly<'a> {
                     missing: Some(1.0),
                 };
                 self.sources.push((Key::Recorded(k), source));
+                let source = Source::Presence(measured.column.clone());
+                self.sources.push((Key::Presence(k), source));
             }
             if let Deviation::Column(name) = &measured.sd {
                 let source = Source::Column {
@@ -417,7 +423,7 @@ impl<'a> Assembly<'a> {
         mut self,
         derivatives: Vec<Node>,
         states: Vec<State>,
-        known: Vec<Vec<Option<f64>>>,
+        known: Known,
         rows: Vec<Rows>,
         told: Told,
         constraints: ParameterConstraints,
@@ -459,6 +465,7 @@ impl<'a> Assembly<'a> {
         let measured = self.recordings.iter().filter(|own| !own.is_prior);
         Made {
             measured: measured.map(|own| own.output).collect(),
+            followed: self.measured_states(&states),
             system: System {
                 graph: self.graph,
                 states: self.states,
@@ -868,10 +875,7 @@ impl<'a> Assembly<'a> {
 
     /// The first measurement of a state in each run, where it is measured as it is.
     fn first_samples(&self, state: &str) -> Option<Vec<f64>> {
-        let is_it = |measured: &&Measured| {
-            matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state))
-                && measured.is_plain()
-        };
+        let is_it = |own: &&Measured| self.measures(own, state);
         let measured = self.file.measured.iter().find(is_it)?;
         let unit = self.unit_of(measured);
         let first = |run: &RunData<'_>| {
@@ -881,9 +885,26 @@ impl<'a> Assembly<'a> {
         self.data.iter().map(first).collect()
     }
 
+    /// States that are measured as they are, each with the first measured signal that is.
+    fn measured_states(&self, states: &[State]) -> Vec<(usize, usize)> {
+        let names = self.joint.model.states.iter().enumerate();
+        let plain = |k: usize| states[k].shift.is_none();
+        let found = names.filter(|(k, _)| plain(*k)).filter_map(|(k, name)| {
+            let is_it = |own: &Measured| self.measures(own, name);
+            Some((k, self.file.measured.iter().position(is_it)?))
+        });
+        found.collect()
+    }
+
+    /// Whether a sensor shows a state as it is.
+    fn measures(&self, measured: &Measured, state: &str) -> bool {
+        matches!(&measured.of, Quantity::Signal(name) if self.is_state(name, state))
+            && measured.is_plain()
+    }
+
     /// Whether a signal is a state, by its name or as an output that is nothing else.
     fn is_state(&self, signal: &str, state: &str) -> bool {
-        let node = |name: &str| self.joint.model.signal(name).ok();
+        let node = |name: &str| self.joint.signal(name);
         signal == state || (node(signal).is_some() && node(signal) == node(state))
     }
 
@@ -1017,7 +1038,11 @@ impl<'a> Assembly<'a> {
             return Ok(());
         }
         let mut seen = self.input_node(&Key::Recorded(k)).expect("it was found");
-        let mut expected = predicted;
+        // Where nothing was recorded both may be zero, and an infinite residual is no missing one.
+        let is_there = self.input_node(&Key::Presence(k)).expect("it was found");
+        let one = self.graph.constant(1.0);
+        let mut expected = self.graph.select(is_there, predicted, one);
+        let deviation = self.graph.select(is_there, deviation, one);
         if noise == Noise::LogNormal {
             seen = self.graph.unary(Function::Ln, seen);
             expected = self.graph.unary(Function::Ln, expected);

@@ -24,6 +24,8 @@ pub enum Source {
         /// What is taken where a sample is missing; that between its neighbours if this is.
         missing: Option<f64>,
     },
+    /// Whether a column of each run has a number: 1, else 0.
+    Presence(Said<String>),
     /// For each run, from when on each value holds; the first from the begin.
     Given(Vec<Vec<(f64, f64)>>),
 }
@@ -208,6 +210,17 @@ impl<'f> RunData<'f> {
                 values: values[run].iter().map(|(_, value)| *value).collect(),
                 hold: Hold::Zero,
             }),
+            Source::Presence(name) => {
+                let values = self.column(name, None)?;
+                Ok(Signal {
+                    time: self.series.time.clone(),
+                    values: values
+                        .iter()
+                        .map(|value| f64::from(!value.is_nan()))
+                        .collect(),
+                    hold: Hold::Linear,
+                })
+            }
             Source::Column {
                 name,
                 unit,
@@ -240,6 +253,22 @@ impl<'f> RunData<'f> {
     }
 }
 
+/// Values at these times; where one is NaN, that on the straight line between its neighbours.
+pub fn filled(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let known = time.iter().zip(values).filter(|(_, value)| !value.is_nan());
+    let (times, known) = known.unzip();
+    let signal = Signal {
+        time: times,
+        values: known,
+        hold: Hold::Linear,
+    };
+    let own = |(time, value): (&f64, &f64)| match value.is_nan() {
+        true => signal.after(*time),
+        false => *value,
+    };
+    time.iter().zip(values).map(own).collect()
+}
+
 impl Signal {
     /// Just before a time.
     fn before(&self, time: f64) -> f64 {
@@ -268,6 +297,7 @@ impl Signal {
             return self.values[from];
         }
         let part = ((time - self.time[from]) / span).clamp(0.0, 1.0);
-        self.values[from] + part * (self.values[to] - self.values[from])
+        // Exact at both ends: a rounding error would be a jump.
+        (1.0 - part) * self.values[from] + part * self.values[to]
     }
 }

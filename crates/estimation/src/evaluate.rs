@@ -3,7 +3,7 @@
 use crate::fit::begin;
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
-use crate::starts::drawn;
+use crate::starts::{Start, given};
 use pilotage_sqp::Problem;
 
 /// A problem at its start values: the states are simulated, and begin where the problem says, or at their guesses.
@@ -22,7 +22,7 @@ const STEP: f64 = 1e-5;
 
 /// The problem at its start values.
 pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
-    let start = drawn(posed, 1).remove(0);
+    let start = given(posed);
     let mut gradient = Vec::new();
     let mut own = posed.shared;
     for (unknown, stands) in &posed.unknowns {
@@ -38,7 +38,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
         for (subject, place) in places {
             let moved = |by: f64| {
                 let mut theta = start.clone();
-                theta[place] += by;
+                theta.parameters[place] += by;
                 objective(posed, &theta)
             };
             let name = match subject {
@@ -68,8 +68,8 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     }
 }
 
-fn objective(posed: &Posed<'_>, theta: &[f64]) -> f64 {
-    let (problem, z) = begin(posed, theta);
+fn objective(posed: &Posed<'_>, start: &Start) -> f64 {
+    let (problem, z) = begin(posed, start);
     let mut equalities = vec![0.0; problem.n_equalities()];
     let mut inequalities = vec![0.0; problem.limits().0.len()];
     problem.evaluate(&z, &mut equalities, &mut inequalities) / posed.factor

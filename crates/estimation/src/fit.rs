@@ -4,7 +4,7 @@ use crate::diagnostics::diagnostics;
 use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands, State};
 use crate::result::Fit;
-use crate::starts::drawn;
+use crate::starts::{Start, starts};
 use crate::trouble;
 use pilotage_collocation::{Collocation, Loss, Run, Scales, refined};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
@@ -48,7 +48,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
     let options = &posed.file.options;
     let observer = Mutex::new(observer);
-    let starts = drawn(posed, options.starts);
+    let starts = starts(posed, options.starts);
     let see = |start: usize, refinement: usize, iteration: &Iteration| {
         let progress = Progress {
             start,
@@ -114,9 +114,13 @@ fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refi
     loop {
         let z = &solved.solution.iterate.z;
         let errors = solved.problem.mesh_errors(z);
-        told.error = errors.iter().flatten().fold(0.0, |most: f64, error| most.max(*error));
+        told.error = errors
+            .iter()
+            .flatten()
+            .fold(0.0, |most: f64, error| most.max(*error));
         told.intervals = errors.iter().map(Vec::len).sum();
-        let is_over = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        let is_over =
+            told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
         if told.error <= tolerance || is_over {
             return (solved, told);
         }
@@ -137,8 +141,13 @@ fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refi
         if next.solution.status != Status::Converged {
             return (solved, told);
         }
-        let [before, after] = [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
-        told.changes = before.iter().zip(after).map(|(a, b)| (a - b).abs()).collect();
+        let [before, after] =
+            [&solved, &next].map(|own| own.problem.theta(&own.solution.iterate.z));
+        told.changes = before
+            .iter()
+            .zip(after)
+            .map(|(a, b)| (a - b).abs())
+            .collect();
         told.rounds += 1;
         solved = next;
     }
@@ -153,10 +162,9 @@ fn rank(solved: &Solved) -> f64 {
     }
 }
 
-/// The nonlinear program on the samples as mesh, and its variables, where the search begins with these parameters.
-pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
-    let theta = &start[..posed.shared];
-    let own = &start[posed.shared..];
+/// The nonlinear program on the samples as mesh, and its variables, where the search begins there.
+pub fn begin(posed: &Posed<'_>, start: &Start) -> (Collocation, Vec<f64>) {
+    let (theta, own) = start.parameters.split_at(posed.shared);
     let joint = posed.states.len() - own.len();
     let states: Vec<Vec<Vec<f64>>> = (posed.runs.par_iter().enumerate())
         .map(|(j, run)| {
@@ -166,7 +174,14 @@ pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
                     None => known.unwrap_or(state.guesses[j]),
                 })
                 .collect();
-            simulated(posed, run, theta, &initial)
+            let size = |(state, x): (&State, &f64)| state.nominal.unwrap_or(1.0).max(x.abs());
+            let sizes: Vec<f64> = posed.states.iter().zip(&initial).map(size).collect();
+            let followed = posed.followed.as_ref().filter(|_| start.follows);
+            let states = match followed {
+                Some(followed) => followed.simulate(j, theta, &initial, &sizes),
+                None => posed.model.flow(run, theta, &initial, &sizes),
+            };
+            tamed(states, &initial, &sizes)
         })
         .collect();
     let scales = scales(posed, &states, theta);
@@ -179,12 +194,9 @@ pub fn begin(posed: &Posed<'_>, start: &[f64]) -> (Collocation, Vec<f64>) {
     (problem, z)
 }
 
-/// States at the samples; of one that runs away, the value where it begins.
-fn simulated(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
+/// Of a state that runs away, the value where it begins.
+fn tamed(mut states: Vec<Vec<f64>>, initial: &[f64], sizes: &[f64]) -> Vec<Vec<f64>> {
     const FARTHEST: f64 = 1e6;
-    let size = |(state, x): (&State, &f64)| state.nominal.unwrap_or(1.0).max(x.abs());
-    let sizes: Vec<f64> = posed.states.iter().zip(initial).map(size).collect();
-    let mut states = posed.model.flow(run, theta, initial, &sizes);
     let is_wild = |k: &usize| {
         let near = |x: &Vec<f64>| x[*k].abs() <= FARTHEST * sizes[*k];
         !states.iter().all(near)
@@ -280,7 +292,7 @@ const FINALISTS: usize = 3;
 type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
 
 /// All starts, solved: those that are behind after some iterations are left, but never the given one.
-fn raced(posed: &Posed<'_>, starts: &[Vec<f64>], see: &See<'_>) -> Vec<Solved> {
+fn raced(posed: &Posed<'_>, starts: &[Start], see: &See<'_>) -> Vec<Solved> {
     let limit = posed.file.options.max_iterations;
     if let [only] = starts {
         return vec![solve(posed, begin(posed, only), limit, &|iteration| {

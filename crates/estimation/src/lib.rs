@@ -54,6 +54,7 @@ pub mod error;
 pub mod evaluate;
 pub mod file;
 pub mod fit;
+mod followed;
 mod interval;
 pub mod joint;
 mod names;
@@ -62,7 +63,7 @@ pub mod posed;
 mod read;
 pub mod result;
 mod stability;
-mod starts;
+pub mod starts;
 mod trouble;
 pub mod unknowns;
 

@@ -11,6 +11,7 @@ use crate::data::RunData;
 use crate::error::ProblemError;
 use crate::file::{ProblemFile, Quantity};
 use crate::fit::factor;
+use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
 use crate::names::Named;
 use crate::part::Part;
@@ -45,6 +46,8 @@ pub struct Posed<'f> {
     pub told: Told,
     /// What the solver's objective is, per unit of the problem's.
     pub factor: f64,
+    /// Measured states as inputs, for the start of a search.
+    pub followed: Option<Followed>,
     /// What was read, of each run that is fitted.
     pub data: Vec<RunData<'f>>,
 }
@@ -129,8 +132,12 @@ impl<'f> Posed<'f> {
         checks::mesh(file, &data)?;
         let made = assembly.finish()?;
         checks::dependence(&made)?;
+        let recorded = made.followed.iter();
+        let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
+        let recorded: Vec<Recorded<'_>> = recorded.collect();
         Ok(Self {
             model: Arc::new(Differentiated::new(&made.system)),
+            followed: Followed::new(&made.system, &made.runs, &recorded),
             factor: factor(&made.runs),
             bounds: made.bounds,
             constraints: made.constraints,

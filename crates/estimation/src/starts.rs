@@ -6,18 +6,58 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 
-/// Part of the starts of a parameter without a lower end that have the other sign than its given one.
-const TURNED: f64 = 0.3;
-
 /// Seed of the starts.
 const SEED: u64 = 0;
 
-/// A start away from the given one, where a range has no end, is at most this many times larger or smaller.
-const REACH: f64 = 10.0;
+/// Away from the given start, every other one is at most this many times larger or smaller.
+const NEAR: f64 = 3.0;
 
-/// So many starts, each with the shared parameters and then those of the runs, as the search sees them. The first is
-/// the given one; the others fill the ranges evenly (Latin hypercube: McKay, Beckman & Conover, Technometrics 21, 1979).
-pub fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
+/// The others are in the range, or where it has no end at most this many times larger or smaller.
+const FAR: f64 = 10.0;
+
+/// Part of the far starts of a parameter without a lower end that have the other sign than its given one.
+const TURNED: f64 = 0.3;
+
+/// Where a search begins.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// The shared parameters and then those of the runs, as the search sees them.
+    pub parameters: Vec<f64>,
+    /// Measured states begin as they were recorded; else all states are simulated.
+    pub follows: bool,
+}
+
+/// So many starts. The first is the given one, with measured states as recorded, the second the same simulated; the
+/// others are drawn.
+pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
+    let follows = posed.followed.is_some();
+    let drawn = drawn(posed, count - usize::from(follows && count > 1));
+    let start = |parameters: &Vec<f64>| Start {
+        parameters: parameters.clone(),
+        follows,
+    };
+    let mut all: Vec<Start> = drawn.iter().map(start).collect();
+    if all.len() < count {
+        let simulated = Start {
+            follows: false,
+            ..all[0].clone()
+        };
+        all.insert(1, simulated);
+    }
+    all
+}
+
+/// The given start, all states simulated.
+pub fn given(posed: &Posed<'_>) -> Start {
+    Start {
+        parameters: drawn(posed, 1).remove(0),
+        follows: false,
+    }
+}
+
+/// Parameters of so many starts. The first are the given ones; the others fill the ranges evenly (Latin hypercube:
+/// McKay, Beckman & Conover, Technometrics 21, 1979).
+fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let size = posed.shared + (posed.states.len() - posed.joint.model.states.len());
     let mut starts = vec![vec![0.0; size]; count];
@@ -49,36 +89,43 @@ fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> 
         parts.swap(k, other.min(k));
     }
     let mut values = vec![unknown.searched(unknown.start)];
-    for part in parts {
+    for (k, part) in parts.into_iter().enumerate() {
         let share = ((part - 1) as f64 + unit.sample(random)) / (count - 1) as f64;
-        values.push(unknown.searched(at_share(unknown, share)));
+        let value = match k % 2 {
+            0 => near(unknown, share),
+            _ => far(unknown, share),
+        };
+        values.push(unknown.searched(value));
     }
     values
 }
 
+/// The value that has this share of the neighbourhood of the start below it.
+fn near(unknown: &Unknown, share: f64) -> f64 {
+    let start = unknown.start;
+    let value = match start == 0.0 {
+        true => (2.0 * share - 1.0) * unknown.nominal.unwrap_or(1.0),
+        false => start * NEAR.powf(2.0 * share - 1.0),
+    };
+    within(unknown, value)
+}
+
 /// The value that has this share of the range below it: of the logarithm where the range spans much more than its
 /// lower end, or has none.
-fn at_share(unknown: &Unknown, share: f64) -> f64 {
-    let start = unknown.start;
-    let between = |low: f64, high: f64| low + share * (high - low);
-    let ratio = |low: f64, high: f64| low * (high / low).powf(share);
+fn far(unknown: &Unknown, share: f64) -> f64 {
     match (unknown.min, unknown.max) {
-        (Some(min), Some(max)) if min > 0.0 && max > REACH * min => ratio(min, max),
-        (Some(min), Some(max)) => between(min, max),
-        _ if start == 0.0 => {
-            let size = unknown.nominal.unwrap_or(1.0);
-            between(-size, size)
-        }
-        _ => {
-            let is_turned = unknown.min.is_none() && !unknown.log && share < TURNED;
-            let value = match is_turned {
-                true => -start * (1.0 / REACH) * REACH.powf(2.0 * share / TURNED),
-                false => start * ratio(1.0 / REACH, REACH),
-            };
-            value.clamp(
-                unknown.min.unwrap_or(f64::NEG_INFINITY),
-                unknown.max.unwrap_or(f64::INFINITY),
-            )
-        }
+        (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
+        (Some(min), Some(max)) => min + share * (max - min),
+        _ if unknown.start == 0.0 => near(unknown, share),
+        _ if unknown.min.is_none() && !unknown.log && share < TURNED => within(
+            unknown,
+            -unknown.start * FAR.powf(2.0 * share / TURNED - 1.0),
+        ),
+        _ => within(unknown, unknown.start * FAR.powf(2.0 * share - 1.0)),
     }
+}
+
+fn within(unknown: &Unknown, value: f64) -> f64 {
+    let min = unknown.min.unwrap_or(f64::NEG_INFINITY);
+    value.clamp(min, unknown.max.unwrap_or(f64::INFINITY))
 }

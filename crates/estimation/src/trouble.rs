@@ -3,11 +3,12 @@
 use crate::fit::begin;
 use crate::posed::Posed;
 use crate::result::variables;
+use crate::starts::Start;
 use pilotage_expression::Node;
 
 /// The first expression that is no finite number where a search begins, with its instance, run and time; none where
 /// all are.
-pub fn at_start(posed: &Posed<'_>, start: &[f64]) -> Option<String> {
+pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
     let (problem, z) = begin(posed, start);
     let theta = problem.physical_theta(&z);
     (0..posed.runs.len()).find_map(|j| {

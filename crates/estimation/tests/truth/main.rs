@@ -1,0 +1,4 @@
+//! Parameters that are known come back.
+mod features;
+mod help;
+mod pilots;
