@@ -62,9 +62,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let ends: Vec<(Status, f64)> = (solved.iter())
         .map(|own| (own.solution.status, own.solution.iterate.f / posed.factor))
         .collect();
-    let best = (0..solved.len())
-        .min_by(|a, b| rank(&solved[*a]).total_cmp(&rank(&solved[*b])))
-        .unwrap_or_default();
+    let best = best_of(&solved);
     let mut solved = solved;
     let first = solved.swap_remove(best);
     let (last, refinement) = refine(posed, first, &|round, iteration| {
@@ -151,6 +149,28 @@ fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refi
         told.rounds += 1;
         solved = next;
     }
+}
+
+/// Objectives that differ by less than this part are equal.
+const EQUAL: f64 = 1e-8;
+
+/// The start with the best objective; of several with the same, that with the smallest error of its mesh, since on a
+/// coarse mesh other parameters may do as well.
+fn best_of(solved: &[Solved]) -> usize {
+    let least = solved.iter().map(rank).fold(f64::MAX, f64::min);
+    let is_equal = |k: &usize| rank(&solved[*k]) - least <= EQUAL * least.abs();
+    let equal: Vec<usize> = (0..solved.len()).filter(is_equal).collect();
+    if let [only] = equal[..] {
+        return only;
+    }
+    let error = |k: &usize| {
+        let Solved { problem, solution } = &solved[*k];
+        let errors = problem.mesh_errors(&solution.iterate.z);
+        errors.into_iter().flatten().fold(0.0, f64::max)
+    };
+    let errors: Vec<f64> = equal.par_iter().map(error).collect();
+    let best = (0..equal.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
+    best.map_or(0, |k| equal[k])
 }
 
 /// Converged ones before others, then by their objective.
@@ -289,6 +309,9 @@ const HEAT: usize = 30;
 /// Starts that go on after that, at most.
 const FINALISTS: usize = 3;
 
+/// Largest violation of the scaled constraints with which a start is compared with others.
+const NEARLY: f64 = 0.1;
+
 type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
 
 /// All starts, solved: those that are behind after some iterations are left, but never the given one.
@@ -308,7 +331,11 @@ fn raced(posed: &Posed<'_>, starts: &[Start], see: &See<'_>) -> Vec<Solved> {
         .collect();
     let best = solved.iter().map(rank).fold(f64::MAX, f64::min);
     let is_open = |k: &usize| solved[*k].solution.status != Status::Converged;
-    let objective = |k: &usize| solved[*k].solution.iterate.f;
+    // An objective counts where the states nearly fulfil the equations.
+    let objective = |k: &usize| match &solved[*k].solution {
+        own if own.kkt.primal <= NEARLY => own.iterate.f,
+        _ => f64::INFINITY,
+    };
     let mut open: Vec<usize> = (0..solved.len()).filter(is_open).collect();
     open.sort_by(|a, b| objective(a).total_cmp(&objective(b)));
     let is_finalist =
