@@ -191,3 +191,112 @@ fn a_problem_is_evaluated_at_its_start() {
     let residual = value(&json["runs"][0]["residuals"]["x"][20]);
     assert!((residual - (2.0 * (-1.6_f64).exp() - 2.0 * (-1.0_f64).exp())).abs() < 1e-5);
 }
+
+/// A run that is kept out of the fit is simulated with what was found, from its own numbers.
+#[test]
+fn a_validation_run_judges_the_fit() {
+    let folder = folder();
+    let problem = format!("{PROBLEM}[[run]]\nfile = \"other.csv\"\nuse = \"validation\"\n");
+    folder.write("problem.toml", &problem);
+    // Off by 0.1 everywhere.
+    let rows = (0..11).map(|k| 0.3 * f64::from(k));
+    let rows = rows.map(|t| format!("{t},{}\n", 2.0 * (-0.8 * t).exp() + 0.1));
+    folder.write(
+        "other.csv",
+        "time,x\n".to_owned() + &rows.collect::<String>(),
+    );
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    let rate = json["parameters"]["tank.rate"]["value"].as_f64().unwrap();
+    assert!((rate - 0.8).abs() < 1e-5, "{rate}");
+    let [fitted, other] = [0, 1].map(|k| json["runs"][k].clone());
+    assert_eq!(
+        (fitted["use"].as_str(), other["use"].as_str()),
+        (Some("fit"), Some("validation"))
+    );
+    let rms = other["measured"]["x"]["rms_residual"].as_f64().unwrap();
+    assert!((rms - 0.1).abs() < 1e-4, "{rms}");
+}
+
+/// What `init` writes for the shipped flights is the problem of the short form: the same optimum.
+#[test]
+fn init_writes_the_problem_of_the_short_form() {
+    let folder = Folder::new();
+    let mut runs: Vec<String> = [
+        "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
+    ]
+    .map(|name| {
+        example("trials")
+            .join(format!("{name}.csv"))
+            .display()
+            .to_string()
+    })
+    .to_vec();
+    let mut init: Vec<&str> = vec!["init", "-o", "problem.toml"];
+    init.extend(runs.iter().map(String::as_str));
+    let ended = folder.pilotage(&init);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    // It prints the same, and writes over nothing that it has not written.
+    init[1] = "--pilot";
+    init[2] = "linear";
+    assert_eq!(folder.pilotage(&init).stdout, folder.read("problem.toml"));
+    folder.write("problem.toml", "[mine]\n");
+    init[1] = "-o";
+    init[2] = "problem.toml";
+    assert_eq!(folder.pilotage(&init).code, 2);
+    init.push("--force");
+    assert_eq!(folder.pilotage(&init).code, 0);
+    // From near the optimum, on the mesh of the short form.
+    let theta = [1.9, 3.7, 2.7, -1e-4, -0.1, -0.065];
+    let mut text = folder
+        .read("problem.toml")
+        .replace("mesh_tolerance = 1e-6", "mesh = \"samples\"\nstarts = 1");
+    for (k, (theta, start)) in theta
+        .iter()
+        .zip(["216.0", "108.0", "18.0", "21.6", "0.0", "0.0"])
+        .enumerate()
+    {
+        let line = |value: &str| format!("\"pilot.theta{}\" = {{ start = {value} }}", k + 1);
+        let (old, new) = (line(start), line(&theta.to_string()));
+        assert!(text.contains(&old), "{text}");
+        text = text.replace(&old, &new);
+    }
+    folder.write("near.toml", &text);
+    let found = folder.pilotage(&["fit", "near.toml", "--json"]).json();
+    runs.insert(0, "fit".into());
+    runs.extend(["-o", "short.toml", "--json"].map(str::to_owned));
+    let short: Vec<&str> = runs.iter().map(String::as_str).collect();
+    let short = folder.pilotage(&short).json();
+    let [own, other] = [&found, &short].map(|json| json["objective"].as_f64().unwrap());
+    assert!((own / other - 1.0).abs() < 1e-6, "{own} {other}");
+}
+
+/// The paper's Fig. 2 on the shipped flights: each fit is the better one at what it was asked for.
+#[test]
+fn response_and_stick_are_fitted_side_by_side() {
+    let folder = Folder::new();
+    let trials = example("trials").join("trials.toml").display().to_string();
+    let words = [
+        "fit",
+        &trials,
+        "--objective",
+        "both",
+        "--report",
+        "both.html",
+        "--json",
+    ];
+    let json = folder.pilotage(&words).json();
+    assert_eq!(
+        folder.files(),
+        ["both.html", "pilot-stick.toml", "pilot.toml"]
+    );
+    let sum = |name: &str| -> f64 {
+        let runs = json["flown_alone"].as_array().unwrap().iter();
+        runs.map(|run| run[name].as_f64().unwrap().powi(2)).sum()
+    };
+    assert!(sum("response_rms_m") < sum("stick_rms_m"));
+    assert!(folder.read("both.html").contains("stick fit"));
+    let alone = folder
+        .pilotage(&["fit", &trials, "-o", "alone.toml", "--json"])
+        .json();
+    assert_eq!(json["response"]["theta"], alone["theta"]);
+}

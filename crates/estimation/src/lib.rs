@@ -44,7 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, [`posed`] | from all that to one system of equations |
 //! | `starts`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], [`diagnostics`] | what was found, and what speaks against it |
+//! | [`result`], [`diagnostics`], [`validation`] | what was found, what speaks against it, runs that were not fitted |
 
 mod assembly;
 mod checks;
@@ -66,6 +66,7 @@ mod stability;
 pub mod starts;
 mod trouble;
 pub mod unknowns;
+pub mod validation;
 
 pub use diagnostics::Diagnostic;
 pub use error::ProblemError;

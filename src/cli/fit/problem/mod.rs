@@ -11,6 +11,7 @@ use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
 use crate::estimation::fit::Progress;
+use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part};
 use crate::sqp::Status;
 use models::Fitted;
@@ -51,15 +52,21 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     check_outputs(args, path, &posed, &fitted)?;
     interrupt::listen("stopping at the next iteration")?;
     let fit = solved(args, &posed);
+    let judged = validated(&file, &fit, &part::open)?;
+    let outcome = summary::Outcomes {
+        posed: &posed,
+        fit: &fit,
+        judged: &judged,
+    };
     for own in &fitted {
         own.write(&posed, &fit, path)?;
     }
     if let Some(path) = &args.report {
-        overwrite::save(path, page::page(&posed, &fit, &made()))?;
+        overwrite::save(path, page::page(&outcome, &made()))?;
     }
     terminal::print(&match args.json {
-        true => format!("{:#}\n", summary::to_json(&posed, &fit)),
-        false => summary::to_text(&posed, &fit) + &next(args, &fit, &fitted),
+        true => format!("{:#}\n", summary::to_json(&outcome)),
+        false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
     Ok(match fit.is_answer() {
         true => Outcome::Done,

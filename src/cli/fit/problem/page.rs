@@ -1,15 +1,16 @@
 //! The report of a problem: each measured signal as it was recorded and as the model has it.
 
-use crate::estimation::{Fit, Posed};
+use super::summary::Outcomes;
 use crate::report::{Made, Overlay, overlay_page};
 
 /// The page.
-pub fn page(posed: &Posed<'_>, fit: &Fit, made: &Made) -> String {
+pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
+    let Outcomes { posed, fit, .. } = *outcomes;
     let mut figures = Vec::new();
-    for run in &fit.runs {
+    for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
             figures.push(Overlay {
-                title: format!("{}: {}", run.name, measured.column.value),
+                title: format!("{} ({usage}): {}", run.name, measured.column.value),
                 unit: posed.unit_of(k).unwrap_or_default(),
                 lines: vec![
                     ("recorded", &run.time, &run.recorded[k]),

@@ -6,13 +6,32 @@ use crate::estimation::{Fit, Posed};
 use crate::report::significant;
 use serde_json::{Map, Value, json};
 
+/// A fit, and the runs that were kept out of it.
+#[derive(Clone, Copy)]
+pub struct Outcomes<'a> {
+    /// The problem.
+    pub posed: &'a Posed<'a>,
+    /// Its fit.
+    pub fit: &'a Fit,
+    /// The validation runs, simulated with what was found.
+    pub judged: &'a [RunFit],
+}
+
+impl<'a> Outcomes<'a> {
+    /// All runs, with what they are used for.
+    pub fn runs(self) -> impl Iterator<Item = (&'a RunFit, &'static str)> {
+        let fitted = self.fit.runs.iter().map(|run| (run, "fit"));
+        fitted.chain(self.judged.iter().map(|run| (run, "validation")))
+    }
+}
+
 /// The one object of `--json`.
-pub fn to_json(posed: &Posed<'_>, fit: &Fit) -> Value {
-    let runs: Vec<Value> = fit
-        .runs
-        .iter()
-        .map(|run| json!({ "name": run.name, "measured": measured(posed, run) }))
-        .collect();
+pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
+    let Outcomes { posed, fit, .. } = *outcomes;
+    let runs = outcomes.runs().map(
+        |(run, usage)| json!({ "name": run.name, "use": usage, "measured": measured(posed, run) }),
+    );
+    let runs: Vec<Value> = runs.collect();
     let starts = fit.starts.iter();
     let starts = starts
         .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
@@ -109,7 +128,8 @@ fn rms(run: &RunFit, k: usize) -> (f64, f64) {
 }
 
 /// The summary for people.
-pub fn to_text(posed: &Posed<'_>, fit: &Fit) -> String {
+pub fn to_text(outcomes: &Outcomes<'_>) -> String {
+    let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
     let mut text = format!(
         "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n{} runs, {} measured values: objective {}, chi2 {}\n\n",
@@ -123,7 +143,7 @@ pub fn to_text(posed: &Posed<'_>, fit: &Fit) -> String {
     );
     text += &aligned(&parameter_rows(fit));
     text += "\n";
-    text += &aligned(&run_rows(posed, fit));
+    text += &aligned(&run_rows(posed, outcomes));
     text += &format!(
         "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
         fit.refinement.intervals, fit.refinement.rounds, fit.refinement.error
@@ -161,13 +181,17 @@ fn parameter_rows(fit: &Fit) -> Vec<[String; 4]> {
     rows
 }
 
-fn run_rows(posed: &Posed<'_>, fit: &Fit) -> Vec<[String; 4]> {
+fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
-    for run in &fit.runs {
+    for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
             let (plain, relative) = rms(run, k);
+            let name = match usage {
+                "fit" => run.name.clone(),
+                _ => format!("{} ({usage})", run.name),
+            };
             rows.push([
-                run.name.clone(),
+                name,
                 measured.column.value.clone(),
                 significant(plain, 4),
                 significant(relative, 4),

@@ -1,0 +1,107 @@
+//! Runs that were not fitted: simulated with what was found.
+
+use crate::error::ProblemError;
+use crate::file::{Calibration, Per, ProblemFile, RunLine, Set, Sought};
+use crate::fit::begin;
+use crate::posed::{Open, Posed};
+use crate::result::{Fit, Found, RunFit};
+use crate::starts::given;
+use crate::unknowns::calibration;
+use pilotage_cosim::description::Said;
+use pilotage_language::file::Formula;
+
+/// The validation runs of a problem, simulated from where the problem says that they begin: free initial states at the
+/// first measurement or the model's start value. Parameters have their fitted values, those of a subject in its runs;
+/// one for each run has the mean of the fitted runs.
+///
+/// # Errors
+/// When a run cannot be read or does not fit the problem.
+pub fn validated(
+    file: &ProblemFile,
+    fit: &Fit,
+    open: Open<'_>,
+) -> Result<Vec<RunFit>, ProblemError> {
+    if file.runs.iter().all(|run| run.fits) {
+        return Ok(Vec::new());
+    }
+    let file = fixed(file, fit);
+    let posed = Posed::new(&file, open)?;
+    let (problem, z) = begin(&posed, &given(&posed));
+    Ok(Fit::runs(&posed, &problem, &z))
+}
+
+/// The problem of the validation runs, in which nothing is sought.
+fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
+    let mut file = file.clone();
+    file.runs.retain(|run| !run.fits);
+    file.stability = Default::default();
+    for run in &mut file.runs {
+        run.fits = true;
+    }
+    let is_name = |line: &Sought| !line.name.value.ends_with(".*");
+    file.parameters
+        .retain(|line| is_name(line) && line.value.is_some());
+    for found in fit.parameters.iter().filter(|found| !found.is_tied) {
+        if let Some((measured, what)) = sensor(&file, &found.name) {
+            let formula = Calibration::Formula(Formula::of_number(mean(found)));
+            match what {
+                "gain" => file.measured[measured].gain = formula,
+                _ => file.measured[measured].offset = formula,
+            }
+            continue;
+        }
+        file.parameters.push(line(found));
+        for run in &mut file.runs {
+            set_subject(run, found);
+        }
+    }
+    file
+}
+
+/// The measured signal whose gain or offset a name means.
+fn sensor(file: &ProblemFile, name: &str) -> Option<(usize, &'static str)> {
+    let of = |what: &'static str| {
+        let is_it = |column: &str| calibration(what, column) == name;
+        let place = file
+            .measured
+            .iter()
+            .position(|own| is_it(&own.column.value));
+        place.map(|place| (place, what))
+    };
+    of("gain").or_else(|| of("offset"))
+}
+
+/// The line of a parameter that keeps what was found.
+fn line(found: &Found) -> Sought {
+    let is_own = !found.name.contains('.');
+    Sought {
+        name: Said::from(found.name.clone()),
+        start: Some(mean(found)),
+        min: None,
+        max: None,
+        nominal: None,
+        unit: found.unit.clone().filter(|_| is_own),
+        fixed: true,
+        value: None,
+        per: Per::All,
+        log: false,
+        prior: None,
+    }
+}
+
+/// A run has the value of its subject.
+fn set_subject(run: &mut RunLine, found: &Found) {
+    let is_own = |(label, _): &&(Option<String>, f64)| label.is_some() && *label == run.subject;
+    let is_set = run.set.iter().any(|set| set.name.value == found.name);
+    if let Some((_, value)) = found.values.iter().find(is_own).filter(|_| !is_set) {
+        run.set.push(Set {
+            name: Said::from(found.name.clone()),
+            value: Formula::of_number(*value),
+        });
+    }
+}
+
+fn mean(found: &Found) -> f64 {
+    let sum: f64 = found.values.iter().map(|(_, value)| value).sum();
+    sum / found.values.len() as f64
+}
