@@ -159,6 +159,21 @@ fn of_co_simulation_only_the_components_know_fmus_and_models() {
     }
 }
 
+/// A fit takes of co-simulation what a system file says, and nothing that runs.
+#[test]
+fn of_co_simulation_estimation_knows_descriptions_alone() {
+    for (file, code) in library() {
+        if !file.starts_with("crates/estimation/") {
+            continue;
+        }
+        for rest in code.split("pilotage_cosim::").skip(1) {
+            let known = ["description::", "SystemDescription", "DescriptionError"];
+            let is_known = known.iter().any(|name| rest.starts_with(name));
+            assert!(is_known, "{file} names {}", rest.lines().next().unwrap());
+        }
+    }
+}
+
 #[test]
 fn only_the_command_line_knows_clap_and_the_terminal() {
     let library = library();

@@ -150,7 +150,7 @@ fn a_problem_becomes_a_fitted_model_that_is_exported() {
         "{text}"
     );
     assert_eq!(folder.pilotage(&["export", "tank-fitted.toml"]).code, 0);
-    assert_eq!(folder.pilotage(&["validate", "tank-fitted.fmu"]).code, 0);
+    assert_eq!(folder.pilotage(&["validate", "decay.fmu"]).code, 0);
     // Once more over what it wrote before, but not over somebody else's file.
     assert_eq!(folder.pilotage(&["fit", "problem.toml"]).code, 0);
     let refused = folder.pilotage(&["fit", "problem.toml", "-o", "decay.toml"]);
