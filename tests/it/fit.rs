@@ -249,7 +249,7 @@ fn names_and_numbers_of_options_are_checked() {
     for option in [
         "--scheme=rk4",
         "--initial-state=moving",
-        "--objective=both",
+        "--objective=speed",
         "--order=0",
         "--order=7",
         "--tolerance=0",
