@@ -42,12 +42,11 @@
 //! | [`part`], [`joint`] | the instances as equations, and wired |
 //! | [`unknowns`], `names` | parameters and what they are; the expressions of the file |
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
-//! | `assembly`, `stability`, [`posed`] | from all that to one system of equations |
-//! | `starts`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], [`diagnostics`] | what was found, and what speaks against it |
+//! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
+//! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
+//! | [`result`], [`diagnostics`], `trouble` | what was found, and what speaks against it |
 
 mod assembly;
-mod checks;
 pub mod data;
 pub mod diagnostics;
 pub mod error;
