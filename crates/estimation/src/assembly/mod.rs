@@ -154,9 +154,9 @@ impl<'a> Assembly<'a> {
     fn joint_variables(&mut self, states: &[State]) -> Vec<Node> {
         let joint = &self.joint.model;
         let mut variables = vec![self.graph.variable(0)];
-        for k in 0..joint.states.len() {
+        for (k, state) in states.iter().enumerate().take(joint.states.len()) {
             let variable = self.graph.variable(1 + k);
-            variables.push(match states[k].shift {
+            variables.push(match state.shift {
                 Some(shift) => self.graph.add(variable, shift),
                 None => variable,
             });
