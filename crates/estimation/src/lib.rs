@@ -42,12 +42,11 @@
 //! | [`part`], [`joint`] | the instances as equations, and wired |
 //! | [`unknowns`], `names` | parameters and what they are; the expressions of the file |
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
-//! | `assembly`, `stability`, [`posed`] | from all that to one system of equations |
-//! | `starts`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], [`diagnostics`], [`validation`] | what was found, what speaks against it, runs that were not fitted |
+//! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
+//! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
+//! | [`result`], [`diagnostics`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
 
 mod assembly;
-mod checks;
 pub mod data;
 pub mod diagnostics;
 pub mod error;

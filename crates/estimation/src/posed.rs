@@ -6,10 +6,9 @@
 //! begins at zero.
 
 use crate::assembly::Assembly;
-use crate::checks;
 use crate::data::RunData;
 use crate::error::ProblemError;
-use crate::file::{ProblemFile, Quantity};
+use crate::file::ProblemFile;
 use crate::fit::factor;
 use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
@@ -108,10 +107,7 @@ pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemErro
 impl<'f> Posed<'f> {
     /// Name of the unit of what was measured, by its number, where it has one.
     pub fn unit_of(&self, k: usize) -> Option<&str> {
-        match &self.file.measured[k].of {
-            Quantity::Signal(name) => self.joint.unit(name),
-            Quantity::Expression(_, unit) => unit.as_deref(),
-        }
+        self.file.measured[k].unit(&self.joint)
     }
 
     /// The problem of a file.
@@ -128,10 +124,7 @@ impl<'f> Posed<'f> {
         let named = Named::new(file, &joint, &parameters)?;
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
-        let assembly = Assembly::new(file, &joint, &parameters, &named, &data)?;
-        checks::mesh(file, &data)?;
-        let made = assembly.finish()?;
-        checks::dependence(&made)?;
+        let made = Assembly::new(file, &joint, &parameters, &named, &data)?.finish()?;
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
         let recorded: Vec<Recorded<'_>> = recorded.collect();

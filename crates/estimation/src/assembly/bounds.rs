@@ -1,0 +1,174 @@
+//! Bounds on expressions along the runs, and constraints on the shared parameters.
+
+use super::inputs::Span;
+use super::{Assembly, Done};
+use crate::data::Rows;
+use crate::file::{Holds, Initial};
+use crate::interval::{ALL, Interval};
+use crate::names::Of;
+use crate::posed::Stands;
+use crate::stability;
+use crate::unknowns::Unknown;
+use pilotage_collocation::{Bound, BoundAt, ParameterConstraints};
+use pilotage_expression::{Graph, Node};
+
+impl Assembly<'_> {
+    fn bound(&mut self, node: Node, [lower, upper]: Interval, at: BoundAt) {
+        let is_open = !(lower > f64::NEG_INFINITY || upper < f64::INFINITY);
+        if !is_open && self.graph.value(node).is_none() {
+            self.bounded.push((node, Bound { lower, upper, at }));
+        }
+    }
+
+    /// Limits of outputs hold at every sample.
+    pub(super) fn limit(&mut self) {
+        let mut first = 0;
+        for (instance, part) in &self.joint.parts {
+            let variables = self.part_variables(instance, part, Span::Run);
+            for (k, limit) in part.limits.iter().enumerate() {
+                let Some(limit) = limit else { continue };
+                let graph = &part.model.system.graph;
+                let ends = self.graph.import(graph, limit, &variables);
+                self.limit_output(self.outputs[first + k], ends[0], ends[1]);
+            }
+            first += part.model.outputs.len();
+        }
+    }
+
+    fn limit_output(&mut self, output: Node, low: Node, high: Node) {
+        match (self.graph.value(low), self.graph.value(high)) {
+            (Some(low), Some(high)) => self.bound(output, [low, high], BoundAt::Samples),
+            _ => {
+                let above = self.graph.subtract(output, low);
+                let below = self.graph.subtract(high, output);
+                self.bound(above, [0.0, f64::INFINITY], BoundAt::Samples);
+                self.bound(below, [0.0, f64::INFINITY], BoundAt::Samples);
+            }
+        }
+    }
+
+    /// States at rest at the start.
+    pub(super) fn hold_steady(&mut self, derivatives: &[Node]) {
+        for (name, derivative) in self.joint.model.states.iter().zip(derivatives) {
+            let line = self.initial_line(name);
+            if let Some(Initial::Steady) = line.map(|line| &self.file.initial[line].1) {
+                self.bound(*derivative, [0.0; 2], BoundAt::Start);
+            }
+        }
+    }
+
+    /// Ranges of what is sought. Those of shared parameters are returned: each expression is at least zero.
+    pub(super) fn bound_unknowns(&mut self) -> Vec<Node> {
+        let mut on_parameters = Vec::new();
+        let parameters = self.parameters;
+        for (k, unknown) in parameters.unknowns.iter().enumerate() {
+            let range = unknown.searched_range();
+            let is_state = matches!(self.stands[k], Stands::State(_));
+            for variable in self.stands[k].variables(self.first_shared()) {
+                let variable = self.graph.variable(variable);
+                match is_state {
+                    true => self.bound(variable, range, BoundAt::Start),
+                    false => on_parameters.extend(self.within(variable, range)),
+                }
+            }
+        }
+        on_parameters
+    }
+
+    /// The file's constraints. Those on shared parameters alone are returned: each expression is at least zero.
+    pub(super) fn constrain(&mut self, signals: &[Node], rows: &[Rows]) -> Done<Vec<Node>> {
+        let mut on_parameters = Vec::new();
+        let zero = self.graph.constant(0.0);
+        let all = 0..self.file.constraints.len();
+        let all: Vec<Of> = all.map(Of::Constraint).collect();
+        let nodes = self.of_signals(&all, signals, zero);
+        self.check_constraints(&nodes, rows)?;
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
+            let range = [line.min, line.max];
+            let at = match line.at {
+                Holds::Samples => BoundAt::Samples,
+                Holds::Start => BoundAt::Start,
+                Holds::End => BoundAt::End,
+                Holds::Parameters if self.is_shared(node) => {
+                    on_parameters.extend(self.within(node, range));
+                    continue;
+                }
+                Holds::Parameters => BoundAt::Start,
+            };
+            self.bound(node, range, at);
+        }
+        Ok(on_parameters)
+    }
+
+    /// Whether an expression depends on shared parameters alone.
+    fn is_shared(&self, node: Node) -> bool {
+        let shared = self.first_shared();
+        !self.depends(node, |variable| variable < shared)
+    }
+
+    /// `x - low` and `high - x`, where there are such ends.
+    fn within(&mut self, node: Node, [low, high]: Interval) -> Vec<Node> {
+        let mut found = Vec::new();
+        for (sign, end) in [(1.0, low), (-1.0, high)] {
+            if end.is_finite() {
+                let end = self.graph.constant(end);
+                let above = self.graph.subtract(node, end);
+                found.push(self.graph.scale(sign, above));
+            }
+        }
+        found
+    }
+
+    /// Between which values each variable of the equations lies.
+    pub(super) fn ranges(&self, rows: &[Rows]) -> Vec<Interval> {
+        let mut ranges = vec![ALL; self.variables()];
+        for (k, variable) in self.input_variables().enumerate() {
+            let samples = rows.iter().flat_map(|rows| &rows.inputs);
+            let values = samples.map(|inputs| inputs[k]);
+            ranges[variable] = [
+                values.clone().fold(f64::INFINITY, f64::min),
+                values.fold(f64::NEG_INFINITY, f64::max),
+            ];
+        }
+        for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
+            for variable in stands.variables(self.first_shared()) {
+                ranges[variable] = unknown.searched_range();
+            }
+        }
+        ranges
+    }
+
+    /// Constraints on the shared parameters, stability among them.
+    pub(super) fn parameter_constraints(
+        &mut self,
+        mut on_parameters: Vec<Node>,
+        rows: &[Rows],
+    ) -> Done<ParameterConstraints> {
+        let at = stability::Point {
+            joint: self.joint,
+            file: self.file,
+            values: &self.values[0],
+            initial: &self.operating_point(rows),
+        };
+        on_parameters.extend(stability::conditions(&mut self.graph, &at)?);
+        // Over the shared parameters alone; runs' own values and numbers are as the first run begins.
+        let mut graph = Graph::default();
+        let begin = self.begin_values(&rows[0]);
+        let variables: Vec<Node> = (0..self.variables())
+            .map(|k| match k.checked_sub(self.first_shared()) {
+                Some(theta) => graph.variable(theta),
+                None => graph.constant(begin[k]),
+            })
+            .collect();
+        let nodes = graph.import(&self.graph, &on_parameters, &variables);
+        Ok(ParameterConstraints::of(&graph, self.shared, &nodes))
+    }
+}
+
+impl Unknown {
+    /// Between which values the search stays.
+    fn searched_range(&self) -> Interval {
+        let end = |end: Option<f64>, open: f64| end.map_or(open, |end| self.searched(end));
+        [end(self.min, ALL[0]), end(self.max, ALL[1])]
+    }
+}

@@ -1,0 +1,172 @@
+//! What is refused before the solve, beyond what single lines of the file say.
+
+use super::{Assembly, Done, Made};
+use crate::data::Rows;
+use crate::error::ProblemError;
+use crate::file::{Deviation, Mesh};
+use crate::fit::MOST_INTERVALS;
+use crate::interval::{intervals, shared};
+use crate::posed::Told;
+use crate::unknowns::check_range;
+use pilotage_cosim::description::Said;
+use pilotage_expression::Node;
+
+impl Assembly<'_> {
+    /// Refuses a step by which the mesh has more intervals than a solve can hold.
+    pub(super) fn check_mesh(&self) -> Done<()> {
+        let Mesh::Step(step) = self.file.options.mesh else {
+            return Ok(());
+        };
+        let durations = self.data.iter().map(|run| {
+            let time = &run.series.time;
+            time[time.len() - 1] - run.begin()
+        });
+        let duration: f64 = durations.sum();
+        if duration / step <= MOST_INTERVALS as f64 {
+            return Ok(());
+        }
+        let least = duration / MOST_INTERVALS as f64;
+        let fault = format!(
+            "the runs last {duration} s, which is more than {MOST_INTERVALS} such steps; write {least:.1e} or more"
+        );
+        let place = self.file.mesh_place.as_ref();
+        Err(ProblemError::maybe_at(place, fault))
+    }
+
+    /// Refuses parameters that are tied to a value out of their range, where the search begins.
+    pub(super) fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
+        for (name, node) in &told.tied {
+            let range = self.parameters.range(name, self.joint);
+            let mut lines = self.file.parameters.iter();
+            let line = lines.find(|line| line.name.value == *name);
+            let place = line.and_then(|line| line.name.place.as_ref());
+            for rows in rows {
+                check_range(name, self.number(*node, rows), range, place)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses noise levels that are not above 0: where they are recorded, or, if neither states nor time change them, at
+    /// the start.
+    pub(super) fn check_deviation(
+        &self,
+        k: usize,
+        node: Node,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let formula = match &self.file.measured[k].sd {
+            Deviation::Column(name) => {
+                return self.check_deviation_column(k, name, recorded, rows);
+            }
+            Deviation::Formula(formula) => formula,
+        };
+        let states = self.joint.model.states.len();
+        let start = self.number(node, &rows[0]);
+        match start > 0.0 || self.depends(node, |variable| variable <= states) {
+            true => Ok(()),
+            false => {
+                let fault =
+                    format!("the standard deviation starts at {start}; expected a number above 0");
+                Err(ProblemError::at(&self.file.place(formula), fault))
+            }
+        }
+    }
+
+    fn check_deviation_column(
+        &self,
+        k: usize,
+        name: &Said<String>,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let unit = self.file.measured[k].unit(self.joint);
+        for ((run, rows), recorded) in self.data.iter().zip(rows).zip(recorded) {
+            let column = run.column(name, unit)?;
+            for (sample, row) in rows.rows.iter().enumerate() {
+                let Some(sd) = row.map(|row| column[row]) else {
+                    continue;
+                };
+                if recorded[sample].is_finite() && (sd.is_nan() || sd <= 0.0) {
+                    let fault = format!(
+                        "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
+                        run.line.file.display(),
+                        name.value,
+                        rows.time[sample]
+                    );
+                    return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
+    pub(super) fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
+        let mut found = intervals(&self.graph, &self.ranges(rows));
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
+            if line.formula.names().next().is_none() {
+                let fault = "a constraint on a number, which nothing changes; leave it out";
+                return Err(ProblemError::at(&line.place, fault));
+            }
+            let own = &mut found[node.index()];
+            let [low, high] = *own;
+            *own = shared(*own, [line.min, line.max]).ok_or_else(|| {
+                let shown = &line.formula.expression.text;
+                let is = match low == high {
+                    true => format!("always {low}"),
+                    false => format!("from {low} to {high} by what else is said"),
+                };
+                let (min, max) = (line.min, line.max);
+                let fault =
+                    format!("`{shown}` is {is}, never from {min} to {max}; change one of them");
+                ProblemError::at(&line.place, fault)
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Made {
+    /// Refuses what is sought though no measured signal depends on it.
+    pub(super) fn check_dependence(&self) -> Done<()> {
+        let graph = &self.system.graph;
+        let needed = self.needed();
+        let is_needed = |variable: &usize| {
+            let node = graph.known_variable(*variable);
+            node.is_some_and(|node| needed[node.index()])
+        };
+        let shared = self.system.parameter(0);
+        for (unknown, stands) in &self.unknowns {
+            if !stands.variables(shared).iter().any(is_needed) {
+                let name = &unknown.name;
+                let fault = format!(
+                    "no measured signal depends on `{name}`; leave it out, or write fixed = true"
+                );
+                return Err(ProblemError::maybe_at(unknown.place.as_ref(), fault));
+            }
+        }
+        Ok(())
+    }
+
+    /// On which nodes measured signals depend: directly, or by the derivatives of states on which they depend.
+    fn needed(&self) -> Vec<bool> {
+        let system = &self.system;
+        let mut nodes = self.measured.clone();
+        loop {
+            let needed = system.graph.ancestors(&nodes);
+            let is_needed = |state: &usize| {
+                let variable = system.graph.known_variable(1 + state);
+                variable.is_some_and(|node| needed[node.index()])
+            };
+            let states = (0..system.states).filter(is_needed);
+            let derivatives = states.map(|state| system.derivatives[state]);
+            let before = nodes.len();
+            nodes.extend(derivatives.filter(|node| !needed[node.index()]));
+            if nodes.len() == before {
+                return needed;
+            }
+        }
+    }
+}

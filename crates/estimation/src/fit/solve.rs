@@ -1,0 +1,95 @@
+//! The SQP from one point, begun again with other scales where it makes no progress.
+
+use crate::posed::Posed;
+use pilotage_collocation::{Collocation, Scales};
+use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
+use std::ops::ControlFlow;
+
+/// A start, solved.
+pub struct Solved {
+    /// The nonlinear program.
+    pub problem: Collocation,
+    /// Its solution.
+    pub solution: Solution,
+}
+
+/// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
+const SHORT_STEP: f64 = 0.01;
+
+/// How often a solve that makes no progress is begun again, with scales of the size that it has found.
+const RESCALED: usize = 3;
+
+/// Sees each iterate of a solve.
+pub(super) type See<'a> = dyn Fn(&Iteration) -> ControlFlow<Status> + Sync + 'a;
+
+/// Solves from a point, with other scales where it makes no progress.
+pub(super) fn solve(
+    posed: &Posed<'_>,
+    from: (Collocation, Vec<f64>),
+    limit: usize,
+    see: &See<'_>,
+) -> Solved {
+    let mut solved = once(posed, from, limit, see);
+    for _ in 0..RESCALED {
+        if solved.solution.status != Status::NoProgress {
+            break;
+        }
+        solved = once(posed, rescaled(posed, &solved), limit, see);
+    }
+    solved
+}
+
+/// Solves from a point.
+pub(super) fn once(
+    posed: &Posed<'_>,
+    (problem, z): (Collocation, Vec<f64>),
+    limit: usize,
+    see: &See<'_>,
+) -> Solved {
+    let options = SqpOptions {
+        tolerance: posed.file.options.tolerance,
+        max_iterations: limit,
+        short_step: SHORT_STEP,
+        ..SqpOptions::default()
+    };
+    let solution =
+        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
+    Solved { problem, solution }
+}
+
+/// The same problem with scales of the size that states and parameters have now, and its variables there.
+pub(super) fn rescaled(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<f64>) {
+    /// A scale falls to this part at once, at most: what passes through zero keeps a size.
+    const LEAST: f64 = 1e-3;
+    let problem = &solved.problem;
+    let z = &solved.solution.iterate.z;
+    let n = problem.n_states();
+    let mut largest = vec![0.0_f64; n];
+    for j in 0..problem.runs.len() {
+        for vector in problem.coefficients(z, j).chunks_exact(n) {
+            let pairs = largest.iter_mut().zip(vector);
+            pairs.for_each(|(most, x)| *most = most.max(x.abs()));
+        }
+    }
+    let sized = |scales: &[f64], sizes: &[f64]| {
+        let pairs = scales.iter().zip(sizes);
+        pairs
+            .map(|(scale, size)| scale * size.abs().max(LEAST))
+            .collect()
+    };
+    let scales = &problem.model.scales;
+    let scales = Scales {
+        states: sized(&scales.states, &largest),
+        parameters: sized(&scales.parameters, problem.theta(z)),
+    };
+    let again = Collocation::new(
+        posed.model.clone(),
+        posed.constraints.clone(),
+        problem.scheme,
+        problem.runs.clone(),
+        scales,
+        &posed.bounds,
+    );
+    let z = problem.carried(z, &again);
+    (again, z)
+}
