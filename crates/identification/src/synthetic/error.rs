@@ -40,6 +40,9 @@ pub enum SyntheticError {
         /// The command that looks at the vehicle.
         command: &'static str,
     },
+    /// Human and vehicle are unstable from the start on.
+    #[error("human and vehicle swing up: about the start their loop is unstable")]
+    Unstable,
     /// More sines, ramps or steps than a run has room for.
     #[error("{count} of them do not fit into a run of {samples} samples: {needed} are needed")]
     Crowded {

@@ -75,7 +75,8 @@ impl Flights {
     /// on the runs before it.
     ///
     /// # Errors
-    /// When a parameter is out of its range, or a run does not stay within 100 times its target.
+    /// When a parameter is out of its range, human and vehicle are unstable, or a run does not stay within 100 times
+    /// its target.
     pub fn fly(
         &self,
         human: &Human,
@@ -106,6 +107,9 @@ impl Flights {
         assert_eq!(hands.axes.len(), vehicle.axes(), "a hand for each axis");
         self.check(vehicle.axes())?;
         hands.check()?;
+        if !vehicle.is_held_by(hands) {
+            return Err(SyntheticError::Unstable);
+        }
         let flown = self.planned(vehicle).into_iter().map(|mut run| {
             let hands = hands.on_a_day(self.variation, &mut run.random);
             let series = self.fly_one(&hands, vehicle, &mut run);

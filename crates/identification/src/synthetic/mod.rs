@@ -22,12 +22,14 @@
 //! | `target` | targets that move |
 //! | `vehicle` | what is flown with: the quadcopter, or any model file |
 //! | `tuning` | gain, lead and lag that suit a vehicle |
+//! | `stability` | whether a human holds a vehicle |
 //! | `closed_loop` | human and vehicle, step by step |
 
 mod closed_loop;
 mod error;
 mod flights;
 mod human;
+mod stability;
 mod target;
 mod tuning;
 mod vehicle;

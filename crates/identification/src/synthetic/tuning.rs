@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 const CROSSOVER: f64 = 2.5;
 
 /// Lowest crossover frequency that is still called flying [rad/s].
-const SLOWEST: f64 = 0.05;
+pub(super) const SLOWEST: f64 = 0.05;
 
 /// Phase margin \[rad\].
 const MARGIN: f64 = FRAC_PI_4;
@@ -76,33 +76,56 @@ impl Human {
             .ok_or(SyntheticError::Unsuited { axis: axis + 1 })
     }
 
-    /// Frequency [rad/s], open loop without gain, lead and lag, and its unwrapped phase \[rad\], upwards.
+    /// Frequency [rad/s], open loop without gain, lead and lag, and its phase \[rad\], upwards. The phase is followed
+    /// without jumps from where it is 0, on the real axis.
     fn responses(&self, vehicle: &ModelVehicle, axis: usize) -> Vec<(f64, Complex<f64>, f64)> {
-        let sign = vehicle.sign(axis);
-        let steps = (CROSSOVER / SLOWEST).ln() / 0.01;
-        let mut phase: Option<f64> = None;
-        (0..=steps.floor() as usize)
-            .map(|k| CROSSOVER * (-0.01 * (steps.floor() - k as f64)).exp())
-            .map(|frequency| {
-                let s = Complex::new(0.0, frequency);
-                let own = sign
-                    * vehicle.linear().transfer(axis, axis, s)
-                    * self.arm(s)
-                    * (-s * self.delay).exp();
-                // From -270 to 90 degrees at first, without jumps from there on.
-                let about = phase.unwrap_or(-FRAC_PI_2);
-                let next = own.arg() + 2.0 * PI * ((about - own.arg()) / (2.0 * PI)).round();
-                phase = Some(next);
-                (frequency, own, next)
-            })
-            .collect()
+        let plain = Self {
+            gain: 1.0,
+            lead: 0.0,
+            lag: 0.0,
+            ..*self
+        };
+        let far = vehicle.anchor();
+        let arc = (1..=100).map(|k| Complex::from_polar(far, FRAC_PI_2 * f64::from(k) / 100.0));
+        let along = |frequency| Complex::new(0.0, frequency);
+        let path = arc.chain(spread(SLOWEST, far).into_iter().rev().map(along));
+        let mut phase = 0.0;
+        let mut follow = |s: Complex<f64>| {
+            let open = vehicle.linear().transfer(axis, axis, s)
+                * plain.eye(s)
+                * plain.arm(s)
+                * vehicle.sign(axis);
+            phase = open.arg() + 2.0 * PI * ((phase - open.arg()) / (2.0 * PI)).round();
+            (open, phase)
+        };
+        for s in path {
+            follow(s);
+        }
+        let responses = spread(SLOWEST, CROSSOVER).into_iter().map(|frequency| {
+            let (open, phase) = follow(along(frequency));
+            (frequency, open, phase)
+        });
+        responses.collect()
     }
 
-    /// The arm's transfer function.
-    fn arm(&self, s: Complex<f64>) -> Complex<f64> {
-        let w = self.frequency;
-        Complex::from(w * w) / (s * s + 2.0 * self.damping * w * s + w * w)
+    /// The transfer function from an error to what the hand is told.
+    pub(super) fn eye(&self, s: Complex<f64>) -> Complex<f64> {
+        (-s * self.delay).exp() * (s * self.lead + 1.0) * self.gain
     }
+
+    /// The transfer function from there to the stick.
+    pub(super) fn arm(&self, s: Complex<f64>) -> Complex<f64> {
+        let w = self.frequency;
+        let arm = s * s + s * (2.0 * self.damping * w) + w * w;
+        Complex::from(w * w) / (arm * (s * self.lag + 1.0))
+    }
+}
+
+/// Frequencies one percent apart, upwards.
+fn spread(low: f64, high: f64) -> Vec<f64> {
+    let steps = ((high / low).ln() / 0.01).round();
+    let part = |k: usize| (0.01 * (k as f64 - steps)).exp();
+    (0..=steps as usize).map(|k| high * part(k)).collect()
 }
 
 /// Lead and lag with which the phase margin is kept at that frequency.

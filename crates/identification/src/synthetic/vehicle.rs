@@ -1,6 +1,7 @@
 //! What the synthetic human flies.
 
-use super::SyntheticError;
+use super::tuning::SLOWEST;
+use super::{Hands, SyntheticError, stability};
 use nalgebra::Complex;
 use num_dual::Dual64;
 use pilotage_linear::StateSpace;
@@ -46,6 +47,11 @@ pub trait Vehicle {
     /// Magnitude of the fastest pole [1/s], 0 where steps of a millisecond are known to suffice.
     fn fastest(&self) -> f64 {
         0.0
+    }
+
+    /// Whether a human holds it: small deviations from the start decay. `true` where that is not looked into.
+    fn is_held_by(&self, _hands: &Hands) -> bool {
+        true
     }
 
     /// The command that looks at the vehicle.
@@ -104,6 +110,7 @@ pub struct ModelVehicle {
     others: Vec<(Place, String, String)>,
     /// From the sticks to the positions, about the start.
     linear: StateSpace,
+    signs: Vec<f64>,
 }
 
 impl ModelVehicle {
@@ -159,16 +166,29 @@ impl ModelVehicle {
             positions: positions.collect(),
             others: others.collect(),
             linear: StateSpace::empty(),
+            signs: Vec::new(),
             model: model.clone(),
         };
         own.linear = own.linearised(names);
         own.linear.check_finite()?;
+        let at = Complex::from(own.anchor());
+        own.signs = (0..own.axes())
+            .map(|axis| own.linear.transfer(axis, axis, at).re.signum())
+            .collect();
         Ok(own)
     }
 
     /// From the sticks to the positions, about the start.
     pub fn linear(&self) -> &StateSpace {
         &self.linear
+    }
+
+    /// A real frequency above the unstable poles, nearly at rest if there are none: there the sign of the transfer
+    /// function tells where a stick leads [1/s].
+    pub(super) fn anchor(&self) -> f64 {
+        let poles = self.linear.poles();
+        let unstable = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
+        (2.0 * unstable).max(SLOWEST)
     }
 
     fn linearised(&self, names: &[String]) -> StateSpace {
@@ -307,12 +327,8 @@ impl Vehicle for ModelVehicle {
         )
     }
 
-    /// Of the transfer function at a real frequency above its unstable poles, nearly at rest if there are none.
     fn sign(&self, axis: usize) -> f64 {
-        let poles = self.linear.poles();
-        let unstable = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
-        let at = Complex::from((2.0 * unstable).max(1e-3));
-        self.linear.transfer(axis, axis, at).re.signum()
+        self.signs[axis]
     }
 
     fn derivative(&self, time: f64, x: &[f64], stick: &[f64], dx: &mut [f64]) {
@@ -355,6 +371,10 @@ impl Vehicle for ModelVehicle {
             .iter()
             .map(|pole| pole.norm())
             .fold(0.0, f64::max)
+    }
+
+    fn is_held_by(&self, hands: &Hands) -> bool {
+        stability::is_stable(hands, self)
     }
 
     fn check_command(&self) -> &'static str {

@@ -1,5 +1,7 @@
 //! The synthetic human against what it should be.
 
+mod moving;
+
 use super::*;
 use pilotage_models::Quadcopter;
 
