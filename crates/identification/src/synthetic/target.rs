@@ -156,18 +156,30 @@ impl Moving {
             .map(|axis| match self.shape {
                 Shape::Sines => {
                     let own = multiples.iter().skip(axis).step_by(axes);
-                    let base = TAU / sampling.duration;
-                    let frequencies = own.map(|n| *n as f64 * base);
-                    Signal::Sines(
-                        frequencies
-                            .map(|w| [self.amplitude_at(w), w, TAU * uniform(random)])
-                            .collect(),
-                    )
+                    self.sines(own, sampling.duration, random)
                 }
                 Shape::Ramps => self.ramps(sampling, random),
                 Shape::Steps => self.steps(sampling, random),
             })
             .collect()
+    }
+
+    /// Sines of random phases, all advanced by the time at which their sum first goes through 0: a target that jumps
+    /// at the start would have no rate there.
+    fn sines<'a>(
+        &self,
+        multiples: impl Iterator<Item = &'a usize>,
+        duration: f64,
+        random: &mut ChaCha8Rng,
+    ) -> Signal {
+        let frequencies = multiples.map(|n| *n as f64 * TAU / duration);
+        let sines = frequencies.map(|w| [self.amplitude_at(w), w, TAU * uniform(random)]);
+        let mut sines: Vec<[f64; 3]> = sines.collect();
+        let advance = first_zero(|time| Signal::Sines(sines.clone()).at(time).0, duration);
+        for [_, frequency, phase] in &mut sines {
+            *phase = (*phase + *frequency * advance) % TAU;
+        }
+        Signal::Sines(sines)
     }
 
     fn amplitude_at(&self, frequency: f64) -> f64 {
@@ -209,6 +221,24 @@ impl Sampling {
         let time = self.duration * (k as f64 + part) / count as f64;
         (time * self.rate).round() / self.rate
     }
+}
+
+/// Where a function of mean 0 first changes its sign, by bisection; its values at a thousand times tell where to look.
+fn first_zero(value: impl Fn(f64) -> f64, duration: f64) -> f64 {
+    let begin = value(0.0);
+    let mut times = (1..1000).map(|k| duration * f64::from(k) / 1000.0);
+    let Some(mut after) = times.find(|time| value(*time) * begin <= 0.0) else {
+        return 0.0;
+    };
+    let mut before = (after - duration / 1000.0).max(0.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (before + after);
+        match value(middle) * begin <= 0.0 {
+            true => after = middle,
+            false => before = middle,
+        }
+    }
+    after
 }
 
 /// Evenly from 0 to 1, the end excluded.

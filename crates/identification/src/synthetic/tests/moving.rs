@@ -85,6 +85,7 @@ fn sines_have_lines_at_prime_multiples_alone_with_falling_amplitudes() {
             first[*line]
         );
     }
+    assert_eq!(values(&flights[0], "target")[0], 0.0);
     // The next run has the same lines with other phases.
     assert_eq!(lines(&of(&flights[1], "target")), both[0]);
     assert_ne!(values(&flights[0], "target"), values(&flights[1], "target"));
