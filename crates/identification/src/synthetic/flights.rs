@@ -1,9 +1,10 @@
 //! What is flown, and the recordings.
 
 use super::closed_loop::Loop;
+use super::recording::Recording;
 use super::target::{Moving, Sampling, Signal};
 use super::{Hands, Human, SyntheticError, Vehicle, check_ranges};
-use pilotage_series::{Column, Series};
+use pilotage_series::Series;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -12,9 +13,6 @@ const MAX_STEP: f64 = 1e-3;
 
 /// Integration step [s], at least: vehicles that ask for less are too stiff to be flown step by step.
 const MIN_STEP: f64 = 1e-5;
-
-/// Finest resolution of a recording that is not asked for by small targets.
-const RESOLUTION: i32 = -4;
 
 /// A set of flights: the same human several times to each target, never quite the same way.
 #[derive(Debug, Clone, PartialEq)]
@@ -203,69 +201,17 @@ impl Flights {
         let step = 1.0 / (self.rate * substeps as f64);
         let samples = (self.duration * self.rate).round() as usize + 1;
         let mut loop_ = Loop::new(hands, vehicle, &run.targets, step, &mut run.random);
-        let (mut positions, mut sticks, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let mut recording = Recording::default();
         for sample in 0..samples {
-            positions.push(loop_.positions());
-            sticks.push(loop_.sticks());
-            others.push(loop_.others());
+            recording.positions.push(loop_.positions());
+            recording.sticks.push(loop_.sticks());
+            recording.others.push(loop_.others());
             if sample + 1 < samples {
                 (0..substeps).for_each(|_| loop_.advance(&mut run.random));
             }
         }
-        let time: Vec<f64> = (0..samples).map(|k| k as f64 / self.rate).collect();
-        let mut columns = Vec::new();
-        for (axis, target) in run.targets.iter().enumerate() {
-            let number = if axis == 0 { "" } else { "2" };
-            let digits = digits(target.size());
-            let mut add =
-                |name: &str, unit: &str, values: &mut dyn Iterator<Item = f64>, digits| {
-                    columns.push(Column {
-                        name: format!("{name}{number}"),
-                        unit: unit.into(),
-                        values: values.map(|value| rounded(value, digits)).collect(),
-                    })
-                };
-            let unit = vehicle.unit(axis);
-            match target {
-                Signal::Constant(place) => {
-                    add("target", unit, &mut time.iter().map(|_| *place), i32::MIN)
-                }
-                moving => add(
-                    "target",
-                    unit,
-                    &mut time.iter().map(|t| moving.at(*t).0),
-                    digits,
-                ),
-            }
-            add(
-                "position",
-                unit,
-                &mut positions.iter().map(|all| all[axis]),
-                digits,
-            );
-            add(
-                "stick",
-                "1",
-                &mut sticks.iter().map(|all| all[axis]),
-                RESOLUTION,
-            );
-        }
-        let digits = run
-            .targets
-            .iter()
-            .map(|target| digits(target.size()))
-            .min()
-            .unwrap_or(RESOLUTION);
-        for (k, (name, unit)) in vehicle.others().into_iter().enumerate() {
-            let values = others.iter().map(|all| rounded(all[k], digits)).collect();
-            columns.push(Column { name, unit, values });
-        }
-        Series {
-            comments: Vec::new(),
-            time_unit: "s".into(),
-            time,
-            columns,
-        }
+        let time = (0..samples).map(|k| k as f64 / self.rate).collect();
+        recording.series(vehicle, &run.targets, time)
     }
 }
 
@@ -293,23 +239,4 @@ fn check_bounded(run: &Run, vehicle: &impl Vehicle, series: &Series) -> Result<(
         }
     }
     Ok(())
-}
-
-/// Resolution of what belongs to a target of that size, as a power of ten.
-fn digits(size: f64) -> i32 {
-    match size > 0.0 {
-        true => (size.log10().floor() as i32 + RESOLUTION).min(RESOLUTION),
-        false => RESOLUTION,
-    }
-}
-
-/// Resolution of the recording, a power of ten: no recorder has sixteen digits. `+ 0.0` turns -0 into 0.
-fn rounded(value: f64, digits: i32) -> f64 {
-    match digits {
-        i32::MIN => value,
-        _ => {
-            let scale = 10_f64.powi(-digits);
-            (value * scale).round() / scale + 0.0
-        }
-    }
 }

@@ -20,15 +20,19 @@
 //! | `human` | the human's parameters |
 //! | `flights` | what is flown, and the recordings |
 //! | `target` | targets that move |
-//! | `vehicle` | what is flown with: the quadcopter, or any model file |
+//! | `vehicle` | what is flown: the quadcopter |
+//! | `model_vehicle` | or any model file |
 //! | `tuning` | gain, lead and lag that suit a vehicle |
 //! | `stability` | whether a human holds a vehicle |
+//! | `recording` | a flight as a recorder writes it |
 //! | `closed_loop` | human and vehicle, step by step |
 
 mod closed_loop;
 mod error;
 mod flights;
 mod human;
+mod model_vehicle;
+mod recording;
 mod stability;
 mod target;
 mod tuning;
@@ -37,9 +41,10 @@ mod vehicle;
 pub use error::SyntheticError;
 pub use flights::{Flight, Flights};
 pub use human::{Hands, Human};
+pub use model_vehicle::ModelVehicle;
 pub use target::{Moving, Shape, Signal};
 pub use tuning::Given;
-pub use vehicle::{ModelVehicle, Vehicle};
+pub use vehicle::Vehicle;
 
 /// The first of `(name, value, min, max)` that is out of range.
 fn check_ranges(
