@@ -247,5 +247,8 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
 }
 
 fn is_prime(n: usize) -> bool {
-    n > 1 && (2..).take_while(|k| k * k <= n).all(|k| n % k != 0)
+    n > 1
+        && (2..)
+            .take_while(|k| k * k <= n)
+            .all(|k| !n.is_multiple_of(k))
 }
