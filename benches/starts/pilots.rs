@@ -18,6 +18,8 @@ const fn human(numbers: [f64; 7]) -> Human {
         damping,
         remnant,
         remnant_time,
+        lag: 0.0,
+        stick_rate: f64::INFINITY,
     }
 }
 

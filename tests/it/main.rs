@@ -38,6 +38,7 @@ mod model_library;
 mod mutation;
 mod next;
 mod other_fmus;
+mod problem_flights;
 mod problems;
 mod random_collocation;
 mod recovery;

@@ -353,3 +353,147 @@ fn columns_of_other_names_are_the_same_flights() {
     let names: Vec<&str> = names.iter().flat_map(|name| ["--column", name]).collect();
     assert_eq!(check("named.csv", &names), expected);
 }
+
+/// Moving targets, a model as the vehicle, two axes: what is flown is recorded, and its command makes it again.
+#[test]
+fn a_vehicle_of_two_axes_is_flown_after_targets_that_move() {
+    let folder = Folder::new();
+    let options = "trials synth --vehicle hover --target ramps --amplitude 3 --runs 1 --gain 0.1,0.09 --coupling 0.2";
+    let words: Vec<&str> = options.split(' ').collect();
+    let ended = folder.pilotage(&words);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    assert_eq!(
+        ended.stdout,
+        "1 flight in trials, listed in trials/trials.toml\n"
+    );
+    let made = folder.read("trials/run1.csv");
+    assert_eq!(
+        made.lines().nth(2).unwrap(),
+        "time [s],target [m],position [m],stick [1],target2 [m],position2 [m],stick2 [1],\
+         velocity [m/s],velocity2 [m/s],pitch [rad],roll [rad]"
+    );
+    let comment = made
+        .lines()
+        .next()
+        .unwrap()
+        .strip_prefix("# made by: pilotage ")
+        .unwrap();
+    assert!(
+        comment.contains("--gain 0.1,0.09 --lead 2.53 "),
+        "{comment}"
+    );
+    let again: Vec<&str> = comment.split(' ').chain(["-o", "again"]).collect();
+    assert_eq!(folder.pilotage(&again).code, 0);
+    assert_eq!(folder.read("again/run1.csv"), made);
+    assert_eq!(
+        folder.read("again/trials.toml"),
+        folder.read("trials/trials.toml")
+    );
+    assert_eq!(
+        folder
+            .pilotage(&["trials", "check", "trials/trials.toml"])
+            .code,
+        0
+    );
+}
+
+/// A model file whose position has another name and unit, beside it a vehicle file of the quadcopter.
+#[test]
+fn model_files_and_vehicle_files_are_flown() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"turret\"\n[inputs]\nstick = { min = -1, max = 1 }\n\
+                 [states]\nangle = { unit = \"rad\", der = \"-0.5 * stick\" }\n[outputs]\nangle = {}\n";
+    folder.write("turret.toml", model);
+    folder.write(
+        "quadcopter.toml",
+        folder.pilotage(&["vehicle", "show"]).stdout,
+    );
+    let synth = |more: &str| {
+        let words = ["trials", "synth", "--runs=1", "--force"];
+        folder.pilotage(&[&words[..], &more.split(' ').collect::<Vec<_>>()].concat())
+    };
+    let ended = synth("--vehicle turret.toml --measure angle --target steps --amplitude 0.3");
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    let made = folder.read("trials/run1.csv");
+    assert_eq!(
+        made.lines().nth(2),
+        Some("time [s],target [rad],position [rad],stick [1]")
+    );
+    assert_eq!(synth("--vehicle quadcopter.toml -o a").code, 0);
+    assert_eq!(synth("-o b").code, 0);
+    let rows = |file: &str| {
+        folder
+            .read(file)
+            .lines()
+            .skip(2)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(rows("a/10m-run1.csv"), rows("b/10m-run1.csv"));
+}
+
+#[test]
+fn what_means_nothing_to_a_synthetic_human_is_refused_with_a_hint() {
+    let folder = Folder::new();
+    let cases = [
+        (
+            "--target steps --bandwidth 1",
+            "steps have no bandwidth\nhint: leave --bandwidth out, or take --target sines",
+        ),
+        (
+            "--coupling 0.1",
+            "a vehicle with one axis has no other hand to leak into\n\
+             hint: leave --coupling out, or take one with two, such as --vehicle hover",
+        ),
+        (
+            "--vehicle hover --gain 1,2,3",
+            "--gain has 3 numbers, and the vehicle has 2 axis or axes\n\
+             hint: give one number, or one for each axis",
+        ),
+        (
+            "--vehicle hovr",
+            "`hovr` is neither a file nor a built-in model; did you mean `hover`?\n\
+             hint: `pilotage models` lists the built-in ones",
+        ),
+        (
+            "--vehicle quadcopter",
+            "`quadcopter` has no output `position`; its outputs are z, phi, v, q, omega_f, omega_b\n\
+             hint: --measure NAME says which output is the position",
+        ),
+        (
+            "--vehicle integrator --gain 3",
+            "human and vehicle swing up: about the start their loop is unstable\n\
+             hint: a lower --gain, more --lead or a shorter --delay may hold it",
+        ),
+        (
+            "--target sines --count 100",
+            "100 of them do not fit into a run of 300 samples: 2164 are needed\n\
+             hint: take fewer (--count), a longer --duration or a higher --rate",
+        ),
+    ];
+    for (options, message) in cases {
+        let words: Vec<&str> = ["trials", "synth"]
+            .into_iter()
+            .chain(options.split(' '))
+            .collect();
+        let ended = folder.pilotage(&words);
+        assert_eq!(
+            (ended.code, ended.stderr),
+            (2, format!("error: {message}\n")),
+            "{options}"
+        );
+    }
+    for options in [
+        "--count 3",
+        "--amplitude 2",
+        "--target sines --targets 5",
+        "--measure z",
+    ] {
+        let words: Vec<&str> = ["trials", "synth"]
+            .into_iter()
+            .chain(options.split(' '))
+            .collect();
+        assert_eq!(folder.pilotage(&words).code, 2, "{options}");
+    }
+    assert!(folder.files().is_empty());
+}

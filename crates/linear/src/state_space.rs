@@ -265,6 +265,10 @@ pub(super) fn transfer(
 ) -> Complex<f64> {
     let n = system.states.len();
     let lift = |value: f64| Complex::new(value, 0.0);
+    // The LU decomposition panics where there is nothing to decompose.
+    if n == 0 {
+        return lift(system.d[(output, input)]);
+    }
     let resolvent = DMatrix::from_diagonal_element(n, n, s) - system.a.map(lift);
     let b: DVector<Complex<f64>> = system.b.column(input).map(lift);
     match resolvent.lu().solve(&b) {

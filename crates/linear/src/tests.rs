@@ -261,3 +261,14 @@ fn what_has_no_poles_in_numbers_has_infinite_ones() {
         assert!(sampled.iter().all(|pole| pole.re == f64::INFINITY));
     }
 }
+
+#[test]
+fn without_states_the_transfer_is_the_feedthrough() {
+    let mut gain = StateSpace::empty();
+    (gain.b, gain.c) = (DMatrix::zeros(0, 1), DMatrix::zeros(1, 0));
+    gain.d = DMatrix::from_element(1, 1, 3.0);
+    assert_eq!(
+        gain.transfer(0, 0, Complex::new(0.0, 2.0)),
+        Complex::from(3.0)
+    );
+}

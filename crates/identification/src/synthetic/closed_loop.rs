@@ -1,39 +1,66 @@
 //! Human and vehicle, step by step.
 
-use super::{Human, clip};
-use pilotage_models::{Quadcopter, quadcopter::N_STATES};
+use super::{Hands, Human, Signal, Vehicle};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// States of human and vehicle: `[x_v, s, ṡ]`.
-const N: usize = N_STATES + 2;
+/// States of a hand: wish behind its lag, arm, arm's rate.
+const PER_HAND: usize = 3;
+
+/// The remnant at the moment when a constant target appears [stick]. The shipped flights were made with it.
+const STARTLE: f64 = 0.04;
 
 /// Human and vehicle in closed loop, integrated by the classical Runge–Kutta method with a fixed step.
-pub struct Loop<'a> {
-    human: &'a Human,
-    vehicle: &'a Quadcopter,
-    target: f64,
+pub struct Loop<'a, V> {
+    hands: &'a Hands,
+    vehicle: &'a V,
+    targets: &'a [Signal],
     step: f64,
-    /// `[x_v, s, ṡ]`.
-    pub state: [f64; N],
-    /// Error [m] and its rate [m/s] at every step so far.
-    seen: Vec<(f64, f64)>,
-    /// Remnant [stick].
-    remnant: f64,
+    /// Steps so far.
+    steps: usize,
+    /// The vehicle's states, then those of the hands.
+    state: Vec<f64>,
+    /// Number of the vehicle's states.
+    n: usize,
+    /// Error and its rate in each axis at every step so far.
+    seen: Vec<Vec<(f64, f64)>>,
+    /// Remnant of each hand [stick].
+    remnants: Vec<f64>,
 }
 
-impl<'a> Loop<'a> {
-    /// At rest at position 0, the target just appearing.
-    pub fn new(human: &'a Human, vehicle: &'a Quadcopter, target: f64, step: f64) -> Self {
-        Self {
-            human,
+impl<'a, V: Vehicle> Loop<'a, V> {
+    /// At rest, the target just appearing.
+    pub fn new(
+        hands: &'a Hands,
+        vehicle: &'a V,
+        targets: &'a [Signal],
+        step: f64,
+        random: &mut ChaCha8Rng,
+    ) -> Self {
+        let mut state = vehicle.start();
+        let n = state.len();
+        state.resize(n + PER_HAND * targets.len(), 0.0);
+        let remnants = hands
+            .axes
+            .iter()
+            .zip(targets)
+            .map(|(human, target)| match target {
+                Signal::Constant(_) => STARTLE,
+                moving => deviation(human, moving) * normal(random),
+            });
+        let mut own = Self {
+            remnants: remnants.collect(),
+            seen: vec![Vec::new(); targets.len()],
+            steps: 0,
+            hands,
             vehicle,
-            target,
+            targets,
             step,
-            state: [0.0; N],
-            seen: vec![(target, 0.0)],
-            remnant: 0.04,
-        }
+            state,
+            n,
+        };
+        own.look();
+        own
     }
 
     /// Advances by one step; the remnant is held over it.
@@ -43,51 +70,164 @@ impl<'a> Loop<'a> {
         let k2 = self.derivative(&along(&self.state, &k1, h / 2.0), 0.5);
         let k3 = self.derivative(&along(&self.state, &k2, h / 2.0), 0.5);
         let k4 = self.derivative(&along(&self.state, &k3, h), 1.0);
-        for i in 0..N {
+        for i in 0..self.state.len() {
             self.state[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
-        self.seen
-            .push((self.target - self.state[0], -self.state[2]));
-        self.remnant = self.next_remnant(random);
+        self.steps += 1;
+        self.look();
+        for axis in 0..self.targets.len() {
+            self.remnants[axis] = self.next_remnant(axis, random);
+        }
+    }
+
+    /// Time of a point within the present step \[s\].
+    fn time(&self, fraction: f64) -> f64 {
+        (self.steps as f64 + fraction) * self.step
+    }
+
+    /// The vehicle's states.
+    pub fn vehicle_states(&self) -> &[f64] {
+        &self.state[..self.n]
+    }
+
+    /// The sticks, within their stops.
+    pub fn sticks(&self) -> Vec<f64> {
+        self.held(&self.state)
+    }
+
+    fn held(&self, state: &[f64]) -> Vec<f64> {
+        let hands = state[self.n..].chunks(PER_HAND).enumerate();
+        let held = hands.map(|(axis, hand)| {
+            let (low, high) = self.vehicle.stops(axis);
+            hand[1].clamp(low, high)
+        });
+        held.collect()
+    }
+
+    /// The positions now.
+    pub fn positions(&self) -> Vec<f64> {
+        self.observed()
+            .iter()
+            .map(|(position, _)| *position)
+            .collect()
+    }
+
+    /// What the vehicle has beside them.
+    pub fn others(&self) -> Vec<f64> {
+        self.vehicle
+            .record(self.time(0.0), self.vehicle_states(), &self.sticks())
+    }
+
+    /// Positions and rates now; a stick at its stop does not move.
+    fn observed(&self) -> Vec<(f64, f64)> {
+        let sticks = self.sticks();
+        let hands = self.state[self.n..].chunks(PER_HAND).zip(&self.hands.axes);
+        let rates = hands
+            .zip(&sticks)
+            .map(|((hand, human), stick)| match hand[1] == *stick {
+                true => human.limited(hand[2]),
+                false => 0.0,
+            });
+        let rates: Vec<f64> = rates.collect();
+        let (x, time) = (self.vehicle_states(), self.time(0.0));
+        let mut dx = vec![0.0; self.n];
+        self.vehicle.derivative(time, x, &sticks, &mut dx);
+        self.vehicle.observe(time, [x, &dx], [&sticks, &rates])
+    }
+
+    /// Notes the errors of now, for when they are seen.
+    fn look(&mut self) {
+        let time = self.time(0.0);
+        for (axis, (position, rate)) in self.observed().into_iter().enumerate() {
+            let (target, target_rate) = self.targets[axis].at(time);
+            self.seen[axis].push((target - position, target_rate - rate));
+        }
     }
 
     /// The remnant one step on: exact discretisation of an Ornstein–Uhlenbeck process.
-    fn next_remnant(&self, random: &mut ChaCha8Rng) -> f64 {
-        let deviation = self.human.remnant * self.human.gain * self.target.abs();
-        let decay = (-self.step / self.human.remnant_time).exp();
-        let deviate: f64 = StandardNormal.sample(random);
-        decay * self.remnant + deviation * (1.0 - decay * decay).sqrt() * deviate
+    fn next_remnant(&self, axis: usize, random: &mut ChaCha8Rng) -> f64 {
+        let human = &self.hands.axes[axis];
+        let decay = (-self.step / human.remnant_time).exp();
+        let deviate = normal(random);
+        let deviation = deviation(human, &self.targets[axis]);
+        decay * self.remnants[axis] + deviation * (1.0 - decay * decay).sqrt() * deviate
     }
 
     /// Error and rate as seen at `fraction` of the present step, a delay ago; nothing before the target
     /// appears. Between steps it is interpolated linearly.
-    fn seen(&self, fraction: f64) -> (f64, f64) {
-        let now = (self.seen.len() - 1) as f64 + fraction;
-        let at = now - self.human.delay / self.step;
+    fn seen(&self, axis: usize, fraction: f64) -> (f64, f64) {
+        let seen = &self.seen[axis];
+        let now = (seen.len() - 1) as f64 + fraction;
+        let at = now - self.hands.axes[axis].delay / self.step;
         if at < 0.0 {
             return (0.0, 0.0);
         }
         let (k, part) = (at.floor() as usize, at.fract());
-        let (a, b) = (self.seen[k], self.seen[(k + 1).min(self.seen.len() - 1)]);
+        let (a, b) = (seen[k], seen[(k + 1).min(seen.len() - 1)]);
         (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1))
     }
 
-    fn derivative(&self, x: &[f64; N], fraction: f64) -> [f64; N] {
-        let human = self.human;
-        let (error, rate) = self.seen(fraction);
-        let command = -human.gain * (error + human.lead * rate) + self.remnant;
-        let (arm, arm_rate) = (x[N_STATES], x[N_STATES + 1]);
-        let mut dx = [0.0; N];
+    /// What each hand is told, before lag and arm: its own axis and what leaks from the other.
+    fn commands(&self, fraction: f64) -> Vec<f64> {
+        let own = self.hands.axes.iter().enumerate().map(|(axis, human)| {
+            let (error, rate) = self.seen(axis, fraction);
+            self.vehicle.sign(axis) * human.gain * (error + human.lead * rate)
+        });
+        let own: Vec<f64> = own.collect();
+        let total: f64 = own.iter().sum();
+        let commands = own.iter().zip(&self.remnants).map(|(own, remnant)| {
+            let leak = match self.hands.coupling {
+                0.0 => 0.0,
+                coupling => coupling * (total - own),
+            };
+            own + leak + remnant
+        });
+        commands.collect()
+    }
+
+    fn derivative(&self, x: &[f64], fraction: f64) -> Vec<f64> {
+        let mut dx = vec![0.0; x.len()];
+        let (vehicle, hands) = dx.split_at_mut(self.n);
         self.vehicle
-            .derivative(&x[..N_STATES], clip(arm), &mut dx[..N_STATES]);
-        dx[N_STATES] = arm_rate;
-        dx[N_STATES + 1] =
-            human.frequency * (human.frequency * (command - arm) - 2.0 * human.damping * arm_rate);
+            .derivative(self.time(fraction), &x[..self.n], &self.held(x), vehicle);
+        let hands = hands.chunks_mut(PER_HAND).zip(x[self.n..].chunks(PER_HAND));
+        for ((hand, command), human) in hands.zip(self.commands(fraction)).zip(&self.hands.axes) {
+            human.derivative(hand.1, command, hand.0);
+        }
         dx
     }
 }
 
+impl Human {
+    /// A speed of the stick that the hand can have.
+    fn limited(&self, rate: f64) -> f64 {
+        rate.clamp(-self.stick_rate, self.stick_rate)
+    }
+
+    /// `[ẇ, ṡ, r̈]` of wish behind the lag, arm and arm's rate.
+    fn derivative(&self, hand: &[f64], command: f64, dx: &mut [f64]) {
+        let wish = match self.lag {
+            0.0 => command,
+            lag => {
+                dx[0] = (command - hand[0]) / lag;
+                hand[0]
+            }
+        };
+        dx[1] = self.limited(hand[2]);
+        dx[2] = self.frequency * (self.frequency * (wish - hand[1]) - 2.0 * self.damping * hand[2]);
+    }
+}
+
+/// Standard deviation of the remnant [stick].
+fn deviation(human: &Human, target: &Signal) -> f64 {
+    human.remnant * human.gain * target.size()
+}
+
+fn normal(random: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(random)
+}
+
 /// `x + h dx`.
-fn along(x: &[f64; N], dx: &[f64; N], h: f64) -> [f64; N] {
-    std::array::from_fn(|i| x[i] + h * dx[i])
+fn along(x: &[f64], dx: &[f64], h: f64) -> Vec<f64> {
+    x.iter().zip(dx).map(|(x, dx)| x + h * dx).collect()
 }

@@ -1,6 +1,9 @@
 //! The synthetic human against what it should be.
 
+mod moving;
+
 use super::*;
+use pilotage_models::Quadcopter;
 
 /// Greatest and last value of a column.
 fn peak_and_last(values: &[f64]) -> (f64, f64) {
@@ -103,7 +106,7 @@ fn what_cannot_be_flown_is_refused() {
     let error = Flights::default().fly(&wild, &Quadcopter::default()).err();
     assert_eq!(
         error.map(|error| error.to_string()).as_deref(),
-        Some("gain = NaN is out of range; expected 0.0001 to 10")
+        Some("gain = NaN is out of range; expected 0.000001 to 1000000")
     );
 }
 

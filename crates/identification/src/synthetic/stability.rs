@@ -1,0 +1,42 @@
+//! Whether a human holds a vehicle, by Nyquist's criterion: delays need no approximation.
+
+use super::{Hands, ModelVehicle, Vehicle};
+use nalgebra::{Complex, DMatrix};
+use std::f64::consts::PI;
+
+/// Growth [1/s] that is let pass: integrators are poles at 0.
+const GROWTH: f64 = 1e-3;
+
+/// Where the turns are counted [rad/s]; above it the loop's gain is nearly 0.
+const LOWEST: f64 = 1e-4;
+const HIGHEST: f64 = 1e4;
+
+/// Whether no mode of the linear loop grows by more than [`GROWTH`]: turns of `det(I + L)` about 0 along that line, upwards,
+/// are the vehicle's poles to the right of it less those of the closed loop there.
+pub fn is_stable(hands: &Hands, vehicle: &ModelVehicle) -> bool {
+    let poles = vehicle.linear().poles();
+    let unstable = poles.iter().filter(|pole| pole.re > GROWTH).count();
+    let frequencies = (0..)
+        .map(|k| LOWEST * 1.003_f64.powi(k))
+        .take_while(|w| *w < HIGHEST);
+    let mut last = return_difference(hands, vehicle, Complex::from(GROWTH));
+    // Of the upper half; the lower one is its mirror image.
+    let mut angle = 0.0;
+    for frequency in frequencies {
+        let next = return_difference(hands, vehicle, Complex::new(GROWTH, frequency));
+        angle += (next / last).arg();
+        last = next;
+    }
+    (angle / PI).round() == unstable as f64
+}
+
+/// `det(I + L(s))`, where L goes from the errors through the hands to the positions.
+fn return_difference(hands: &Hands, vehicle: &ModelVehicle, s: Complex<f64>) -> Complex<f64> {
+    let n = hands.axes.len();
+    let positions = DMatrix::from_fn(n, n, |i, j| vehicle.linear().transfer(i, j, s));
+    let sticks = DMatrix::from_fn(n, n, |i, j| {
+        let part = if i == j { 1.0 } else { hands.coupling };
+        hands.axes[i].arm(s) * hands.axes[j].eye(s) * (part * vehicle.sign(j))
+    });
+    (DMatrix::identity(n, n) + positions * sticks).determinant()
+}
