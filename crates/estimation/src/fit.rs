@@ -363,7 +363,8 @@ const SHORT_STEP: f64 = 0.01;
 /// How often a solve that makes no progress is begun again, with scales of the size that it has found.
 const RESCALED: usize = 3;
 
-fn solve(
+/// The nonlinear program solved from these variables in at most so many iterations, without a refinement of its mesh.
+pub fn solve(
     posed: &Posed<'_>,
     mut from: (Collocation, Vec<f64>),
     limit: usize,
