@@ -8,7 +8,7 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class Sought:
-    """A sought parameter: the model file's value, its range, its typical magnitude."""
+    """A sought parameter: the model file's value and its range."""
 
     start: float
     low: float = -ca.inf
@@ -109,7 +109,7 @@ CASES = [
     Case(
         "precision", "precision", "double_integrator", precision_loop, "hermite-simpson",
         humans=[(0.05, 3.0, 0.17, 12)], size=1.0, runs=3, samples=1201,
-        measured={"vehicle.position": ("position", 0.2)},
+        measured={"vehicle.position": ("position", 0.2), "pilot.stick": ("stick", 0.03)},
         limited=["pilot.stick"],
         sought={
             "pilot.gain": Sought(0.03),

@@ -32,36 +32,44 @@ def functions(case, states, parameters, inputs):
 
 
 class Posed:
-    """The scaled program: `nlp` and `limits` for CasADi's nlpsol."""
+    """The scaled program: `nlp` and `limits` for CasADi's nlpsol. Scales are parameters of it, so that it is built once
+    for all starts."""
 
-    def __init__(self, case, folder, answer, scales):
+    def __init__(self, case, folder, answer):
         self.case, self.states = case, answer["states"]
         self.abscissae, self.weights = SCHEMES[case.scheme]
         self.targets = [f"target{suffix}" for suffix in ["", "2"][: len(case.humans)]]
         self.f, self.h = functions(case, self.states, answer["parameters"], len(self.targets))
-        self.scale, self.scale_theta = np.array(scales["states"]), np.array(scales["parameters"])
         self.known = [k for k, name in enumerate(self.states) if name not in case.free]
-        self.factor = answer["factor"]
-        bar = ca.MX.sym("theta", len(self.scale_theta))
-        self.theta = bar * self.scale_theta
+        self.ranges = [case.sought[name] for name in answer["parameters"]]
+        self.scale = ca.MX.sym("scale", len(self.states))
+        scale_theta = ca.MX.sym("scale_theta", len(self.ranges))
+        bar = ca.MX.sym("theta", len(self.ranges))
+        self.theta = bar * scale_theta
         recordings = [columns(folder / f"run{number + 1}.csv") for number in range(case.runs)]
         runs = [self.run(f"x{j}", recording) for j, recording in enumerate(recordings)]
-        x, objective, defects, limited, fixed = zip(*runs)
+        x, objective, defects, limited, self.fixed = zip(*runs)
         self.defects = [defect.numel() for defect in defects]
-        equal, bounded = ca.vertcat(*defects), ca.vertcat(*limited)
+        self.limited = sum(own.numel() for own in limited)
         self.nlp = {
             "x": ca.vertcat(*map(ca.vec, x), bar),
-            "f": self.factor * sum(objective),
-            "g": ca.vertcat(equal, bounded),
+            "p": ca.vertcat(self.scale, scale_theta),
+            "f": answer["factor"] * sum(objective),
+            "g": ca.vertcat(*defects, *limited),
         }
-        self.ranges = [case.sought[name] for name in answer["parameters"]]
+        self.set_scales(answer["scales"])
+
+    def set_scales(self, scales):
+        """Takes other scales of states and parameters."""
+        self.scale_theta = np.array(scales["parameters"])
         low, high = self.theta_bounds()
-        zero, most = np.zeros(equal.numel()), np.full(bounded.numel(), LIMIT)
+        zero, most = np.zeros(sum(self.defects)), np.full(self.limited, LIMIT)
         self.limits = {
-            "lbx": np.concatenate([*[-own for own in fixed], low]),
-            "ubx": np.concatenate([*fixed, high]),
+            "lbx": np.concatenate([*[-own for own in self.fixed], low]),
+            "ubx": np.concatenate([*self.fixed, high]),
             "lbg": np.concatenate([zero, -most]),
             "ubg": np.concatenate([zero, most]),
+            "p": np.concatenate([scales["states"], scales["parameters"]]),
         }
 
     def sizes(self):

@@ -26,7 +26,7 @@ pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
         "parameters": parameters(&posed)?,
         "scales": scales(&problem.model.scales),
         "start": start,
-        "start_objective": objective(&problem, &start),
+        "probe": probe(&problem, &start),
         "factor": posed.factor,
         "setup_seconds": setup_seconds,
     });
@@ -83,11 +83,23 @@ fn scales(scales: &Scales) -> Value {
     json!({ "states": scales.states, "parameters": scales.parameters })
 }
 
-fn objective(problem: &Collocation, z: &[f64]) -> f64 {
+/// Objective, squares of the equalities and of the limited signals, away from the start by sin k in unknown k: where
+/// another program has the same three, it is the same problem.
+fn probe(problem: &Collocation, start: &[f64]) -> Value {
+    let shifted = start.iter().enumerate();
+    let z: Vec<f64> = shifted
+        .map(|(k, value)| value + PROBE * (k as f64).sin())
+        .collect();
     let mut equalities = vec![0.0; problem.n_equalities()];
     let mut inequalities = vec![0.0; problem.limits().0.len()];
-    problem.evaluate(z, &mut equalities, &mut inequalities)
+    let objective = problem.evaluate(&z, &mut equalities, &mut inequalities);
+    let limited = &inequalities[..problem.layout.parameter_constraints];
+    let squares = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+    json!([objective, squares(&equalities), squares(limited)])
 }
+
+/// How far the probe is from the start.
+const PROBE: f64 = 0.1;
 
 /// Names of the shared parameters in their order.
 fn parameters<'p>(posed: &'p Posed<'_>) -> Result<Vec<&'p str>, Failure> {

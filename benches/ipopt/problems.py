@@ -2,13 +2,15 @@
 
 import statistics
 
+import casadi as ca
 import humans
 import numpy as np
 from loops import CASES
 from posed import Posed
 from solvers import Ipopt, judge
 
-SAME_START = 1e-8  # relative difference of the objectives at the start
+SAME_PROBLEM = 1e-8  # relative difference of what is compared
+PROBE = 0.1  # as in posed.rs
 # IPOPT at its fastest, found by study.py for each problem.
 FASTEST = {name: {"mumps_pivot_order": 5, "nlp_scaling_method": "none"} for name in ("precision", "hover", "tracking")}
 
@@ -30,35 +32,42 @@ def cases(root, names, count):
             yield case, folder, humans.write(case, folder, count)
 
 
-def posed(case, folder, answer):
-    """The problem in CasADi; it is the same only with the same objective at the start."""
-    problem = Posed(case, folder, answer, answer["scales"])
-    x = problem.nlp["x"]
-    nothing = np.zeros(problem.nlp["g"].numel()), np.zeros(x.numel())
-    there, here = problem.kkt(answer["start"], *nothing)[0], answer["start_objective"]
-    if abs(there - here) > SAME_START * abs(here):
-        raise SystemExit(f"{case.name}: the objective at the start is {here} here, {there} in CasADi")
-    return problem
+def check(problem, answer):
+    """Ends where the problem is another one in CasADi: by the objective and the squares of equalities and limited
+    signals at a point near the start."""
+    start = np.array(answer["start"])
+    z = start + PROBE * np.sin(np.arange(len(start)))
+    values = ca.Function("values", [problem.nlp[k] for k in "xp"], [problem.nlp[k] for k in "fg"])
+    objective, g = (np.array(v).ravel() for v in values(z, problem.limits["p"]))
+    defects, limited = np.split(g, [sum(problem.defects)])
+    known = z[problem.limits["lbx"] == problem.limits["ubx"]]
+    here = [objective[0], defects @ defects + known @ known, limited @ limited]
+    if not np.allclose(here, answer["probe"], rtol=SAME_PROBLEM, atol=0):
+        raise SystemExit(f"{problem.case.name}: {here} in CasADi, {answer['probe']} here")
 
 
-def solve(ours, case, folder, file, options):
-    """One start: ours, IPOPT's and ours again."""
-    request = {"problem": str(file)}
-    answers = [ours.ask(request)]
-    problem = posed(case, folder, answers[0])
-    limits = options.max_iter, options.max_seconds
-    peer = Ipopt(problem, "exact", FASTEST[case.name], *limits).solve(answers[0]["start"])
-    answers.append(ours.ask(request))
-    if answers[0]["end_scales"] != answers[0]["scales"]:
-        problem = Posed(case, folder, answers[0], answers[0]["end_scales"])
-    return {
-        "problem": case.name,
-        "start": file.stem,
-        "unknowns": len(answers[0]["start"]),
-        "parameters": answers[0]["parameters"],
-        "ours": judge(problem, answers),
-        "ipopt": peer,
-    }
+def solves(ours, case, folder, files, options):
+    """Every start: ours, IPOPT's and ours again."""
+    peer = None
+    for name, file in files.items():
+        request = {"problem": str(file)}
+        answers = [ours.ask(request)]
+        if peer is None:
+            limits = options.max_iter, options.max_seconds
+            peer = Ipopt(Posed(case, folder, answers[0]), "exact", FASTEST[case.name], *limits)
+        peer.problem.set_scales(answers[0]["scales"])
+        check(peer.problem, answers[0])
+        found = peer.solve(answers[0]["start"])
+        answers.append(ours.ask(request))
+        peer.problem.set_scales(answers[0]["end_scales"])
+        yield {
+            "problem": case.name,
+            "start": name,
+            "unknowns": len(answers[0]["start"]),
+            "parameters": answers[0]["parameters"],
+            "ours": judge(peer.problem, answers),
+            "ipopt": found,
+        }
 
 
 def both(row):
@@ -130,8 +139,8 @@ def race(ours, root, options, same, write):
     rows = []
     print(HEAD + "\n" + "-" * len(HEAD), flush=True)
     for case, folder, files in cases(root, options.problems, options.starts):
-        for file in files.values():
-            rows.append(solve(ours, case, folder, file, options))
+        for row in solves(ours, case, folder, files, options):
+            rows.append(row)
             print(line(rows[-1]), flush=True)
             write(rows)
     print("\n" + summary(rows, same))

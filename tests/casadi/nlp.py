@@ -174,10 +174,10 @@ def kkt(nlp, limits, x, lam_g, lam_x):
     """Objective, and the KKT residual: stationarity, violation, complementarity, scaled as in
     Wächter & Biegler 2006, eq. 5."""
     x, lam_g, lam_x = (np.array(v).ravel() for v in (x, lam_g, lam_x))
-    z, m = nlp["x"], ca.MX.sym("m", nlp["g"].numel())
+    z, m, p = nlp["x"], ca.MX.sym("m", nlp["g"].numel()), nlp.get("p", ca.MX(0, 1))
     slope = ca.gradient(nlp["f"] + ca.dot(m, nlp["g"]), z)
-    values = ca.Function("values", [z, m], [nlp["f"], slope, nlp["g"]])(x, lam_g)
-    objective, slope, g = (np.array(v).ravel() for v in values)
+    values = ca.Function("values", [z, m, p], [nlp["f"], slope, nlp["g"]])
+    objective, slope, g = (np.array(v).ravel() for v in values(x, lam_g, limits.get("p", [])))
     lower = np.concatenate([limits["lbg"], limits["lbx"]])
     upper = np.concatenate([limits["ubg"], limits["ubx"]])
     held = np.isfinite(lower) | np.isfinite(upper)
