@@ -107,7 +107,11 @@ fn parameters<'p>(posed: &'p Posed<'_>) -> Result<Vec<&'p str>, Failure> {
     for (unknown, stands) in &posed.unknowns {
         match stands {
             Stands::Shared(k) => names[*k] = &unknown.name,
-            _ => return Err(format!("{}: one value for all runs alone is raced", unknown.name).into()),
+            _ => {
+                return Err(
+                    format!("{}: one value for all runs alone is raced", unknown.name).into(),
+                );
+            }
         }
     }
     Ok(names)
