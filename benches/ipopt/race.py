@@ -5,6 +5,8 @@ tolerance of the scaled KKT residual (1e-8), one thread each. From the repositor
     python3 benches/ipopt/race.py --data-sets 2 --schemes euler    a short one
     python3 benches/ipopt/race.py --trials runs/trials.toml --theta pilot.toml
                                                                    both solvers from that pilot's theta
+    python3 benches/ipopt/race.py --problems                       problem files: precision, hover, tracking
+    python3 benches/ipopt/race.py --problems hover --starts 2      a short one of them
 
 It makes a virtual environment with CasADi in .venv/casadi, builds race.rs and lets synthetic humans fly
 into target/race. A solve of ours stands between two of IPOPT's, so that a busy machine hits both, and
@@ -14,12 +16,14 @@ building of its functions is not counted. What our solver calls converged is con
 the multipliers that it found; the exit code is 1 when one is not.
 
 Trials of one's own must have been flown with the default vehicle: nlp.py has its numbers.
+
+Problem files are raced (problems.py) from the values of the model files and from others within a factor 3, with one
+start each and the samples as mesh; their equations in CasADi are in loops.py. IPOPT has the exact Hessian.
 """
 
 import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +33,6 @@ sys.path.insert(0, str(ROOT / "tests" / "casadi"))
 
 import environment
 
-ROUNDING = 1.1  # what another order of summation may add to the residual, as a factor
 SAME_OBJECTIVE = 1e-6  # relative
 ONE_THREAD = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"]
 
@@ -41,7 +44,8 @@ def arguments():
     add = parser.add_argument
     add("--data-sets", type=int, default=5, metavar="N", help="synthetic data sets (5)")
     add("--trials", type=Path, nargs="+", metavar="MANIFEST", help="these data sets instead")
-    add("--starts", type=int, default=4, metavar="N", help="the default ones, then random ones (4)")
+    add("--problems", nargs="*", metavar="NAME", help="problem files instead: all, or those called so")
+    add("--starts", type=int, metavar="N", help="the default ones, then random ones (4; of problem files 5)")
     add("--theta", type=Path, nargs="+", metavar="FILE", help="these starts instead: TOML or JSON")
     add("--schemes", nargs="+", default=["euler", "trapezoid"], metavar="SCHEME",
         choices=["euler", "trapezoid", "hermite-simpson"], help="euler and trapezoid")
@@ -52,7 +56,9 @@ def arguments():
     add("--max-seconds", type=float, default=120, metavar="S", help="of a solve, for both (120)")
     add("--repeats", type=int, default=3, metavar="N", help="of ours, around each of IPOPT's (3)")
     add("--json", type=Path, metavar="FILE", help="write everything there")
-    return parser.parse_args()
+    options = parser.parse_args()
+    options.starts = options.starts or (4 if options.problems is None else 5)
+    return options
 
 
 def build():
@@ -66,7 +72,7 @@ def build():
 
 def run_case(ours, case, options):
     """One start: ours and IPOPT's by turns."""
-    from solvers import Ipopt, fastest, problem_of
+    from solvers import Ipopt, fastest, judge, problem_of
 
     limits = options.max_iter, options.max_seconds
     answers = [ours.ask(case)]
@@ -86,29 +92,18 @@ def run_case(ours, case, options):
     }
 
 
-def judge(problem, answers):
-    """Our solve: the median of its repetitions, its residual according to CasADi."""
-    import numpy as np
-    from solvers import TOLERANCE
+def race_problems(ours, options):
+    import problems
 
-    # JSON has no NaN: where a value is not finite, there is None.
-    last = answers[-1]
-    for key in ("z", "lambda", "eta", "objective", "kkt"):
-        last[key] = np.array(last[key], float)
-    lam_g, lam_x = problem.multipliers(last["lambda"], last["eta"])
-    objective, parts = problem.kkt(last["z"], lam_g, lam_x)
-    converged = last["status"] == "converged"
-    same = abs(objective - last["objective"]) <= 1e-9 * abs(objective)
-    keep = ("status", "iterations", "theta", "setup_seconds")
-    return {key: last[key] for key in keep} | {
-        "objective": float(last["objective"]),
-        "kkt": float(last["kkt"]),
-        "seconds": statistics.median(s for a in answers for s in a["seconds"]),
-        "wall_seconds": statistics.median(s for a in answers for s in a["wall_seconds"]),
-        "converged": converged,
-        "kkt_by_casadi": max(parts),
-        "confirmed": bool(same and max(parts) <= ROUNDING * TOLERANCE),
-    }
+    def write(rows):
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=1) + "\n")
+
+    known = [case.name for case in problems.CASES]
+    options.problems = options.problems or known
+    if unknown := set(options.problems) - set(known):
+        raise SystemExit(f"no problem is called {', '.join(unknown)}; {', '.join(known)} are")
+    sys.exit(not problems.race(ours, ROOT, options, SAME_OBJECTIVE, write))
 
 
 def main():
@@ -122,6 +117,8 @@ def main():
 
     programs = build()
     ours = Ours(programs["race"], options.max_iter, options.max_seconds, options.repeats)
+    if options.problems is not None:
+        return race_problems(ours, options)
     manifests, thetas = options.trials, None
     if not manifests:
         folder = ROOT / "target" / "race"

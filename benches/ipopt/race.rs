@@ -7,6 +7,10 @@
 //! solve needs made anew, and the answer has the scales, the start and the final point with its
 //! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`. With `log` true it has
 //! every iteration too, but then the seconds are those of a solve that writes it.
+//!
+//! A request with `problem` names a problem file instead (posed.rs).
+
+mod posed;
 
 use pilotage::identification::problem;
 use pilotage::identification::solve::{SHORT_STEP, candidates};
@@ -32,6 +36,9 @@ fn main() -> Result<(), Failure> {
 }
 
 fn answer(request: &Value) -> Result<Value, Failure> {
+    if let Some(path) = request["problem"].as_str() {
+        return posed::answer(path.as_ref(), request);
+    }
     let manifest = PathBuf::from(text(request, "manifest")?);
     let set = TrialSet::read(&[manifest])?;
     let initial_state = text(request, "initial_state")?;

@@ -2,6 +2,7 @@
 has made its data sets:
 
     python3 benches/ipopt/study.py --data-sets 2 3 --starts 4
+    python3 benches/ipopt/study.py --problems tracking --starts 1    of a problem file
 
 Each setting solves the same cases; printed are how many converged, the median over the cases of its
 time relative to the first setting's, and the time of an iteration. solvers.py has the fastest.
@@ -53,6 +54,7 @@ def arguments():
     )
     add = parser.add_argument
     add("--data-sets", type=int, nargs="+", default=[2, 3], metavar="N", help="of target/race (2 3)")
+    add("--problems", nargs="+", metavar="NAME", help="problem files instead: precision hover tracking")
     add("--starts", type=int, default=4, metavar="N", help="of each (4)")
     add("--schemes", nargs="+", default=["euler", "trapezoid"])
     add("--initial-state", default="at-rest")
@@ -68,11 +70,25 @@ def problems(options):
     from solvers import Ours, problem_of
 
     ours = Ours(build()["race"], max_iterations=0, max_seconds=1, repeats=1)
+    if options.problems:
+        yield from posed(ours, options)
+        return
     folder = ROOT / "target" / "race"
     manifests = [folder / f"set{n}" / "trials.toml" for n in options.data_sets]
     for case in cases(ours, manifests, options.schemes, options.initial_state, options.starts):
         answer = ours.ask(case)
         yield problem_of(case, answer["scales"]), answer["start"]
+
+
+def posed(ours, options):
+    """Every problem file in CasADi, with its start."""
+    from posed import Posed
+    from problems import cases
+
+    for case, folder, files in cases(ROOT, options.problems, options.starts):
+        for file in files.values():
+            answer = ours.ask({"problem": str(file)})
+            yield Posed(case, folder, answer), answer["start"]
 
 
 def main():

@@ -167,20 +167,27 @@ class Problem:
         return np.concatenate([*lam_g, inequality]), lam_x
 
     def kkt(self, x, lam_g, lam_x):
-        """Objective, and the KKT residual: stationarity, violation, complementarity, scaled as in
-        Wächter & Biegler 2006, eq. 5."""
-        x, lam_g, lam_x = (np.array(v).ravel() for v in (x, lam_g, lam_x))
-        z, m = self.nlp["x"], ca.MX.sym("m", self.nlp["g"].numel())
-        slope = ca.gradient(self.nlp["f"] + ca.dot(m, self.nlp["g"]), z)
-        values = ca.Function("values", [z, m], [self.nlp["f"], slope, self.nlp["g"]])(x, lam_g)
-        objective, slope, g = (np.array(v).ravel() for v in values)
-        lower, upper = self.limits["lbg"], self.limits["ubg"]
-        fixed = self.limits["lbx"] == self.limits["ubx"]
-        violation = np.concatenate([lower - g, g - upper, np.abs(x - self.limits["lbx"])[fixed]])
-        inequality = lower < upper
-        distance = np.where(lam_g > 0, upper - g, g - lower)[inequality]
-        product = np.abs(lam_g[inequality]) * np.where(np.isfinite(distance), distance, 1)
-        scale = lambda lam: max(np.abs(lam).mean(), MULTIPLIER_SCALE) / MULTIPLIER_SCALE
-        dual = np.abs(slope + lam_x).max() / scale(np.concatenate([lam_g, lam_x[fixed]]))
-        parts = dual, violation.max(), product.max() / scale(lam_g[inequality])
-        return float(objective[0]), [float(part) for part in parts]
+        return kkt(self.nlp, self.limits, x, lam_g, lam_x)
+
+
+def kkt(nlp, limits, x, lam_g, lam_x):
+    """Objective, and the KKT residual: stationarity, violation, complementarity, scaled as in
+    Wächter & Biegler 2006, eq. 5."""
+    x, lam_g, lam_x = (np.array(v).ravel() for v in (x, lam_g, lam_x))
+    z, m, p = nlp["x"], ca.MX.sym("m", nlp["g"].numel()), nlp.get("p", ca.MX(0, 1))
+    slope = ca.gradient(nlp["f"] + ca.dot(m, nlp["g"]), z)
+    values = ca.Function("values", [z, m, p], [nlp["f"], slope, nlp["g"]])
+    objective, slope, g = (np.array(v).ravel() for v in values(x, lam_g, limits.get("p", [])))
+    lower = np.concatenate([limits["lbg"], limits["lbx"]])
+    upper = np.concatenate([limits["ubg"], limits["ubx"]])
+    held = np.isfinite(lower) | np.isfinite(upper)
+    value, multiplier = np.concatenate([g, x])[held], np.concatenate([lam_g, lam_x])[held]
+    lower, upper = lower[held], upper[held]
+    violation = np.maximum(lower - value, value - upper)
+    inequality = lower < upper
+    distance = np.where(multiplier > 0, upper - value, value - lower)[inequality]
+    product = np.abs(multiplier[inequality]) * np.where(np.isfinite(distance), distance, 1)
+    scale = lambda lam: max(np.abs(lam).mean(), MULTIPLIER_SCALE) / MULTIPLIER_SCALE
+    dual = np.abs(slope + lam_x).max() / scale(multiplier)
+    parts = dual, violation.max(), product.max() / scale(multiplier[inequality])
+    return float(objective[0]), [float(part) for part in parts]

@@ -14,7 +14,7 @@ mod solve;
 
 pub use begin::{begin, factor};
 pub use refine::Refinement;
-pub use solve::Solved;
+pub use solve::{SeeIterates, Solved, solve};
 
 use crate::diagnostics::diagnostics;
 use crate::posed::Posed;

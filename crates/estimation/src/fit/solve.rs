@@ -20,14 +20,14 @@ const SHORT_STEP: f64 = 0.01;
 const RESCALED: usize = 3;
 
 /// Sees each iterate of a solve.
-pub(super) type See<'a> = dyn Fn(&Iteration) -> ControlFlow<Status> + Sync + 'a;
+pub type SeeIterates<'a> = dyn Fn(&Iteration) -> ControlFlow<Status> + Sync + 'a;
 
 /// Solves from a point, with other scales where it makes no progress.
-pub(super) fn solve(
+pub fn solve(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
     limit: usize,
-    see: &See<'_>,
+    see: &SeeIterates<'_>,
 ) -> Solved {
     let mut solved = once(posed, from, limit, see);
     for _ in 0..RESCALED {
@@ -44,7 +44,7 @@ pub(super) fn once(
     posed: &Posed<'_>,
     (problem, z): (Collocation, Vec<f64>),
     limit: usize,
-    see: &See<'_>,
+    see: &SeeIterates<'_>,
 ) -> Solved {
     let options = SqpOptions {
         tolerance: posed.file.options.tolerance,
