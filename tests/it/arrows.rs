@@ -31,7 +31,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     (
         "crates/identification/src/synthetic",
-        &["models", "series", "linear"],
+        &["models", "sdk", "series", "linear"],
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.
     ("crates/fmi/src/message", &["abi"]),
