@@ -767,8 +767,11 @@ fn stability(root: TomlTable<'_>) -> Read<Stability> {
     })
 }
 
-/// Most starts of a fit, and most iterations of each.
+/// Most iterations of a start.
 const MOST: usize = 100_000;
+
+/// Most starts of a fit: each is held until the best is known.
+const MOST_STARTS: usize = 1000;
 
 fn options(root: TomlTable<'_>) -> Read<Options> {
     let mut options = Options::default();
@@ -804,7 +807,7 @@ fn options(root: TomlTable<'_>) -> Read<Options> {
     }
     options.mesh = word(table, "mesh", &[("samples", Mesh::Samples)], options.mesh)?;
     options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
-    options.starts = whole(table, "starts", options.starts, MOST)?;
+    options.starts = whole(table, "starts", options.starts, MOST_STARTS)?;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, MOST)?;
     Ok(options)
 }
