@@ -44,7 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], [`diagnostics`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
+//! | [`result`], `likelihood`, [`diagnostics`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
 
 mod assembly;
 pub mod data;
@@ -56,6 +56,7 @@ pub mod fit;
 mod followed;
 mod interval;
 pub mod joint;
+mod likelihood;
 mod names;
 pub mod part;
 pub mod posed;

@@ -93,10 +93,11 @@ impl Fit {
             .map(|j| problem.states_at_samples(z, j))
             .collect();
         let runs = Self::runs(posed, problem, z);
-        let (mut chi2, mut logs, mut samples) = (0.0, 0.0, 0);
+        let (mut chi2, mut surprise, mut samples) = (0.0, 0.0, 0);
         for (j, run) in runs.iter().enumerate() {
             let weight = posed.data[j].line.weight;
             for k in 0..run.predicted.len() {
+                let noise = posed.file.measured[k].noise;
                 for ((y, h), sd) in run.recorded[k]
                     .iter()
                     .zip(&run.predicted[k])
@@ -104,19 +105,18 @@ impl Fit {
                 {
                     if y.is_finite() {
                         samples += 1;
-                        chi2 += weight * ((y - h) / sd).powi(2);
-                        logs += 2.0 * sd.ln();
+                        chi2 += weight * noise.residual(*y, *h, *sd).powi(2);
+                        surprise += weight * noise.surprise(*y, *h, *sd);
                     }
                 }
             }
         }
         let objective = solution.iterate.f / posed.factor;
-        let constant = samples as f64 * (2.0 * std::f64::consts::PI).ln();
         Self {
             status: solution.status,
             objective,
             chi2,
-            nllh: 0.5 * (chi2 + logs + constant),
+            nllh: 0.5 * surprise,
             samples,
             parameters: parameters(posed, &states, &theta),
             iterations: solution.work.iterations,

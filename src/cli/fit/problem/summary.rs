@@ -1,6 +1,7 @@
 //! What a fit of a problem gave, for people and for scripts.
 
 use crate::cli::format::aligned;
+use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::{Fit, Posed};
 use crate::report::significant;
@@ -103,7 +104,7 @@ fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
 fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
     let mut all = Map::new();
     for (k, measured) in posed.file.measured.iter().enumerate() {
-        let (residual, relative) = rms(run, k);
+        let (residual, relative) = rms(run, k, measured.noise);
         all.insert(
             measured.column.value.clone(),
             json!({ "rms_residual": residual, "rms_per_sd": relative }),
@@ -113,7 +114,7 @@ fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
 }
 
 /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation.
-fn rms(run: &RunFit, k: usize) -> (f64, f64) {
+fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
     let samples = run.recorded[k]
         .iter()
         .zip(&run.predicted[k])
@@ -121,7 +122,7 @@ fn rms(run: &RunFit, k: usize) -> (f64, f64) {
     let (mut plain, mut relative, mut count) = (0.0, 0.0, 0.0_f64);
     for ((y, h), sd) in samples.filter(|((y, _), _)| y.is_finite()) {
         plain += (y - h).powi(2);
-        relative += ((y - h) / sd).powi(2);
+        relative += noise.residual(*y, *h, *sd).powi(2);
         count += 1.0;
     }
     ((plain / count).sqrt(), (relative / count).sqrt())
@@ -185,7 +186,7 @@ fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
     for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
-            let (plain, relative) = rms(run, k);
+            let (plain, relative) = rms(run, k, measured.noise);
             let name = match usage {
                 "fit" => run.name.clone(),
                 _ => format!("{} ({usage})", run.name),
