@@ -153,7 +153,11 @@ pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
         return text.to_owned();
     };
     let parameters = document.root().table("parameters").ok().flatten();
-    let place = |name: &str| parameters?.table(name).ok()??.bytes("start");
+    // `gain = { start = 0.5 }`, or `gain = 0.5` in short.
+    let place = |name: &str| match parameters?.is_table(name) {
+        true => parameters?.table(name).ok()??.bytes("start"),
+        false => parameters?.bytes(name),
+    };
     let mut places: Vec<_> = (values.iter())
         .filter_map(|(name, value)| Some((place(name)?, number(*value))))
         .collect();
@@ -539,5 +543,19 @@ pub(crate) fn constant(value: f64) -> Formula {
     Formula {
         expression: Expression::number(value),
         bytes: vec![0],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_starts;
+
+    #[test]
+    fn starts_are_changed_however_they_are_written() {
+        let text = "[parameters]\na = 0.5 # short\n\"b\" = 1\nc = { start = 2.0, min = 0 }\n[parameters.d]\nstart = 3\n";
+        let values = [("a", 7.0), ("b", 8.0), ("c", 9.0), ("d", 10.0), ("e", 11.0)];
+        let changed = with_starts(text, &values.map(|(name, value)| (name.to_owned(), value)));
+        let expected = "[parameters]\na = 7.0 # short\n\"b\" = 8.0\nc = { start = 9.0, min = 0 }\n[parameters.d]\nstart = 10.0\n";
+        assert_eq!(changed, expected);
     }
 }
