@@ -3,7 +3,8 @@
 use crate::fit::begin;
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
-use crate::starts::{Start, given};
+use crate::starts::given;
+use pilotage_collocation::Collocation;
 use pilotage_sqp::Problem;
 
 /// A problem at its start values: the states are simulated, and begin where the problem says, or at their guesses.
@@ -24,32 +25,23 @@ const STEP: f64 = 1e-5;
 pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     let start = given(posed);
     let mut gradient = Vec::new();
-    let mut own = posed.shared;
     for (unknown, stands) in &posed.unknowns {
         let size = unknown.searched_nominal().unwrap_or(1.0) * STEP;
-        let places: Vec<(Option<&String>, usize)> = match stands {
-            Stands::Shared(k) => vec![(None, *k)],
-            Stands::Subjects(all) => all.iter().map(|(subject, k)| (Some(subject), *k)).collect(),
-            Stands::State(_) => {
-                own += 1;
-                vec![(None, own - 1)]
-            }
-        };
-        for (subject, place) in places {
+        for (k, place) in posed.places(stands).into_iter().enumerate() {
             let moved = |by: f64| {
                 let mut theta = start.clone();
                 theta.parameters[place] += by;
-                objective(posed, &theta)
+                objective(posed, &begin(posed, &theta))
             };
-            let name = match subject {
-                Some(subject) => format!("{} ({subject})", unknown.name),
-                None => unknown.name.clone(),
+            let name = match stands {
+                Stands::Subjects(all) => format!("{} ({})", unknown.name, all[k].0),
+                Stands::Shared(_) | Stands::State(_) => unknown.name.clone(),
             };
             gradient.push((name, (moved(size) - moved(-size)) / (2.0 * size)));
         }
     }
-    let (problem, z) = begin(posed, &start);
-    let runs = Fit::runs(posed, &problem, &z);
+    let at_start = begin(posed, &start);
+    let runs = Fit::runs(posed, &at_start.0, &at_start.1);
     let residuals = runs.iter().map(|run| {
         let signals = run.recorded.iter().zip(&run.predicted).zip(&run.deviations);
         let residual = |((y, h), sd): ((&Vec<f64>, &Vec<f64>), &Vec<f64>)| -> Vec<f64> {
@@ -62,15 +54,14 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
         signals.map(residual).collect()
     });
     Evaluation {
-        objective: objective(posed, &start),
+        objective: objective(posed, &at_start),
         gradient,
         residuals: residuals.collect(),
     }
 }
 
-fn objective(posed: &Posed<'_>, start: &Start) -> f64 {
-    let (problem, z) = begin(posed, start);
+fn objective(posed: &Posed<'_>, (problem, z): &(Collocation, Vec<f64>)) -> f64 {
     let mut equalities = vec![0.0; problem.n_equalities()];
     let mut inequalities = vec![0.0; problem.limits().0.len()];
-    problem.evaluate(&z, &mut equalities, &mut inequalities) / posed.factor
+    problem.evaluate(z, &mut equalities, &mut inequalities) / posed.factor
 }

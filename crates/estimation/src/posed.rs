@@ -105,6 +105,14 @@ pub struct Told {
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
 impl<'f> Posed<'f> {
+    /// Where an unknown stands among the parameters of a [start](crate::starts::Start).
+    pub(crate) fn places(&self, stands: &Stands) -> Vec<usize> {
+        match stands {
+            Stands::State(k) => vec![self.shared + k - self.joint.model.states.len()],
+            shared => shared.variables(0),
+        }
+    }
+
     /// Name of the unit of what was measured, by its number, where it has one.
     pub fn unit_of(&self, k: usize) -> Option<&str> {
         self.file.measured[k].unit(&self.joint)

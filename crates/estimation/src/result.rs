@@ -59,6 +59,23 @@ pub struct Found {
     pub bound: Option<f64>,
 }
 
+impl Found {
+    /// Its values, each with the parameter's name and, in brackets, whose it is.
+    pub fn named(&self) -> impl Iterator<Item = (String, f64)> {
+        let named = |(label, value): &(Option<String>, f64)| match label {
+            Some(label) => (format!("{} ({label})", self.name), *value),
+            None => (self.name.clone(), *value),
+        };
+        self.values.iter().map(named)
+    }
+
+    /// The mean of its values.
+    pub fn mean(&self) -> f64 {
+        let sum: f64 = self.values.iter().map(|(_, value)| value).sum();
+        sum / self.values.len() as f64
+    }
+}
+
 /// A run.
 #[derive(Debug, Clone)]
 pub struct RunFit {

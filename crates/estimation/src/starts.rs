@@ -1,6 +1,6 @@
 //! Where the search begins: at the given start, and elsewhere in the ranges.
 
-use crate::posed::{Posed, Stands};
+use crate::posed::Posed;
 use crate::unknowns::Unknown;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -61,16 +61,8 @@ fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let size = posed.shared + (posed.states.len() - posed.joint.model.states.len());
     let mut starts = vec![vec![0.0; size]; count];
-    let mut state = posed.shared;
     for (unknown, stands) in &posed.unknowns {
-        let places: Vec<usize> = match stands {
-            Stands::Shared(k) => vec![*k],
-            Stands::Subjects(all) => all.iter().map(|(_, k)| *k).collect(),
-            Stands::State(_) => {
-                state += 1;
-                vec![state - 1]
-            }
-        };
+        let places = posed.places(stands);
         let values = column(unknown, count, &mut random);
         for (start, value) in starts.iter_mut().zip(values) {
             places.iter().for_each(|k| start[*k] = value);

@@ -43,7 +43,7 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
         .retain(|line| is_name(line) && line.value.is_some());
     for found in fit.parameters.iter().filter(|found| !found.is_tied) {
         if let Some((measured, what)) = sensor(&file, &found.name) {
-            let formula = Calibration::Formula(Formula::of_number(mean(found)));
+            let formula = Calibration::Formula(Formula::of_number(found.mean()));
             match what {
                 "gain" => file.measured[measured].gain = formula,
                 _ => file.measured[measured].offset = formula,
@@ -76,7 +76,7 @@ fn line(found: &Found) -> Sought {
     let is_own = !found.name.contains('.');
     Sought {
         name: Said::from(found.name.clone()),
-        start: Some(mean(found)),
+        start: Some(found.mean()),
         min: None,
         max: None,
         nominal: None,
@@ -99,9 +99,4 @@ fn set_subject(run: &mut RunLine, found: &Found) {
             value: Formula::of_number(*value),
         });
     }
-}
-
-fn mean(found: &Found) -> f64 {
-    let sum: f64 = found.values.iter().map(|(_, value)| value).sum();
-    sum / found.values.len() as f64
 }

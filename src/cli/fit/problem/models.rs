@@ -71,7 +71,7 @@ impl Fitted {
             if let [(_, _), _, ..] = found.values.as_slice() {
                 head += &format!("# {name} is the mean of {}\n", each(found));
             }
-            values.push((name.to_owned(), mean(found)));
+            values.push((name.to_owned(), found.mean()));
         }
         for setting in posed.file.system.settings_of(&self.instance) {
             let is_found = values.iter().any(|(name, _)| name == setting.0);
@@ -116,9 +116,4 @@ fn each(found: &Found) -> String {
         .iter()
         .map(|(own, value)| format!("{value} ({})", label(own)));
     all.collect::<Vec<_>>().join(", ")
-}
-
-fn mean(found: &Found) -> f64 {
-    let sum: f64 = found.values.iter().map(|(_, value)| value).sum();
-    sum / found.values.len() as f64
 }

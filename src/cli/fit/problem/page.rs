@@ -1,7 +1,7 @@
 //! The report of a problem: each measured signal as it was recorded and as the model has it.
 
 use super::summary::Outcomes;
-use crate::report::{Made, Overlay, overlay_page};
+use crate::report::{Made, Overlay, overlay_page, significant};
 
 /// The page.
 pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
@@ -23,16 +23,9 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     let title = format!("fit of {}", posed.file.file);
     let mut rows = Vec::new();
     for found in &fit.parameters {
-        for (label, value) in &found.values {
-            let label = label
-                .as_ref()
-                .map_or(String::new(), |label| format!(" ({label})"));
+        for (name, value) in found.named() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([
-                format!("{}{label}", found.name),
-                crate::report::significant(*value, 7),
-                unit,
-            ]);
+            rows.push([name, significant(value, 7), unit]);
         }
     }
     overlay_page(&title, &fit.verdict(), &rows, &figures, made)

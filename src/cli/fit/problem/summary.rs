@@ -170,13 +170,9 @@ fn parameter_rows(fit: &Fit) -> Vec<[String; 4]> {
             (false, Some(bound)) => format!("at its bound {bound}"),
             (false, None) => String::new(),
         };
-        for (label, value) in &found.values {
-            let name = match label {
-                Some(label) => format!("{} ({label})", found.name),
-                None => found.name.clone(),
-            };
+        for (name, value) in found.named() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([name, significant(*value, 7), unit, remark.clone()]);
+            rows.push([name, significant(value, 7), unit, remark.clone()]);
         }
     }
     rows
