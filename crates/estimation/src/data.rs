@@ -119,6 +119,11 @@ impl<'f> RunData<'f> {
         start.map_or(self.series.time[0], |start| start.value)
     }
 
+    /// When it ends \[s\].
+    pub fn end(&self) -> f64 {
+        self.series.time[self.series.time.len() - 1]
+    }
+
     /// A column in a unit.
     ///
     /// # Errors

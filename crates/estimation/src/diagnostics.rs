@@ -1,5 +1,6 @@
 //! What speaks against taking a result at its word.
 
+use crate::events::{Event, events};
 use crate::file::Mesh;
 use crate::fit::{Refinement, Solved};
 use crate::posed::Posed;
@@ -35,6 +36,15 @@ pub enum Diagnostic {
         /// How many converged.
         converged: usize,
     },
+    /// An FMU would have an event in a run.
+    Event(Event),
+    /// What the description of an FMU says is not so.
+    Description {
+        /// The instance.
+        instance: String,
+        /// What.
+        note: String,
+    },
     /// Along some direction the objective is flat: the data do not tell all parameters apart.
     Flat(f64),
 }
@@ -59,6 +69,8 @@ impl Diagnostic {
             Self::MeshMoves(_) => "mesh-moves",
             Self::Alone { .. } => "alone",
             Self::Flat(_) => "flat",
+            Self::Event(_) => "event",
+            Self::Description { .. } => "fmu-description",
         }
     }
 }
@@ -94,6 +106,8 @@ impl fmt::Display for Diagnostic {
                 "of {converged} starts that converged, one alone led to this optimum: there may be better ones; raise \
                  `starts`"
             ),
+            Self::Event(event) => event.fmt(f),
+            Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(
                 f,
                 "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not tell all \
@@ -117,6 +131,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     if growth > GROWTH && !posed.file.system.connections.is_empty() {
         all.push(Diagnostic::UnstableLoop(growth));
     }
+    all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
@@ -131,6 +146,14 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .map(Diagnostic::Flat),
     );
     all.extend(of_starts(fit));
+    for (instance, part) in &posed.joint.parts {
+        let notes = part.fmu.iter().flat_map(|fmu| fmu.notes.iter().cloned());
+        let instance = instance.clone();
+        all.extend(notes.map(|note| Diagnostic::Description {
+            instance: instance.clone(),
+            note,
+        }));
+    }
     all.extend(of_mesh(posed, &fit.refinement));
     all
 }

@@ -24,7 +24,7 @@ pub fn intervals(graph: &Graph, variables: &[Interval]) -> Vec<Interval> {
                 let [a, b] = [found[a.index()], found[b.index()]];
                 [a[0].min(b[0]), a[1].max(b[1])]
             }
-            Operation::Lookup(..) => ALL,
+            Operation::Lookup(..) | Operation::Call(..) => ALL,
         };
         found.push(match own.iter().any(|end| end.is_nan()) {
             true => ALL,

@@ -87,7 +87,9 @@ impl Joint {
         let mut names: Vec<String> = Vec::new();
         for (instance, part) in &self.parts {
             let model = &part.model;
-            for own in [&model.outputs, &model.states, &model.inputs] {
+            let hidden = part.fmu.as_ref().map_or(0, |fmu| fmu.indicators.len());
+            let outputs = &model.outputs[..model.outputs.len() - hidden];
+            for own in [outputs, &model.states, &model.inputs] {
                 names.extend(own.iter().map(|name| format!("{instance}.{name}")));
             }
         }

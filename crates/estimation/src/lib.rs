@@ -44,13 +44,14 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `likelihood`, [`diagnostics`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
+//! | [`result`], `likelihood`, [`diagnostics`], [`events`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
 
 mod assembly;
 pub mod data;
 pub mod diagnostics;
 pub mod error;
 pub mod evaluate;
+pub mod events;
 pub mod file;
 pub mod fit;
 mod followed;

@@ -1,15 +1,22 @@
 //! The instances of a problem as equations.
 
 use crate::error::ProblemError;
-use pilotage_cosim::description::{InstanceDescription, InstanceSource};
-use pilotage_expression::{Model, Node};
+use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
+use pilotage_expression::{Model, Node, Opaque};
+use pilotage_fmi_equations::{EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
 use pilotage_language::{Compiled, ModelFileError, parse};
 use pilotage_models::{library, traced};
 use pilotage_sdk::{Equations, Table};
 use pilotage_text::document::DocumentError;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
+use pilotage_units::Base;
 use std::collections::HashMap;
+use std::error::Error;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// An instance's model.
 #[derive(Debug, Clone)]
@@ -24,6 +31,23 @@ pub struct Part {
     pub variables: HashMap<String, About>,
     /// Its model file, where it has one.
     pub file: Option<Box<Compiled>>,
+    /// Its FMU, where it is one.
+    pub fmu: Option<FmuPart>,
+}
+
+/// What an instance that is an FMU has beside its equations.
+#[derive(Debug, Clone)]
+pub struct FmuPart {
+    /// The file.
+    pub path: PathBuf,
+    /// Its event indicators among the outputs, each with its value where the FMU starts.
+    pub indicators: Vec<(String, f64)>,
+    /// The first time event \[s\].
+    pub next_event: Option<f64>,
+    /// What of its description is not so.
+    pub notes: Vec<String>,
+    /// Its function, which knows why it had no values.
+    pub function: Arc<dyn Opaque>,
 }
 
 /// What is known of a variable.
@@ -68,10 +92,41 @@ impl Part {
         Self {
             limits: compiled.limits.clone(),
             file: Some(Box::new(compiled)),
+            fmu: None,
             model,
             starts,
             variables,
         }
+    }
+
+    /// The instance that an FMU for model exchange is.
+    ///
+    /// # Errors
+    /// When it cannot be loaded, or has no equations.
+    pub fn of_fmu(path: &Path) -> Result<Self, EquationsError> {
+        let equations = pilotage_fmi_equations::open(path)?;
+        let FmuEquations { model, starts, .. } = equations;
+        // Of an output that is a state the state is told first.
+        let mut variables = HashMap::new();
+        for own in &equations.variables {
+            variables
+                .entry(own.name.clone())
+                .or_insert_with(|| of_fmu(own));
+        }
+        Ok(Self {
+            limits: vec![None; model.outputs.len()],
+            fmu: Some(FmuPart {
+                path: path.to_owned(),
+                indicators: equations.indicators,
+                next_event: equations.next_event,
+                notes: equations.notes,
+                function: equations.function,
+            }),
+            file: None,
+            starts,
+            variables,
+            model,
+        })
     }
 
     /// The instance that equations in Rust describe.
@@ -92,9 +147,22 @@ impl Part {
                 .collect(),
             limits: vec![None; model.outputs.len()],
             file: None,
+            fmu: None,
             variables,
             model,
         })
+    }
+}
+
+fn of_fmu(variable: &FmuVariable) -> About {
+    // Units that nobody knows cannot be checked.
+    let known = |name: &&String| Base::of(name).is_some();
+    About {
+        unit: variable.unit.as_ref().filter(known).cloned(),
+        start: variable.start,
+        min: variable.min,
+        max: variable.max,
+        nominal: variable.nominal,
     }
 }
 
@@ -121,13 +189,26 @@ fn about(variable: &Variable) -> About {
     }
 }
 
-/// Opens a built-in model or a model file.
+/// Opens a built-in model, a model file or an FMU.
 ///
 /// # Errors
 /// When there is none, or it has a mistake.
 pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
     let place = instance.source.place.as_ref();
     let fault = |text: String| ProblemError::maybe_at(place, text);
+    match instance.source.value.file().filter(|file| is_fmu(file)) {
+        Some(file) if instance.interface == Some(Interface::CoSimulation) => {
+            return Err(fault(format!(
+                "{} is taken for co-simulation here, which hides its equations; a fit needs kind = \"me\"",
+                file.display()
+            )));
+        }
+        Some(file) => {
+            let bad = |error: EquationsError| fault(in_full(file, &error));
+            return Part::of_fmu(file).map_err(bad);
+        }
+        None => {}
+    }
     if instance.interface.is_some() {
         let text = "`kind` says what an FMU is used for, and this is none; leave it out";
         return Err(fault(text.to_owned()));
@@ -177,6 +258,25 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
         }
     };
     Ok(Part::of_file(compiled))
+}
+
+/// Whether a file is an archive, or a folder of an unpacked FMU.
+fn is_fmu(path: &Path) -> bool {
+    let mut first = [0; 4];
+    let is_archive =
+        |mut file: File| file.read_exact(&mut first).is_ok() && &first == b"PK\x03\x04";
+    path.join("modelDescription.xml").is_file() || File::open(path).is_ok_and(is_archive)
+}
+
+/// An error about a file with its causes, in one line.
+fn in_full(file: &Path, error: &dyn Error) -> String {
+    let mut text = format!("{}: {error}", file.display());
+    let mut cause = error.source();
+    while let Some(own) = cause {
+        text += &format!(": {own}");
+        cause = own.source();
+    }
+    text
 }
 
 fn unknown(name: &str) -> String {

@@ -8,6 +8,7 @@
 use crate::assembly::Assembly;
 use crate::data::RunData;
 use crate::error::ProblemError;
+use crate::events::check_times;
 use crate::file::ProblemFile;
 use crate::fit::factor;
 use crate::followed::{Followed, Recorded};
@@ -132,6 +133,7 @@ impl<'f> Posed<'f> {
         let named = Named::new(file, &joint, &parameters)?;
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
+        check_times(file, &joint, &data)?;
         let made = Assembly::new(file, &joint, &parameters, &named, &data)?.finish()?;
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));

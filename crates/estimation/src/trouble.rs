@@ -1,6 +1,8 @@
 //! Where a problem stops being finite at its start.
 
 use crate::fit::begin;
+use crate::joint::Joint;
+use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::variables;
 use crate::starts::Start;
@@ -68,6 +70,12 @@ fn in_instances(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
         let model = &part.model;
         let x = &at[1 + first..][..model.states.len()];
         first += model.states.len();
+        if let Some(fmu) = &part.fmu {
+            let prefix = format!("{instance}.");
+            if let Some(text) = of_fmu(joint, fmu, &prefix, &values) {
+                return Some(format!("`{instance}`, {text}"));
+            }
+        }
         let Some(file) = &part.file else { continue };
         let input = |name: &String| {
             let node = joint.signal(&format!("{instance}.{name}"));
@@ -89,4 +97,17 @@ fn in_instances(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
         }
     }
     None
+}
+
+/// What an FMU says of a derivative or an output of its own that is not finite.
+fn of_fmu(joint: &Joint, fmu: &FmuPart, prefix: &str, values: &[f64]) -> Option<String> {
+    let (model, system) = (&joint.model, &joint.model.system);
+    let states = model.states.iter().zip(&system.derivatives);
+    let outputs = model.outputs.iter().zip(&system.outputs);
+    let mut own = states
+        .chain(outputs)
+        .filter(|(name, _)| name.starts_with(prefix));
+    own.find(|(_, node)| !values[node.index()].is_finite())?;
+    let name = fmu.path.display();
+    Some(format!("{name}, {}", fmu.function.trouble()?))
 }

@@ -71,6 +71,17 @@ impl Graph {
                 let slope = self.curves()[curve as usize].slope();
                 vec![(a, self.lookup(&slope.into(), a))]
             }
+            Operation::Call(call, partial) => {
+                let call = self.calls()[call as usize].clone();
+                let mut slopes = Vec::new();
+                for (place, argument) in call.taken(partial) {
+                    if let Some(higher) = partial.by(place) {
+                        let slope = self.call(&call.function, &call.arguments, higher);
+                        slopes.push((argument, slope));
+                    }
+                }
+                slopes
+            }
         }
     }
 

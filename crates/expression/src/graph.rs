@@ -2,6 +2,7 @@
 //! is built.
 
 use super::curve::Curve;
+use super::opaque::{Call, Opaque, Partial};
 use super::operation::{Function, Operation, Operator};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -29,6 +30,7 @@ pub struct Graph {
     operations: Vec<Operation>,
     known: HashMap<Operation, Node>,
     curves: Vec<Arc<Curve>>,
+    calls: Vec<Call>,
 }
 
 impl Graph {
@@ -45,6 +47,25 @@ impl Graph {
     /// The curves that are looked up.
     pub fn curves(&self) -> &[Arc<Curve>] {
         &self.curves
+    }
+
+    /// The calls of functions that are no expressions.
+    pub fn calls(&self) -> &[Call] {
+        &self.calls
+    }
+
+    /// The nodes that an operation takes.
+    pub fn arguments(&self, operation: Operation) -> impl Iterator<Item = Node> {
+        let (few, called) = match operation {
+            Operation::Constant(_) | Operation::Variable(_) => ([None; 3], None),
+            Operation::Unary(_, a) | Operation::Lookup(_, a) => ([Some(a), None, None], None),
+            Operation::Binary(_, a, b) => ([Some(a), Some(b), None], None),
+            Operation::Select(a, b, c) => ([Some(a), Some(b), Some(c)], None),
+            Operation::Call(call, partial) => ([None; 3], Some((call, partial))),
+        };
+        let taken = called.map(|(call, partial)| self.calls[call as usize].taken(partial));
+        let taken = taken.into_iter().flatten();
+        few.into_iter().flatten().chain(taken.map(|(_, node)| node))
     }
 
     /// A number.
@@ -145,12 +166,47 @@ impl Graph {
         self.insert(Operation::Lookup(index as u32, at))
     }
 
+    /// A value of a function that is no expression, or a derivative of one. An argument without a node is one that it
+    /// does not depend on.
+    ///
+    /// # Panics
+    /// When there are not as many arguments as the function has, or one is missing.
+    pub fn call(
+        &mut self,
+        function: &Arc<dyn Opaque>,
+        arguments: &[Option<Node>],
+        partial: Partial,
+    ) -> Node {
+        assert_eq!(
+            arguments.len(),
+            function.arguments(),
+            "the function's arguments"
+        );
+        if !function.depends(partial) {
+            return self.constant(0.0);
+        }
+        let call = Call::new(function, arguments);
+        let values: Option<Vec<(usize, f64)>> = (call.taken(partial))
+            .map(|(place, node)| Some((place, self.value(node)?)))
+            .collect();
+        if let Some(values) = values {
+            return self.constant(call.at(&values, partial));
+        }
+        let known = self.calls.iter().position(|own| *own == call);
+        let index = known.unwrap_or_else(|| {
+            self.calls.push(call);
+            self.calls.len() - 1
+        });
+        self.insert(Operation::Call(index as u32, partial))
+    }
+
     /// The values of all nodes at one point.
     ///
     /// # Panics
     /// Where there are fewer variables than the graph has.
     pub fn values(&self, variables: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
+        let mut called: HashMap<Operation, f64> = HashMap::new();
         for operation in &self.operations {
             let of = |node: Node| values[node.index()];
             let value = match *operation {
@@ -163,10 +219,38 @@ impl Graph {
                     false => of(b),
                 },
                 Operation::Lookup(curve, a) => self.curves[curve as usize].at(of(a)),
+                Operation::Call(call, _) => {
+                    if !called.contains_key(operation) {
+                        called.extend(self.called(call, &values));
+                    }
+                    called[operation]
+                }
             };
             values.push(value);
         }
         values
+    }
+
+    /// What of a call can be told, once these nodes have their values.
+    fn called(&self, number: u32, values: &[f64]) -> Vec<(Operation, f64)> {
+        let call = &self.calls[number as usize];
+        let is_ready = |operation: Operation| {
+            (self.arguments(operation)).all(|node| node.index() < values.len())
+        };
+        let own = self
+            .operations
+            .iter()
+            .filter_map(|operation| match *operation {
+                Operation::Call(other, partial) if other == number && is_ready(*operation) => {
+                    Some(partial)
+                }
+                _ => None,
+            });
+        let own: Vec<Partial> = own.collect();
+        let mut found = vec![0.0; own.len()];
+        call.evaluate(&own, |node| values[node.index()], &mut found);
+        let operations = own.iter().map(|partial| Operation::Call(number, *partial));
+        operations.zip(found).collect()
     }
 
     /// `-a`.
@@ -217,6 +301,13 @@ impl Graph {
                     Operation::Binary(operator, a, b) => self.binary(operator, of(a), of(b)),
                     Operation::Select(c, a, b) => self.select(of(c), of(a), of(b)),
                     Operation::Lookup(curve, a) => self.lookup(&from.curves[curve as usize], of(a)),
+                    Operation::Call(call, partial) => {
+                        let call = &from.calls[call as usize];
+                        let known = |node: &Option<Node>| here[node.as_ref()?.index()];
+                        let arguments: Vec<Option<Node>> =
+                            call.arguments.iter().map(known).collect();
+                        self.call(&call.function, &arguments, partial)
+                    }
                 });
             }
         }
@@ -230,7 +321,7 @@ impl Graph {
         of.iter().for_each(|node| needed[node.index()] = true);
         for k in (0..self.operations.len()).rev() {
             if needed[k] {
-                let arguments = self.operations[k].arguments();
+                let arguments = self.arguments(self.operations[k]);
                 arguments.for_each(|node| needed[node.index()] = true);
             }
         }
@@ -243,7 +334,7 @@ impl Graph {
         for (k, operation) in self.operations.iter().enumerate() {
             depends[k] = match operation {
                 Operation::Variable(index) => is_meant(*index as usize),
-                other => other.arguments().any(|node| depends[node.index()]),
+                other => self.arguments(*other).any(|node| depends[node.index()]),
             };
         }
         depends

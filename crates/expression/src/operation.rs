@@ -1,6 +1,7 @@
 //! What a node of a graph computes.
 
 use super::graph::Node;
+use super::opaque::Partial;
 use num_dual::DualNum;
 
 /// A node's operation.
@@ -18,19 +19,8 @@ pub enum Operation {
     Select(Node, Node, Node),
     /// The graph's curve of that number at an expression.
     Lookup(u32, Node),
-}
-
-impl Operation {
-    /// The nodes that it takes.
-    pub fn arguments(self) -> impl Iterator<Item = Node> {
-        let all = match self {
-            Self::Constant(_) | Self::Variable(_) => [None; 3],
-            Self::Unary(_, a) | Self::Lookup(_, a) => [Some(a), None, None],
-            Self::Binary(_, a, b) => [Some(a), Some(b), None],
-            Self::Select(a, b, c) => [Some(a), Some(b), Some(c)],
-        };
-        all.into_iter().flatten()
-    }
+    /// A value of the graph's call of that number, or a derivative of one.
+    Call(u32, Partial),
 }
 
 /// A function of one number.
@@ -132,14 +122,12 @@ impl Operator {
     }
 }
 
-/// `aᵇ`, with the derivatives that there are where `a` is negative and `b` a constant.
+/// `aᵇ`; where `a` is not positive, with the derivatives by `a` alone: there are no others.
 fn power<T: DualNum<Primitive = f64> + Copy>(a: T, b: T) -> T {
-    if b == T::from(b.re()) {
+    match a.re() {
+        positive if positive > 0.0 => a.powd(b),
         // There the formulas of dual numbers divide by 0.
-        if a.re() == 0.0 && b.re() > 1.0 {
-            return T::from(0.0);
-        }
-        return a.powf(b.re());
+        0.0 if b.re() > 1.0 => T::from(0.0),
+        _ => a.powf(b.re()),
     }
-    a.powd(b)
 }

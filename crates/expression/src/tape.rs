@@ -2,6 +2,7 @@
 
 use super::curve::Curve;
 use super::graph::{Graph, Node};
+use super::opaque::{Call, Partial};
 use super::operation::{Function, Operation, Operator};
 use num_dual::DualNum;
 use std::cell::Cell;
@@ -22,6 +23,10 @@ enum Code {
     Select,
     /// The curve of number `b` at `a`.
     Lookup,
+    /// The call of number `a`: fills this register and those of the instructions behind that are [`Self::Filled`].
+    Call,
+    /// The call before has done it.
+    Filled,
 }
 
 /// An instruction; its result is the register after that of the one before.
@@ -50,6 +55,75 @@ pub struct Tape {
     /// For each expression, whether it depends on early variables alone.
     early: Vec<Vec<bool>>,
     curves: Vec<Arc<Curve>>,
+    calls: Vec<Called>,
+}
+
+/// A call, and what is wanted of it.
+#[derive(Debug, Clone)]
+struct Called {
+    call: Call,
+    wanted: Vec<Partial>,
+    /// Register of each argument that something wanted depends on.
+    registers: Vec<(usize, u32)>,
+}
+
+impl Called {
+    /// Writes what is wanted at `B` points, of which neighbours are often the same.
+    #[inline(never)]
+    fn fill<const B: usize>(&self, known: &[[f64; B]], out: &mut [[f64; B]]) {
+        let mut found = vec![0.0; self.wanted.len()];
+        let point = |l: usize| -> Vec<(usize, f64)> {
+            let own = self.registers.iter();
+            own.map(|(place, register)| (*place, known[*register as usize][l]))
+                .collect()
+        };
+        let mut before = None;
+        for l in 0..B {
+            let here = point(l);
+            if before.as_ref() != Some(&here) {
+                self.call.evaluate_at(&self.wanted, &here, &mut found);
+            }
+            out.iter_mut()
+                .zip(&found)
+                .for_each(|(out, found)| out[l] = *found);
+            before = Some(here);
+        }
+    }
+
+    /// Writes what is wanted in any number type: by Taylor's series to the second order, of which the derivatives that
+    /// duals carry are exact.
+    #[inline(never)]
+    fn fill_numbers<T: DualNum<Primitive = f64> + Copy>(
+        &self,
+        values: &[Cell<T>],
+        out: &[Cell<T>],
+    ) {
+        let own = self.registers.iter();
+        let all: Vec<(usize, T)> = own
+            .map(|(place, register)| (*place, values[*register as usize].get()))
+            .collect();
+        let point: Vec<(usize, f64)> = all
+            .iter()
+            .map(|(place, value)| (*place, value.re()))
+            .collect();
+        let off = all
+            .iter()
+            .map(|(place, value)| (*place, *value - T::from(value.re())));
+        let off: Vec<(usize, T)> = off.collect();
+        for (out, wanted) in out.iter().zip(&self.wanted) {
+            let slope = |partial: Partial| self.call.at(&point, partial);
+            let mut sum = T::from(slope(*wanted));
+            for (i, by) in &off {
+                let Some(first) = wanted.by(*i) else { continue };
+                sum += *by * slope(first);
+                for (j, other) in &off {
+                    let Some(second) = first.by(*j) else { continue };
+                    sum += *by * *other * (0.5 * slope(second));
+                }
+            }
+            out.set(sum);
+        }
+    }
 }
 
 /// Registers of a tape at `B` points at once.
@@ -124,7 +198,14 @@ impl Tape {
         let begin = self.variables + self.constants.len() + first;
         for (instruction, at) in instructions.iter().zip(begin..) {
             let (known, rest) = registers.values.split_at_mut(at);
-            step(*instruction, &self.curves, known, &mut rest[0]);
+            match instruction.code {
+                Code::Call => {
+                    let call = &self.calls[instruction.a as usize];
+                    call.fill(known, &mut rest[..call.wanted.len()]);
+                }
+                Code::Filled => {}
+                _ => step(*instruction, &self.curves, known, &mut rest[0]),
+            }
         }
     }
 
@@ -160,8 +241,15 @@ impl Tape {
         }
         // Cells: every instruction reads from the list that it writes into.
         let cells = Cell::from_mut(registers).as_slice_of_cells();
-        for (instruction, out) in self.instructions.iter().zip(&cells[first..]) {
-            out.set(number(*instruction, &self.curves, cells));
+        for (instruction, at) in self.instructions.iter().zip(first..) {
+            match instruction.code {
+                Code::Call => {
+                    let call = &self.calls[instruction.a as usize];
+                    call.fill_numbers(cells, &cells[at..at + call.wanted.len()]);
+                }
+                Code::Filled => {}
+                _ => cells[at].set(number(*instruction, &self.curves, cells)),
+            }
         }
     }
 }
@@ -209,6 +297,7 @@ where
         Code::Select if of(a).re() != 0.0 => of(b),
         Code::Select => of(c),
         Code::Lookup => looked_up(&curves[b as usize], of(a)),
+        Code::Call | Code::Filled => unreachable!("calls fill several registers"),
     }
 }
 
@@ -259,6 +348,7 @@ fn step<const B: usize>(
             let curve = &curves[b as usize];
             apart(of(a), of(a), out, |a, _| curve.at(a));
         }
+        Code::Call | Code::Filled => unreachable!("calls fill several registers"),
     }
 }
 
@@ -312,7 +402,7 @@ impl<'a> Writer<'a> {
         let mut uses = vec![0; needed.len()];
         let operations = graph.operations().iter().zip(&needed);
         let users = operations.filter(|(_, needed)| **needed);
-        let taken = users.flat_map(|(operation, _)| operation.arguments());
+        let taken = users.flat_map(|(operation, _)| graph.arguments(*operation));
         taken.chain(all).for_each(|node| uses[node.index()] += 1);
         let mut writer = Self {
             graph,
@@ -350,7 +440,12 @@ impl<'a> Writer<'a> {
             }
         }
         for k in 0..absorbed.len() {
-            if open(self, k) && !absorbed[k] {
+            if !open(self, k) || absorbed[k] {
+                continue;
+            }
+            if let Operation::Call(call, _) = self.graph.operations()[k] {
+                self.call(call, |own, k| open(own, k));
+            } else {
                 let instruction = match self.fused(k, |node| absorbed[node]) {
                     Some((_, instruction)) => instruction,
                     None => self.plain(k),
@@ -395,6 +490,45 @@ impl<'a> Writer<'a> {
         Some((place.index(), Instruction { code, a, b, c }))
     }
 
+    /// Adds the instructions for all of a call that is wanted and whose arguments are known.
+    fn call(&mut self, number: u32, open: impl Fn(&Self, usize) -> bool) {
+        let call = &self.graph.calls()[number as usize];
+        let mut called = Called {
+            call: call.clone(),
+            wanted: Vec::new(),
+            registers: Vec::new(),
+        };
+        let mut nodes = Vec::new();
+        for (k, operation) in self.graph.operations().iter().enumerate() {
+            let Operation::Call(own, partial) = *operation else {
+                continue;
+            };
+            let register =
+                |(place, node): (usize, Node)| Some((place, self.registers[node.index()]?));
+            let registers: Option<Vec<(usize, u32)>> = call.taken(partial).map(register).collect();
+            if let Some(registers) = registers.filter(|_| own == number && open(self, k)) {
+                nodes.push(k);
+                called.wanted.push(partial);
+                called.registers.extend(registers);
+            }
+        }
+        called.registers.sort_unstable();
+        called.registers.dedup();
+        let a = self.tape.calls.len() as u32;
+        self.tape.calls.push(called);
+        let base = self.tape.variables + self.tape.constants.len();
+        for (n, k) in nodes.into_iter().enumerate() {
+            let code = if n == 0 { Code::Call } else { Code::Filled };
+            self.registers[k] = Some((base + self.tape.instructions.len()) as u32);
+            self.tape.instructions.push(Instruction {
+                code,
+                a,
+                b: 0,
+                c: 0,
+            });
+        }
+    }
+
     fn plain(&self, k: usize) -> Instruction {
         let of = |node: Node| self.registers[node.index()].expect("arguments stand before");
         let (code, a, b, c) = match self.graph.operations()[k] {
@@ -402,6 +536,7 @@ impl<'a> Writer<'a> {
             Operation::Binary(operator, a, b) => (Code::Operator(operator), of(a), of(b), of(a)),
             Operation::Select(a, b, c) => (Code::Select, of(a), of(b), of(c)),
             Operation::Lookup(curve, a) => (Code::Lookup, of(a), curve, of(a)),
+            Operation::Call(..) => unreachable!("calls have instructions of their own"),
             Operation::Constant(_) | Operation::Variable(_) => unreachable!("it has a register"),
         };
         Instruction { code, a, b, c }

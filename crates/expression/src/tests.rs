@@ -1,9 +1,13 @@
 //! Random expressions: tapes against the equations run directly, derivatives against hyper-dual numbers.
 
-use crate::{Graph, Model, ModelError, Node, Obstacle, System, Tape, Traced, trace};
+use crate::{
+    Function, Graph, Model, ModelError, Node, Obstacle, Opaque, Operator, Partial, System, Tape,
+    Traced, trace,
+};
 use num_dual::{DualNum, DualStruct, HyperDual64};
 use num_traits::Signed;
 use proptest::prelude::*;
+use std::sync::Arc;
 
 const VARIABLES: usize = 4;
 
@@ -279,4 +283,187 @@ fn wires_that_are_wrong_are_named() {
             ..
         }
     ));
+}
+
+/// `[a sin b, exp(a c)]` as a function that is no expression; the second does not depend on b.
+#[derive(Debug)]
+struct Known;
+
+impl Opaque for Known {
+    fn arguments(&self) -> usize {
+        3
+    }
+
+    fn neutral(&self, argument: usize) -> f64 {
+        [1.0, f64::NAN, 3.0][argument]
+    }
+
+    fn depends(&self, partial: Partial) -> bool {
+        let by: Vec<usize> = partial.arguments().collect();
+        let none: &[&[usize]] = match partial.value {
+            0 => &[&[2], &[0, 0], &[0, 2], &[1, 2], &[2, 2]],
+            _ => &[&[1], &[0, 1], &[1, 1], &[1, 2]],
+        };
+        !none.contains(&by.as_slice())
+    }
+
+    fn evaluate(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) {
+        let (a, b, c) = (at[0], at[1], at[2]);
+        for (out, partial) in out.iter_mut().zip(wanted) {
+            let by: Vec<usize> = partial.arguments().collect();
+            let e = (a * c).exp();
+            *out = match (partial.value, by.as_slice()) {
+                (0, []) => a * b.sin(),
+                (0, [0]) => b.sin(),
+                (0, [1]) => a * b.cos(),
+                (0, [0, 1]) => b.cos(),
+                (0, [1, 1]) => -a * b.sin(),
+                (1, []) => e,
+                (1, [0]) => c * e,
+                (1, [2]) => a * e,
+                (1, [0, 0]) => c * c * e,
+                (1, [0, 2]) => e + a * c * e,
+                (1, [2, 2]) => a * a * e,
+                other => panic!("{other:?} is not asked for"),
+            };
+        }
+    }
+}
+
+/// The function, or the same as expressions, of `x², x + y` and `y`, and what is made of it.
+fn with_known(graph: &mut Graph, is_opaque: bool) -> Vec<Node> {
+    let [x, y] = [0, 1].map(|k| graph.variable(k));
+    let arguments = [graph.multiply(x, x), graph.add(x, y), y];
+    let values = match is_opaque {
+        true => {
+            let function: Arc<dyn Opaque> = Arc::new(Known);
+            let given = arguments.map(Some);
+            [0, 1].map(|value| graph.call(&function, &given, Partial::of(value)))
+        }
+        false => {
+            let sine = graph.unary(Function::Sin, arguments[1]);
+            let exponent = graph.multiply(arguments[0], arguments[2]);
+            [
+                graph.multiply(arguments[0], sine),
+                graph.unary(Function::Exp, exponent),
+            ]
+        }
+    };
+    let product = graph.multiply(values[0], values[1]);
+    vec![values[0], values[1], product]
+}
+
+#[test]
+fn opaque_functions_are_as_good_as_expressions() {
+    let found = [true, false].map(|is_opaque| {
+        let mut graph = Graph::default();
+        let values = with_known(&mut graph, is_opaque);
+        let nodes = [0, 1].map(|k| graph.variable(k));
+        let mut all = values.clone();
+        for k in 0..2 {
+            let first = graph.derivatives(&values, k);
+            all.extend(first.clone());
+            (0..2).for_each(|l| all.extend(graph.derivatives(&first, l)));
+        }
+        let gradient = graph.gradient(values[2], &nodes);
+        all.extend(gradient);
+        // Another graph with other variables, and one argument a number.
+        let mut other = Graph::default();
+        let [y, x] = [other.variable(0), other.variable(1)];
+        let moved = other.import(&graph, &all, &[x, y]);
+        let half = other.constant(0.5);
+        let fixed = other.import(&graph, &all, &[half, half]);
+        assert!(fixed.iter().all(|node| other.value(*node).is_some()));
+        let tape = Tape::new(&graph, 2, |k| k == 0, &[&all[..5], &all]);
+        let mut registers = tape.registers::<4>();
+        registers.set(0, [0.3, 0.3, -0.7, 1.1]);
+        registers.set(1, [0.8, 0.8, 0.2, -0.4]);
+        (0..3).for_each(|stage| tape.run(stage, &mut registers));
+        let lanes = tape
+            .outputs(1)
+            .iter()
+            .map(|register| registers.get(*register));
+        let mut numbers: Vec<f64> = lanes.flatten().collect();
+        let plain = graph.values(&[-0.7, 0.2]);
+        numbers.extend(all.iter().map(|node| plain[node.index()]));
+        let plain = other.values(&[0.2, -0.7]);
+        numbers.extend(moved.iter().map(|node| plain[node.index()]));
+        numbers.extend(fixed.iter().map(|node| other.value(*node).unwrap()));
+        let two = HyperDual64::new(-0.7, 1.0, 0.3, 0.1);
+        let tape = Tape::new(&graph, 2, |_| false, &[&values]);
+        let dual = tape.evaluate(&[two, HyperDual64::new(0.2, 0.0, 1.0, 0.0)]);
+        numbers.extend(
+            dual.iter()
+                .flat_map(|own| [own.re, own.eps1, own.eps2, own.eps1eps2]),
+        );
+        numbers
+    });
+    assert_eq!(found[0].len(), found[1].len());
+    for (k, (opaque, expected)) in found[0].iter().zip(&found[1]).enumerate() {
+        let scale = expected.abs().max(1.0);
+        assert!(
+            (opaque - expected).abs() < 1e-12 * scale,
+            "{k}: {opaque} for {expected}"
+        );
+    }
+}
+
+#[test]
+fn what_an_opaque_value_does_not_depend_on_closes_no_loop() {
+    let function: Arc<dyn Opaque> = Arc::new(Known);
+    let part = |output: u32| {
+        let mut graph = Graph::default();
+        let variables: Vec<Option<Node>> = (0..4).map(|k| Some(graph.variable(k))).collect();
+        // Time, a state, an input, a parameter.
+        let given = [variables[1], variables[2], variables[3]];
+        let rate = graph.call(&function, &given, Partial::of(0));
+        let output = graph.call(&function, &given, Partial::of(output as usize));
+        Model {
+            system: System {
+                graph,
+                states: 1,
+                inputs: 1,
+                parameters: 1,
+                derivatives: vec![rate],
+                outputs: vec![output],
+            },
+            states: vec!["x".into()],
+            inputs: vec!["u".into()],
+            parameters: vec!["p".into()],
+            outputs: vec!["y".into()],
+        }
+    };
+    let looped = |output| Model::join(&[("a", part(output))], &[("a.y", "a.u")]);
+    assert!(matches!(looped(0), Err(ModelError::Loop(_))));
+    let joint = looped(1).unwrap();
+    let values = joint.system.graph.values(&[0.0, 0.4, 2.0]);
+    let y = (0.4_f64 * 2.0).exp();
+    let found =
+        [joint.system.outputs[0], joint.system.derivatives[0]].map(|node| values[node.index()]);
+    assert_eq!(found, [y, 0.4 * y.sin()]);
+}
+
+#[test]
+fn powers_have_derivatives_by_their_exponents() {
+    let mut graph = Graph::default();
+    let [a, b] = [0, 1].map(|k| graph.variable(k));
+    let power = graph.binary(Operator::Power, a, b);
+    let tape = Tape::new(&graph, 2, |_| false, &[&[power]]);
+    let at = |a: f64, b: f64| {
+        let found = tape.evaluate(&[
+            HyperDual64::new(a, 1.0, 0.0, 0.0),
+            HyperDual64::new(b, 0.0, 1.0, 0.0),
+        ])[0];
+        [found.re, found.eps1, found.eps2]
+    };
+    let expected = [
+        3_f64.powf(1.7),
+        1.7 * 3_f64.powf(0.7),
+        3_f64.powf(1.7) * 3_f64.ln(),
+    ];
+    for (found, expected) in at(3.0, 1.7).into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+    }
+    assert_eq!(at(-2.0, 3.0)[..2], [-8.0, 12.0]);
+    assert_eq!(at(0.0, 2.5)[..2], [0.0, 0.0]);
 }

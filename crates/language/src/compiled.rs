@@ -215,7 +215,7 @@ impl Compiled {
                 operator,
                 Operator::Add | Operator::Subtract | Operator::Multiply | Operator::Divide
             ),
-            Operation::Select(..) | Operation::Lookup(..) => false,
+            Operation::Select(..) | Operation::Lookup(..) | Operation::Call(..) => false,
         };
         let mut varying = operations.filter(|(k, _)| needed[*k] && varies[*k]);
         varying.all(|(_, operation)| smooth(operation))

@@ -1,6 +1,8 @@
 //! Fitted instances as model files, from which everything else begins.
 
 use crate::cli::{Failure, overwrite};
+use crate::cosim::SystemDescription;
+use crate::cosim::description::Setting;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
 use pilotage_language::with_starts;
@@ -28,7 +30,7 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
         names.iter().any(|name| name.starts_with(&prefix))
     };
     let instances: Vec<&String> = (posed.joint.parts.iter())
-        .filter(|(name, part)| is_fitted(name) && part.file.is_some())
+        .filter(|(name, part)| is_fitted(name) && (part.file.is_some() || part.fmu.is_some()))
         .map(|(name, _)| name)
         .collect();
     let is_folder = output.is_some_and(|output| output.is_dir());
@@ -54,11 +56,11 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
 }
 
 impl Fitted {
-    /// Writes the model with what was found as its start values, and its tables beside it.
+    /// Writes the model with what was found as its start values, and its tables beside it; of an FMU, which stays as it
+    /// is, a system with these values.
     pub fn write(&self, posed: &Posed<'_>, fit: &Fit, problem: &Path) -> Result<(), Failure> {
-        let parts = posed.joint.parts.iter();
-        let mut parts = parts.filter(|(name, _)| *name == self.instance);
-        let Some(compiled) = parts.find_map(|(_, part)| part.file.as_ref()) else {
+        let mut parts = posed.joint.parts.iter();
+        let Some((_, part)) = parts.find(|(name, _)| *name == self.instance) else {
             return Ok(());
         };
         let prefix = format!("{}.", self.instance);
@@ -79,6 +81,9 @@ impl Fitted {
                 values.push((setting.0.to_owned(), value));
             }
         }
+        let Some(compiled) = &part.file else {
+            return self.write_system(posed, head, &values);
+        };
         overwrite::save(
             &self.path,
             head + &with_starts(&compiled.file.text, &values),
@@ -92,6 +97,34 @@ impl Fitted {
             }
         }
         Ok(())
+    }
+
+    /// Writes a system of the instance alone with these values.
+    fn write_system(
+        &self,
+        posed: &Posed<'_>,
+        head: String,
+        values: &[(String, f64)],
+    ) -> Result<(), Failure> {
+        let system = &posed.file.system;
+        let own = system
+            .instances
+            .iter()
+            .filter(|own| own.name == self.instance);
+        let set = |(name, value): &(String, f64)| Setting {
+            name: format!("{}.{name}", self.instance).into(),
+            value: value.to_string(),
+        };
+        let fitted = SystemDescription {
+            instances: own.cloned().collect(),
+            connections: Vec::new(),
+            settings: values.iter().map(set).collect(),
+        };
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        Ok(overwrite::save(
+            &self.path,
+            head + &fitted.to_toml(folder)?,
+        )?)
     }
 }
 

@@ -1,0 +1,187 @@
+//! What an FMU says of its derivatives is compared with differences before it is believed, at its start and around.
+
+use crate::rates::Rates;
+
+/// Points where it is looked at, the start among them.
+const POINTS: usize = 3;
+/// Beyond this number of states and inputs nothing is looked at: everything may depend on everything.
+const MOST: usize = 150;
+/// Beyond this number of parameters their differences have the usual step.
+const MOST_PARAMETERS: usize = 40;
+/// Steps of central differences, per size, from the usual one, where truncation and rounding of doubles are about
+/// equal.
+pub(crate) const STEPS: [f64; 4] = [6e-6, 6e-5, 6e-4, 6e-3];
+/// Relative difference of derivatives that are the same.
+const SAME: f64 = 1e-4;
+/// Relative change of an FMU's own derivatives, and of differences, that is none.
+const STRAIGHT: [f64; 2] = [1e-11, 1e-5];
+
+/// Finds steps, whether the FMU's derivatives are right, what they depend on. Gives what is to be told.
+pub(crate) fn explore(rates: &mut Rates, base: &[f64]) -> Vec<String> {
+    let known = rates.layout.parameter_arguments().start;
+    let mut notes = Vec::new();
+    if known > MOST {
+        return notes;
+    }
+    let points: Vec<Vec<f64>> = (0..POINTS).map(|k| around(rates, base, k)).collect();
+    find_steps(rates, base);
+    for point in &points {
+        for place in 1..known {
+            check_column(rates, point, place, &mut notes);
+        }
+    }
+    let mut curved = vec![vec![true; base.len()]; base.len()];
+    for row in curved.iter_mut().take(known) {
+        row[..known].fill(false);
+    }
+    for point in &points {
+        find_curved(rates, point, &mut curved);
+    }
+    rates.curved = curved;
+    notes
+}
+
+/// A point beside the start: states and inputs moved by parts of their sizes.
+fn around(rates: &Rates, base: &[f64], k: usize) -> Vec<f64> {
+    /// Multiples of it fill the unit interval evenly.
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let known = rates.layout.parameter_arguments().start;
+    let mut point = base.to_vec();
+    for (place, value) in point.iter_mut().enumerate().take(known).skip(1) {
+        let part = ((place + 7 * k) as f64 * GOLDEN).fract() - 0.5;
+        *value += if k == 0 {
+            0.0
+        } else {
+            part * rates.size(place)
+        };
+    }
+    point
+}
+
+/// For each argument the step whose differences change least when it is halved.
+fn find_steps(rates: &mut Rates, base: &[f64]) {
+    let parameters = rates.layout.parameter_arguments();
+    let few = parameters.len() <= MOST_PARAMETERS;
+    for place in 1..if few {
+        parameters.end
+    } else {
+        parameters.start
+    } {
+        if rates.by_fmu && place < parameters.start {
+            continue;
+        }
+        let change = |step: f64| -> Option<f64> {
+            let whole = rates.differences(base, place, step).ok()?;
+            let half = rates.differences(base, place, 0.5 * step).ok()?;
+            let size = whole
+                .iter()
+                .fold(f64::MIN_POSITIVE, |size, own| size.max(own.abs()));
+            let changes = whole
+                .iter()
+                .zip(&half)
+                .map(|(whole, half)| (whole - half).abs());
+            let change = changes.fold(0.0, f64::max) / size;
+            change.is_finite().then_some(change)
+        };
+        let all = STEPS
+            .iter()
+            .filter_map(|step| Some((change(*step)?, *step)));
+        // The usual one as long as it is good.
+        let best = all.min_by(|a, b| a.0.max(1e-8).total_cmp(&b.0.max(1e-8)));
+        if let Some((_, step)) = best {
+            rates.steps[place] = step;
+        }
+    }
+}
+
+/// Compares derivatives by a state or an input with differences; where they differ, these are taken from now on.
+fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<String>) {
+    let step = rates.steps[place];
+    let found = [step, 0.25 * step].map(|step| rates.differences(point, place, step));
+    let [Ok(whole), Ok(quarter)] = found else {
+        return;
+    };
+    let slopes = rates.by_fmu.then(|| rates.slopes(point, place));
+    let Some(known) = rates.layout.argument(place) else {
+        return;
+    };
+    let known = known.name.clone();
+    let name = |row: usize| {
+        let (states, outputs) = (&rates.layout.states, &rates.layout.outputs);
+        match row.checked_sub(states.len()) {
+            None => format!("the derivative of `{}`", states[row].name),
+            Some(output) => format!("`{}`", outputs[output].name),
+        }
+    };
+    let size = whole.iter().fold(0.0, |size: f64, own| size.max(own.abs()));
+    let is_same = |a: f64, b: f64| (a - b).abs() <= SAME * size.max(a.abs()).max(1e-6);
+    let mut is_wrong = false;
+    let mut depends = Vec::new();
+    for row in 0..whole.len() {
+        if !is_same(whole[row], quarter[row]) {
+            // A kink, or noise.
+            continue;
+        }
+        match &slopes {
+            Some(Ok(slopes)) if is_same(slopes[row], whole[row]) => {}
+            Some(Ok(slopes)) if !is_wrong => {
+                is_wrong = true;
+                notes.push(format!(
+                    "it says that {} changes with `{known}` by {}, and it changes by {}: differences are used",
+                    name(row),
+                    slopes[row],
+                    whole[row]
+                ));
+            }
+            Some(Err(error)) if !is_wrong => {
+                is_wrong = true;
+                notes.push(format!(
+                    "its directional derivatives fail ({error}): differences are used"
+                ));
+            }
+            _ => {}
+        }
+        if !rates.layout.depends[row][place] && !is_same(whole[row], 0.0) {
+            notes.push(format!(
+                "its ModelStructure does not say that {} depends on `{known}`, and it does",
+                name(row)
+            ));
+            depends.push(row);
+        }
+    }
+    rates.by_fmu &= !is_wrong;
+    depends
+        .into_iter()
+        .for_each(|row| rates.layout.depends[row][place] = true);
+}
+
+/// Marks pairs of states and inputs where the derivative by one changes with the other.
+fn find_curved(rates: &Rates, point: &[f64], curved: &mut [Vec<bool>]) {
+    let known = rates.layout.parameter_arguments().start;
+    let straight = STRAIGHT[usize::from(!rates.by_fmu)];
+    let columns = |at: &[f64]| -> Vec<Option<Vec<f64>>> {
+        (1..known)
+            .map(|place| rates.slopes(at, place).ok())
+            .collect()
+    };
+    let here = columns(point);
+    for second in 1..known {
+        let mut moved = point.to_vec();
+        moved[second] += 0.3 * rates.size(second);
+        let there = columns(&moved);
+        for first in 1..=second {
+            let is_same = match (&here[first - 1], &there[first - 1]) {
+                (Some(here), Some(there)) => {
+                    let size = here
+                        .iter()
+                        .chain(there)
+                        .fold(0.0, |size: f64, own| size.max(own.abs()));
+                    let mut pairs = here.iter().zip(there);
+                    pairs.all(|(a, b)| (a - b).abs() <= straight * size.max(1e-300))
+                }
+                _ => false,
+            };
+            curved[first][second] |= !is_same;
+        }
+    }
+}

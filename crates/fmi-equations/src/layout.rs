@@ -1,0 +1,215 @@
+//! What of an FMU's description the equations are made of.
+
+use crate::EquationsError;
+use pilotage_fmi::description::{
+    Causality, Initial, ModelDescription, Precision, ScalarVariable, Unknown, Variability,
+    VariableKind,
+};
+use std::ops::Range;
+
+/// A variable that the equations have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// Its name.
+    pub name: String,
+    pub(crate) reference: u32,
+    /// Index in the description, from 1.
+    index: u32,
+    /// Name of its unit.
+    pub unit: Option<String>,
+    /// Start value; of states that the FMU computes, its value after initialisation.
+    pub start: f64,
+    /// Least value.
+    pub min: Option<f64>,
+    /// Greatest value.
+    pub max: Option<f64>,
+    /// Typical magnitude.
+    pub nominal: Option<f64>,
+    /// Whether the start value is the FMU's to compute.
+    pub(crate) is_computed: bool,
+}
+
+/// The variables, and what depends on what.
+#[derive(Debug, Clone)]
+pub(crate) struct Layout {
+    pub(crate) states: Vec<Variable>,
+    /// Value reference of each state's derivative.
+    pub(crate) rates: Vec<u32>,
+    pub(crate) inputs: Vec<Variable>,
+    pub(crate) input_references: Vec<u32>,
+    pub(crate) parameters: Vec<Variable>,
+    /// Outputs that are no states.
+    pub(crate) outputs: Vec<Variable>,
+    /// Value references of derivatives and outputs.
+    pub(crate) unknown_references: Vec<u32>,
+    pub(crate) output_references: Vec<u32>,
+    pub(crate) indicators: usize,
+    /// For each derivative, then each output, whether it depends on time, each state, each input.
+    pub(crate) depends: Vec<Vec<bool>>,
+    pub(crate) has_derivatives: bool,
+}
+
+impl Layout {
+    /// Of an FMU for model exchange.
+    pub(crate) fn new(description: &ModelDescription) -> Result<Self, EquationsError> {
+        let me = description
+            .model_exchange
+            .as_ref()
+            .ok_or(EquationsError::NoEquations)?;
+        let units = description.units_of_variables();
+        let about = |index: u32| about(description, index, &units);
+        let mut own = Self {
+            states: Vec::new(),
+            rates: Vec::new(),
+            inputs: Vec::new(),
+            input_references: Vec::new(),
+            parameters: Vec::new(),
+            outputs: Vec::new(),
+            unknown_references: Vec::new(),
+            output_references: Vec::new(),
+            indicators: 0,
+            depends: Vec::new(),
+            has_derivatives: me.provides_directional_derivative,
+        };
+        let structure = &description.structure;
+        let mut unknowns: Vec<Option<&Unknown>> = Vec::new();
+        for unknown in &structure.derivatives {
+            let (rate, state) = state_of(description, unknown.index)?;
+            own.rates.push(rate);
+            own.states.push(about(state));
+            unknowns.push(Some(unknown));
+        }
+        for (index, variable) in (1..).zip(&description.variables) {
+            if !is_number(variable) {
+                continue;
+            }
+            let is_continuous = variable.variability == Variability::Continuous;
+            match variable.causality {
+                Causality::Input if is_continuous => own.inputs.push(about(index)),
+                Causality::Output if own.states.iter().all(|state| state.index != index) => {
+                    own.outputs.push(about(index));
+                    unknowns.push(structure.outputs.iter().find(|own| own.index == index));
+                }
+                Causality::Parameter if is_settable(variable) => own.parameters.push(about(index)),
+                _ => {}
+            }
+        }
+        own.input_references = own.inputs.iter().map(|input| input.reference).collect();
+        own.output_references = own.outputs.iter().map(|output| output.reference).collect();
+        own.unknown_references = [&own.rates[..], &own.output_references].concat();
+        own.depends = unknowns
+            .into_iter()
+            .map(|unknown| own.listed(description, unknown))
+            .collect();
+        Ok(own)
+    }
+
+    /// Whether an unknown depends on time, each state, each input: on all where nothing is said.
+    fn listed(&self, description: &ModelDescription, unknown: Option<&Unknown>) -> Vec<bool> {
+        let listed = unknown.and_then(|unknown| unknown.dependencies.as_ref());
+        let is_listed = |index: u32| listed.is_none_or(|listed| listed.contains(&index));
+        let is_time = |v: &ScalarVariable| v.causality == Causality::Independent;
+        // Without a variable for the time nothing can say that it depends on it.
+        let time = (1..).zip(&description.variables).find(|(_, v)| is_time(v));
+        let by_time = time.is_none_or(|(index, _)| is_listed(index));
+        let others = self.states.iter().chain(&self.inputs);
+        let by_others = others.map(|own| is_listed(own.index));
+        [by_time].into_iter().chain(by_others).collect()
+    }
+
+    /// Number of arguments: time, states, inputs, parameters.
+    pub(crate) fn arguments(&self) -> usize {
+        1 + self.states.len() + self.inputs.len() + self.parameters.len()
+    }
+
+    /// The arguments that are states.
+    pub(crate) fn state_arguments(&self) -> Range<usize> {
+        1..1 + self.states.len()
+    }
+
+    /// The arguments that are inputs.
+    pub(crate) fn input_arguments(&self) -> Range<usize> {
+        let first = 1 + self.states.len();
+        first..first + self.inputs.len()
+    }
+
+    /// The arguments that are parameters.
+    pub(crate) fn parameter_arguments(&self) -> Range<usize> {
+        self.input_arguments().end..self.arguments()
+    }
+
+    /// The variable of an argument; none of time.
+    pub(crate) fn argument(&self, place: usize) -> Option<&Variable> {
+        let all = self
+            .states
+            .iter()
+            .chain(&self.inputs)
+            .chain(&self.parameters);
+        all.clone().nth(place.checked_sub(1)?)
+    }
+
+    /// Number of derivatives and outputs.
+    pub(crate) fn unknowns(&self) -> usize {
+        self.rates.len() + self.outputs.len()
+    }
+}
+
+/// Value reference of a listed derivative, and index of its state.
+fn state_of(description: &ModelDescription, index: u32) -> Result<(u32, u32), EquationsError> {
+    let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
+    let derivative = variable(index).ok_or(EquationsError::Structure { index })?;
+    let array = || EquationsError::Array {
+        name: derivative.name.clone(),
+    };
+    let VariableKind::Real(real) = &derivative.kind else {
+        return Err(array());
+    };
+    let state = real.derivative.ok_or_else(array)?;
+    let is_scalar = |v: &ScalarVariable| v.dimensions.is_empty();
+    let are_scalars = is_scalar(derivative) && variable(state).is_some_and(is_scalar);
+    match are_scalars {
+        true => Ok((derivative.value_reference, state)),
+        false => Err(array()),
+    }
+}
+
+fn about<'d>(
+    description: &'d ModelDescription,
+    index: u32,
+    unit: &impl Fn(&'d ScalarVariable) -> Option<&'d str>,
+) -> Variable {
+    let variable = &description.variables[index as usize - 1];
+    let VariableKind::Real(real) = &variable.kind else {
+        unreachable!("only reals are asked for")
+    };
+    let attributes = &real.attributes;
+    Variable {
+        name: variable.name.clone(),
+        reference: variable.value_reference,
+        index,
+        unit: unit(variable).map(str::to_owned),
+        start: real.start.first().copied().unwrap_or_default(),
+        min: attributes.min,
+        max: attributes.max,
+        nominal: attributes.nominal.map(f64::abs).filter(|own| *own > 0.0),
+        is_computed: variable.effective_initial() != Some(Initial::Exact),
+    }
+}
+
+/// Whether a variable is a single number of double precision.
+fn is_number(variable: &ScalarVariable) -> bool {
+    let is_double = match &variable.kind {
+        VariableKind::Real(real) => real.precision == Precision::Double,
+        _ => false,
+    };
+    is_double && variable.dimensions.is_empty()
+}
+
+fn is_settable(variable: &ScalarVariable) -> bool {
+    let initial = variable.effective_initial();
+    let changes = matches!(
+        variable.variability,
+        Variability::Fixed | Variability::Tunable
+    );
+    changes && initial == Some(Initial::Exact)
+}

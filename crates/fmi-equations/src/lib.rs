@@ -1,0 +1,229 @@
+//! An FMU for model exchange as equations: what a solver for estimation or control needs of it.
+//!
+//! ```text
+//! [ẋ; y] = F(t, x, u; p),   ∂F/∂[x, u] by the FMU's directional derivatives, or by differences whose step is checked
+//! ```
+//!
+//! [`open`] gives them as a [`Model`] of `pilotage-expression`, whose derivatives and outputs are calls of the FMU: it is
+//! joined with other models, its parameters become numbers or unknowns, and first and second derivatives are taken as of
+//! any expression. Second derivatives are differences of the first; they steer a search, and no result depends on their
+//! last digits. Several instances work side by side where the FMU allows it; a parameter that changes initialises one
+//! anew.
+//!
+//! Nothing happens at events here: between them an FMU's equations are smooth, and its event indicators, which are
+//! outputs too, tell where one would be ([`FmuEquations::indicators`], [`FmuEquations::next_event`]).
+//!
+//! A point where a call fails has NaN for values, and [`Opaque::trouble`] tells why.
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | `layout` | what of the description the equations are made of |
+//! | `pool` | instances, each initialised with some parameters |
+//! | `rates` | values and derivatives |
+//! | `initial` | states after initialisation |
+//! | `explore` | whether what the FMU says of its derivatives is right |
+
+mod explore;
+mod initial;
+mod layout;
+mod pool;
+mod rates;
+
+pub use layout::Variable;
+pub use pool::PointError;
+
+use initial::InitialStates;
+use layout::Layout;
+use pilotage_expression::{Graph, Model, Node, Opaque, Partial, System};
+use pilotage_fmi::{Fmu, FmuError};
+use pool::Pool;
+use rates::Rates;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use thiserror::Error;
+
+/// Why an FMU cannot be taken as equations.
+#[derive(Debug, Error)]
+pub enum EquationsError {
+    /// It cannot be opened or loaded.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// It is not for model exchange.
+    #[error(
+        "it is not for model exchange: a fit needs its equations, which co-simulation hides; export it for model exchange"
+    )]
+    NoEquations,
+    /// A listed derivative is not there.
+    #[error("its ModelStructure lists a derivative, number {index}, that is no variable")]
+    Structure {
+        /// Index of the variable, from 1.
+        index: u32,
+    },
+    /// A state that is an array.
+    #[error("its derivative `{name}` belongs to no state that is a single real")]
+    Array {
+        /// Name of the derivative.
+        name: String,
+    },
+    /// It cannot be initialised, or gives no values at its start.
+    #[error("it gives no values at its start")]
+    Start {
+        /// Why.
+        source: PointError,
+    },
+    /// The same, without an error.
+    #[error("at its start {name} is {value}")]
+    NotFinite {
+        /// What.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// An FMU as equations.
+#[derive(Debug, Clone)]
+pub struct FmuEquations {
+    /// The equations. Outputs that are states are left out; event indicators stand behind the outputs.
+    pub model: Model,
+    /// Start value of each state, as an expression of parameters.
+    pub starts: Vec<Node>,
+    /// States, inputs, parameters and outputs.
+    pub variables: Vec<Variable>,
+    /// Names of the event indicators among the outputs, and their values where the FMU starts.
+    pub indicators: Vec<(String, f64)>,
+    /// The first time event, of an instance with its start values that begins at 0 \[s\].
+    pub next_event: Option<f64>,
+    /// What of the description is not so.
+    pub notes: Vec<String>,
+    /// The function itself, which knows why it had no values.
+    pub function: Arc<dyn Opaque>,
+}
+
+/// Loads an FMU and looks at its equations where it starts.
+///
+/// # Errors
+/// When it cannot be loaded, is not for model exchange, has states that are arrays, or gives no values at its start.
+pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
+    let mut fmu = Fmu::open(path)?;
+    let mut layout = Layout::new(fmu.description())?;
+    let pool = Pool::new(fmu.load()?);
+    let parameters: Vec<f64> = layout.parameters.iter().map(|own| own.start).collect();
+    let first = |layout: &mut Layout| -> Result<(Vec<f64>, Option<f64>), PointError> {
+        let (initial, next, indicators) = pool.with(layout, &parameters, 0.0, |held| {
+            let indicators = held.instance.number_of_event_indicators()?;
+            Ok((held.initial.clone(), held.next_event, indicators))
+        })?;
+        layout.indicators = indicators;
+        Ok((initial, next))
+    };
+    let (initial, next_event) =
+        first(&mut layout).map_err(|source| EquationsError::Start { source })?;
+    for (state, value) in layout.states.iter_mut().zip(&initial) {
+        state.start = *value;
+    }
+    let size = layout.arguments();
+    let mut rates = Rates {
+        by_fmu: layout.has_derivatives,
+        curved: vec![vec![true; size]; size],
+        steps: vec![explore::STEPS[0]; size],
+        layout,
+        pool,
+        trouble: Mutex::new(None),
+    };
+    let all = [
+        &rates.layout.states,
+        &rates.layout.inputs,
+        &rates.layout.parameters,
+    ];
+    let starts = all.into_iter().flatten().map(|own| own.start);
+    let base: Vec<f64> = [0.0].into_iter().chain(starts).collect();
+    let at_start = check_start(&rates, &base)?;
+    let notes = explore::explore(&mut rates, &base);
+    Ok(FmuEquations {
+        next_event,
+        notes,
+        ..made(Arc::new(rates), &at_start)
+    })
+}
+
+/// The values of the event indicators at the start, where all others are finite.
+fn check_start(rates: &Rates, base: &[f64]) -> Result<Vec<f64>, EquationsError> {
+    let mut values = rates
+        .values(base)
+        .map_err(|source| EquationsError::Start { source })?;
+    let indicators = values.split_off(rates.layout.unknowns());
+    let states = rates
+        .layout
+        .states
+        .iter()
+        .map(|own| format!("the derivative of `{}`", own.name));
+    let outputs = rates
+        .layout
+        .outputs
+        .iter()
+        .map(|own| format!("`{}`", own.name));
+    let mut named = states.chain(outputs).zip(values);
+    match named.find(|(_, value)| !value.is_finite()) {
+        Some((name, value)) => Err(EquationsError::NotFinite { name, value }),
+        None => Ok(indicators),
+    }
+}
+
+/// The equations as calls of the FMU.
+fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
+    let layout = &rates.layout;
+    let mut graph = Graph::default();
+    let variables: Vec<Node> = (0..layout.arguments()).map(|k| graph.variable(k)).collect();
+    let given: Vec<Option<Node>> = variables.iter().copied().map(Some).collect();
+    let function: Arc<dyn Opaque> = rates.clone();
+    let mut values: Vec<Node> = (0..layout.unknowns() + layout.indicators)
+        .map(|value| graph.call(&function, &given, Partial::of(value)))
+        .collect();
+    let outputs = values.split_off(layout.rates.len());
+    let initial: Arc<dyn Opaque> = Arc::new(InitialStates(rates.clone()));
+    let of_start = &given[layout.parameter_arguments()];
+    let starts = layout
+        .states
+        .iter()
+        .enumerate()
+        .map(|(k, state)| match state.is_computed {
+            true => graph.call(&initial, of_start, Partial::of(k)),
+            false => graph.constant(state.start),
+        });
+    let starts = starts.collect();
+    let names = |own: &[Variable]| own.iter().map(|own| own.name.clone()).collect::<Vec<_>>();
+    let numbered = (1..).zip(at_start);
+    let indicators: Vec<(String, f64)> = numbered
+        .map(|(k, value)| (format!("event indicator {k}"), *value))
+        .collect();
+    let hidden = indicators.iter().map(|(name, _)| name.clone());
+    let all = [
+        &layout.states,
+        &layout.inputs,
+        &layout.parameters,
+        &layout.outputs,
+    ];
+    FmuEquations {
+        model: Model {
+            system: System {
+                graph,
+                states: layout.states.len(),
+                inputs: layout.inputs.len(),
+                parameters: layout.parameters.len(),
+                derivatives: values,
+                outputs,
+            },
+            states: names(&layout.states),
+            inputs: names(&layout.inputs),
+            parameters: names(&layout.parameters),
+            outputs: names(&layout.outputs).into_iter().chain(hidden).collect(),
+        },
+        starts,
+        variables: all.into_iter().flatten().cloned().collect(),
+        indicators,
+        next_event: None,
+        notes: Vec::new(),
+        function,
+    }
+}

@@ -1,0 +1,206 @@
+//! Instances of an FMU, each initialised with some parameters.
+
+use crate::layout::Layout;
+use pilotage_fmi::fmu::Library;
+use pilotage_fmi::instance::MAX_EVENT_ROUNDS;
+use pilotage_fmi::{CallError, FmuError, Instance, InterfaceType};
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use thiserror::Error;
+
+/// Instances that are kept: differences by parameters need two for each.
+const KEPT: usize = 64;
+
+/// Why an FMU gives no values at a point.
+#[derive(Debug, Error)]
+pub enum PointError {
+    /// No instance could be made.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// A call failed.
+    #[error(transparent)]
+    Call(#[from] CallError),
+    /// Its event iteration does not end.
+    #[error("its event iteration after initialisation did not end in {MAX_EVENT_ROUNDS} rounds")]
+    Events,
+    /// It asks to end the simulation as it begins.
+    #[error("it asks to end the simulation as it begins")]
+    End,
+    /// A call failed in a way after which nothing of it may be called.
+    #[error("a call ended with a fatal error before; it is not called any more")]
+    Dead,
+}
+
+/// An instance in continuous-time mode.
+#[derive(Debug)]
+pub(crate) struct Held {
+    pub(crate) instance: Instance,
+    parameters: Vec<f64>,
+    /// Earliest time at which it may be asked \[s\].
+    begin: f64,
+    /// The states after initialisation.
+    pub(crate) initial: Vec<f64>,
+    /// The next time event \[s\].
+    pub(crate) next_event: Option<f64>,
+    /// Time, states and inputs that it stands at.
+    at: Vec<f64>,
+}
+
+/// Instances that nobody uses at the moment.
+#[derive(Debug)]
+pub(crate) struct Pool {
+    library: Library,
+    idle: Mutex<Vec<Held>>,
+    /// Whether there may be one instance alone.
+    is_single: bool,
+    is_dead: AtomicBool,
+}
+
+impl Pool {
+    pub(crate) fn new(library: Library) -> Self {
+        let me = library.description().model_exchange.as_ref();
+        Self {
+            is_single: me.is_some_and(|me| me.can_be_instantiated_only_once_per_process),
+            library,
+            idle: Mutex::default(),
+            is_dead: AtomicBool::new(false),
+        }
+    }
+
+    /// Uses an instance with these parameters that may be asked from `begin` \[s\] on.
+    pub(crate) fn with<T>(
+        &self,
+        layout: &Layout,
+        parameters: &[f64],
+        begin: f64,
+        ask: impl FnOnce(&mut Held) -> Result<T, PointError>,
+    ) -> Result<T, PointError> {
+        if self.is_dead.load(Ordering::Relaxed) {
+            return Err(PointError::Dead);
+        }
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = |held: &Held| held.begin <= begin && same(&held.parameters, parameters);
+        let known = idle.iter().rposition(fits);
+        let taken = match known {
+            Some(place) => Some(idle.remove(place)),
+            None if self.is_single || idle.len() >= KEPT => {
+                (!idle.is_empty()).then(|| idle.remove(0))
+            }
+            None => None,
+        };
+        // An instance that is alone is waited for.
+        let (guard, free) = match self.is_single {
+            true => (Some(idle), None),
+            false => (None, Some(idle)),
+        };
+        drop(free);
+        let held = match (taken, known) {
+            (Some(held), Some(_)) => Ok(held),
+            (taken, _) => self.begin(layout, taken, parameters, begin.min(0.0)),
+        };
+        let mut held = held.inspect_err(|error| self.bury(error))?;
+        let found = ask(&mut held);
+        match &found {
+            Err(error) if !is_discard(error) => self.bury(error),
+            _ => match guard {
+                Some(mut idle) => idle.push(held),
+                None => (self.idle.lock().unwrap_or_else(PoisonError::into_inner)).push(held),
+            },
+        }
+        found
+    }
+
+    /// After a fatal error nothing of an FMU may be called (FMI 2.0, section 2.1.3; FMI 3.0, section 2.2.3).
+    fn bury(&self, error: &PointError) {
+        if let PointError::Call(CallError::Failed { status, .. }) = error
+            && *status == pilotage_abi::fmi2::Status::FATAL
+        {
+            self.is_dead.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Initialises an instance, one that was used before if there is one.
+    fn begin(
+        &self,
+        layout: &Layout,
+        used: Option<Held>,
+        parameters: &[f64],
+        begin: f64,
+    ) -> Result<Held, PointError> {
+        let reset =
+            used.and_then(|mut held| held.instance.reset().is_ok().then_some(held.instance));
+        let mut instance = match reset {
+            Some(instance) => instance,
+            None => self
+                .library
+                .instantiate("fit", InterfaceType::ModelExchange)?,
+        };
+        instance.setup_experiment(None, begin, None)?;
+        for (own, value) in layout.parameters.iter().zip(parameters) {
+            if own.start.to_bits() != value.to_bits() {
+                instance.set_real(&[own.reference], &[*value])?;
+            }
+        }
+        instance.enter_initialization_mode()?;
+        instance.exit_initialization_mode()?;
+        let update = instance.iterate_event()?.ok_or(PointError::Events)?;
+        if update.is_end_requested {
+            return Err(PointError::End);
+        }
+        instance.enter_continuous_time_mode()?;
+        let mut initial = vec![0.0; layout.states.len()];
+        instance.get_continuous_states(&mut initial)?;
+        Ok(Held {
+            instance,
+            parameters: parameters.to_vec(),
+            begin,
+            initial,
+            next_event: update.next_time,
+            at: vec![f64::NAN; layout.parameter_arguments().start],
+        })
+    }
+}
+
+impl Held {
+    /// Puts it at time, states and inputs.
+    pub(crate) fn put(&mut self, layout: &Layout, at: &[f64]) -> Result<(), PointError> {
+        let put = self.moved(layout, at);
+        match &put {
+            Ok(()) => self
+                .at
+                .iter_mut()
+                .zip(at)
+                .for_each(|(own, new)| *own = *new),
+            // It stands somewhere between.
+            Err(_) => self.at.fill(f64::NAN),
+        }
+        put
+    }
+
+    fn moved(&mut self, layout: &Layout, at: &[f64]) -> Result<(), PointError> {
+        let (states, inputs) = (layout.state_arguments(), layout.input_arguments());
+        let before = &self.at;
+        let is_new = |range: Range<usize>| !same(&before[range.clone()], &at[range]);
+        let instance = &mut self.instance;
+        if is_new(0..1) {
+            instance.set_time(at[0])?;
+        }
+        if is_new(inputs.clone()) {
+            instance.set_real(&layout.input_references, &at[inputs])?;
+        }
+        if is_new(states.clone()) {
+            instance.set_continuous_states(&at[states])?;
+        }
+        Ok(())
+    }
+}
+
+fn same(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+fn is_discard(error: &PointError) -> bool {
+    let discard = pilotage_abi::fmi2::Status::DISCARD;
+    matches!(error, PointError::Call(CallError::Failed { status, .. }) if *status == discard)
+}
