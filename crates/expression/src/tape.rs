@@ -98,31 +98,46 @@ impl Called {
         values: &[Cell<T>],
         out: &[Cell<T>],
     ) {
-        let own = self.registers.iter();
-        let all: Vec<(usize, T)> = own
-            .map(|(place, register)| (*place, values[*register as usize].get()))
+        let value = |register: u32| values[register as usize].get();
+        let point = self.registers.iter();
+        let point: Vec<(usize, f64)> = point
+            .map(|(place, register)| (*place, value(*register).re()))
             .collect();
-        let point: Vec<(usize, f64)> = all
-            .iter()
-            .map(|(place, value)| (*place, value.re()))
-            .collect();
-        let off = all
-            .iter()
-            .map(|(place, value)| (*place, *value - T::from(value.re())));
-        let off: Vec<(usize, T)> = off.collect();
-        for (out, wanted) in out.iter().zip(&self.wanted) {
-            let slope = |partial: Partial| self.call.at(&point, partial);
-            let mut sum = T::from(slope(*wanted));
-            for (i, by) in &off {
-                let Some(first) = wanted.by(*i) else { continue };
-                sum += *by * slope(first);
-                for (j, other) in &off {
-                    let Some(second) = first.by(*j) else { continue };
-                    sum += *by * *other * (0.5 * slope(second));
-                }
+        let mut found = vec![0.0; self.wanted.len()];
+        self.call.evaluate_at(&self.wanted, &point, &mut found);
+        for ((out, wanted), found) in out.iter().zip(&self.wanted).zip(found) {
+            let mut sum = T::from(found);
+            if T::NDERIV > 0 {
+                let off = self.registers.iter();
+                let off: Vec<(usize, T)> = off
+                    .map(|(place, register)| {
+                        (*place, value(*register) - T::from(value(*register).re()))
+                    })
+                    .collect();
+                sum += self.change(*wanted, &point, &off);
             }
             out.set(sum);
         }
+    }
+
+    /// What a value or derivative changes by where arguments are off a point by numbers whose real part is 0.
+    fn change<T: DualNum<Primitive = f64> + Copy>(
+        &self,
+        wanted: Partial,
+        point: &[(usize, f64)],
+        off: &[(usize, T)],
+    ) -> T {
+        let mut sum = T::from(0.0);
+        for (i, by) in off {
+            let Some(first) = wanted.by(*i) else { continue };
+            sum += *by * self.call.at(point, first);
+            for (j, other) in off {
+                if let (Some(second), true) = (first.by(*j), T::NDERIV > 1) {
+                    sum += *by * *other * (0.5 * self.call.at(point, second));
+                }
+            }
+        }
+        sum
     }
 }
 
@@ -500,13 +515,14 @@ impl<'a> Writer<'a> {
         };
         let mut nodes = Vec::new();
         for (k, operation) in self.graph.operations().iter().enumerate() {
-            let Operation::Call(own, partial) = *operation else {
-                continue;
+            let partial = match *operation {
+                Operation::Call(own, partial) if own == number && open(self, k) => partial,
+                _ => continue,
             };
             let register =
                 |(place, node): (usize, Node)| Some((place, self.registers[node.index()]?));
             let registers: Option<Vec<(usize, u32)>> = call.taken(partial).map(register).collect();
-            if let Some(registers) = registers.filter(|_| own == number && open(self, k)) {
+            if let Some(registers) = registers {
                 nodes.push(k);
                 called.wanted.push(partial);
                 called.registers.extend(registers);

@@ -110,11 +110,12 @@ impl Rates {
         let (n, m) = (layout.rates.len(), layout.outputs.len());
         let mut values = vec![0.0; n + m + layout.indicators];
         self.at(at, |held| {
-            held.instance.get_derivatives(&mut values[..n])?;
+            // OpenModelica's outputs stay behind where derivatives are asked for first.
             if m > 0 {
                 held.instance
                     .get_real(&layout.output_references, &mut values[n..n + m])?;
             }
+            held.instance.get_derivatives(&mut values[..n])?;
             if layout.indicators > 0 {
                 held.instance.get_event_indicators(&mut values[n + m..])?;
             }
@@ -163,12 +164,17 @@ impl Rates {
             .collect())
     }
 
-    /// A point moved up and down along an argument, with the argument's values there.
+    /// A point moved up and down along an argument, with the argument's values there; parameters stay in their ranges.
     fn ends(&self, at: &[f64], place: usize, step: f64) -> [(f64, Vec<f64>); 2] {
         let size = self.size(place).max(at[place].abs());
+        let is_parameter = self.layout.parameter_arguments().contains(&place);
+        let own = self.layout.argument(place).filter(|_| is_parameter);
+        let least = own.and_then(|own| own.min).unwrap_or(f64::NEG_INFINITY);
+        let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
+        let (least, most) = (least.min(at[place]), most.max(at[place]));
         [step, -step].map(|step| {
             let mut moved = at.to_vec();
-            moved[place] += step * size;
+            moved[place] = (at[place] + step * size).clamp(least, most);
             (moved[place], moved)
         })
     }
@@ -257,7 +263,9 @@ impl Rates {
             let square = 0.25 * (up - down) * (up - down);
             let (above, below) = (self.values(&above)?, self.values(&below)?);
             let weight = 1.0 / square;
-            let middle = self.values(at)?;
+            let mut middle = at.to_vec();
+            middle[second] = 0.5 * (up + down);
+            let middle = self.values(&middle)?;
             return Ok(combined([
                 (&above, weight),
                 (&below, weight),

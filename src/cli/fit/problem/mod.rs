@@ -17,7 +17,7 @@ use crate::sqp::Status;
 use models::Fitted;
 pub use models::HEAD as FITTED;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 /// The problem file among the arguments, if there is one.
@@ -144,15 +144,13 @@ fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
         text += &format!("wrote {}\n", report.display());
     }
     if let (true, Some(own)) = (fit.is_answer(), fitted.first()) {
-        let model = own.path.to_string_lossy();
-        let fmu: PathBuf = own.path.with_extension("fmu");
-        let fmu = fmu.to_string_lossy();
-        text += &format!(
-            "next: {} export {} -o {}\n",
-            program(),
-            quoted(&model),
-            quoted(&fmu)
-        );
+        let model = quoted(&own.path.to_string_lossy());
+        let fmu = own.path.with_extension("fmu");
+        let fmu = quoted(&fmu.to_string_lossy());
+        text += &match own.is_fmu {
+            true => format!("next: {} cosim {model} --step 0.01\n", program()),
+            false => format!("next: {} export {model} -o {fmu}\n", program()),
+        };
     }
     text
 }

@@ -3,6 +3,7 @@
 use crate::cli::{Failure, overwrite};
 use crate::cosim::SystemDescription;
 use crate::cosim::description::Setting;
+use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
 use pilotage_language::with_starts;
@@ -17,6 +18,8 @@ pub struct Fitted {
     pub instance: String,
     /// Its file.
     pub path: PathBuf,
+    /// Whether it is an FMU, and the file a system with it.
+    pub is_fmu: bool,
 }
 
 /// The instances with sought parameters. One is written to `output`, several into that folder.
@@ -29,9 +32,8 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
             .collect();
         names.iter().any(|name| name.starts_with(&prefix))
     };
-    let instances: Vec<&String> = (posed.joint.parts.iter())
+    let instances: Vec<&(String, Part)> = (posed.joint.parts.iter())
         .filter(|(name, part)| is_fitted(name) && (part.file.is_some() || part.fmu.is_some()))
-        .map(|(name, _)| name)
         .collect();
     let is_folder = output.is_some_and(|output| output.is_dir());
     let path = |instance: &str| match (output, is_folder) {
@@ -48,9 +50,10 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
         return Err(Failure::new(message).hint("give -o a folder that is there"));
     }
     Ok((instances.into_iter())
-        .map(|instance| Fitted {
+        .map(|(instance, part)| Fitted {
             instance: instance.clone(),
             path: path(instance),
+            is_fmu: part.fmu.is_some(),
         })
         .collect())
 }
