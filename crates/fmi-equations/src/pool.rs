@@ -128,6 +128,7 @@ impl Pool {
         parameters: &[f64],
         begin: f64,
     ) -> Result<Held, PointError> {
+        let before = used.as_ref().map(|held| held.parameters.clone());
         let reset =
             used.and_then(|mut held| held.instance.reset().is_ok().then_some(held.instance));
         let mut instance = match reset {
@@ -137,8 +138,10 @@ impl Pool {
                 .instantiate("fit", InterfaceType::ModelExchange)?,
         };
         instance.setup_experiment(None, begin, None)?;
-        for (own, value) in layout.parameters.iter().zip(parameters) {
-            if own.start.to_bits() != value.to_bits() {
+        for (k, (own, value)) in layout.parameters.iter().zip(parameters).enumerate() {
+            // Some keep their parameters when they are reset.
+            let is_moved = before.as_ref().is_some_and(|before| before[k] != own.start);
+            if is_moved || own.start.to_bits() != value.to_bits() {
                 instance.set_real(&[own.reference], &[*value])?;
             }
         }

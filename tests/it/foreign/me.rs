@@ -55,7 +55,7 @@ impl Fmu {
             "ball" | "zeno" if self.is_resting => [0.0, 0.0],
             "ball" | "zeno" => [b, -G],
             // dx/dt = p (u - x)
-            "decay" | "decay-by-differences" => [self.p * (self.u - a), 0.0],
+            "decay" | "decay-by-differences" | "decay-wrongly" => [self.p * (self.u - a), 0.0],
             "van-der-pol" => [b, self.p * (1.0 - a * a) * b - a],
             "integrator" => [self.u, 0.0],
             "torricelli" => [-a.sqrt(), 0.0],
@@ -287,14 +287,21 @@ unsafe extern "C" fn fmi2GetDirectionalDerivative(
 ) -> c_int {
     let fmu = of(c);
     let [a, b] = fmu.x;
+    // By both states and the input.
     let rows = match fmu.model.as_str() {
-        "decay" => [[-fmu.p, 0.0], [0.0, 0.0]],
-        "van-der-pol" => [[0.0, 1.0], [-2.0 * fmu.p * a * b - 1.0, fmu.p * (1.0 - a * a)]],
+        "decay" => [[-fmu.p, 0.0, fmu.p], [0.0, 0.0, 0.0]],
+        "decay-wrongly" => [[-2.0 * fmu.p, 0.0, fmu.p], [0.0, 0.0, 0.0]],
+        "van-der-pol" => [[0.0, 1.0, 0.0], [-2.0 * fmu.p * a * b - 1.0, fmu.p * (1.0 - a * a), 0.0]],
         _ => return ERROR,
     };
     for i in 0..n {
-        let row = rows[unsafe { *unknowns.add(i) } as usize - 10];
-        let term = |j: usize| unsafe { row[*knowns.add(j) as usize] * *seed.add(j) };
+        let row = match unsafe { *unknowns.add(i) } {
+            k @ 10..=11 => rows[k as usize - 10],
+            22 => [1.0, 0.0, 1.0],
+            _ => return ERROR,
+        };
+        let place = |known: c_uint| if known == 21 { 2 } else { known as usize };
+        let term = |j: usize| unsafe { row[place(*knowns.add(j))] * *seed.add(j) };
         unsafe { *to.add(i) = (0..m).map(term).sum() };
     }
     OK

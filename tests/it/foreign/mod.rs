@@ -173,7 +173,9 @@ pub fn fmu3(behaviour: &str) -> Vec<u8> {
 
 /// An FMU for model exchange of `me.rs`: which model, with how many states and event indicators.
 pub fn model_exchange(model: &str, states: usize, indicators: usize) -> Vec<u8> {
-    let has_jacobian = model.starts_with("decay@") || model.starts_with("van-der-pol");
+    let has_jacobian = ["decay@", "decay-wrongly", "van-der-pol"]
+        .iter()
+        .any(|own| model.starts_with(own));
     let state = |i: usize| {
         format!(
             "<ScalarVariable name=\"x{i}\" valueReference=\"{i}\" causality=\"local\" initial=\"exact\"><Real start=\"1\"/></ScalarVariable>"

@@ -1,0 +1,248 @@
+//! FMUs in a fit: as vehicle, as pilot, alone; against the same models as files, and with what speaks against them.
+
+use crate::command::{Folder, example};
+use crate::foreign;
+use serde_json::Value;
+use std::io::{Cursor, Read};
+
+/// Two of the shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
+fn shipped(vehicle: &str) -> String {
+    let run = |name: &str| {
+        let path = example(&format!("trials/{name}.csv"));
+        format!("[[run]]\nfile = \"{}\"\n", path.display())
+    };
+    format!(
+        r#"
+[system.pilot]
+model = "linear"
+order = 3
+[system.vehicle]
+model = "{vehicle}"
+[connect]
+"pilot.stick" = "vehicle.stick"
+"vehicle.z" = "pilot.position"
+[inputs]
+"pilot.target" = "target"
+[[measured]]
+signal = "vehicle.z"
+column = "position"
+[parameters]
+"pilot.*" = {{}}
+"pilot.stick_limit" = {{ fixed = true }}
+[stability]
+models = ["pilot"]
+closed_loop = true
+{}{}[fit]
+mesh = "samples"
+starts = 1
+"#,
+        run("10m-run1"),
+        run("20m-run2")
+    )
+}
+
+/// Fits a problem that converges.
+fn fitted(folder: &Folder, problem: &str) -> Value {
+    folder.write("problem.toml", problem);
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json", "--force"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    ended.json()
+}
+
+fn value(fit: &Value, name: &str) -> f64 {
+    fit["parameters"][name]["value"].as_f64().unwrap()
+}
+
+fn assert_same(found: &Value, expected: &Value, digits: f64) {
+    let names = expected["parameters"].as_object().unwrap().keys();
+    for name in names {
+        let (found, expected) = (value(found, name), value(expected, name));
+        let error = (found - expected).abs() / expected.abs().max(1e-3);
+        assert!(error < digits, "{name}: {found} and not {expected}");
+    }
+}
+
+/// The words of a doubt, if there is one of that code.
+fn doubt(fit: &Value, code: &str) -> Option<String> {
+    let mut all = fit["doubts"].as_array().unwrap().iter();
+    let found = all.find(|doubt| doubt["code"] == code)?;
+    found["words"].as_str().map(str::to_owned)
+}
+
+/// The same FMU, whose description says that it has no directional derivatives.
+fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(fmu)).unwrap();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    for k in 0..archive.len() {
+        let mut file = archive.by_index(k).unwrap();
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).unwrap();
+        let name = file.name().unwrap().into_owned();
+        if name == "modelDescription.xml" {
+            let text = String::from_utf8(bytes).unwrap();
+            let without = text.replace("providesDirectionalDerivative=\"true\"", "");
+            assert_ne!(text, without);
+            bytes = without.into_bytes();
+        }
+        if !name.ends_with('/') {
+            files.push((name, bytes));
+        }
+    }
+    let files: Vec<(&str, &[u8])> = (files.iter())
+        .map(|(name, bytes)| (name.as_str(), bytes.as_slice()))
+        .collect();
+    foreign::archive(&files)
+}
+
+#[test]
+fn the_quadcopters_own_fmu_gives_the_pilot_of_the_model_file() {
+    let folder = Folder::new();
+    let expected = fitted(&folder, &shipped("quadcopter"));
+    for version in ["3", "2"] {
+        let to = ["-o", "vehicle.fmu", "--fmi", version, "--force"];
+        let ended = folder.pilotage(&[&["export", "quadcopter"], &to[..]].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let found = fitted(&folder, &shipped("vehicle.fmu"));
+        assert_same(&found, &expected, 1e-8);
+        assert_eq!(found["doubts"], expected["doubts"]);
+    }
+    let bytes = std::fs::read(folder.path("vehicle.fmu")).unwrap();
+    folder.write("vehicle.fmu", without_derivatives(&bytes));
+    let found = fitted(&folder, &shipped("vehicle.fmu"));
+    assert_same(&found, &expected, 1e-6);
+}
+
+/// A pilot whose FMU has the parameters that are sought: each value of them is an initialisation.
+#[test]
+fn a_pilots_fmu_gives_the_parameters_of_its_model_file() {
+    let problem = |pilot: &str| {
+        let text = shipped("quadcopter").replace("model = \"linear\"\norder = 3", pilot);
+        text.replace("[stability]\nmodels = [\"pilot\"]\n", "[stability]\n")
+    };
+    let folder = Folder::new();
+    let shown = folder.pilotage(&["models", "show", "lead_lag"]);
+    folder.write("pilot.toml", shown.stdout);
+    let expected = fitted(&folder, &problem("model = \"pilot.toml\""));
+    let ended = folder.pilotage(&["export", "pilot.toml", "-o", "pilot.fmu"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let found = fitted(&folder, &problem("model = \"pilot.fmu\""));
+    assert_same(&found, &expected, 1e-6);
+    // What it found is a system with that FMU.
+    let system = folder.read("pilot-fitted.toml");
+    let line = format!("gain = {}", value(&found, "pilot.gain"));
+    assert!(
+        system.contains("model = \"pilot.fmu\"") && system.contains(&line),
+        "{system}"
+    );
+    let flown = folder.pilotage(&[
+        "cosim",
+        "pilot-fitted.toml",
+        "--step",
+        "0.1",
+        "--stop-time",
+        "1",
+    ]);
+    assert_eq!(flown.code, 0, "{flown:?}");
+}
+
+/// The decay `exp(-1.3 t)`, each half a second.
+const DECAY: &str = "time,x\n0,1\n0.5,0.522045776761016\n1,0.272531793034013\n1.5,0.142274071586514\n2,0.074273578214334\n";
+
+/// An FMU of `me.rs` alone, whose first state was measured.
+fn alone(folder: &Folder, model: &str, indicators: usize, rest: &str) -> String {
+    folder.write("own.fmu", foreign::model_exchange(model, 1, indicators));
+    folder.write("run.csv", DECAY);
+    format!(
+        "[system.own]\nmodel = \"own.fmu\"\n[[measured]]\nsignal = \"own.x0\"\ncolumn = \"x\"\n{rest}\n[[run]]\n\
+         file = \"run.csv\"\n"
+    )
+}
+
+#[test]
+fn anybodys_fmu_is_fitted_with_its_derivatives_or_without() {
+    let folder = Folder::new();
+    for model in ["decay", "decay-by-differences", "decay-wrongly"] {
+        let model = format!("{model}@0.4");
+        let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
+        let found = fitted(&folder, &alone(&folder, &model, 0, start));
+        assert!((value(&found, "own.p") - 1.3).abs() < 1e-6, "{found}");
+        let said = doubt(&found, "fmu-description");
+        let is_wrong = model.starts_with("decay-wrongly");
+        assert_eq!(said.is_some(), is_wrong, "{said:?}");
+        let words =
+            "the FMU of `own`: it says that the derivative of `x0` changes with `x0` by -0.8";
+        assert!(said.is_none_or(|said| said.starts_with(words)));
+    }
+}
+
+#[test]
+fn events_of_fmus_are_named_with_their_time() {
+    let folder = Folder::new();
+    let sensor = "gain = \"free\"\n[initial]\n\"own.x0\" = ";
+    let problem = alone(&folder, "jump", 0, &format!("{sensor} \"free\""));
+    folder.write("problem.toml", problem);
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+    assert_eq!(
+        ended.stderr,
+        "error: problem.toml:2:9: own.fmu has an event at 0.5 s, and run.csv goes on to 2 s; a fit takes equations \
+         without events: cut the runs there\n"
+    );
+    // The state rises by 1 in a second; the indicator is positive between 0.475 and 0.525.
+    let found = fitted(
+        &folder,
+        &alone(&folder, "pulse", 1, &format!("{sensor} 0.0")),
+    );
+    let words = doubt(&found, "event").unwrap();
+    let expected = "`own` (own.fmu) has an event up to 0.5 s of run.csv, where event indicator 1 changes its sign";
+    assert!(words.starts_with(expected), "{words}");
+    let found = fitted(
+        &folder,
+        &alone(&folder, "pulse", 1, &format!("{sensor} 0.6")),
+    );
+    assert_eq!(doubt(&found, "event"), None);
+}
+
+/// Torricelli's law discards negative levels.
+#[test]
+fn an_fmu_that_fails_is_named() {
+    let folder = Folder::new();
+    let free = "gain = \"free\"\n[initial]\n\"own.x0\" = -1";
+    folder.write("problem.toml", alone(&folder, "torricelli", 0, free));
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert_eq!(ended.code, 1, "{ended:?}");
+    let why = "`own`, own.fmu, at 0 s: fmi2GetDerivatives returned fmi2Discard without a message";
+    assert!(ended.stdout.contains(why), "{ended:?}");
+}
+
+#[test]
+fn fmus_without_equations_are_refused() {
+    let folder = Folder::new();
+    let refused = |why: &str| {
+        let ended = folder.pilotage(&["fit", "problem.toml"]);
+        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+        assert_eq!(ended.stderr, format!("error: problem.toml:2:9: {why}\n"));
+    };
+    let sought = "[parameters]\n\"own.p\" = {}";
+    folder.write("problem.toml", alone(&folder, "decay@1", 0, sought));
+    folder.write("own.fmu", foreign::fmu("good"));
+    refused(
+        "own.fmu: it is not for model exchange: a fit needs its equations, which co-simulation hides; export it for \
+         model exchange",
+    );
+    folder.write("own.fmu", foreign::model_exchange("endless", 0, 0));
+    refused(
+        "own.fmu: it gives no values at its start: its event iteration after initialisation did not end in 1000 rounds",
+    );
+    folder.write("own.fmu", b"PK\x03\x04 and no more");
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+    let why = "own.fmu is no zip archive, or a damaged one";
+    assert!(ended.stderr.contains(why), "{ended:?}");
+    let problem = folder.read("problem.toml");
+    let problem = problem.replace("\"own.fmu\"", "\"own.fmu\"\nkind = \"cs\"");
+    folder.write("problem.toml", problem);
+    refused(
+        "own.fmu is taken for co-simulation here, which hides its equations; a fit needs kind = \"me\"",
+    );
+}
