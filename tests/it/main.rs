@@ -39,6 +39,7 @@ mod mutation;
 mod next;
 mod other_fmus;
 mod problem_flights;
+mod problem_outcomes;
 mod problems;
 mod random_collocation;
 mod recovery;

@@ -44,9 +44,10 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `likelihood`, [`diagnostics`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
+//! | [`result`], `begun`, `likelihood`, [`diagnostics`], [`validation`], `trouble` | what was found, with what the runs began, what speaks against it, runs that were not fitted, what is not finite |
 
 mod assembly;
+mod begun;
 pub mod data;
 pub mod diagnostics;
 pub mod error;

@@ -83,6 +83,8 @@ pub struct RunFit {
     pub name: String,
     /// Times of the samples \[s\].
     pub time: Vec<f64>,
+    /// The states, inputs and parameters of the joint model where it begins.
+    pub begin: Vec<f64>,
     /// The states at the samples, each by itself, as the models have them.
     pub states: Vec<Vec<f64>>,
     /// What each sensor should show, in the unit of its signal.
@@ -211,6 +213,7 @@ fn run_fit(
     let mut run = RunFit {
         name: posed.data[j].name(),
         time: problem.runs[j].time.clone(),
+        begin: Vec::new(),
         states: vec![Vec::new(); count],
         predicted: vec![Vec::new(); told.predicted.len()],
         recorded: told.recorded.iter().map(|all| all[j].clone()).collect(),
@@ -218,6 +221,10 @@ fn run_fit(
     };
     for (sample, x) in states.iter().enumerate() {
         let values = graph.values(&variables(posed, j, sample, x, theta));
+        if sample == 0 {
+            let joint = told.joint.iter().skip(1);
+            run.begin = joint.map(|node| values[node.index()]).collect();
+        }
         for k in 0..told.predicted.len() {
             run.predicted[k].push(values[told.predicted[k].index()]);
             run.deviations[k].push(values[told.deviations[k].index()]);

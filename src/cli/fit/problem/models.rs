@@ -64,20 +64,22 @@ impl Fitted {
         let prefix = format!("{}.", self.instance);
         let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.status);
         let mut values: Vec<(String, f64)> = Vec::new();
-        for found in &fit.parameters {
+        for (found, is_sought) in all_of(posed, fit) {
             let Some(name) = found.name.strip_prefix(&prefix) else {
                 continue;
             };
-            if let [(_, _), _, ..] = found.values.as_slice() {
-                head += &format!("# {name} is the mean of {}\n", each(found));
+            let (value, is) = match is_sought {
+                true => (found.mean(), "the mean"),
+                // The mean of what runs were given is what none of them had.
+                false => (found.values[0].1, "the first"),
+            };
+            if found.values.len() > 1 {
+                head += &format!("# {name} is {is} of {}\n", each(&found));
             }
-            values.push((name.to_owned(), found.mean()));
-        }
-        for setting in posed.file.system.settings_of(&self.instance) {
-            let is_found = values.iter().any(|(name, _)| name == setting.0);
-            if let (false, Ok(value)) = (is_found, setting.1.parse()) {
-                values.push((setting.0.to_owned(), value));
+            if compiled.delays.iter().any(|delay| delay.name == name) {
+                head += &format!("# {name} began at {value}, which a model file cannot say\n");
             }
+            values.push((name.to_owned(), value));
         }
         overwrite::save(
             &self.path,
@@ -93,6 +95,12 @@ impl Fitted {
         }
         Ok(())
     }
+}
+
+/// What the runs of a fit had and their models do not say, and whether it was sought.
+fn all_of(posed: &Posed<'_>, fit: &Fit) -> impl Iterator<Item = (Found, bool)> {
+    let sought = fit.parameters.iter().cloned().map(|found| (found, true));
+    sought.chain(fit.given(posed).into_iter().map(|found| (found, false)))
 }
 
 /// A table of that name with another content is somebody's.

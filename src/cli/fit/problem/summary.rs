@@ -87,18 +87,13 @@ fn parameter(found: &Found) -> (String, Value) {
 
 /// For each state that is estimated at the begin, its value in each run.
 fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
-    let mut all = Map::new();
-    for (k, name) in posed.joint.model.states.iter().enumerate() {
-        let is_free = posed.runs.iter().any(|run| run.initial[k].is_none());
-        if is_free {
-            let values = fit
-                .runs
-                .iter()
-                .map(|run| (run.name.clone(), json!(run.states[k][0])));
-            all.insert(name.clone(), Value::Object(values.collect()));
-        }
-    }
-    Value::Object(all)
+    let all = fit.initial(posed).into_iter().map(|found| {
+        let value = |k: usize| found.values.get(k).unwrap_or(&found.values[0]).1;
+        let runs = fit.runs.iter().enumerate();
+        let values = runs.map(|(k, run)| (run.name.clone(), json!(value(k))));
+        (found.name.clone(), Value::Object(values.collect()))
+    });
+    Value::Object(all.collect())
 }
 
 fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
@@ -142,8 +137,13 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         significant(fit.objective, 8),
         significant(fit.chi2, 8),
     );
-    text += &aligned(&parameter_rows(fit));
+    text += &aligned(&rows("parameter", &fit.parameters));
     text += "\n";
+    let initial = fit.initial(posed);
+    if !initial.is_empty() {
+        text += &aligned(&rows("initial state", &initial));
+        text += "\n";
+    }
     text += &aligned(&run_rows(posed, outcomes));
     text += &format!(
         "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
@@ -162,9 +162,9 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     text
 }
 
-fn parameter_rows(fit: &Fit) -> Vec<[String; 4]> {
-    let mut rows = vec![["parameter", "value", "unit", ""].map(str::to_owned)];
-    for found in &fit.parameters {
+fn rows(what: &str, all: &[Found]) -> Vec<[String; 4]> {
+    let mut rows = vec![[what, "value", "unit", ""].map(str::to_owned)];
+    for found in all {
         let remark = match (found.is_tied, found.bound) {
             (true, _) => "tied".to_owned(),
             (false, Some(bound)) => format!("at its bound {bound}"),
