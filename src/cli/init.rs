@@ -83,8 +83,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::print(&text)?;
         return Ok(Outcome::Done);
     };
-    args.overwrite
-        .check(&args.runs, &[(output, OutputKind::Problem)])?;
+    let is_written = std::fs::read_to_string(output).is_ok_and(|before| before == text);
+    let outputs: &[_] = match is_written {
+        true => &[],
+        false => &[(output.as_path(), OutputKind::Problem)],
+    };
+    args.overwrite.check(&args.runs, outputs)?;
     overwrite::save(output, text)?;
     let typed = made::quoted(&output.to_string_lossy());
     terminal::print(&format!(
@@ -337,9 +341,6 @@ fn write_rest(text: &mut String, instances: &[Instance]) {
         let _ = writeln!(text, "# \"{}.*\" = \"free\"", instances[0].name);
     }
 }
-
-/// First line of the files that are written here.
-pub const HEADER: &str = "# A problem of pilotage: what was measured, what is sought.";
 
 const HEAD: &str = "# A problem of pilotage: what was measured, what is sought.
 #

@@ -109,3 +109,86 @@ fn what_differs_between_runs_is_that_of_the_first_in_the_fitted_model() {
     assert!(fitted.contains(&told), "{fitted}");
     assert!((flown(&folder)[0] - 2.0).abs() < 1e-6, "{fitted}");
 }
+
+/// Runs of one base name keep their own parameters and lines.
+#[test]
+fn runs_with_equal_base_names_are_told_apart() {
+    let both = "[[run]]\nfile = \"b/run.csv\"\n";
+    let problem = PROBLEM.replace("\"tank.rate\" = {}", "\"tank.rate\" = { per = \"run\" }");
+    let folder = tank(&(problem + both));
+    folder.write("b/run.csv", level(3.0));
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    let rates = json["parameters"]["tank.rate"]["value"]
+        .as_object()
+        .unwrap();
+    assert_eq!(rates.len(), 2, "{json}");
+    for (name, x) in [("run.csv", 2.0), ("b/run.csv", 3.0)] {
+        assert!((rates[name].as_f64().unwrap() - 0.8).abs() < 1e-4, "{json}");
+        let found = json["initial"]["tank.x"][name].as_f64().unwrap();
+        assert!((found - x).abs() < 1e-6, "{json}");
+    }
+    let text = folder.pilotage(&["fit", "problem.toml"]).stdout;
+    for line in [
+        "tank.rate (run.csv) ",
+        "tank.rate (b/run.csv) ",
+        "b/run.csv  x",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+}
+
+/// Residuals at the start values, by hand: rate 0.5 and area 4 where the run has 0.8.
+#[test]
+fn an_evaluation_sums_up_its_residuals() {
+    let folder = tank(&PROBLEM.replace(
+        "\"tank.inflow\" = {}\n",
+        "\"tank.inflow\" = { start = 0.3 }\n",
+    ));
+    let text = folder
+        .pilotage(&["fit", "problem.toml", "--evaluate"])
+        .stdout;
+    let speed = 1.25 / 4.0;
+    let x = |rate: f64, t: f64| 0.3 / rate + (2.0 - 0.3 / rate) * (-rate * speed * t).exp();
+    let times = (0..21).map(|k| 0.1 * f64::from(k));
+    let sum: f64 = times.map(|t| (x(0.8, t) - x(0.5, t)).powi(2)).sum();
+    let line = text.lines().last().unwrap();
+    let cells: Vec<&str> = line.split_whitespace().collect();
+    assert_eq!(cells[..3], ["run.csv", "x", "21"], "{text}");
+    let rms: f64 = cells[3].parse().unwrap();
+    assert!((rms / (sum / 21.0).sqrt() - 1.0).abs() < 1e-3, "{text}");
+}
+
+/// `init` writes a file that is to be edited, and leaves it alone then.
+#[test]
+fn init_does_not_write_over_what_was_edited() {
+    let folder = tank(PROBLEM);
+    let init = |force: &[&str]| {
+        let words = ["init", "run.csv", "--model", "tank.toml", "-o", "mine.toml"];
+        folder.pilotage(&[&words, force].concat())
+    };
+    assert_eq!(init(&[]).code, 0);
+    assert_eq!(init(&[]).code, 0);
+    let edited = folder.read("mine.toml") + "# edited\n";
+    folder.write("mine.toml", &edited);
+    let refused = init(&[]);
+    assert_eq!(refused.code, 2, "{refused:?}");
+    assert!(refused.stderr.contains("--force"), "{refused:?}");
+    assert_eq!(folder.read("mine.toml"), edited);
+    assert_eq!(init(&["--force"]).code, 0);
+    assert!(folder.read("mine.toml") != edited);
+}
+
+/// A device that never ends is no run.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_without_end_is_refused() {
+    let folder = tank(&PROBLEM.replace("\"run.csv\"", "\"/dev/zero\""));
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    assert!(
+        ended
+            .stderr
+            .contains("/dev/zero:1: a line longer than 16 MiB"),
+        "{ended:?}"
+    );
+}

@@ -110,17 +110,14 @@ fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
 
 /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation.
 fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
-    let samples = run.recorded[k]
-        .iter()
-        .zip(&run.predicted[k])
-        .zip(&run.deviations[k]);
-    let (mut plain, mut relative, mut count) = (0.0, 0.0, 0.0_f64);
-    for ((y, h), sd) in samples.filter(|((y, _), _)| y.is_finite()) {
-        plain += (y - h).powi(2);
-        relative += noise.residual(*y, *h, *sd).powi(2);
-        count += 1.0;
-    }
-    ((plain / count).sqrt(), (relative / count).sqrt())
+    let mean = |residuals: Vec<f64>| {
+        let known = residuals.iter().filter(|r| !r.is_nan());
+        let sum: f64 = known.clone().map(|r| r * r).sum();
+        (sum / known.count() as f64).sqrt()
+    };
+    let plain = run.recorded[k].iter().zip(&run.predicted[k]);
+    let plain = plain.map(|(y, h)| y - h).collect();
+    (mean(plain), mean(run.residuals(k, noise)))
 }
 
 /// The summary for people.
@@ -149,12 +146,10 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
         fit.refinement.intervals, fit.refinement.rounds, fit.refinement.error
     );
-    if fit.starts.len() > 1 {
-        text += &format!(
-            "starts: {} of {} ended at this optimum\n",
-            fit.agreeing(),
-            fit.starts.len()
-        );
+    match (fit.starts.len(), fit.agreeing()) {
+        (1, _) => {}
+        (starts, 0) => text += &format!("starts: none of {starts} converged\n"),
+        (starts, count) => text += &format!("starts: {count} of {starts} ended at this optimum\n"),
     }
     for diagnostic in &fit.diagnostics {
         text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
