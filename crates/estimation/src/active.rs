@@ -63,13 +63,18 @@ fn limits(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     }
     let first = problem.layout.parameter_constraints;
     let on_parameters = posed.names.parameters.iter().enumerate();
-    all.extend(on_parameters.map(|(k, name)| (name.clone(), by(first + k))));
+    all.extend(
+        on_parameters.map(|(k, name)| match k < posed.names.stability {
+            true => (name.clone(), by(first + k)),
+            false => (format!("the stability of {name}"), by(first + k)),
+        }),
+    );
     all
 }
 
 /// What is stable because the solve was kept from less: conditions of stability that lie on their limits, with a
 /// multiplier.
-pub(crate) fn barely_stable(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {
+pub(crate) fn on_stability_bound(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {
     let iterate = &solved.solution.iterate;
     let first = solved.problem.layout.parameter_constraints;
     let lower = solved.problem.limits().0;

@@ -1,10 +1,11 @@
 //! What speaks against taking a result at its word.
 
-use crate::active::{barely_stable, violated};
+use crate::active::{on_stability_bound, violated};
 use crate::file::Mesh;
 use crate::fit::{Refinement, Solved};
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
+use crate::stability::CLOSED_LOOP;
 use pilotage_sqp::Status;
 use std::fmt;
 
@@ -35,7 +36,7 @@ pub enum Diagnostic {
         is_kept: bool,
     },
     /// What is stable because the fit is kept from less: a condition of `[stability]` is active.
-    BarelyStable(String),
+    OnStabilityBound(String),
     /// The mesh could not be refined until its error is as small as was asked for.
     MeshError {
         /// The estimated relative error of the states.
@@ -70,7 +71,8 @@ impl Diagnostic {
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
             Self::UnstableLoop { .. } => "unstable-loop",
-            Self::BarelyStable(_) => "barely-stable",
+            Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
+            Self::OnStabilityBound(_) => "model-on-bound",
             Self::MeshError { .. } | Self::CoarseMesh(_) => "mesh-error",
             Self::MeshMoves(_) => "mesh-moves",
             Self::Alone(_) => "alone",
@@ -104,15 +106,15 @@ impl fmt::Display for Diagnostic {
                     false => "if not, add [stability] with closed_loop = true",
                 }
             ),
-            Self::BarelyStable(what) => write!(
+            Self::OnStabilityBound(of) => write!(
                 f,
-                "{what} is kept by [stability] alone: the data ask for a system that grows; doubt the model, its delays \
-                 or what it leaves out"
+                "{of} lies on the bound that [stability] keeps: runs this short do not tell how it settles in the \
+                 long run, or the data ask for what grows"
             ),
             Self::CoarseMesh(error) => write!(
                 f,
-                "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by as \
-                 much: leave `mesh` and `mesh_step` out, or lower the step"
+                "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
+                 as much: leave `mesh` and `mesh_step` out, or lower the step"
             ),
             Self::MeshError { error, tolerance } => write!(
                 f,
@@ -156,8 +158,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         all.push(Diagnostic::UnstableLoop { growth, is_kept });
     }
     if fit.is_answer() {
-        let barely = barely_stable(posed, solved).into_iter();
-        all.extend(barely.map(Diagnostic::BarelyStable));
+        let kept = on_stability_bound(posed, solved).into_iter();
+        all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {

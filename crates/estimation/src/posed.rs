@@ -60,7 +60,8 @@ pub struct Names {
     pub bounds: Vec<String>,
     /// The constraints on the shared parameters, in their order.
     pub parameters: Vec<String>,
-    /// Number of the first of these that is a condition of stability; all behind it are.
+    /// Number of the first of these that is a condition of stability; all behind it are, and called by what is kept
+    /// stable.
     pub stability: usize,
 }
 

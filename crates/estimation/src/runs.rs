@@ -2,7 +2,8 @@
 
 use crate::error::ProblemError;
 use crate::file::{RunLine, Set};
-use std::path::{Component, Path};
+use std::fs::canonicalize;
+use std::path::{Component, Path, PathBuf};
 
 /// Gives each run the shortest end of its path that no other file has. Where a file stands several times, all but the
 /// first have a number behind that.
@@ -39,9 +40,12 @@ fn end(parts: &[String], count: usize) -> &[String] {
 /// # Errors
 /// When two entries have one file and the same settings.
 pub fn check_twice(runs: &[RunLine]) -> Result<(), ProblemError> {
-    for (k, run) in runs.iter().enumerate() {
-        let is_same = |other: &&RunLine| other.fits && run.fits && is_one(other, run);
-        if let Some(other) = runs[..k].iter().find(is_same) {
+    let file = |run: &RunLine| canonicalize(&run.file).unwrap_or_else(|_| run.file.clone());
+    let fitted = runs.iter().filter(|run| run.fits);
+    let fitted: Vec<(PathBuf, &RunLine)> = fitted.map(|run| (file(run), run)).collect();
+    for (k, (file, run)) in fitted.iter().enumerate() {
+        let mut before = fitted[..k].iter();
+        if let Some((_, other)) = before.find(|(own, other)| own == file && is_alike(other, run)) {
             let fault = format!(
                 "{} stands twice with the same settings, and its data would count twice; leave one out, or write weight \
                  = 2 at the other",
@@ -53,16 +57,13 @@ pub fn check_twice(runs: &[RunLine]) -> Result<(), ProblemError> {
     Ok(())
 }
 
-/// Whether two runs have one file, and differ in their weight at most.
-fn is_one(a: &RunLine, b: &RunLine) -> bool {
+/// Whether the settings of two runs differ in their weight at most.
+fn is_alike(a: &RunLine, b: &RunLine) -> bool {
     let start = |run: &RunLine| run.start_time.as_ref().map(|time| time.value);
-    let file =
-        |run: &RunLine| std::fs::canonicalize(&run.file).unwrap_or_else(|_| run.file.clone());
     a.subject == b.subject
         && start(a) == start(b)
         && told(&a.set) == told(&b.set)
         && changed(a) == changed(b)
-        && file(a) == file(b)
 }
 
 /// What changes in a run, and when.

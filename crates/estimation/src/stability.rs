@@ -16,6 +16,9 @@ const MARGIN: f64 = 1e-6;
 /// runs of seconds cannot tell more.
 const LOOP_MARGIN: f64 = 1e-3;
 
+/// What messages call all instances wired.
+pub const CLOSED_LOOP: &str = "the closed loop";
+
 /// Most states of what is kept stable: the polynomial of more loses its digits.
 const MOST_STATES: usize = 20;
 
@@ -49,15 +52,14 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<(Node, String
         let found = of_model(graph, at, (model, first, &prefix), MARGIN).map_err(|fault| {
             ProblemError::maybe_at(name.place.as_ref(), format!("`{}` {fault}", name.value))
         })?;
-        let of = format!("the stability of `{}`", name.value);
+        let of = format!("`{}`", name.value);
         all.extend(found.into_iter().map(|node| (node, of.clone())));
     }
     if let Some(place) = &stability.closed_loop {
         let found = of_model(graph, at, (&joint.model, 0, ""), LOOP_MARGIN);
         let found =
             found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?;
-        let of = "the stability of the closed loop";
-        all.extend(found.into_iter().map(|node| (node, of.to_owned())));
+        all.extend(found.into_iter().map(|node| (node, CLOSED_LOOP.to_owned())));
     }
     Ok(all)
 }

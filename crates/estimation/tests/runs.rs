@@ -306,7 +306,7 @@ fn a_system_that_grows_is_told_though_it_has_no_wires() {
         &folder,
     );
     assert!(kept.is_answer(), "{}", kept.status);
-    assert_eq!(codes(&kept), ["barely-stable"]);
+    assert_eq!(codes(&kept), ["loop-on-bound"]);
 }
 
 /// x = 1 at the start and at least 3 at the end, but the rate is at least 0: nothing fulfils that.
@@ -322,4 +322,35 @@ fn what_cannot_be_fulfilled_is_named() {
     let words: Vec<String> = fit.diagnostics.iter().map(|own| own.to_string()).collect();
     let is_range = |own: &String| own.starts_with("the range of `tank.rate` is violated by ");
     assert!(words.iter().any(is_range), "{words:?}");
+}
+
+/// y = sin(5 t) begun at 5 rad/s and far from it, where other waves are optima of their own.
+#[test]
+fn an_optimum_that_one_start_alone_has_found_is_told() {
+    let model = "[model]\nname = \"wave\"\n[parameters]\nomega = { start = 5, unit = \"rad/s\", min = 0.5, max = 50 }\n\
+                 [outputs]\ny = \"sin(omega * time)\"\n";
+    let data = table("time [s],y", (0..100).map(|k| 0.1 * f64::from(k)), |t| {
+        (5.0 * t).sin() + 0.1 * (17.0 * t).cos()
+    });
+    let folder = folder(&[("wave.toml", model), ("run.csv", &data)]);
+    let problem = "[system.wave]\nmodel = \"wave.toml\"\n[[measured]]\nsignal = \"wave.y\"\ncolumn = \"y\"\n[parameters]\n\
+                   \"wave.omega\" = {}\n[[run]]\nfile = \"run.csv\"\n[fit]\nstarts = 4\n";
+    let fit = found(problem, &folder);
+    assert!(
+        (fit.parameters[0].mean() - 5.0).abs() < 0.01,
+        "{:?}",
+        fit.parameters
+    );
+    assert_eq!(
+        (fit.agreeing(), codes(&fit)),
+        (1, vec!["alone"]),
+        "{:?}",
+        fit.starts
+    );
+    // One that has not converged is no optimum, whatever its objective.
+    let mut other = fit.clone();
+    other
+        .starts
+        .push((pilotage_sqp::Status::IterationLimit, 0.0));
+    assert_eq!(other.agreeing(), 1);
 }
