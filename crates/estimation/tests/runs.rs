@@ -1,6 +1,7 @@
 //! Runs and the models that are fitted to them: names, times, what stands where a run begins, models at rest, and what
 //! speaks against a fit.
 
+use pilotage_estimation::evaluate::evaluate;
 use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -353,4 +354,24 @@ fn an_optimum_that_one_start_alone_has_found_is_told() {
         .starts
         .push((pilotage_sqp::Status::IterationLimit, 0.0));
     assert_eq!(other.agreeing(), 1);
+}
+
+/// At the start x = 2 e^(-t/2): the residuals of log-normal noise are those of the logarithms.
+#[test]
+fn an_evaluation_has_the_residuals_of_its_noise() {
+    let recorded = |t: f64| 2.0 * (-0.8 * t).exp();
+    let data = table("time [h],x", hours(), recorded);
+    let folder = folder(&[("tank.toml", DECAY), ("run.csv", &data)]);
+    let noise = "column = \"x\"\nsd = 0.1\nnoise = \"log-normal\"\n";
+    let problem = PROBLEM.replace("column = \"x\"\n", noise) + &run("run.csv");
+    let file =
+        ProblemFile::parse(&problem, &folder.path().join("problem.toml")).expect("a problem");
+    let posed = Posed::new(&file, &part::open).expect("a problem");
+    let residuals = &evaluate(&posed).residuals[0][0];
+    for (t, residual) in hours().zip(residuals) {
+        assert!(
+            (residual - (0.5 - 0.8) * t / 0.1).abs() < 1e-5,
+            "{t}: {residual}"
+        );
+    }
 }
