@@ -83,8 +83,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::print(&text)?;
         return Ok(Outcome::Done);
     };
-    args.overwrite
-        .check(&args.runs, &[(output, OutputKind::Problem)])?;
+    let is_written = std::fs::read_to_string(output).is_ok_and(|before| before == text);
+    let outputs: &[_] = match is_written {
+        true => &[],
+        false => &[(output.as_path(), OutputKind::Problem)],
+    };
+    args.overwrite.check(&args.runs, outputs)?;
     overwrite::save(output, text)?;
     let typed = made::quoted(&output.to_string_lossy());
     terminal::print(&format!(
@@ -338,9 +342,6 @@ fn write_rest(text: &mut String, instances: &[Instance]) {
     }
 }
 
-/// First line of the files that are written here.
-pub const HEADER: &str = "# A problem of pilotage: what was measured, what is sought.";
-
 const HEAD: &str = "# A problem of pilotage: what was measured, what is sought.
 #
 #     pilotage fit THIS-FILE
@@ -351,5 +352,5 @@ const OPTIONS: &str = "
 [fit]
 # mesh = \"samples\"                       # nodes at the samples alone
 mesh_tolerance = 1e-6                    # nodes between them until the states' relative error is below
-# starts = 1                             # from the given start values alone
+# starts = 1                             # from the given start values alone, in less time; 8 unless given
 ";

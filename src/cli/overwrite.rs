@@ -2,7 +2,6 @@
 
 use super::Failure;
 use super::fit::FITTED;
-use super::init;
 use crate::atomic_file::{self, Planned, Refusal};
 use crate::cosim::description::HEADER;
 use std::fs::File;
@@ -99,9 +98,8 @@ impl OutputKind {
             Self::Matlab => ("a script", |path| {
                 first_line(path).ends_with("made by pilotage linearize")
             }),
-            Self::Problem => ("a problem file of `init`", |path| {
-                first_line(path) == init::HEADER
-            }),
+            // It is made to be edited.
+            Self::Problem => ("the unchanged problem file", |_| false),
             Self::Fitted => ("a fitted model", |path| {
                 first_line(path).starts_with(FITTED)
             }),

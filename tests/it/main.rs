@@ -40,6 +40,7 @@ mod next;
 mod other_fmus;
 mod problem_flights;
 mod problem_fmus;
+mod problem_outcomes;
 mod problems;
 mod random_collocation;
 mod recovery;

@@ -37,6 +37,8 @@ pub struct RunData<'f> {
     pub line: &'f RunLine,
     /// Its columns.
     pub series: Series,
+    /// Seconds in the unit of its times.
+    seconds: f64,
 }
 
 /// The samples of a run: its rows, and others at which something changes.
@@ -68,6 +70,20 @@ impl<'f> RunData<'f> {
             other => other.into(),
         };
         let series = Series::read_table(&line.file).map_err(unread)?;
+        let second = Unit::named("s");
+        let seconds = Unit::named(&series.time_unit).conversion(&second);
+        let own = Self {
+            seconds: seconds.map_or(1.0, |seconds| seconds.factor),
+            line,
+            series,
+        };
+        own.check()?;
+        Ok(own)
+    }
+
+    /// Refuses numbers that are not finite, and times that are not within the run.
+    fn check(&self) -> Result<(), ProblemError> {
+        let Self { line, series, .. } = self;
         let file = line.file.display();
         for column in &series.columns {
             if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
@@ -80,14 +96,18 @@ impl<'f> RunData<'f> {
         }
         let first = series.time[0];
         let last = series.time[series.time.len() - 1];
-        let begin = line.start_time.as_ref().map_or(first, |start| start.value);
+        let begin = self.begin();
+        let shown = |time: f64| self.shown(time);
         let fault = match () {
             () if begin > first => Some(format!(
-                "{file} begins at {first} s, before start_time = {begin}; begin no later"
+                "{file} begins at {}, before start_time = {}; begin no later",
+                shown(first),
+                shown(begin)
             )),
             () if first - begin > FARTHEST * (last - first) => Some(format!(
-                "start_time = {begin} is more than {FARTHEST} times the run's length before its first row at {first} s; \
-                 begin later"
+                "start_time = {} is more than {FARTHEST} times the run's length before its first row at {}; begin later",
+                shown(begin),
+                shown(first)
             )),
             () => None,
         };
@@ -95,28 +115,60 @@ impl<'f> RunData<'f> {
             return Err(ProblemError::maybe_at(start.place.as_ref(), fault));
         }
         if last <= begin {
-            let fault = format!("{file} has no sample after {begin} s; a run lasts some time");
+            let begin = shown(begin);
+            let fault = format!("{file} has no sample after {begin}; a run lasts some time");
             return Err(ProblemError::at(&line.place, fault));
         }
-        let is_out = |change: &&Change| change.time <= begin || change.time >= last;
-        if let Some(Change { time, place, .. }) = line.changes.iter().find(is_out) {
-            let fault =
-                format!("a change at {time} s is not within {file}, from {begin} to {last} s");
-            return Err(ProblemError::at(place, fault));
+        let is_out = |(time, _): &(f64, &Change)| *time <= begin || *time >= last;
+        if let Some((time, change)) = self.changes().find(is_out) {
+            let fault = format!(
+                "a change at {} is not within {file}, from {} to {}",
+                shown(time),
+                shown(begin),
+                shown(last)
+            );
+            return Err(ProblemError::at(&change.place, fault));
         }
-        Ok(Self { line, series })
+        Ok(())
     }
 
-    /// Name of its file.
+    /// What it is called.
     pub fn name(&self) -> String {
-        let name = self.line.file.file_name().unwrap_or_default();
-        name.to_string_lossy().into_owned()
+        self.line.name.clone()
+    }
+
+    /// A time \[s\] in the unit of the file.
+    pub fn shown(&self, time: f64) -> String {
+        let unit = match self.series.time_unit.as_str() {
+            "" => "s",
+            unit => unit,
+        };
+        let own = time / self.seconds;
+        // The digits that a conversion to seconds and back leaves.
+        let rounded: f64 = format!("{own:.12e}").parse().unwrap_or(own);
+        format!("{rounded} {unit}")
+    }
+
+    /// What changes within it, and when \[s\].
+    pub fn changes(&self) -> impl Iterator<Item = (f64, &'f Change)> {
+        let seconds = self.seconds;
+        let changes = self.line.changes.iter();
+        changes.map(move |change| (change.time * seconds, change))
     }
 
     /// When it begins \[s\].
     pub fn begin(&self) -> f64 {
         let start = self.line.start_time.as_ref();
-        start.map_or(self.series.time[0], |start| start.value)
+        start.map_or(self.series.time[0], |start| start.value * self.seconds)
+    }
+
+    /// The mean of a column's samples where it begins; none where it has none there.
+    pub fn at_begin(&self, values: &[f64]) -> Option<f64> {
+        let begin = self.begin();
+        let rows = self.series.time.iter().zip(values);
+        let there = rows.filter(|(time, value)| **time == begin && value.is_finite());
+        let there: Vec<f64> = there.map(|(_, value)| *value).collect();
+        (!there.is_empty()).then(|| there.iter().sum::<f64>() / there.len() as f64)
     }
 
     /// When it ends \[s\].
@@ -175,7 +227,7 @@ impl<'f> RunData<'f> {
             .collect::<Result<_, _>>()?;
         let mut times: Vec<f64> = self.series.time.clone();
         times.push(self.begin());
-        times.extend(self.line.changes.iter().map(|change| change.time));
+        times.extend(self.changes().map(|(time, _)| time));
         times.sort_by(f64::total_cmp);
         times.dedup();
         let mut found = Rows {

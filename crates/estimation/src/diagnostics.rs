@@ -1,10 +1,13 @@
 //! What speaks against taking a result at its word.
 
+use crate::active::{on_stability_bound, violated};
 use crate::events::{Event, events};
 use crate::file::Mesh;
 use crate::fit::{Refinement, Solved};
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
+use crate::stability::CLOSED_LOOP;
+use pilotage_expression::Node;
 use pilotage_sqp::Status;
 use std::fmt;
 
@@ -20,8 +23,22 @@ pub enum Diagnostic {
         /// The end.
         bound: f64,
     },
-    /// The wired system grows \[1/s\].
-    UnstableLoop(f64),
+    /// A constraint that a solve which did not converge violates.
+    Violated {
+        /// The constraint.
+        name: String,
+        /// By how much, scaled.
+        by: f64,
+    },
+    /// The system grows.
+    UnstableLoop {
+        /// How fast \[1/s\].
+        growth: f64,
+        /// `[stability]` keeps it stable where the first run begins.
+        is_kept: bool,
+    },
+    /// What is stable because the fit is kept from less: a condition of `[stability]` is active.
+    OnStabilityBound(String),
     /// The mesh could not be refined until its error is as small as was asked for.
     MeshError {
         /// The estimated relative error of the states.
@@ -29,12 +46,20 @@ pub enum Diagnostic {
         /// What was asked for.
         tolerance: f64,
     },
+    /// The states' estimated relative error is large on a mesh that the problem gives.
+    CoarseMesh(f64),
     /// The last refinement of the mesh still moved the parameters, by this part of their size.
     MeshMoves(f64),
-    /// Of the starts that converged, one alone led here.
-    Alone {
-        /// How many converged.
-        converged: usize,
+    /// Of so many starts one alone led here.
+    Alone(usize),
+    /// What is no finite number where the search begins.
+    Undefined(String),
+    /// The solver did not converge, and an FMU failed a call on the way.
+    FmuFailed {
+        /// The instance.
+        instance: String,
+        /// The last call that failed, and why.
+        trouble: String,
     },
     /// An FMU would have an event in a run.
     Event(Event),
@@ -51,7 +76,7 @@ pub enum Diagnostic {
 
 /// A pole that grows faster is unstable \[1/s\].
 const GROWTH: f64 = 1e-6;
-/// A change of parameters by a refinement that matters, relative to their size.
+/// A change of parameters by a refinement that matters, relative to their size; and so an error of the states.
 const MOVES: f64 = 1e-3;
 /// Smallest scaled curvature that counts as one.
 const FLAT: f64 = 1e-9;
@@ -64,11 +89,16 @@ impl Diagnostic {
         match self {
             Self::NotConverged(_) => "not-converged",
             Self::AtBound { .. } => "at-bound",
-            Self::UnstableLoop(_) => "unstable-loop",
-            Self::MeshError { .. } => "mesh-error",
+            Self::Violated { .. } => "violated",
+            Self::UnstableLoop { .. } => "unstable-loop",
+            Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
+            Self::OnStabilityBound(_) => "model-on-bound",
+            Self::MeshError { .. } | Self::CoarseMesh(_) => "mesh-error",
             Self::MeshMoves(_) => "mesh-moves",
-            Self::Alone { .. } => "alone",
+            Self::Alone(_) => "alone",
             Self::Flat(_) => "flat",
+            Self::Undefined(_) => "undefined",
+            Self::FmuFailed { .. } => "fmu-failed",
             Self::Event(_) => "event",
             Self::Description { .. } => "fmu-description",
         }
@@ -87,10 +117,28 @@ impl fmt::Display for Diagnostic {
                 f,
                 "`{name}` lies on the end {bound} of its range: widen the range, or fix the parameter"
             ),
-            Self::UnstableLoop(pole) => write!(
+            Self::Violated { name, by } => write!(
                 f,
-                "the wired system, linearised where the first run ends, grows by {pole:.3} 1/s: if the recorded one did \
-                 not, add [stability] with closed_loop = true"
+                "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest"
+            ),
+            Self::UnstableLoop { growth, is_kept } => write!(
+                f,
+                "the system, linearised where the first run ends, grows by {growth:.2e} 1/s: right if the recorded one \
+                 grew or oscillated by itself; {}",
+                match is_kept {
+                    true => "[stability] keeps it stable where the first run begins alone",
+                    false => "if not, add [stability] with closed_loop = true",
+                }
+            ),
+            Self::OnStabilityBound(of) => write!(
+                f,
+                "{of} lies on the bound that [stability] keeps: runs this short do not tell how it settles in the \
+                 long run, or the data ask for what grows"
+            ),
+            Self::CoarseMesh(error) => write!(
+                f,
+                "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
+                 as much: leave `mesh` and `mesh_step` out, or lower the step"
             ),
             Self::MeshError { error, tolerance } => write!(
                 f,
@@ -101,11 +149,14 @@ impl fmt::Display for Diagnostic {
                 "the last refinement of the mesh still moved a parameter by {change:.1e} of its size: lower \
                  mesh_tolerance and compare"
             ),
-            Self::Alone { converged } => write!(
+            Self::Alone(starts) => write!(
                 f,
-                "of {converged} starts that converged, one alone led to this optimum: there may be better ones; raise \
-                 `starts`"
+                "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
             ),
+            Self::Undefined(what) => write!(f, "where the search begins, in {what}"),
+            Self::FmuFailed { instance, trouble } => {
+                write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
+            }
             Self::Event(event) => event.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(
@@ -122,14 +173,32 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let mut all = Vec::new();
     if !fit.is_answer() {
         all.push(Diagnostic::NotConverged(fit.status));
+        all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
+        let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
+            Some(Diagnostic::FmuFailed {
+                instance: instance.clone(),
+                trouble: part.fmu.as_ref()?.function.trouble()?,
+            })
+        });
+        all.extend(failed.filter(|_| fit.trouble.is_none()));
+    }
+    if fit.status == Status::Infeasible {
+        let violated = violated(posed, solved).into_iter();
+        all.extend(violated.map(|(name, by)| Diagnostic::Violated { name, by }));
     }
     let growth = fit
         .poles
         .iter()
         .map(|pole| pole[0])
         .fold(f64::NEG_INFINITY, f64::max);
-    if growth > GROWTH && !posed.file.system.connections.is_empty() {
-        all.push(Diagnostic::UnstableLoop(growth));
+    let is_loop = !posed.file.system.connections.is_empty();
+    if growth > GROWTH && (is_loop || is_linear(posed)) {
+        let is_kept = posed.file.stability.closed_loop.is_some();
+        all.push(Diagnostic::UnstableLoop { growth, is_kept });
+    }
+    if fit.is_answer() {
+        let kept = on_stability_bound(posed, solved).into_iter();
+        all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
     all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
     let at_bound = |found: &Found| {
@@ -158,26 +227,31 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all
 }
 
+/// Whether the states' derivatives are linear in them: where they are not, what grows at one point may be an
+/// oscillation.
+fn is_linear(posed: &Posed<'_>) -> bool {
+    let system = &posed.model.system;
+    let mut graph = system.graph.clone();
+    let states: Vec<usize> = (0..posed.joint.model.states.len())
+        .map(|k| system.state(k))
+        .collect();
+    let slopes: Vec<Node> = (states.iter())
+        .flat_map(|state| graph.derivatives(&system.derivatives, *state))
+        .collect();
+    let varies = graph.dependants(|variable| states.contains(&variable));
+    slopes.iter().all(|node| !varies[node.index()])
+}
+
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {
-    let converged = || {
-        fit.starts
-            .iter()
-            .filter(|(status, _)| *status == Status::Converged)
-    };
-    let best = converged()
-        .map(|(_, own)| *own)
-        .fold(f64::INFINITY, f64::min);
-    let near =
-        converged().filter(|(_, own)| own - best <= SAME * best.abs().max(f64::MIN_POSITIVE));
-    let converged = converged().count();
-    (near.count() == 1 && converged > 2).then_some(Diagnostic::Alone { converged })
+    let starts = fit.starts.len();
+    (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
 }
 
 fn of_mesh(posed: &Posed<'_>, refinement: &Refinement) -> Option<Diagnostic> {
-    let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
-        return None;
-    };
     let error = refinement.error;
+    let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
+        return (error > MOVES).then_some(Diagnostic::CoarseMesh(error));
+    };
     let change = refinement.changes.iter().copied().fold(0.0, f64::max);
     if error > tolerance {
         return Some(Diagnostic::MeshError { error, tolerance });

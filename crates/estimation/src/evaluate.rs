@@ -14,7 +14,8 @@ pub struct Evaluation {
     pub objective: f64,
     /// Its derivative by each sought parameter, as the search sees it, by central differences.
     pub gradient: Vec<(String, f64)>,
-    /// For each run and measured signal, `(y - h)/sd` at each sample; NaN where nothing was measured.
+    /// For each run and measured signal, the residual at each sample in standard deviations, with log-normal noise that
+    /// of the logarithms; NaN where nothing was measured.
     pub residuals: Vec<Vec<Vec<f64>>>,
 }
 
@@ -42,16 +43,10 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     }
     let at_start = begin(posed, &start);
     let runs = Fit::runs(posed, &at_start.0, &at_start.1);
+    let noises = posed.file.measured.iter().map(|measured| measured.noise);
     let residuals = runs.iter().map(|run| {
-        let signals = run.recorded.iter().zip(&run.predicted).zip(&run.deviations);
-        let residual = |((y, h), sd): ((&Vec<f64>, &Vec<f64>), &Vec<f64>)| -> Vec<f64> {
-            y.iter()
-                .zip(h)
-                .zip(sd)
-                .map(|((y, h), sd)| (y - h) / sd)
-                .collect()
-        };
-        signals.map(residual).collect()
+        let signals = noises.clone().enumerate();
+        signals.map(|(k, noise)| run.residuals(k, noise)).collect()
     });
     Evaluation {
         objective: objective(posed, &at_start),

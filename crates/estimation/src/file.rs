@@ -233,6 +233,8 @@ pub struct Stability {
 pub struct RunLine {
     /// Its file, from the folder in which the command runs.
     pub file: PathBuf,
+    /// What it is called: the shortest end of its path that no other run has.
+    pub name: String,
     /// Where it is named.
     pub place: Place,
     /// False where it is for validation alone.
@@ -241,7 +243,7 @@ pub struct RunLine {
     pub weight: f64,
     /// Whose run it is.
     pub subject: Option<String>,
-    /// When it begins \[s\]; with its first row where this is missing.
+    /// When it begins, in the unit of its times; with its first row where this is missing.
     pub start_time: Option<Said<f64>>,
     /// What differs in it.
     pub set: Vec<Set>,
@@ -252,7 +254,7 @@ pub struct RunLine {
 /// What changes at a time of a run.
 #[derive(Debug, Clone)]
 pub struct Change {
-    /// When \[s\].
+    /// When, in the unit of the run's times.
     pub time: f64,
     /// Where that stands.
     pub place: Place,

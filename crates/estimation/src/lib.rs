@@ -38,15 +38,17 @@
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | [mod@file], `read` | what a problem file says |
+//! | [mod@file], `read`, `runs` | what a problem file says |
 //! | [`part`], [`joint`] | the instances as equations, and wired |
 //! | [`unknowns`], `names` | parameters and what they are; the expressions of the file |
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `likelihood`, [`diagnostics`], [`events`], [`validation`], `trouble` | what was found, what speaks against it, runs that were not fitted, what is not finite |
+//! | [`result`], `active`, `begun`, `likelihood`, [`diagnostics`], [`events`], [`validation`], `trouble` | what was found, on which constraints, with what the runs began, what speaks against it, runs that were not fitted, what is not finite |
 
+mod active;
 mod assembly;
+mod begun;
 pub mod data;
 pub mod diagnostics;
 pub mod error;
@@ -63,6 +65,7 @@ pub mod part;
 pub mod posed;
 mod read;
 pub mod result;
+mod runs;
 mod stability;
 pub mod starts;
 mod trouble;

@@ -34,6 +34,8 @@ pub struct Posed<'f> {
     pub bounds: Vec<Bound>,
     /// What parameters must fulfil.
     pub constraints: ParameterConstraints,
+    /// What messages call bounds and constraints.
+    pub names: Names,
     /// The runs that are fitted; their mesh is their samples.
     pub runs: Vec<Run>,
     /// What is sought, and where it stands.
@@ -52,6 +54,18 @@ pub struct Posed<'f> {
     pub data: Vec<RunData<'f>>,
 }
 
+/// What messages call bounds and constraints.
+#[derive(Debug, Clone, Default)]
+pub struct Names {
+    /// The bounds, in their order.
+    pub bounds: Vec<String>,
+    /// The constraints on the shared parameters, in their order.
+    pub parameters: Vec<String>,
+    /// Number of the first of these that is a condition of stability; all behind it are, and called by what is kept
+    /// stable.
+    pub stability: usize,
+}
+
 /// A state of the equations.
 #[derive(Debug, Clone)]
 pub struct State {
@@ -63,6 +77,18 @@ pub struct State {
     pub guesses: Vec<f64>,
     /// What is added to it, where it begins at zero by that.
     pub shift: Option<Node>,
+}
+
+impl State {
+    /// One that is 0 throughout so many runs, where a problem has none.
+    pub(crate) fn at_rest(runs: usize) -> Self {
+        Self {
+            name: "no state".to_owned(),
+            nominal: Some(1.0),
+            guesses: vec![0.0; runs],
+            shift: None,
+        }
+    }
 }
 
 /// Where an unknown stands among the variables.
@@ -144,6 +170,7 @@ impl<'f> Posed<'f> {
             factor: factor(&made.runs),
             bounds: made.bounds,
             constraints: made.constraints,
+            names: made.names,
             runs: made.runs,
             unknowns: made.unknowns,
             shared: made.shared,

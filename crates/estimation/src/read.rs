@@ -5,6 +5,7 @@ use crate::file::{
     Calibration, Change, Constraint, Deviation, Fed, Hold, Holds, Initial, Measured, Mesh, Noise,
     Options, Per, Prior, ProblemFile, Quantity, RunLine, Set, Sought, Stability,
 };
+use crate::runs;
 use pilotage_collocation::Scheme;
 use pilotage_cosim::description::Said;
 use pilotage_cosim::{DescriptionError, SystemDescription};
@@ -220,8 +221,10 @@ fn unit(table: TomlTable<'_>) -> Read<Option<String>> {
     let name = table.string("unit")?;
     match name.filter(|name| Base::in_modelicas_spelling(name).is_none()) {
         Some(name) => {
+            let near = did_you_mean(pilotage_units::respelt(name).as_deref());
             let fault = format!(
-                "unknown unit `{name}`; write it as in m/s2 or 1/(m.s), `1` where there is no dimension, or leave it out"
+                "unknown unit `{name}`{near}; write it as in m/s2 or 1/(m.s), `1` where there is no dimension, or leave \
+                 it out"
             );
             Err(at(table, "unit", fault))
         }
@@ -584,13 +587,13 @@ impl Reader<'_> {
         for table in root.tables("run")? {
             runs.push(self.run(table)?);
         }
-        match runs.iter().any(|run| run.fits) {
-            true => Ok(runs),
-            false => {
-                let fault = "no run to fit; add [[run]] with file = \"run.csv\"";
-                Err(at(root, "run", fault))
-            }
+        if !runs.iter().any(|run| run.fits) {
+            let fault = "no run to fit; add [[run]] with file = \"run.csv\"";
+            return Err(at(root, "run", fault));
         }
+        runs::name(&mut runs);
+        runs::check_twice(&runs)?;
+        Ok(runs)
     }
 
     fn run(&self, table: TomlTable<'_>) -> Read<RunLine> {
@@ -621,6 +624,7 @@ impl Reader<'_> {
         }
         Ok(RunLine {
             file: self.folder.join(file),
+            name: String::new(),
             place: place(table, "file"),
             fits: word(table, "use", &[("fit", true), ("validation", false)], true)?,
             weight: positive(table, "weight")?.unwrap_or(1.0),

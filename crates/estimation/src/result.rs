@@ -1,12 +1,16 @@
 //! What a fit has found.
 
 use crate::diagnostics::{Diagnostic, SAME};
+use crate::file::Noise;
 use crate::fit::{Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
+
+/// A mean square of the residuals that is none, per variance of the samples or the noise.
+const EXACT: f64 = 1e-6;
 
 /// The result of a fit.
 #[derive(Debug, Clone)]
@@ -33,6 +37,8 @@ pub struct Fit {
     pub poles: Vec<[f64; 2]>,
     /// How the mesh was refined.
     pub refinement: Refinement,
+    /// An objective that is zero but for the solver's tolerance.
+    pub resolution: f64,
     /// For each start how it ended, and its objective.
     pub starts: Vec<(Status, f64)>,
     /// What speaks against it.
@@ -83,6 +89,8 @@ pub struct RunFit {
     pub name: String,
     /// Times of the samples \[s\].
     pub time: Vec<f64>,
+    /// The states, inputs and parameters of the joint model where it begins.
+    pub begin: Vec<f64>,
     /// The states at the samples, each by itself, as the models have them.
     pub states: Vec<Vec<f64>>,
     /// What each sensor should show, in the unit of its signal.
@@ -91,6 +99,19 @@ pub struct RunFit {
     pub recorded: Vec<Vec<f64>>,
     /// The noise levels.
     pub deviations: Vec<Vec<f64>>,
+}
+
+impl RunFit {
+    /// The residuals of a measured signal at each sample, in standard deviations; NaN where nothing was measured.
+    pub fn residuals(&self, k: usize, noise: Noise) -> Vec<f64> {
+        let samples = self.recorded[k]
+            .iter()
+            .zip(&self.predicted[k])
+            .zip(&self.deviations[k]);
+        samples
+            .map(|((y, h), sd)| noise.residual(*y, *h, *sd))
+            .collect()
+    }
 }
 
 impl Fit {
@@ -141,6 +162,7 @@ impl Fit {
             poles: poles(posed, &runs, &states, &theta),
             runs,
             refinement: Refinement::default(),
+            resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
             diagnostics: Vec::new(),
             seconds: 0.0,
@@ -160,16 +182,14 @@ impl Fit {
 
     /// How many starts ended at the best optimum.
     pub fn agreeing(&self) -> usize {
-        let best = self
+        let converged = self
             .starts
             .iter()
-            .map(|(_, own)| *own)
-            .fold(f64::INFINITY, f64::min);
-        let is_near = |own: f64| own - best <= SAME * best.abs().max(f64::MIN_POSITIVE);
-        self.starts
-            .iter()
-            .filter(|(status, own)| *status == Status::Converged && is_near(*own))
-            .count()
+            .filter(|(status, _)| *status == Status::Converged);
+        let objectives = converged.map(|(_, own)| *own);
+        let best = objectives.clone().fold(f64::INFINITY, f64::min);
+        let is_near = |own: &f64| own - best <= SAME * best.abs().max(self.resolution);
+        objectives.filter(is_near).count()
     }
 
     /// How it ended, in a word or two.
@@ -211,6 +231,7 @@ fn run_fit(
     let mut run = RunFit {
         name: posed.data[j].name(),
         time: problem.runs[j].time.clone(),
+        begin: Vec::new(),
         states: vec![Vec::new(); count],
         predicted: vec![Vec::new(); told.predicted.len()],
         recorded: told.recorded.iter().map(|all| all[j].clone()).collect(),
@@ -218,6 +239,10 @@ fn run_fit(
     };
     for (sample, x) in states.iter().enumerate() {
         let values = graph.values(&variables(posed, j, sample, x, theta));
+        if sample == 0 {
+            let joint = told.joint.iter().skip(1);
+            run.begin = joint.map(|node| values[node.index()]).collect();
+        }
         for k in 0..told.predicted.len() {
             run.predicted[k].push(values[told.predicted[k].index()]);
             run.deviations[k].push(values[told.deviations[k].index()]);
@@ -305,7 +330,7 @@ fn poles(
             matrix[(i, j)] = values[node.index()];
         }
     }
-    match matrix.iter().all(|value| value.is_finite()) {
+    match n > 0 && matrix.iter().all(|value| value.is_finite()) {
         true => eigenvalues(&matrix)
             .iter()
             .map(|pole| [pole.re, pole.im])

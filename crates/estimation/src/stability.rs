@@ -16,6 +16,9 @@ const MARGIN: f64 = 1e-6;
 /// runs of seconds cannot tell more.
 const LOOP_MARGIN: f64 = 1e-3;
 
+/// What messages call all instances wired.
+pub const CLOSED_LOOP: &str = "the closed loop";
+
 /// Most states of what is kept stable: the polynomial of more loses its digits.
 const MOST_STATES: usize = 20;
 
@@ -29,8 +32,8 @@ pub struct Point<'a> {
     pub initial: &'a (Vec<f64>, Vec<f64>),
 }
 
-/// Expressions that are above zero where all is stable that a file says.
-pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, ProblemError> {
+/// Expressions that are above zero where all is stable that a file says, and of what each is the stability.
+pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<(Node, String)>, ProblemError> {
     let mut all = Vec::new();
     let (joint, stability) = (at.joint, &at.file.stability);
     for name in &stability.models {
@@ -46,17 +49,17 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<Node>, Proble
         let first: usize = before.sum();
         let model = &joint.parts[part].1.model;
         let prefix = format!("{}.", name.value);
-        all.extend(
-            of_model(graph, at, (model, first, &prefix), MARGIN).map_err(|fault| {
-                ProblemError::maybe_at(name.place.as_ref(), format!("`{}` {fault}", name.value))
-            })?,
-        );
+        let found = of_model(graph, at, (model, first, &prefix), MARGIN).map_err(|fault| {
+            ProblemError::maybe_at(name.place.as_ref(), format!("`{}` {fault}", name.value))
+        })?;
+        let of = format!("`{}`", name.value);
+        all.extend(found.into_iter().map(|node| (node, of.clone())));
     }
     if let Some(place) = &stability.closed_loop {
         let found = of_model(graph, at, (&joint.model, 0, ""), LOOP_MARGIN);
-        all.extend(
-            found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?,
-        );
+        let found =
+            found.map_err(|fault| ProblemError::at(place, format!("the closed loop {fault}")))?;
+        all.extend(found.into_iter().map(|node| (node, CLOSED_LOOP.to_owned())));
     }
     Ok(all)
 }

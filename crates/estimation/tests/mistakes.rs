@@ -117,6 +117,10 @@ fn files() -> Vec<(&'static str, String)> {
             good.replace("1,5,0.5", "1,5,inf")
                 .replace(",5,3,", ",inf,3,"),
         ),
+        (
+            "late.csv",
+            good.replacen(&row(0, 0.0), "0,1,,5,0,,nan,-1\n", 1),
+        ),
         ("back.csv", good.replace("\n1.5,", "\n0.2,")),
         ("word.csv", good.replace("\n1.5,1,", "\n1.5,n/a,")),
         ("header.csv", header.into()),

@@ -8,9 +8,9 @@ const POINTS: usize = 3;
 const MOST: usize = 150;
 /// Beyond this number of parameters their differences have the usual step.
 const MOST_PARAMETERS: usize = 40;
-/// Steps of central differences, per size, from the usual one, where truncation and rounding of doubles are about
+/// Steps of differences of fourth order, per size, from the usual one, where truncation and rounding of doubles are about
 /// equal.
-pub(crate) const STEPS: [f64; 4] = [6e-6, 6e-5, 6e-4, 6e-3];
+pub(crate) const STEPS: [f64; 4] = [2e-3, 2e-2, 2e-4, 2e-5];
 /// Relative difference of derivatives that are the same.
 const SAME: f64 = 1e-4;
 /// Relative change of an FMU's own derivatives, and of differences, that is none.
@@ -87,7 +87,7 @@ fn find_steps(rates: &mut Rates, base: &[f64]) {
             .iter()
             .filter_map(|step| Some((change(*step)?, *step)));
         // The usual one as long as it is good.
-        let best = all.min_by(|a, b| a.0.max(1e-8).total_cmp(&b.0.max(1e-8)));
+        let best = all.min_by(|a, b| a.0.max(1e-11).total_cmp(&b.0.max(1e-11)));
         if let Some((_, step)) = best {
             rates.steps[place] = step;
         }
@@ -97,7 +97,7 @@ fn find_steps(rates: &mut Rates, base: &[f64]) {
 /// Compares derivatives by a state or an input with differences; where they differ, these are taken from now on.
 fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<String>) {
     let step = rates.steps[place];
-    let found = [step, 0.25 * step].map(|step| rates.differences(point, place, step));
+    let found = [step, 0.3 * step].map(|step| rates.differences(point, place, step));
     let [Ok(whole), Ok(quarter)] = found else {
         return;
     };

@@ -6,6 +6,9 @@ use pilotage_expression::{Opaque, Partial};
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
+/// Step of central differences of derivatives that the FMU gives, per size of what is moved.
+const OUTER: f64 = 6e-6;
+
 /// `[ẋ; y; z]` over time, states, inputs and parameters.
 #[derive(Debug)]
 pub(crate) struct Rates {
@@ -15,7 +18,7 @@ pub(crate) struct Rates {
     pub(crate) by_fmu: bool,
     /// Pairs of arguments, the lower one first, for which something has a second derivative.
     pub(crate) curved: Vec<Vec<bool>>,
-    /// For each argument the step of central differences, per its size.
+    /// For each argument the step of differences, per its size.
     pub(crate) steps: Vec<f64>,
     pub(crate) trouble: Mutex<Option<String>>,
 }
@@ -146,35 +149,60 @@ impl Rates {
         }
     }
 
-    /// The same by central differences.
+    /// The same by differences of fourth order, at an end of a parameter's range of second order inwards.
     pub(crate) fn differences(
         &self,
         at: &[f64],
         place: usize,
         step: f64,
     ) -> Result<Vec<f64>, PointError> {
-        let [(up, above), (down, below)] = self.ends(at, place, step);
-        let (above, below) = (self.values(&above)?, self.values(&below)?);
-        let slope = |(above, below): (&f64, &f64)| (above - below) / (up - down);
-        Ok(above
-            .iter()
-            .zip(&below)
-            .map(slope)
-            .take(self.layout.unknowns())
+        // Richardson: of two steps' errors the leading term cancels.
+        let (ends, weight) = match self.room(at, place, step) {
+            (true, true) => ([[step, -step], [0.5 * step, -0.5 * step]], 1.0 / 3.0),
+            (true, false) => ([[0.1 * step, 0.0], [0.05 * step, 0.0]], 1.0),
+            (false, _) => ([[-0.1 * step, 0.0], [-0.05 * step, 0.0]], 1.0),
+        };
+        let [whole, half] = ends.map(|ends| self.quotients(at, place, ends));
+        let (whole, half) = (whole?, half?);
+        let both = half.iter().zip(&whole);
+        Ok(both
+            .map(|(half, whole)| half + weight * (half - whole))
             .collect())
+    }
+
+    /// Differences of `[ẋ; y]` between two moves along an argument, per its change.
+    fn quotients(&self, at: &[f64], place: usize, ends: [f64; 2]) -> Result<Vec<f64>, PointError> {
+        let [above, below] = ends.map(|step| self.moved(at, place, step));
+        let change = above[place] - below[place];
+        let (above, below) = (self.values(&above)?, self.values(&below)?);
+        let pairs = above.iter().zip(&below).take(self.layout.unknowns());
+        Ok(pairs
+            .map(|(above, below)| (above - below) / change)
+            .collect())
+    }
+
+    /// A point moved along an argument, by a part of its size.
+    fn moved(&self, at: &[f64], place: usize, step: f64) -> Vec<f64> {
+        let mut moved = at.to_vec();
+        moved[place] += step * self.size(place).max(at[place].abs());
+        moved
+    }
+
+    /// Whether a parameter's range has room for a step up, and down.
+    fn room(&self, at: &[f64], place: usize, step: f64) -> (bool, bool) {
+        let is_parameter = self.layout.parameter_arguments().contains(&place);
+        let own = self.layout.argument(place).filter(|_| is_parameter);
+        let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
+        let least = own.and_then(|own| own.min).unwrap_or(f64::NEG_INFINITY);
+        let size = step * self.size(place).max(at[place].abs());
+        (at[place] + size <= most, at[place] - size >= least)
     }
 
     /// A point moved up and down along an argument, with the argument's values there; parameters stay in their ranges.
     fn ends(&self, at: &[f64], place: usize, step: f64) -> [(f64, Vec<f64>); 2] {
-        let size = self.size(place).max(at[place].abs());
-        let is_parameter = self.layout.parameter_arguments().contains(&place);
-        let own = self.layout.argument(place).filter(|_| is_parameter);
-        let least = own.and_then(|own| own.min).unwrap_or(f64::NEG_INFINITY);
-        let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
-        let (least, most) = (least.min(at[place]), most.max(at[place]));
-        [step, -step].map(|step| {
-            let mut moved = at.to_vec();
-            moved[place] = (at[place] + step * size).clamp(least, most);
+        let (up, down) = self.room(at, place, step);
+        [if up { step } else { 0.0 }, if down { -step } else { 0.0 }].map(|step| {
+            let moved = self.moved(at, place, step);
             (moved[place], moved)
         })
     }
@@ -211,7 +239,7 @@ impl Point<'_> {
             let at = match moved {
                 None => self.at.clone(),
                 Some((other, up)) => {
-                    let [above, below] = self.rates.ends(&self.at, other, self.rates.steps[other]);
+                    let [above, below] = self.rates.ends(&self.at, other, OUTER);
                     if up { above.1 } else { below.1 }
                 }
             };
@@ -226,59 +254,57 @@ impl Point<'_> {
         let parameters = rates.layout.parameter_arguments().start;
         if !rates.by_fmu || first >= parameters || first == 0 {
             if !self.pairs.contains_key(&(first, second)) {
-                let pair = rates.second_differences(&self.at, first, second)?;
+                let pair = self.second_differences(first, second)?;
                 self.pairs.insert((first, second), pair);
             }
             return Ok(self.pairs[&(first, second)][row]);
         }
         // The FMU's derivatives by a state or an input, moved along the other.
-        let [(up, _), (down, _)] = rates.ends(&self.at, second, rates.steps[second]);
+        let [(up, _), (down, _)] = rates.ends(&self.at, second, OUTER);
         let above = self.column(first, Some((second, true)))?[row];
         let below = self.column(first, Some((second, false)))?[row];
         Ok((above - below) / (up - down))
     }
 }
 
-impl Rates {
-    /// Second derivatives from values alone.
-    fn second_differences(
-        &self,
-        at: &[f64],
-        first: usize,
-        second: usize,
-    ) -> Result<Vec<f64>, PointError> {
-        // From the cube root to the fourth root of the rounding.
-        let step = |place: usize| self.steps[place].powf(0.75);
-        let [(up, above), (down, below)] = self.ends(at, second, step(second));
-        let combined = |terms: [(&[f64], f64); 3]| -> Vec<f64> {
-            let sum = |k: usize| {
-                terms
-                    .iter()
-                    .map(|(values, weight)| weight * values[k])
-                    .sum()
+impl Point<'_> {
+    /// Second derivatives by two arguments from values alone, at points that first derivatives by parameters need too:
+    /// another value of a parameter is another initialisation.
+    fn second_differences(&self, first: usize, second: usize) -> Result<Vec<f64>, PointError> {
+        let (rates, at) = (self.rates, &self.at);
+        let step = |place: usize| 0.5 * rates.steps[place];
+        let signs = [first, second].map(|place| match rates.room(at, place, step(place)) {
+            (_, true) => 1.0,
+            (_, false) => -1.0,
+        });
+        let value = |a: f64, b: f64| {
+            let moved = rates.moved(at, first, a * signs[0] * step(first));
+            let moved = match b {
+                0.0 => moved,
+                _ => rates.moved(&moved, second, b * signs[1] * step(second)),
             };
-            (0..self.layout.unknowns()).map(sum).collect()
+            rates.values(&moved)
         };
-        if first == second {
-            let square = 0.25 * (up - down) * (up - down);
-            let (above, below) = (self.values(&above)?, self.values(&below)?);
-            let weight = 1.0 / square;
-            let mut middle = at.to_vec();
-            middle[second] = 0.5 * (up + down);
-            let middle = self.values(&middle)?;
-            return Ok(combined([
-                (&above, weight),
-                (&below, weight),
-                (&middle, -2.0 * weight),
-            ]));
-        }
-        let slopes = |at: &[f64]| self.differences(at, first, step(first));
-        let (above, below) = (slopes(&above)?, slopes(&below)?);
-        let weight = 1.0 / (up - down);
-        Ok(combined([
-            (&above, weight),
-            (&below, -weight),
-            (&below, 0.0),
-        ]))
+        let size =
+            |place: usize, sign: f64| rates.moved(at, place, sign * step(place))[place] - at[place];
+        let area = size(first, signs[0]) * size(second, signs[1]);
+        let (middle, a) = (rates.values(at)?, value(1.0, 0.0)?);
+        let terms = match first == second {
+            true => vec![(a, 1.0), (value(-1.0, 0.0)?, 1.0), (middle, -2.0)],
+            false => {
+                let b = rates.moved(at, second, signs[1] * step(second));
+                let (b, both) = (rates.values(&b)?, value(1.0, 1.0)?);
+                vec![(both, 1.0), (a, -1.0), (b, -1.0), (middle, 1.0)]
+            }
+        };
+        let sum = |k: usize| {
+            terms
+                .iter()
+                .map(|(values, weight)| weight * values[k])
+                .sum::<f64>()
+        };
+        Ok((0..rates.layout.unknowns())
+            .map(|k| sum(k) / area)
+            .collect())
     }
 }

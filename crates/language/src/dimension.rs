@@ -230,6 +230,18 @@ impl Quantity {
         }
     }
 
+    /// How a quantity with a dimension becomes a plain number.
+    pub(crate) fn plain_hint(&self) -> Option<String> {
+        let second = Self::second();
+        if self.exponents == second.exponents && self.factor == second.factor {
+            return Some(
+                "; multiply it by a parameter in rad/s, or divide it by one in s".to_owned(),
+            );
+        }
+        let has_dimension = self.exponents.iter().any(|exponent| *exponent != 0.0);
+        has_dimension.then(|| format!("; divide it by a parameter in {}", self.shown()))
+    }
+
     /// As part of a sentence.
     pub(crate) fn in_words(&self) -> String {
         format!("what is in {}", self.shown())

@@ -164,7 +164,8 @@ pub enum Fault {
     #[error("the start value of `{name}` is {value}; it must be a finite number")]
     StartValue { name: String, value: f64 },
     #[error(
-        "unknown unit `{unit}`; write it as in m/s2 or 1/(m.s), with the symbols {known}; `1` is without a dimension"
+        "unknown unit `{unit}`{}; write it as in m/s2 or 1/(m.s), with the symbols {known}; `1` is without a dimension",
+        did_you_mean(pilotage_units::respelt(.unit).as_deref())
     )]
     UnknownUnit { unit: String, known: String },
     #[error("the model declares nothing; add [states], [locals] or [outputs]")]

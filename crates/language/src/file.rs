@@ -6,6 +6,7 @@ use pilotage_text::document::{Document, DocumentError, Position, TomlTable, numb
 use pilotage_text::is_identifier;
 use pilotage_units::{Base, Product};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Longest file that is read, in bytes.
 pub const LONGEST: usize = 1 << 20;
@@ -147,26 +148,57 @@ const SECTIONS: [Section; 5] = [
 /// Names that mean something everywhere.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
 
-/// The text of a model file whose parameters start at other values; what is no parameter of it is left out.
+/// The text of a model file whose inputs, parameters and states start at other values; what is none of them is left
+/// out, and so is a byte-order mark.
 pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
+    let text = text.trim_start_matches('\u{feff}');
     let Ok(document) = Document::parse(text, "") else {
         return text.to_owned();
     };
-    let parameters = document.root().table("parameters").ok().flatten();
-    // `gain = { start = 0.5 }`, or `gain = 0.5` in short.
-    let place = |name: &str| match parameters?.is_table(name) {
-        true => parameters?.table(name).ok()??.bytes("start"),
-        false => parameters?.bytes(name),
-    };
-    let mut places: Vec<_> = (values.iter())
-        .filter_map(|(name, value)| Some((place(name)?, number(*value))))
+    let mut edits: Vec<_> = (values.iter())
+        .filter_map(|(name, value)| start_edit(text, document.root(), name, &number(*value)))
         .collect();
-    places.sort_by_key(|(place, _)| place.start);
+    edits.sort_by_key(|(place, _)| place.start);
     let mut changed = text.to_owned();
-    for (place, value) in places.into_iter().rev() {
-        changed.replace_range(place, &value);
+    for (place, written) in edits.into_iter().rev() {
+        changed.replace_range(place, &written);
     }
     changed
+}
+
+/// The bytes of a text by which a variable starts at a value, and what stands there then.
+fn start_edit(
+    text: &str,
+    root: TomlTable<'_>,
+    name: &str,
+    value: &str,
+) -> Option<(Range<usize>, String)> {
+    let mut sections = ["inputs", "parameters", "states"]
+        .into_iter()
+        .filter_map(|title| root.table(title).ok()?);
+    let section = sections.find(|section| section.has(name))?;
+    let whole = section.bytes(name)?;
+    // `gain = 0.5`, which is short for `gain = { start = 0.5 }`.
+    let Ok(Some(own)) = section.table(name) else {
+        return Some((whole, value.to_owned()));
+    };
+    if let Some(place) = own.bytes("start") {
+        return Some((place, value.to_owned()));
+    }
+    let Some(first) = own.names().first().map(|key| own.byte_of_name(key)) else {
+        let is_inline = text[whole.clone()].starts_with('{');
+        let empty = (whole.clone(), format!("{{ start = {value} }}"));
+        let headed = (whole.end..whole.end, format!("\nstart = {value}"));
+        return Some(if is_inline { empty } else { headed });
+    };
+    let line = text[..first].rfind('\n').map_or(0, |end| end + 1);
+    let before = &text[line..first];
+    // Within braces, or on a line of its own with what stands before the first key: `gain.` of `gain.unit = "1"`.
+    let written = match before.trim_end().ends_with('{') {
+        true => format!("start = {value}, "),
+        false => format!("start = {value}\n{before}"),
+    };
+    Some((first..first, written))
 }
 
 /// Whether a text is that of a model file: TOML with a table `[model]`.
@@ -548,14 +580,41 @@ pub(crate) fn constant(value: f64) -> Formula {
 
 #[cfg(test)]
 mod tests {
-    use super::with_starts;
+    use super::{ModelFile, with_starts};
+
+    fn changed(text: &str, values: &[(&str, f64)]) -> String {
+        let values = values
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), *value));
+        with_starts(text, &values.collect::<Vec<_>>())
+    }
 
     #[test]
     fn starts_are_changed_however_they_are_written() {
         let text = "[parameters]\na = 0.5 # short\n\"b\" = 1\nc = { start = 2.0, min = 0 }\n[parameters.d]\nstart = 3\n";
         let values = [("a", 7.0), ("b", 8.0), ("c", 9.0), ("d", 10.0), ("e", 11.0)];
-        let changed = with_starts(text, &values.map(|(name, value)| (name.to_owned(), value)));
         let expected = "[parameters]\na = 7.0 # short\n\"b\" = 8.0\nc = { start = 9.0, min = 0 }\n[parameters.d]\nstart = 10.0\n";
-        assert_eq!(changed, expected);
+        assert_eq!(changed(text, &values), expected);
+        // A byte-order mark does not move them.
+        assert_eq!(changed(&format!("\u{feff}{text}"), &values), expected);
+    }
+
+    /// Inputs and states have no start unless one is given; it is read back as it was written.
+    #[test]
+    fn starts_are_added_where_there_was_none() {
+        let head = "[model]\nname = \"m\"\n";
+        let text = "[inputs]\nu = {}\nw.unit = \"1\"\n[inputs.v]\nunit = \"m\"\n[inputs.t]\n[states]\nx = { der = \"-x\" }\ny.der = \"-y\"\n\
+                    [states.z]\nder = \"w\"\n";
+        let names = ["u", "w", "v", "t", "x", "y", "z"];
+        let values: Vec<(&str, f64)> = names.into_iter().zip((1..).map(f64::from)).collect();
+        let written = changed(&format!("{head}{text}"), &values);
+        let file = ModelFile::declared(&written, "m.toml")
+            .unwrap_or_else(|error| panic!("{error}: {written}"));
+        let found: Vec<(&str, f64)> = (file.inputs.iter().chain(&file.states))
+            .map(|own| (own.name.as_str(), own.start.number().expect("a number")))
+            .collect();
+        for value in values {
+            assert!(found.contains(&value), "{value:?}: {written}");
+        }
     }
 }

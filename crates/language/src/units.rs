@@ -218,7 +218,10 @@ fn call(name: Name, units: &[&Dimension]) -> Found {
     let plain = |unit: &Dimension, takes: &str| match unit {
         Of(unit) => {
             let checked = unit.check_plain();
-            checked.map_err(|_| format!("`{word}` takes {takes}, not {}", unit.in_words()))
+            checked.map_err(|_| {
+                let hint = unit.plain_hint().unwrap_or_default();
+                format!("`{word}` takes {takes}, not {}{hint}", unit.in_words())
+            })
         }
         _ => Ok(()),
     };

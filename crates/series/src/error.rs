@@ -1,5 +1,6 @@
 //! What can be wrong with a CSV file, with the place where it is wrong.
 
+use super::lines::LONGEST;
 use std::path::PathBuf;
 
 /// Why a CSV file is not a [`Series`](super::Series). `file` is the file as the user named it; lines
@@ -23,6 +24,14 @@ pub enum SeriesError {
         line: usize,
         /// That byte.
         byte: u8,
+    },
+    /// A line without end.
+    #[error("{file}:{line}: a line longer than {} MiB; this is no CSV file", LONGEST >> 20)]
+    Endless {
+        /// The file.
+        file: String,
+        /// The line.
+        line: usize,
     },
     /// Nothing but comments and blank lines.
     #[error("{file}: empty: expected a header row such as `time [s],target [m],position [m]`")]

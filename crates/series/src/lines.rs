@@ -6,7 +6,7 @@ use std::io::{self, BufRead, Read};
 /// [`number`](Self::number): where a message points to. A file is read once, whatever its length, and no
 /// more than one line of it is kept, but for its comments.
 ///
-/// A read fails at bytes that are not UTF-8; the byte-order mark that spreadsheets put in front is left out.
+/// A read fails at bytes that are not UTF-8 and at lines that do not end; the byte-order mark that spreadsheets put in front is left out.
 pub struct Lines<R> {
     from: R,
     line: Vec<u8>,
@@ -17,7 +17,12 @@ pub struct Lines<R> {
     pub comments: Vec<String>,
     /// The byte of the last line that is not UTF-8, if there is one.
     pub wrong: Option<u8>,
+    /// Whether the last line was given up: it is longer than lines of a table are.
+    pub is_endless: bool,
 }
+
+/// The longest line that is read, in bytes: a million cells.
+pub(crate) const LONGEST: u64 = 1 << 24;
 
 impl<R: BufRead> Lines<R> {
     /// From the first line on.
@@ -29,16 +34,22 @@ impl<R: BufRead> Lines<R> {
             number: 0,
             comments: Vec::new(),
             wrong: None,
+            is_endless: false,
         }
     }
 
     fn next_line(&mut self) -> io::Result<()> {
         self.line.clear();
         self.handed = 0;
-        if self.from.read_until(b'\n', &mut self.line)? == 0 {
+        let mut from = self.from.by_ref().take(LONGEST);
+        if from.read_until(b'\n', &mut self.line)? == 0 {
             return Ok(());
         }
         self.number += 1;
+        self.is_endless = from.limit() == 0 && self.line.last() != Some(&b'\n');
+        if self.is_endless {
+            return Err(io::ErrorKind::InvalidData.into());
+        }
         if self.line.last() != Some(&b'\n') {
             // The parser takes a comment for one where it ends.
             self.line.push(b'\n');

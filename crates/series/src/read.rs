@@ -179,6 +179,10 @@ impl<'a, R: BufRead> Rows<'a, R> {
                     line: lines.number,
                     byte,
                 },
+                None if lines.is_endless => SeriesError::Endless {
+                    file,
+                    line: lines.number,
+                },
                 None if source.is_io_error() => SeriesError::Read {
                     file: file.into(),
                     source: source.into(),
@@ -316,6 +320,18 @@ mod tests {
         for wrong in ["", " ", "[m]", "position [m", "position m]"] {
             assert_eq!(name_and_unit(wrong), None, "{wrong:?}");
         }
+    }
+
+    /// A device without end, of which a part is read.
+    #[test]
+    fn a_line_without_end_is_given_up() {
+        let endless = BufReader::new(std::io::repeat(0));
+        let head: &[u8] = b"time,a\n0,1\n";
+        let error = Series::parse_as(head.chain(endless), "f.csv", Form::Table, TIME).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "f.csv:3: a line longer than 16 MiB; this is no CSV file"
+        );
     }
 
     #[test]

@@ -63,6 +63,53 @@ impl Base {
     }
 }
 
+/// What people write for units, and what is meant.
+const SPELT: &[(&str, &str)] = &[
+    ("sec", "s"),
+    ("second", "s"),
+    ("seconds", "s"),
+    ("msec", "ms"),
+    ("mins", "min"),
+    ("minute", "min"),
+    ("minutes", "min"),
+    ("hr", "h"),
+    ("hour", "h"),
+    ("hours", "h"),
+    ("day", "d"),
+    ("days", "d"),
+    ("meter", "m"),
+    ("meters", "m"),
+    ("metre", "m"),
+    ("metres", "m"),
+    ("feet", "ft"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("radian", "rad"),
+    ("radians", "rad"),
+    ("C", "degC"),
+    ("F", "degF"),
+    ("Ohm", "V/A"),
+    ("ohm", "V/A"),
+    ("Nm", "N.m"),
+    ("Ah", "A.h"),
+    ("kWh", "kW.h"),
+    ("kph", "km/h"),
+    ("kmh", "km/h"),
+    ("mps", "m/s"),
+    ("knots", "kn"),
+    ("-", "1"),
+];
+
+/// How Modelica spells a unit that is written otherwise: `m/s2` of `m/s^2`, `h` of `hours`.
+pub fn respelt(name: &str) -> Option<String> {
+    let known = SPELT.iter().find(|(own, _)| *own == name);
+    let meant = known.map_or(name, |(_, meant)| meant);
+    let product = Product::parse(meant).map(|product| product.to_string());
+    let found = product.unwrap_or_else(|| meant.to_owned());
+    let is_other = found != name && Base::in_modelicas_spelling(&found).is_some();
+    is_other.then_some(found)
+}
+
 /// A unit by its name and, where it is known, its meaning.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {

@@ -66,6 +66,7 @@ const PLAIN: &[(&str, f64, Exponents)] = &[
     ("rpm", 2.0 * PI / 60.0, RADIAN_PER_SECOND),
     ("min", 60.0, SECOND),
     ("h", 3600.0, SECOND),
+    ("d", 86_400.0, SECOND),
     ("ft", 0.3048, METRE),
     ("in", 0.0254, METRE),
     ("mi", 1609.344, METRE),

@@ -1,6 +1,6 @@
 //! Names read and written, and factors against a table of its own.
 
-use pilotage_units::{BASE_UNITS, Base, Product, Unit};
+use pilotage_units::{BASE_UNITS, Base, Product, Unit, respelt};
 use proptest::prelude::*;
 
 /// What the names mean, digit by digit from the sources: BIPM, "The International System of Units", 9th edition,
@@ -18,6 +18,7 @@ const MEANINGS: &[(&str, f64, [i32; 6])] = &[
     ("s", 1.0, [0, 0, 1, 0, 0, 0]), ("ms", 0.001, [0, 0, 1, 0, 0, 0]), ("us", 0.000_001, [0, 0, 1, 0, 0, 0]),
     ("µs", 0.000_001, [0, 0, 1, 0, 0, 0]), ("ns", 0.000_000_001, [0, 0, 1, 0, 0, 0]),
     ("min", 60.0, [0, 0, 1, 0, 0, 0]), ("h", 3600.0, [0, 0, 1, 0, 0, 0]),
+    ("d", 86_400.0, [0, 0, 1, 0, 0, 0]),
     ("Hz", 1.0, [0, 0, -1, 0, 0, 0]), ("kHz", 1000.0, [0, 0, -1, 0, 0, 0]), ("GHz", 1_000_000_000.0, [0, 0, -1, 0, 0, 0]),
     ("rad", 1.0, [0, 0, 0, 0, 0, 1]), ("mrad", 0.001, [0, 0, 0, 0, 0, 1]), ("krad", 1000.0, [0, 0, 0, 0, 0, 1]),
     ("deg", 0.017_453_292_519_943_295, [0, 0, 0, 0, 0, 1]), ("°", 0.017_453_292_519_943_295, [0, 0, 0, 0, 0, 1]),
@@ -160,5 +161,21 @@ proptest! {
         if let (Some(there), Some(back)) = (there, back) {
             prop_assert!((back.apply(there.apply(value)) - value).abs() <= 1e-13 * value.abs());
         }
+    }
+}
+
+#[test]
+fn units_that_are_written_otherwise_are_spelt_as_in_modelica() {
+    for (name, spelt) in [
+        ("m/s^2", "m/s2"),
+        ("N·m", "N.m"),
+        ("hours", "h"),
+        ("C", "degC"),
+        ("sec", "s"),
+    ] {
+        assert_eq!(respelt(name).as_deref(), Some(spelt), "{name}");
+    }
+    for name in ["m/s2", "degC", "furlong"] {
+        assert_eq!(respelt(name), None, "{name}");
     }
 }

@@ -136,7 +136,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Write each iteration as a JSON object on a line of its own, and at the end one for each start and
-    /// for the fit; `-` is stdout, and the summary then goes to stderr.
+    /// for the fit; `-` is stdout, and the summary then goes to stderr. Not of a problem file: --verbose tells its
+    /// iterations.
     #[arg(long, value_name = "FILE|-")]
     log: Option<PathBuf>,
     /// Print a line for each iteration on stderr.

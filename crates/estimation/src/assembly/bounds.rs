@@ -13,10 +13,12 @@ use pilotage_collocation::{Bound, BoundAt, ParameterConstraints};
 use pilotage_expression::{Graph, Node};
 
 impl Assembly<'_> {
-    fn bound(&mut self, node: Node, [lower, upper]: Interval, at: BoundAt) {
+    /// Bounds an expression, which messages call so.
+    fn bound(&mut self, name: &str, node: Node, [lower, upper]: Interval, at: BoundAt) {
         let is_open = !(lower > f64::NEG_INFINITY || upper < f64::INFINITY);
         if !is_open && self.graph.value(node).is_none() {
             self.bounded.push((node, Bound { lower, upper, at }));
+            self.names.bounds.push(name.to_owned());
         }
     }
 
@@ -29,20 +31,21 @@ impl Assembly<'_> {
                 let Some(limit) = limit else { continue };
                 let graph = &part.model.system.graph;
                 let ends = self.graph.import(graph, limit, &variables);
-                self.limit_output(self.outputs[first + k], ends[0], ends[1]);
+                let name = format!("the limit of `{instance}.{}`", part.model.outputs[k]);
+                self.limit_output(&name, self.outputs[first + k], [ends[0], ends[1]]);
             }
             first += part.model.outputs.len();
         }
     }
 
-    fn limit_output(&mut self, output: Node, low: Node, high: Node) {
+    fn limit_output(&mut self, name: &str, output: Node, [low, high]: [Node; 2]) {
         match (self.graph.value(low), self.graph.value(high)) {
-            (Some(low), Some(high)) => self.bound(output, [low, high], BoundAt::Samples),
+            (Some(low), Some(high)) => self.bound(name, output, [low, high], BoundAt::Samples),
             _ => {
                 let above = self.graph.subtract(output, low);
                 let below = self.graph.subtract(high, output);
-                self.bound(above, [0.0, f64::INFINITY], BoundAt::Samples);
-                self.bound(below, [0.0, f64::INFINITY], BoundAt::Samples);
+                self.bound(name, above, [0.0, f64::INFINITY], BoundAt::Samples);
+                self.bound(name, below, [0.0, f64::INFINITY], BoundAt::Samples);
             }
         }
     }
@@ -52,23 +55,25 @@ impl Assembly<'_> {
         for (name, derivative) in self.joint.model.states.iter().zip(derivatives) {
             let line = self.initial_line(name);
             if let Some(Initial::Steady) = line.map(|line| &self.file.initial[line].1) {
-                self.bound(*derivative, [0.0; 2], BoundAt::Start);
+                let name = format!("`{name} = \"steady\"`");
+                self.bound(&name, *derivative, [0.0; 2], BoundAt::Start);
             }
         }
     }
 
     /// Ranges of what is sought. Those of shared parameters are returned: each expression is at least zero.
-    pub(super) fn bound_unknowns(&mut self) -> Vec<Node> {
+    pub(super) fn bound_unknowns(&mut self) -> Vec<(Node, String)> {
         let mut on_parameters = Vec::new();
         let parameters = self.parameters;
         for (k, unknown) in parameters.unknowns.iter().enumerate() {
             let range = unknown.searched_range();
             let is_state = matches!(self.stands[k], Stands::State(_));
+            let name = format!("the range of `{}`", unknown.name);
             for variable in self.stands[k].variables(self.first_shared()) {
                 let variable = self.graph.variable(variable);
                 match is_state {
-                    true => self.bound(variable, range, BoundAt::Start),
-                    false => on_parameters.extend(self.within(variable, range)),
+                    true => self.bound(&name, variable, range, BoundAt::Start),
+                    false => on_parameters.extend(self.within(&name, variable, range)),
                 }
             }
         }
@@ -76,7 +81,11 @@ impl Assembly<'_> {
     }
 
     /// The file's constraints. Those on shared parameters alone are returned: each expression is at least zero.
-    pub(super) fn constrain(&mut self, signals: &[Node], rows: &[Rows]) -> Done<Vec<Node>> {
+    pub(super) fn constrain(
+        &mut self,
+        signals: &[Node],
+        rows: &[Rows],
+    ) -> Done<Vec<(Node, String)>> {
         let mut on_parameters = Vec::new();
         let zero = self.graph.constant(0.0);
         let all = 0..self.file.constraints.len();
@@ -85,17 +94,18 @@ impl Assembly<'_> {
         self.check_constraints(&nodes, rows)?;
         for (line, node) in self.file.constraints.iter().zip(nodes) {
             let range = [line.min, line.max];
+            let name = format!("the constraint on `{}`", line.formula.expression.text);
             let at = match line.at {
                 Holds::Samples => BoundAt::Samples,
                 Holds::Start => BoundAt::Start,
                 Holds::End => BoundAt::End,
                 Holds::Parameters if self.is_shared(node) => {
-                    on_parameters.extend(self.within(node, range));
+                    on_parameters.extend(self.within(&name, node, range));
                     continue;
                 }
                 Holds::Parameters => BoundAt::Start,
             };
-            self.bound(node, range, at);
+            self.bound(&name, node, range, at);
         }
         Ok(on_parameters)
     }
@@ -107,13 +117,13 @@ impl Assembly<'_> {
     }
 
     /// `x - low` and `high - x`, where there are such ends.
-    fn within(&mut self, node: Node, [low, high]: Interval) -> Vec<Node> {
+    fn within(&mut self, name: &str, node: Node, [low, high]: Interval) -> Vec<(Node, String)> {
         let mut found = Vec::new();
         for (sign, end) in [(1.0, low), (-1.0, high)] {
             if end.is_finite() {
                 let end = self.graph.constant(end);
                 let above = self.graph.subtract(node, end);
-                found.push(self.graph.scale(sign, above));
+                found.push((self.graph.scale(sign, above), name.to_owned()));
             }
         }
         found
@@ -141,7 +151,7 @@ impl Assembly<'_> {
     /// Constraints on the shared parameters, stability among them.
     pub(super) fn parameter_constraints(
         &mut self,
-        mut on_parameters: Vec<Node>,
+        mut on_parameters: Vec<(Node, String)>,
         rows: &[Rows],
     ) -> Done<ParameterConstraints> {
         let at = stability::Point {
@@ -150,7 +160,10 @@ impl Assembly<'_> {
             values: &self.values[0],
             initial: &self.operating_point(rows),
         };
+        self.names.stability = on_parameters.len();
         on_parameters.extend(stability::conditions(&mut self.graph, &at)?);
+        let (on_parameters, names): (Vec<Node>, _) = on_parameters.into_iter().unzip();
+        self.names.parameters = names;
         // Over the shared parameters alone; runs' own values and numbers are as the first run begins.
         let mut graph = Graph::default();
         let begin = self.begin_values(&rows[0]);

@@ -3,9 +3,9 @@
 use super::{Assembly, Done, Made};
 use crate::data::Rows;
 use crate::error::ProblemError;
-use crate::file::{Deviation, Mesh};
+use crate::file::{Constraint, Deviation, Holds, Mesh};
 use crate::fit::MOST_INTERVALS;
-use crate::interval::{intervals, shared};
+use crate::interval::{Interval, intervals, shared};
 use crate::posed::Told;
 use crate::unknowns::check_range;
 use pilotage_cosim::description::Said;
@@ -104,28 +104,38 @@ impl Assembly<'_> {
 
     /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
     pub(super) fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
-        let mut found = intervals(&self.graph, &self.ranges(rows));
+        // What is known at the start, at the end, and at the samples between.
+        let mut found = [(); 3].map(|()| intervals(&self.graph, &self.ranges(rows)));
         for (line, node) in self.file.constraints.iter().zip(nodes) {
             if line.formula.names().next().is_none() {
                 let fault = "a constraint on a number, which nothing changes; leave it out";
                 return Err(ProblemError::at(&line.place, fault));
             }
-            let own = &mut found[node.index()];
-            let [low, high] = *own;
-            *own = shared(*own, [line.min, line.max]).ok_or_else(|| {
-                let shown = &line.formula.expression.text;
-                let is = match low == high {
-                    true => format!("always {low}"),
-                    false => format!("from {low} to {high} by what else is said"),
-                };
-                let (min, max) = (line.min, line.max);
-                let fault =
-                    format!("`{shown}` is {is}, never from {min} to {max}; change one of them");
-                ProblemError::at(&line.place, fault)
-            })?;
+            let places = match line.at {
+                Holds::Start => 0..1,
+                Holds::End => 1..2,
+                Holds::Samples | Holds::Parameters => 0..3,
+            };
+            for found in &mut found[places] {
+                let own = &mut found[node.index()];
+                let both = shared(*own, [line.min, line.max]);
+                *own = both.ok_or_else(|| contradiction(line, *own))?;
+            }
         }
         Ok(())
     }
+}
+
+/// A constraint on what is known to lie elsewhere.
+fn contradiction(line: &Constraint, [low, high]: Interval) -> ProblemError {
+    let shown = &line.formula.expression.text;
+    let is = match low == high {
+        true => format!("always {low}"),
+        false => format!("from {low} to {high} by what else is said"),
+    };
+    let (min, max) = (line.min, line.max);
+    let fault = format!("`{shown}` is {is}, never from {min} to {max}; change one of them");
+    ProblemError::at(&line.place, fault)
 }
 
 impl Made {

@@ -8,6 +8,7 @@ use crate::file::{Initial, Measured, Quantity};
 use crate::names::{Of, matching};
 use crate::posed::{Stands, State};
 use pilotage_expression::Node;
+use pilotage_text::document::Place;
 
 impl Assembly<'_> {
     /// The states, and for each run what is known of their initial values.
@@ -31,6 +32,10 @@ impl Assembly<'_> {
                 });
                 known.iter_mut().for_each(|known| known.push(None));
             }
+        }
+        if states.is_empty() {
+            states.push(State::at_rest(rows.len()));
+            known.iter_mut().for_each(|known| known.push(Some(0.0)));
         }
         Ok((states, known))
     }
@@ -71,13 +76,7 @@ impl Assembly<'_> {
                 (numbers, known, None)
             }
             Some(Initial::FirstSample) => {
-                let first = self.first_samples(name).ok_or_else(|| {
-                    let fault = format!(
-                        "`{name}` begins at its first sample, but no [[measured]] has signal = \"{name}\" without gain \
-                         and offset"
-                    );
-                    ProblemError::maybe_at(place, fault)
-                })?;
+                let first = self.samples_at_begin(name, place)?;
                 (numbers, all_known(&first), None)
             }
             Some(Initial::Free | Initial::Steady) => {
@@ -151,6 +150,31 @@ impl Assembly<'_> {
         };
         let inputs = self.joint.model.inputs.iter().map(input);
         (self.begins.clone(), inputs.collect())
+    }
+
+    /// The sample of a state where each run begins.
+    fn samples_at_begin(&self, state: &str, place: Option<&Place>) -> Done<Vec<f64>> {
+        let fault = |fault: String| ProblemError::maybe_at(place, fault);
+        let measured = self.measured_as(state).ok_or_else(|| {
+            fault(format!(
+                "`{state}` begins at its first sample, but no [[measured]] has signal = \"{state}\" without gain and \
+                 offset"
+            ))
+        })?;
+        let measured = &self.file.measured[measured];
+        let unit = measured.unit(self.joint);
+        let sample = |run: &RunData<'_>| {
+            let values = run.column(&measured.column, unit)?;
+            run.at_begin(&values).ok_or_else(|| {
+                fault(format!(
+                    "{}: the column `{}` has no sample at {}, where the run begins; write \"free\"",
+                    run.line.file.display(),
+                    measured.column.value,
+                    run.shown(run.begin())
+                ))
+            })
+        };
+        self.data.iter().map(sample).collect()
     }
 
     /// The first measurement of a state in each run, where it is measured as it is.

@@ -203,8 +203,10 @@ fn timeline<'r>(run: &'r RunData<'_>, name: &str, span: Span) -> Timeline<'r> {
     };
     let mut line = vec![(f64::NEG_INFINITY, find(&run.line.set))];
     if span == Span::Run {
-        let changes = run.line.changes.iter();
-        line.extend(changes.filter_map(|change| Some((change.time, Some(find(&change.set)?)))));
+        line.extend(
+            run.changes()
+                .filter_map(|(time, change)| Some((time, Some(find(&change.set)?)))),
+        );
     }
     line
 }

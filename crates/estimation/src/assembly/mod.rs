@@ -21,7 +21,7 @@ use crate::error::ProblemError;
 use crate::file::ProblemFile;
 use crate::joint::Joint;
 use crate::names::Named;
-use crate::posed::{Stands, State, Told};
+use crate::posed::{Names, Stands, State, Told};
 use crate::unknowns::{Parameters, Unknown};
 use inputs::{Key, Span};
 use measured::Measurement;
@@ -37,6 +37,7 @@ pub struct Made {
     pub measured: Vec<Node>,
     pub bounds: Vec<Bound>,
     pub constraints: ParameterConstraints,
+    pub names: Names,
     pub runs: Vec<Run>,
     pub unknowns: Vec<(Unknown, Stands)>,
     pub shared: usize,
@@ -67,6 +68,7 @@ pub struct Assembly<'a> {
     begins: Vec<f64>,
     recordings: Vec<Measurement>,
     bounded: Vec<(Node, Bound)>,
+    names: Names,
 }
 
 /// For each run, the initial value of each state that is known.
@@ -99,6 +101,7 @@ impl<'a> Assembly<'a> {
             begins: Vec::new(),
             recordings: Vec::new(),
             bounded: Vec::new(),
+            names: Names::default(),
         };
         own.find_columns()?;
         own.find_sets()?;
@@ -242,6 +245,7 @@ impl<'a> Assembly<'a> {
                 outputs,
             },
             constraints,
+            names: self.names,
             runs,
             unknowns: unknowns.zip(self.stands).collect(),
             shared: self.shared,

@@ -32,6 +32,8 @@ impl Assembly<'_> {
             };
             self.stands.push(stands);
         }
+        // Collocation is of states: where there is none, one at rest stands for them.
+        self.states = self.states.max(1);
         Ok(())
     }
 

@@ -12,7 +12,7 @@ pub fn run(posed: &Posed<'_>, json: bool) -> Result<Outcome, Failure> {
     let found = evaluate(posed);
     terminal::print(&match json {
         true => format!("{:#}\n", to_json(posed, &found)),
-        false => to_text(&found),
+        false => to_text(posed, &found),
     })?;
     Ok(match found.objective.is_finite() {
         true => Outcome::Done,
@@ -37,7 +37,7 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
     })
 }
 
-fn to_text(found: &Evaluation) -> String {
+fn to_text(posed: &Posed<'_>, found: &Evaluation) -> String {
     let mut text = format!(
         "objective at the start values: {}\n\n",
         significant(found.objective, 8)
@@ -50,5 +50,24 @@ fn to_text(found: &Evaluation) -> String {
             .map(|(name, value)| [name.clone(), significant(*value, 6)]),
     );
     text += &aligned(&rows);
-    text
+    text += "\n";
+    text + &aligned(&residual_rows(posed, found))
+}
+
+/// For each run and column how many samples it has, and how far the model is from them.
+fn residual_rows(posed: &Posed<'_>, found: &Evaluation) -> Vec<[String; 4]> {
+    let mut rows = vec![["run", "column", "samples", "rms residual over sd"].map(str::to_owned)];
+    for (run, residuals) in posed.data.iter().zip(&found.residuals) {
+        for (measured, own) in posed.file.measured.iter().zip(residuals) {
+            let own: Vec<f64> = own.iter().copied().filter(|r| !r.is_nan()).collect();
+            let squares: f64 = own.iter().map(|r| r * r).sum();
+            rows.push([
+                run.name(),
+                measured.column.value.clone(),
+                own.len().to_string(),
+                significant((squares / own.len() as f64).sqrt(), 4),
+            ]);
+        }
+    }
+    rows
 }

@@ -69,22 +69,31 @@ impl Fitted {
         let prefix = format!("{}.", self.instance);
         let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.status);
         let mut values: Vec<(String, f64)> = Vec::new();
-        for found in &fit.parameters {
+        for (found, is_sought) in all_of(posed, fit) {
             let Some(name) = found.name.strip_prefix(&prefix) else {
                 continue;
             };
-            if let [(_, _), _, ..] = found.values.as_slice() {
-                head += &format!("# {name} is the mean of {}\n", each(found));
+            let (value, is) = match is_sought {
+                true => (found.mean(), "the mean"),
+                // The mean of what runs were given is what none of them had.
+                false => (found.values[0].1, "the first"),
+            };
+            if found.values.len() > 1 {
+                head += &format!("# {name} is {is} of {}\n", each(&found));
             }
-            values.push((name.to_owned(), found.mean()));
-        }
-        for setting in posed.file.system.settings_of(&self.instance) {
-            let is_found = values.iter().any(|(name, _)| name == setting.0);
-            if let (false, Ok(value)) = (is_found, setting.1.parse()) {
-                values.push((setting.0.to_owned(), value));
+            let delays = part.file.iter().flat_map(|compiled| &compiled.delays);
+            if delays.into_iter().any(|delay| delay.name == name) {
+                head += &format!("# {name} began at {value}, which a model file cannot say\n");
             }
+            values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
+            // A state that the FMU computes cannot be set.
+            let (states, graph) = (&part.model.states, &part.model.system.graph);
+            let place = |name: &String| states.iter().position(|state| state == name);
+            values.retain(|(name, _)| {
+                place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
+            });
             return self.write_system(posed, head, &values);
         };
         overwrite::save(
@@ -129,6 +138,12 @@ impl Fitted {
             head + &fitted.to_toml(folder)?,
         )?)
     }
+}
+
+/// What the runs of a fit had and their models do not say, and whether it was sought.
+fn all_of(posed: &Posed<'_>, fit: &Fit) -> impl Iterator<Item = (Found, bool)> {
+    let sought = fit.parameters.iter().cloned().map(|found| (found, true));
+    sought.chain(fit.given(posed).into_iter().map(|found| (found, false)))
 }
 
 /// A table of that name with another content is somebody's.

@@ -87,18 +87,13 @@ fn parameter(found: &Found) -> (String, Value) {
 
 /// For each state that is estimated at the begin, its value in each run.
 fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
-    let mut all = Map::new();
-    for (k, name) in posed.joint.model.states.iter().enumerate() {
-        let is_free = posed.runs.iter().any(|run| run.initial[k].is_none());
-        if is_free {
-            let values = fit
-                .runs
-                .iter()
-                .map(|run| (run.name.clone(), json!(run.states[k][0])));
-            all.insert(name.clone(), Value::Object(values.collect()));
-        }
-    }
-    Value::Object(all)
+    let all = fit.initial(posed).into_iter().map(|found| {
+        let value = |k: usize| found.values.get(k).unwrap_or(&found.values[0]).1;
+        let runs = fit.runs.iter().enumerate();
+        let values = runs.map(|(k, run)| (run.name.clone(), json!(value(k))));
+        (found.name.clone(), Value::Object(values.collect()))
+    });
+    Value::Object(all.collect())
 }
 
 fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
@@ -115,17 +110,14 @@ fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
 
 /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation.
 fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
-    let samples = run.recorded[k]
-        .iter()
-        .zip(&run.predicted[k])
-        .zip(&run.deviations[k]);
-    let (mut plain, mut relative, mut count) = (0.0, 0.0, 0.0_f64);
-    for ((y, h), sd) in samples.filter(|((y, _), _)| y.is_finite()) {
-        plain += (y - h).powi(2);
-        relative += noise.residual(*y, *h, *sd).powi(2);
-        count += 1.0;
-    }
-    ((plain / count).sqrt(), (relative / count).sqrt())
+    let mean = |residuals: Vec<f64>| {
+        let known = residuals.iter().filter(|r| !r.is_nan());
+        let sum: f64 = known.clone().map(|r| r * r).sum();
+        (sum / known.count() as f64).sqrt()
+    };
+    let plain = run.recorded[k].iter().zip(&run.predicted[k]);
+    let plain = plain.map(|(y, h)| y - h).collect();
+    (mean(plain), mean(run.residuals(k, noise)))
 }
 
 /// The summary for people.
@@ -142,19 +134,22 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         significant(fit.objective, 8),
         significant(fit.chi2, 8),
     );
-    text += &aligned(&parameter_rows(fit));
+    text += &aligned(&rows("parameter", &fit.parameters));
     text += "\n";
+    let initial = fit.initial(posed);
+    if !initial.is_empty() {
+        text += &aligned(&rows("initial state", &initial));
+        text += "\n";
+    }
     text += &aligned(&run_rows(posed, outcomes));
     text += &format!(
         "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
         fit.refinement.intervals, fit.refinement.rounds, fit.refinement.error
     );
-    if fit.starts.len() > 1 {
-        text += &format!(
-            "starts: {} of {} ended at this optimum\n",
-            fit.agreeing(),
-            fit.starts.len()
-        );
+    match (fit.starts.len(), fit.agreeing()) {
+        (1, _) => {}
+        (starts, 0) => text += &format!("starts: none of {starts} converged\n"),
+        (starts, count) => text += &format!("starts: {count} of {starts} ended at this optimum\n"),
     }
     for diagnostic in &fit.diagnostics {
         text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
@@ -162,9 +157,9 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     text
 }
 
-fn parameter_rows(fit: &Fit) -> Vec<[String; 4]> {
-    let mut rows = vec![["parameter", "value", "unit", ""].map(str::to_owned)];
-    for found in &fit.parameters {
+fn rows(what: &str, all: &[Found]) -> Vec<[String; 4]> {
+    let mut rows = vec![[what, "value", "unit", ""].map(str::to_owned)];
+    for found in all {
         let remark = match (found.is_tied, found.bound) {
             (true, _) => "tied".to_owned(),
             (false, Some(bound)) => format!("at its bound {bound}"),
