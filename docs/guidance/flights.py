@@ -38,12 +38,12 @@ model = "{vehicle}"
 "vehicle.{output}" = "pilot.position"
 {wires}
 [inputs]
-"pilot.target" = {{ column = "target", hold = "linear" }}
+"pilot.target" = {{ column = "target", hold = "{hold}" }}
 """
 # The pilot by itself, driven by what was recorded.
 OPEN = """
 [inputs]
-"pilot.target" = {{ column = "target", hold = "linear" }}
+"pilot.target" = {{ column = "target", hold = "{hold}" }}
 "pilot.position" = {{ column = "position", hold = "linear" }}
 """
 
@@ -78,18 +78,18 @@ def fly(folder, **options):
 
 
 def problem(runs, pilot="extended_crossover", vehicle="quadcopter", method="response", free=None, fixed=ARM, sd=0.1,
-            mesh='mesh = "samples"'):
+            mesh='mesh = "samples"', hold="linear"):
     """A problem file: pilot, vehicle, what is compared, `free` (starts of the parameters sought) and what is `fixed`."""
     sign = -1 if vehicle == "quadcopter" else 1
     free = free or {"gain": 0.03, "lead": 2.5, "delay": 0.2}
     wires = '"vehicle.v" = "pilot.speed"' if Path(pilot).stem == "pursuit" else ""
     output = "z" if vehicle == "quadcopter" else "position"
-    closed = CLOSED.format(vehicle=vehicle, output=output, wires=wires)
+    closed = CLOSED.format(vehicle=vehicle, output=output, wires=wires, hold=hold)
     lines = [f'"pilot.{name}" = {{ start = {value} }}' for name, value in free.items() if name != "gain"]
     lines.append(f'"pilot.gain" = {{ start = {sign * free["gain"]}, min = {min(sign, 0)}, max = {max(sign, 0)} }}')
     lines += [f'"pilot.{name}" = {{ start = {value}, fixed = true }}' for name, value in fixed.items()]
     signal, column = ("pilot.stick", "stick") if method != "response" else (f"vehicle.{output}", "position")
-    return PROBLEM.format(pilot=pilot, system=OPEN.format() if method == "stick" else closed, signal=signal,
+    return PROBLEM.format(pilot=pilot, system=OPEN.format(hold=hold) if method == "stick" else closed, signal=signal,
                           column=column, sd=sd, parameters="\n".join(lines), mesh=mesh,
                           runs="\n".join(f'[[run]]\nfile = "{run}"' for run in runs))
 

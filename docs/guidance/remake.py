@@ -1,6 +1,7 @@
 """Remakes the figures and tables of docs/guidance.md. From the repository's root, with Python's standard library alone:
 
     python3 docs/guidance/remake.py            flies and fits everything (some minutes on one core), writes all
+    python3 docs/guidance/remake.py tasks arms the same with these experiments alone
     python3 docs/guidance/remake.py --page     writes page and figures from results.json
     python3 docs/guidance/remake.py --check    flies and fits everything, compares with results.json, page and figures
     python3 docs/guidance/remake.py --quick    the same with one seed of the short experiments (seconds)
@@ -282,7 +283,7 @@ def task_figure(results):
         series.append((pilot, [(place + 0.2 * (k - 1) + 0.015 * (n - 4), seed["crossover"])
                                for place, seeds in enumerate(cases) for n, seed in enumerate(seeds)], []))
     return chart("Crossover found, by target and pilot", "A dot is a fit of one seed's flights. Pilots that differentiate "
-                 "the error find half of the crossover where targets jump.", ("target", -0.5, 3.5, list(enumerate(TASKS))),
+                 "the error find little more than half of it where targets jump.", ("target", -0.5, 3.5, list(enumerate(TASKS))),
                  ("crossover [rad/s]", 0.2, 1.0, ticks([0.2, 0.4, 0.6, 0.8, 1])), series,
                  (the_human()["crossover"], "the human's"))
 
@@ -335,11 +336,22 @@ def contents(results):
     return files | {PAGE: filled(PAGE.read_text(encoding="utf-8"), tables(results))}
 
 
+def store(results):
+    """Writes the results, a line for each case."""
+    cases = {name: [f"  {json.dumps(case, ensure_ascii=False)}: {json.dumps(seeds)}" for case, seeds in cases.items()]
+             for name, cases in results.items()}
+    blocks = [f'"{name}": {{\n' + ",\n".join(lines) + "\n}" for name, lines in cases.items()]
+    RESULTS.write_text("{\n" + ",\n".join(blocks) + "\n}\n", encoding="utf-8")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for flag in ("page", "check", "quick"):
         parser.add_argument(f"--{flag}", action="store_true")
+    parser.add_argument("names", nargs="*", help="experiments: all, or these")
     options = parser.parse_args()
+    if unknown := set(options.names) - set(EXPERIMENTS):
+        parser.error(f"no experiment {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}")
     if options.check or options.quick:
         results = json.loads(RESULTS.read_text())
         stale = [f"{file.name} is not what results.json says" for file, text in contents(results).items()
@@ -349,9 +361,8 @@ def main():
         print("\n".join(wrong) or f"as written: {sum(map(len, new.values()))} cases")
         sys.exit(bool(wrong))
     if not options.page:
-        lines = [f'"{name}": {{\n' + ",\n".join(f'  {json.dumps(case, ensure_ascii=False)}: {json.dumps(seeds)}'
-                 for case, seeds in cases.items()) + "\n}" for name, cases in run(EXPERIMENTS).items()]
-        RESULTS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+        old = json.loads(RESULTS.read_text(encoding="utf-8")) if options.names else {}
+        store(old | run(options.names or EXPERIMENTS))
     for file, text in contents(json.loads(RESULTS.read_text(encoding="utf-8"))).items():
         file.write_text(text, encoding="utf-8")
 
