@@ -3,6 +3,7 @@
 
 mod examples;
 mod fmpy;
+mod guidance;
 mod library;
 mod masters;
 mod model_fmus;
