@@ -5,9 +5,13 @@ use crate::foreign;
 use serde_json::Value;
 use std::io::{Cursor, Read};
 
-/// The shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
-fn shipped(vehicle: &str) -> String {
-    let run = |name: &str| {
+const ALL: [&str; 6] = [
+    "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
+];
+
+/// Shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
+fn shipped(vehicle: &str, runs: &[&str]) -> String {
+    let run = |name: &&str| {
         let path = example(&format!("trials/{name}.csv"));
         format!("[[run]]\nfile = \"{}\"\n", path.display())
     };
@@ -32,12 +36,11 @@ column = "position"
 [stability]
 models = ["pilot"]
 closed_loop = true
-{}{}[fit]
+{}[fit]
 mesh = "samples"
 starts = 1
 "#,
-        ["10m-run1", "10m-run2", "10m-run3"].map(run).concat(),
-        ["20m-run1", "20m-run2", "20m-run3"].map(run).concat()
+        runs.iter().map(run).collect::<String>()
     )
 }
 
@@ -97,18 +100,18 @@ fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
 #[test]
 fn the_quadcopters_own_fmu_gives_the_pilot_of_the_model_file() {
     let folder = Folder::new();
-    let expected = fitted(&folder, &shipped("quadcopter"));
+    let expected = fitted(&folder, &shipped("quadcopter", &ALL));
     for version in ["3", "2"] {
         let to = ["-o", "vehicle.fmu", "--fmi", version, "--force"];
         let ended = folder.pilotage(&[&["export", "quadcopter"], &to[..]].concat());
         assert_eq!(ended.code, 0, "{ended:?}");
-        let found = fitted(&folder, &shipped("vehicle.fmu"));
+        let found = fitted(&folder, &shipped("vehicle.fmu", &ALL));
         assert_same(&found, &expected, 1e-8);
         assert_eq!(found["doubts"], expected["doubts"]);
     }
     let bytes = std::fs::read(folder.path("vehicle.fmu")).unwrap();
     folder.write("vehicle.fmu", without_derivatives(&bytes));
-    let found = fitted(&folder, &shipped("vehicle.fmu"));
+    let found = fitted(&folder, &shipped("vehicle.fmu", &ALL));
     assert_same(&found, &expected, 1e-6);
 }
 
@@ -116,13 +119,21 @@ fn the_quadcopters_own_fmu_gives_the_pilot_of_the_model_file() {
 #[test]
 fn a_pilots_fmu_gives_the_parameters_of_its_model_file() {
     let problem = |pilot: &str| {
-        let text = shipped("quadcopter").replace("model = \"linear\"\norder = 3", pilot);
-        let text = text.replace("\"pilot.stick_limit\" = { fixed = true }\n", "");
-        text.replace("[stability]\nmodels = [\"pilot\"]\n", "[stability]\n")
+        let text = shipped("quadcopter", &["10m-run1", "20m-run1"]);
+        let text = text.replace("model = \"linear\"\norder = 3", pilot);
+        let stick = "\"pilot.stick_limit\" = { fixed = true }\n";
+        let text = text.replace(stick, "\"pilot.gain\" = { start = 0.005 }\n");
+        text.replace(
+            "[stability]\nmodels = [\"pilot\"]\nclosed_loop = true\n",
+            "",
+        )
     };
     let folder = Folder::new();
-    let shown = folder.pilotage(&["models", "show", "lead_lag"]);
-    folder.write("pilot.toml", shown.stdout);
+    let shown = folder.pilotage(&["models", "show", "lead_lag"]).stdout;
+    // An FMU stops its stick; of a model file the limit is a constraint.
+    let free = shown.replace(", limit = [-1, 1]", "");
+    assert_ne!(shown, free);
+    folder.write("pilot.toml", free);
     let expected = fitted(&folder, &problem("model = \"pilot.toml\""));
     let ended = folder.pilotage(&["export", "pilot.toml", "-o", "pilot.fmu"]);
     assert_eq!(ended.code, 0, "{ended:?}");

@@ -56,7 +56,8 @@ impl InitialStates {
         };
         let argument = rates.layout.parameter_arguments().start + place;
         let step = rates.steps[argument] * rates.size(argument).max(at[place].abs());
-        let ends = [step, -step].map(|step| {
+        let (up, down) = rates.room(at[place], argument, rates.steps[argument]);
+        let ends = [if up { step } else { 0.0 }, if down { -step } else { 0.0 }].map(|step| {
             let mut moved = at.to_vec();
             moved[place] += step;
             moved

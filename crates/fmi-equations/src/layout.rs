@@ -2,8 +2,8 @@
 
 use crate::EquationsError;
 use pilotage_fmi::description::{
-    Causality, Initial, ModelDescription, Precision, ScalarVariable, Unknown, Variability,
-    VariableKind,
+    Causality, Initial, ModelDescription, Precision, RealAttributes, ScalarVariable, TypeKind,
+    Unknown, Variability, VariableKind,
 };
 use std::ops::Range;
 
@@ -182,16 +182,29 @@ fn about<'d>(
     let VariableKind::Real(real) = &variable.kind else {
         unreachable!("only reals are asked for")
     };
-    let attributes = &real.attributes;
+    let declared = description
+        .types
+        .iter()
+        .find_map(|declared| match &declared.kind {
+            TypeKind::Real { attributes, .. }
+                if Some(&declared.name) == real.declared_type.as_ref() =>
+            {
+                Some(attributes)
+            }
+            _ => None,
+        });
+    let of = |what: fn(&RealAttributes) -> Option<f64>| {
+        what(&real.attributes).or_else(|| what(declared?))
+    };
     Variable {
         name: variable.name.clone(),
         reference: variable.value_reference,
         index,
         unit: unit(variable).map(str::to_owned),
         start: real.start.first().copied().unwrap_or_default(),
-        min: attributes.min,
-        max: attributes.max,
-        nominal: attributes.nominal.map(f64::abs).filter(|own| *own > 0.0),
+        min: of(|own| own.min),
+        max: of(|own| own.max),
+        nominal: of(|own| own.nominal).map(f64::abs).filter(|own| *own > 0.0),
         is_computed: variable.effective_initial() != Some(Initial::Exact),
     }
 }

@@ -157,7 +157,7 @@ impl Rates {
         step: f64,
     ) -> Result<Vec<f64>, PointError> {
         // Richardson: of two steps' errors the leading term cancels.
-        let (ends, weight) = match self.room(at, place, step) {
+        let (ends, weight) = match self.room(at[place], place, step) {
             (true, true) => ([[step, -step], [0.5 * step, -0.5 * step]], 1.0 / 3.0),
             (true, false) => ([[0.1 * step, 0.0], [0.05 * step, 0.0]], 1.0),
             (false, _) => ([[-0.1 * step, 0.0], [-0.05 * step, 0.0]], 1.0),
@@ -189,18 +189,18 @@ impl Rates {
     }
 
     /// Whether a parameter's range has room for a step up, and down.
-    fn room(&self, at: &[f64], place: usize, step: f64) -> (bool, bool) {
+    pub(crate) fn room(&self, value: f64, place: usize, step: f64) -> (bool, bool) {
         let is_parameter = self.layout.parameter_arguments().contains(&place);
         let own = self.layout.argument(place).filter(|_| is_parameter);
         let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
         let least = own.and_then(|own| own.min).unwrap_or(f64::NEG_INFINITY);
-        let size = step * self.size(place).max(at[place].abs());
-        (at[place] + size <= most, at[place] - size >= least)
+        let size = step * self.size(place).max(value.abs());
+        (value + size <= most, value - size >= least)
     }
 
     /// A point moved up and down along an argument, with the argument's values there; parameters stay in their ranges.
     fn ends(&self, at: &[f64], place: usize, step: f64) -> [(f64, Vec<f64>); 2] {
-        let (up, down) = self.room(at, place, step);
+        let (up, down) = self.room(at[place], place, step);
         [if up { step } else { 0.0 }, if down { -step } else { 0.0 }].map(|step| {
             let moved = self.moved(at, place, step);
             (moved[place], moved)
@@ -273,10 +273,8 @@ impl Point<'_> {
     fn second_differences(&self, first: usize, second: usize) -> Result<Vec<f64>, PointError> {
         let (rates, at) = (self.rates, &self.at);
         let step = |place: usize| 0.5 * rates.steps[place];
-        let signs = [first, second].map(|place| match rates.room(at, place, step(place)) {
-            (_, true) => 1.0,
-            (_, false) => -1.0,
-        });
+        let rooms = [first, second].map(|place| rates.room(at[place], place, 2.0 * step(place)));
+        let signs = rooms.map(|(up, _)| if up { 1.0 } else { -1.0 });
         let value = |a: f64, b: f64| {
             let moved = rates.moved(at, first, a * signs[0] * step(first));
             let moved = match b {
@@ -290,7 +288,10 @@ impl Point<'_> {
         let area = size(first, signs[0]) * size(second, signs[1]);
         let (middle, a) = (rates.values(at)?, value(1.0, 0.0)?);
         let terms = match first == second {
-            true => vec![(a, 1.0), (value(-1.0, 0.0)?, 1.0), (middle, -2.0)],
+            true if rooms[0] == (true, true) => {
+                vec![(a, 1.0), (value(-1.0, 0.0)?, 1.0), (middle, -2.0)]
+            }
+            true => vec![(value(2.0, 0.0)?, 1.0), (a, -2.0), (middle, 1.0)],
             false => {
                 let b = rates.moved(at, second, signs[1] * step(second));
                 let (b, both) = (rates.values(&b)?, value(1.0, 1.0)?);
