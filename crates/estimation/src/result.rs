@@ -152,7 +152,7 @@ impl Fit {
             kkt: solution.kkt,
             poles: poles(posed, &runs, &states, &theta),
             runs,
-            refinement: Refinement::default(),
+            refinement: Refinement::new(solved),
             starts: Vec::new(),
             lower: None,
             cut: None,

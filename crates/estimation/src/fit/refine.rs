@@ -13,7 +13,7 @@ use pilotage_sqp::Status;
 const MOST_REFINEMENTS: usize = 12;
 
 /// How a mesh was refined.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
     /// How often.
     pub rounds: usize,
@@ -26,7 +26,7 @@ pub struct Refinement {
     /// Iterations of all solves.
     pub iterations: usize,
     /// The scheme at the end.
-    pub scheme: Option<Scheme>,
+    pub scheme: Scheme,
     /// Whether it came to its end: neither a limit nor the user ended it.
     pub is_done: bool,
 }
@@ -47,14 +47,11 @@ pub(super) fn refine(
         Mesh::Tolerance(tolerance) => tolerance,
         Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
     };
-    let mut told = Refinement {
-        iterations: solved.solution.work.iterations,
-        ..Refinement::default()
-    };
+    let mut told = Refinement::new(&solved);
     loop {
         let errors = known.take().unwrap_or_else(|| errors(&solved, watch));
-        told.take(&solved, &errors);
         told.is_done = watch.over().is_none();
+        told.take(&solved, &errors);
         let is_end = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
         if !told.is_done || is_end || told.error <= tolerance {
             return (solved, told);
@@ -78,11 +75,35 @@ pub(super) fn refine(
 }
 
 impl Refinement {
+    /// Of a solution whose mesh has not been refined.
+    pub(crate) fn new(solved: &Solved) -> Self {
+        Self {
+            rounds: 0,
+            intervals: solved
+                .problem
+                .runs
+                .iter()
+                .map(|run| run.mesh.len() - 1)
+                .sum(),
+            error: f64::NAN,
+            changes: Vec::new(),
+            iterations: solved.solution.work.iterations,
+            scheme: solved.problem.scheme,
+            is_done: false,
+        }
+    }
+
+    /// Whether the scheme is that for stiff equations.
+    pub fn is_for_stiff(&self) -> bool {
+        self.scheme == STIFF_SCHEME
+    }
+
     /// Tells of a mesh.
     fn take(&mut self, solved: &Solved, errors: &[Vec<f64>]) {
-        self.error = errors.iter().flatten().copied().fold(0.0, f64::max);
+        let largest = errors.iter().flatten().copied().fold(0.0, f64::max);
+        self.error = if self.is_done { largest } else { f64::NAN };
         self.intervals = errors.iter().map(Vec::len).sum();
-        self.scheme = Some(solved.problem.scheme);
+        self.scheme = solved.problem.scheme;
     }
 }
 

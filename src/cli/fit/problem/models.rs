@@ -62,7 +62,7 @@ impl Fitted {
             return Ok(());
         };
         let prefix = format!("{}.", self.instance);
-        let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.status);
+        let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.ending());
         let mut values: Vec<(String, f64)> = Vec::new();
         for found in &fit.parameters {
             let Some(name) = found.name.strip_prefix(&prefix) else {
