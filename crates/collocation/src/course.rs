@@ -8,6 +8,8 @@ use super::reference::{Reference, Stop};
 /// Of so many steps one ends at a node, at least: three steps of a method of order 5 make about 3⁶ times the error of
 /// one, enough for a mesh to begin with.
 const STEPS_PER_INTERVAL: usize = 3;
+/// Between two samples with fewer steps there is no node: where the data are that dense they are mesh enough.
+const FEW_STEPS: usize = 10;
 
 /// What a simulation may get wrong.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,18 +87,31 @@ impl Course {
         (0..self.states[0].len()).map(largest).collect()
     }
 
-    /// A mesh for its run: the samples, and ends of steps between them, so that the scheme is about as exact as a rough
+    /// Leaves the samples, and between them as many steps as a mesh needs on which a scheme is about as exact as a rough
     /// simulation; about `most` of these at most.
-    pub fn mesh(&self, most: usize) -> Vec<f64> {
+    pub fn thin(&mut self, most: usize) {
         let steps = self.time.len() - self.samples.len();
         let every = STEPS_PER_INTERVAL.max(steps.div_ceil(most.max(1)));
-        let mut mesh = vec![self.time[0]];
+        let (mut kept, mut samples) = (vec![0], vec![0]);
         for ends in self.samples.windows(2) {
-            let between = &self.time[ends[0] + 1..=ends[1]];
-            let (last, inner) = between.split_last().expect("the sample at the end");
-            mesh.extend(inner.iter().skip(every - 1).step_by(every));
-            mesh.push(*last);
+            let inner = ends[0] + 1..ends[1];
+            if inner.len() >= FEW_STEPS {
+                kept.extend(inner.skip(every - 1).step_by(every));
+            }
+            samples.push(kept.len());
+            kept.push(ends[1]);
         }
+        self.time = kept.iter().map(|k| self.time[*k]).collect();
+        self.states = kept
+            .iter()
+            .map(|k| std::mem::take(&mut self.states[*k]))
+            .collect();
+        self.samples = samples;
+    }
+
+    /// Its times as a mesh.
+    pub fn mesh(&self) -> Vec<f64> {
+        let mut mesh = self.time.clone();
         mesh.dedup();
         mesh
     }

@@ -52,16 +52,17 @@ pub(super) fn at_point(
 ) -> (Collocation, Vec<f64>) {
     let courses = courses(posed, point, stop);
     let scheme = scheme.unwrap_or_else(|| suited(&courses));
-    let most = MOST_STEPS.div_ceil(courses.len().max(1));
     let pairs = posed.runs.iter().zip(&courses);
-    let runs = pairs.map(|(run, own)| meshed(run, own, most, &posed.file.options));
+    let runs = pairs.map(|(run, own)| meshed(run, own, &posed.file.options));
     let runs: Vec<Run> = runs.collect();
     let followed = posed.followed.as_ref().filter(|_| point.follows);
     let mut paths = match followed {
         Some(followed) => (point.initial.par_iter().enumerate())
             .map(|(j, initial)| {
                 let quality = quality(sizes(posed, initial));
-                followed.simulate(j, point.theta, initial, &quality, stop)
+                let mut course = followed.simulate(j, point.theta, initial, &quality, stop);
+                course.thin(MOST_STEPS);
+                course
             })
             .collect(),
         None => courses,
@@ -74,18 +75,23 @@ pub(super) fn at_point(
 }
 
 /// The scheme for equations of which these are simulations, where the user named none.
-pub(super) fn suited(courses: &[Course]) -> Scheme {
+fn suited(courses: &[Course]) -> Scheme {
     match courses.iter().any(|course| course.is_stiff) {
         true => STIFF_SCHEME,
         false => Scheme::HermiteSimpson,
     }
 }
 
-/// The runs from a point, simulated.
-pub(super) fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
+/// The runs from a point, simulated, with as many steps as their meshes need.
+fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
+    let most = MOST_STEPS.div_ceil(posed.runs.len().max(1));
+    let simulated = |(run, initial): (&Run, &Vec<f64>)| {
+        let mut course = course(posed, run, point.theta, initial, stop);
+        course.thin(most);
+        course
+    };
     let runs = posed.runs.par_iter().zip(&point.initial);
-    runs.map(|(run, initial)| course(posed, run, point.theta, initial, stop))
-        .collect()
+    runs.map(simulated).collect()
 }
 
 /// A run, simulated. Where the problem does not say how large a state is it is taken to be of the order of one until
@@ -136,12 +142,18 @@ fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+/// The states that run away.
+fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
+    const FARTHEST: f64 = 1e6;
+    let (sizes, seen) = (sizes(posed, &course.states[0]), course.sizes());
+    let is_wild = |k: &usize| seen[*k] > FARTHEST * sizes[*k];
+    (0..sizes.len()).filter(is_wild).collect()
+}
+
 /// Of a state that runs away, the value where it begins.
 fn tame(posed: &Posed<'_>, course: &mut Course) {
-    const FARTHEST: f64 = 1e6;
     let initial = course.states[0].clone();
-    let (sizes, seen) = (sizes(posed, &initial), course.sizes());
-    for k in (0..initial.len()).filter(|k| seen[*k] > FARTHEST * sizes[*k]) {
+    for k in wild(posed, course) {
         course.states.iter_mut().for_each(|x| x[k] = initial[k]);
     }
 }
@@ -174,11 +186,11 @@ pub(super) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
 
 /// A run on the mesh that the options ask for; where they leave it open, with nodes beside the samples where its
 /// simulation needs them.
-fn meshed(run: &Run, course: &Course, most: usize, options: &Options) -> Run {
+fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
     let mut run = run.clone();
     match options.mesh {
         Mesh::Step(step) => run.mesh = spread(&run, step),
-        Mesh::Tolerance(_) => run.mesh = course.mesh(most),
+        Mesh::Tolerance(_) => run.mesh = course.mesh(),
         Mesh::Samples => {}
     }
     run
