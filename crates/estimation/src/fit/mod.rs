@@ -82,15 +82,6 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     };
     found.cut = cut(&found, &watch);
     found.diagnostics = diagnostics(posed, &last, &found);
-    eprintln!(
-        "DEBUG {:?} {:?} {:?} {:?} f {} it {}",
-        found.refinement,
-        found.starts,
-        found.simulated_objective,
-        found.diagnostics,
-        found.objective,
-        found.iterations
-    );
     found
 }
 
