@@ -48,11 +48,6 @@ def binding(on, off, decay):
     return right
 
 
-def van_der_pol(mu):
-    """The slow branch, and the jump to the other one."""
-    return lambda _, x: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]]
-
-
 def hires(k1, k2, k3, k6):
     """High irradiance responses of photomorphogenesis (Hairer & Wanner II, section IV.10)."""
     return lambda _, y: [
@@ -91,14 +86,6 @@ PROBLEMS = {
         {"on": 300.0, "off": 3.0, "decay": 0.02},
         [0.0, 0.001, 0.01, 0.1, 1.0, 5.0, 10.0, 20.0, 40.0],
         {"a": 1e-2, "b": 2e-4, "c": 1e-2},
-    ),
-    "van_der_pol": Problem(
-        van_der_pol,
-        {"x": (2.0, "v"), "v": (0.0, "mu * (1 - x^2) * v - x")},
-        {"mu": 1000.0},
-        {"mu": 1200.0},
-        [100.0 * k for k in range(11)],
-        {"x": 0.02},
     ),
     "hires": Problem(
         hires,
