@@ -3,12 +3,13 @@
 //! order of the unknowns.
 
 use super::{Clock, Failure, number};
+use pilotage::estimation::file::Mesh;
 use pilotage::estimation::fit::{Solved, begin, solve};
 use pilotage::estimation::posed::{Posed, Stands};
 use pilotage::estimation::starts::starts;
 use pilotage::estimation::{ProblemFile, part};
 use pilotage::sqp::{Problem, Status};
-use pilotage::transcription::{Collocation, Scales};
+use pilotage::transcription::{Collocation, Scales, Scheme};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -17,9 +18,11 @@ use std::time::{Duration, Instant};
 
 pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
     let clock = Clock::start();
-    let file = ProblemFile::read(path)?;
+    let mut file = ProblemFile::read(path)?;
+    file.options.scheme = Some(Scheme::HermiteSimpson);
+    file.options.mesh = Mesh::Samples;
     let posed = Posed::new(&file, &part::open)?;
-    let (problem, start) = begin(&posed, &starts(&posed, 1)[0]);
+    let (problem, start) = begin(&posed, &starts(&posed, 1)[0], &|| false);
     let (setup_seconds, _) = clock.seconds();
     let mut answer = json!({
         "states": posed.states.iter().map(|state| &state.name).collect::<Vec<_>>(),

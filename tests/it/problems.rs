@@ -16,7 +16,7 @@ fn references() -> Value {
 fn exact(name: &str) -> Fit {
     let path = example("problems").join(name).join("problem.toml");
     let mut file = ProblemFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
-    file.options.scheme = Scheme::Gauss(4);
+    file.options.scheme = Some(Scheme::Gauss(4));
     file.options.mesh = Mesh::Tolerance(1e-9);
     file.options.starts = 1;
     file.options.tolerance = 1e-9;

@@ -206,11 +206,11 @@ impl Collocation {
             *c = v[i] - value / self.model.scales.states[i];
         }
         let samples = run.time.len();
-        let mut costs = 0.0;
+        let mut costs = Sum::default();
         let values = self.evaluate_points(z, j, |sample, outputs, lane| {
             for (k, own) in run.measured.iter().enumerate() {
                 if let Some(recorded) = self.recorded(j, k, sample) {
-                    costs += own.weight * own.loss.value(recorded, outputs[k][lane]);
+                    costs.add(own.weight * own.loss.value(recorded, outputs[k][lane]));
                 }
             }
             for (k, output) in outputs[self.measured..].iter().enumerate() {
@@ -224,7 +224,7 @@ impl Collocation {
             f: &values.f,
             c,
         });
-        costs
+        costs.value()
     }
 
     /// Scaled values of the constraints on θ.
@@ -259,6 +259,33 @@ impl Collocation {
             .zip(&self.constraint_scales)
             .map(|(v, s)| *v / *s)
             .collect()
+    }
+}
+
+/// A sum whose rounding does not grow with the number of its terms, so that a line search sees what a step gains
+/// (Neumaier, *Rundungsfehleranalyse einiger Verfahren zur Summation endlicher Summen*, ZAMM 54, 1974).
+#[derive(Default)]
+struct Sum {
+    sum: f64,
+    lost: f64,
+}
+
+impl Sum {
+    fn add(&mut self, term: f64) {
+        let sum = self.sum + term;
+        self.lost += match self.sum.abs() >= term.abs() {
+            true => (self.sum - sum) + term,
+            false => (term - sum) + self.sum,
+        };
+        self.sum = sum;
+    }
+
+    /// Where a term was infinite, what is lost is not a number.
+    fn value(&self) -> f64 {
+        match self.sum.is_finite() {
+            true => self.sum + self.lost,
+            false => self.sum,
+        }
     }
 }
 

@@ -67,6 +67,7 @@
 //! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
 //! | `bound`, `loss` | what outputs keep, and what residuals cost |
 //! | [`collocation`], [`layout`] | the nonlinear program |
+//! | `course` | simulations with error control, and the meshes that they ask for |
 //! | `refinement` | local errors, and meshes that make them small |
 //! | [`condensed`] | its QP by elimination of the states |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
@@ -75,6 +76,7 @@ mod bound;
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
+mod course;
 pub mod grid;
 pub mod layout;
 mod loss;
@@ -94,9 +96,11 @@ pub use bound::{Bound, BoundAt};
 pub use collocation::Collocation;
 pub use condensed::Condensed;
 pub use constraints::ParameterConstraints;
+pub use course::{Course, Quality};
 pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
+pub use reference::Stop;
 pub use refinement::{Refined, refined, solve_refined};
 pub use simulate::rk4;
 pub use solve::solve;

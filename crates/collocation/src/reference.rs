@@ -6,13 +6,20 @@ use nalgebra::DMatrix;
 use pilotage_ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
-/// Steps between two samples before a solution is given up.
+/// Steps between two times before a solution is given up, unless [`Reference::patience`] says otherwise.
 const MOST_STEPS: usize = 20_000;
+/// Steps after which it is asked again whether to stop.
+const ASKED: usize = 64;
+
+/// Whether long work is to stop; what it has then is as good as nothing.
+pub type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 
 /// The flow of a model along a run's inputs, with a θ.
 pub(super) struct Reference<'a> {
     flow: Flow<'a>,
     solver: Solver,
+    /// Steps between two times before a solution is given up.
+    pub patience: usize,
 }
 
 /// The right-hand side up to a sample, where inputs may jump.
@@ -48,21 +55,42 @@ impl<'a> Reference<'a> {
         Self {
             flow,
             solver: Solver::new(0, options),
+            patience: MOST_STEPS,
         }
     }
 
     /// The states at the second time, from those at the first; no samples are in between. None where there is no
-    /// such solution.
-    pub fn between(&mut self, (from, to): (f64, f64), x: &[f64]) -> Option<Vec<f64>> {
+    /// such solution, or where it is to stop.
+    pub fn between(&mut self, times: (f64, f64), x: &[f64], stop: &Stop<'_>) -> Option<Vec<f64>> {
+        self.along(times, x, stop, |_, _| {})
+    }
+
+    /// The same, with each step's end shown.
+    pub fn along(
+        &mut self,
+        (from, to): (f64, f64),
+        x: &[f64],
+        stop: &Stop<'_>,
+        mut see: impl FnMut(f64, &[f64]),
+    ) -> Option<Vec<f64>> {
         self.flow.end = to;
         self.solver.restart(from, x, false);
-        for _ in 0..MOST_STEPS {
+        for step in 0..self.patience {
             if self.solver.time() >= to {
                 return Some(self.solver.state().to_vec());
             }
+            if step % ASKED == 0 && stop() {
+                return None;
+            }
             self.solver.advance(&mut self.flow, to).ok()?;
+            see(self.solver.time(), self.solver.state());
         }
         None
+    }
+
+    /// Whether the equations were stiff: the implicit method is in use.
+    pub fn is_stiff(&self) -> bool {
+        self.solver.is_implicit()
     }
 }
 

@@ -4,7 +4,7 @@
 use super::mesh::Run;
 use super::parallel;
 use super::path::Path;
-use super::reference::Reference;
+use super::reference::{Reference, Stop};
 use super::tableau::Scheme;
 use super::{Collocation, solve};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
@@ -14,6 +14,8 @@ use std::ops::ControlFlow;
 const REFERENCE_TOLERANCE: f64 = 1e-10;
 /// Part of a state's scale below which its magnitude does not matter.
 const SMALL: f64 = 1e-3;
+/// Steps of that solution over a part of an interval, at most: one that takes more is far too long for any scheme.
+const MOST_STEPS: usize = 2000;
 /// Parts into which an interval is divided at a time, at most.
 const MOST_PARTS: f64 = 8.0;
 
@@ -23,32 +25,44 @@ impl Collocation {
     /// From the states at an interval's start, the equations are solved with error control to the samples inside and
     /// to the interval's end, by an L-stable method where they are stiff. The error is the largest difference of a
     /// state there, over that state's largest magnitude on the run's mesh plus 10⁻³ of its scale. Errors below 10⁻⁹ are
-    /// rounding; where there is no such solution the error is infinite.
-    pub fn mesh_errors(&self, z: &[f64]) -> Vec<Vec<f64>> {
+    /// rounding; where there is no such solution, or it is to stop, the error is infinite.
+    pub fn mesh_errors(&self, z: &[f64], stop: &Stop<'_>) -> Vec<Vec<f64>> {
         let mut errors = vec![Vec::new(); self.runs.len()];
-        parallel::each(&mut errors, |j, out| *out = self.run_errors(z, j));
+        parallel::each(&mut errors, |j, out| *out = self.run_errors(z, j, stop));
         errors
     }
 
-    fn run_errors(&self, z: &[f64], j: usize) -> Vec<f64> {
+    /// Typical magnitudes of a run's states: the largest on its mesh, plus a part of the state's scale.
+    pub fn magnitudes(&self, z: &[f64], j: usize) -> Vec<f64> {
+        let path = Path::new(self, z, j);
+        let nodes: Vec<Vec<f64>> = self.runs[j].mesh.iter().map(|t| path.at(*t)).collect();
+        self.sizes(&nodes)
+    }
+
+    fn sizes(&self, nodes: &[Vec<f64>]) -> Vec<f64> {
+        let scales = self.model.scales.states.iter().enumerate();
+        scales
+            .map(|(i, s)| nodes.iter().fold(0.0_f64, |m, x| m.max(x[i].abs())) + SMALL * s)
+            .collect()
+    }
+
+    fn run_errors(&self, z: &[f64], j: usize, stop: &Stop<'_>) -> Vec<f64> {
         let (run, path) = (&self.runs[j], Path::new(self, z, j));
         let theta = self.physical_theta(z);
         let nodes: Vec<Vec<f64>> = run.mesh.iter().map(|t| path.at(*t)).collect();
-        let scales = self.model.scales.states.iter().enumerate();
-        let magnitudes: Vec<f64> = scales
-            .map(|(i, s)| nodes.iter().fold(0.0_f64, |m, x| m.max(x[i].abs())) + SMALL * s)
-            .collect();
+        let magnitudes = self.sizes(&nodes);
         let of = (&*self.model.tapes, run);
         let mut reference = Reference::new(of, &theta, &magnitudes, REFERENCE_TOLERANCE);
+        reference.patience = MOST_STEPS;
         let error = |(ends, first): (&[f64], &Vec<f64>)| {
             let (mut time, mut x, mut worst) = (ends[0], first.clone(), 0.0_f64);
-            for stop in inside(run, ends).chain([ends[1]]) {
-                let Some(next) = reference.between((time, stop), &x) else {
+            for to in inside(run, ends).chain([ends[1]]) {
+                let Some(next) = reference.between((time, to), &x, stop) else {
                     return f64::INFINITY;
                 };
-                let pairs = next.iter().zip(path.at(stop)).zip(&magnitudes);
+                let pairs = next.iter().zip(path.at(to)).zip(&magnitudes);
                 worst = pairs.fold(worst, |m, ((x, own), s)| m.max((x - own).abs() / s));
-                (time, x) = (stop, next);
+                (time, x) = (to, next);
             }
             worst
         };
@@ -128,7 +142,7 @@ pub fn solve_refined(
     let mut round = 0;
     loop {
         let solution = solve(&problem, z, options, observer);
-        let errors = problem.mesh_errors(&solution.iterate.z);
+        let errors = problem.mesh_errors(&solution.iterate.z, &|| false);
         let is_exact = errors.iter().flatten().all(|error| *error <= tolerance);
         if is_exact || round == rounds || solution.status != Status::Converged {
             return Refined {

@@ -113,7 +113,7 @@ pub trait Kernel {
 }
 
 /// Widths that rows are padded to.
-const WIDTHS: [usize; 4] = [8, 16, 24, 36];
+const WIDTHS: [usize; 6] = [8, 16, 24, 36, 64, 128];
 
 /// The width for rows of at least `columns`, where there is one.
 pub fn width(columns: usize) -> Option<usize> {
@@ -130,6 +130,8 @@ pub fn run<K: Kernel>(width: usize, kernel: K) -> K::Output {
         16 => machine.dispatch(Wide::<K, 16>(kernel)),
         24 => machine.dispatch(Wide::<K, 24>(kernel)),
         36 => machine.dispatch(Wide::<K, 36>(kernel)),
+        64 => machine.dispatch(Wide::<K, 64>(kernel)),
+        128 => machine.dispatch(Wide::<K, 128>(kernel)),
         other => unreachable!("no rows are {other} wide"),
     }
 }

@@ -35,33 +35,8 @@ impl Differentiated {
             let (explicit, is_finite) = self.explicit(run, theta, times, x);
             let next = match is_finite && self.is_stable(run, theta, times, x) {
                 true => explicit,
-                false => implicit.between(times, x).unwrap_or(explicit),
+                false => implicit.between(times, x, &|| false).unwrap_or(explicit),
             };
-            states.push(next);
-        }
-        states
-    }
-
-    /// The same with error control throughout, for runs of any duration: relative to the states, or to these typical
-    /// magnitudes where those are larger. Where there is no such solution any more the states stay as they are.
-    pub fn flow(
-        &self,
-        run: &Run,
-        theta: &[f64],
-        initial: &[f64],
-        magnitudes: &[f64],
-    ) -> Vec<Vec<f64>> {
-        let mut solution = Reference::new((self, run), theta, magnitudes, TOLERANCE);
-        let mut states = vec![initial.to_vec()];
-        let mut is_there = true;
-        for times in run.time.windows(2) {
-            let x = &states[states.len() - 1];
-            let next = match is_there {
-                true => solution.between((times[0], times[1]), x),
-                false => None,
-            };
-            is_there &= next.is_some();
-            let next = next.unwrap_or_else(|| x.clone());
             states.push(next);
         }
         states

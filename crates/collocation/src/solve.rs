@@ -41,11 +41,20 @@ impl Scales {
 impl Collocation {
     /// The NLP's variables from states at the samples (linear in between) and θ, both in their units.
     pub fn variables(&self, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<f64> {
+        let runs = self.runs.iter().zip(states);
+        self.variables_along(runs.map(|(run, own)| (&run.time[..], &own[..])), theta)
+    }
+
+    /// The same from the states of each run at times of their own.
+    pub fn variables_along<'s>(
+        &self,
+        runs: impl Iterator<Item = (&'s [f64], &'s [Vec<f64>])>,
+        theta: &[f64],
+    ) -> Vec<f64> {
         let scales = &self.model.scales;
         let mut z = Vec::with_capacity(self.layout.theta + theta.len());
-        for (j, states) in states.iter().enumerate() {
-            let time = &self.runs[j].time;
-            for t in &self.grids[j].times {
+        for (grid, (time, states)) in self.grids.iter().zip(runs) {
+            for t in &grid.times {
                 let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
                 let span = time[to] - time[to - 1];
                 let c = if span > 0.0 {

@@ -6,7 +6,7 @@ use pilotage_collocation::{
     Scales, Scheme, solve,
 };
 use pilotage_expression::System;
-use pilotage_sqp::{Solution, SqpOptions, Status};
+use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -103,12 +103,21 @@ fn a_model_may_have_more_states_parameters_and_outputs_than_sixteen() {
     assert_near(&theta, &truth, 1e-5);
 }
 
+/// On the widest rows the fast QP leads where the general one does.
 #[test]
-fn beyond_the_rows_of_the_fast_qp_the_general_one_goes_on() {
+fn wide_rows_lead_where_the_general_qp_leads() {
     let (theta, solution, problem, truth) = step_through(18, false);
-    assert!(!Condensed::takes(&problem));
+    assert!(Condensed::takes(&problem));
     assert_eq!(solution.status, Status::Converged);
     assert_near(&theta, &truth, 1e-5);
+    let states = vec![problem.states_at_samples(&solution.iterate.z, 0)];
+    let nearby: Vec<f64> = theta.iter().map(|t| 1.05 * t).collect();
+    let z = problem.variables(&states, &nearby);
+    let (options, mut general) = (SqpOptions::default(), SparseQp::default());
+    let quiet = &mut |_: &Iteration| ControlFlow::Continue(());
+    let other = pilotage_sqp::solve(&problem, &mut general, z, &options, quiet);
+    assert_eq!(other.status, Status::Converged);
+    assert_near(&problem.physical_theta(&other.iterate.z), &theta, 1e-6);
 }
 
 /// `ẋ = a cos(ω t) + b u₁ u₂`: time, two inputs, an output that is measured and one within bounds.

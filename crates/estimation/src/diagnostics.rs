@@ -48,6 +48,31 @@ pub enum Diagnostic {
     },
     /// The states' estimated relative error is large on a mesh that the problem gives.
     CoarseMesh(f64),
+    /// A simulation with what was found has another objective.
+    Simulated {
+        /// The objective of the collocation.
+        objective: f64,
+        /// That of the simulation; none where it does not come to an end.
+        simulated: Option<f64>,
+    },
+    /// A limit or the user ended the fit before all starts and refinements were done.
+    Cut {
+        /// What ended it.
+        status: Status,
+        /// Starts that were not done.
+        starts: usize,
+        /// Whether the mesh was still to be refined.
+        refinement: bool,
+    },
+    /// A start was better than what was found, and did not converge.
+    LowerStart {
+        /// Which, from 1.
+        start: usize,
+        /// How it ended.
+        status: Status,
+        /// Its objective.
+        objective: f64,
+    },
     /// The last refinement of the mesh still moved the parameters, by this part of their size.
     MeshMoves(f64),
     /// Of so many starts one alone led here.
@@ -95,6 +120,9 @@ impl Diagnostic {
             Self::OnStabilityBound(_) => "model-on-bound",
             Self::MeshError { .. } | Self::CoarseMesh(_) => "mesh-error",
             Self::MeshMoves(_) => "mesh-moves",
+            Self::Simulated { .. } => "simulation",
+            Self::Cut { .. } => "cut",
+            Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
             Self::Flat(_) => "flat",
             Self::Undefined(_) => "undefined",
@@ -149,6 +177,46 @@ impl fmt::Display for Diagnostic {
                 "the last refinement of the mesh still moved a parameter by {change:.1e} of its size: lower \
                  mesh_tolerance and compare"
             ),
+            Self::Simulated {
+                objective,
+                simulated: Some(simulated),
+            } => write!(
+                f,
+                "a simulation from the initial states that were found, with the parameters that were found, has the \
+                 objective {simulated:.6e}, not {objective:.6e}: the mesh is too coarse, or the system is so unstable \
+                 that small errors grow"
+            ),
+            Self::Simulated {
+                simulated: None, ..
+            } => write!(
+                f,
+                "a simulation with what was found does not come to an end: the mesh is too coarse, or the system is \
+                 unstable"
+            ),
+            Self::Cut {
+                status,
+                starts,
+                refinement,
+            } => {
+                let mesh = if *refinement {
+                    " and the refinement of the mesh"
+                } else {
+                    ""
+                };
+                write!(
+                    f,
+                    "{status} ended the fit before {starts} starts{mesh} were done: what stands here is the best so far"
+                )
+            }
+            Self::LowerStart {
+                start,
+                status,
+                objective,
+            } => write!(
+                f,
+                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): raise \
+                 max_iterations, or begin near it"
+            ),
             Self::Alone(starts) => write!(
                 f,
                 "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
@@ -171,7 +239,13 @@ impl fmt::Display for Diagnostic {
 /// All that speaks against a result, the heaviest first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
-    if !fit.is_answer() {
+    if let Some(status) = fit.cut {
+        all.push(Diagnostic::Cut {
+            status,
+            starts: fit.starts.iter().filter(|own| own.0 == status).count(),
+            refinement: !fit.refinement.is_done,
+        });
+    } else if fit.status != Status::Converged {
         all.push(Diagnostic::NotConverged(fit.status));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
         let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
@@ -211,9 +285,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let curvature = solved.solution.curvature;
     all.extend(
         curvature
-            .filter(|own| fit.is_answer() && *own < FLAT)
+            .filter(|own| fit.status == Status::Converged && *own < FLAT)
             .map(Diagnostic::Flat),
     );
+    all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {
         let notes = part.fmu.iter().flat_map(|fmu| fmu.notes.iter().cloned());
@@ -224,6 +299,12 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         }));
     }
     all.extend(of_mesh(posed, &fit.refinement));
+    let simulated = Diagnostic::Simulated {
+        objective: fit.objective,
+        simulated: fit.simulated_objective,
+    };
+    let is_known = fit.status == Status::Converged && fit.cut.is_none();
+    all.extend((is_known && !fit.agrees()).then_some(simulated));
     all
 }
 
@@ -240,6 +321,16 @@ fn is_linear(posed: &Posed<'_>) -> bool {
         .collect();
     let varies = graph.dependants(|variable| states.contains(&variable));
     slopes.iter().all(|node| !varies[node.index()])
+}
+
+fn of_lower(fit: &Fit) -> Option<Diagnostic> {
+    let start = fit.lower?;
+    let (status, objective) = fit.starts[start];
+    Some(Diagnostic::LowerStart {
+        start: start + 1,
+        status,
+        objective,
+    })
 }
 
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {

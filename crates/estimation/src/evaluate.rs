@@ -32,7 +32,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
             let moved = |by: f64| {
                 let mut theta = start.clone();
                 theta.parameters[place] += by;
-                objective(posed, &begin(posed, &theta))
+                objective(posed, &begin(posed, &theta, &|| false))
             };
             let name = match stands {
                 Stands::Subjects(all) => format!("{} ({})", unknown.name, all[k].0),
@@ -41,7 +41,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
             gradient.push((name, (moved(size) - moved(-size)) / (2.0 * size)));
         }
     }
-    let at_start = begin(posed, &start);
+    let at_start = begin(posed, &start, &|| false);
     let runs = Fit::runs(posed, &at_start.0, &at_start.1);
     let noises = posed.file.measured.iter().map(|measured| measured.noise);
     let residuals = runs.iter().map(|run| {
@@ -55,7 +55,8 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     }
 }
 
-fn objective(posed: &Posed<'_>, (problem, z): &(Collocation, Vec<f64>)) -> f64 {
+/// The objective of a nonlinear program at its variables.
+pub(crate) fn objective(posed: &Posed<'_>, (problem, z): &(Collocation, Vec<f64>)) -> f64 {
     let mut equalities = vec![0.0; problem.n_equalities()];
     let mut inequalities = vec![0.0; problem.limits().0.len()];
     problem.evaluate(z, &mut equalities, &mut inequalities) / posed.factor

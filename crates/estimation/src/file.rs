@@ -282,8 +282,8 @@ pub struct Set {
 /// How a problem is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// The collocation scheme.
-    pub scheme: Scheme,
+    /// The collocation scheme; none where one that suits the equations is to be taken.
+    pub scheme: Option<Scheme>,
     /// Where the nodes are.
     pub mesh: Mesh,
     /// Scaled KKT residual at which the solve has converged.
@@ -297,7 +297,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            scheme: Scheme::HermiteSimpson,
+            scheme: None,
             mesh: Mesh::Tolerance(1e-6),
             tolerance: 1e-8,
             starts: 8,

@@ -5,7 +5,7 @@
 //! state is open.
 
 use crate::data::filled;
-use pilotage_collocation::{Differentiated, Run};
+use pilotage_collocation::{Course, Differentiated, Quality, Run, Stop};
 use pilotage_expression::System;
 
 /// A system some states of which are inputs.
@@ -50,23 +50,32 @@ impl Followed {
         })
     }
 
-    /// States of a run at its samples with these parameters, from these initial states of these typical magnitudes.
+    /// A run with these parameters from these initial states.
     pub fn simulate(
         &self,
         run: usize,
         theta: &[f64],
         initial: &[f64],
-        sizes: &[f64],
-    ) -> Vec<Vec<f64>> {
+        quality: &Quality,
+        stop: &Stop<'_>,
+    ) -> Course {
         let run = &self.runs[run];
-        let mut states = self.model.flow(run, theta, initial, sizes);
+        let mut course = self.model.course(run, theta, initial, quality, stop);
         let first = self.model.n_inputs() - self.states.len();
-        for (x, inputs) in states.iter_mut().zip(&run.inputs) {
+        let mut inputs = vec![0.0; self.model.n_inputs()];
+        for (time, x) in course.time.iter().zip(&mut course.states) {
+            run.inputs_at(*time, &mut inputs);
             for (state, value) in self.states.iter().zip(&inputs[first..]) {
                 x[*state] = *value;
             }
         }
-        states
+        // At a jump the samples before and behind it have inputs of their own.
+        for (place, inputs) in course.samples.iter().zip(&run.inputs) {
+            for (state, value) in self.states.iter().zip(&inputs[first..]) {
+                course.states[*place][*state] = *value;
+            }
+        }
+        course
     }
 }
 

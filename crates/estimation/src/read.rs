@@ -796,7 +796,8 @@ fn options(root: TomlTable<'_>) -> Read<Options> {
         let scheme: Result<Scheme, _> = name.parse();
         let known = ["euler", "trapezoid", "hermite-simpson"];
         let near = did_you_mean(suggestion(name, known));
-        options.scheme = scheme.map_err(|error| at(table, "scheme", format!("{error}{near}")))?;
+        let scheme = scheme.map_err(|error| at(table, "scheme", format!("{error}{near}")));
+        options.scheme = Some(scheme?);
     }
     let mut given = meshes.iter().filter(|field| table.has(field));
     if let (Some(first), Some(second)) = (given.next(), given.next()) {

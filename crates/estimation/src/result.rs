@@ -11,6 +11,8 @@ use pilotage_sqp::{Kkt, Status};
 
 /// A mean square of the residuals that is none, per variance of the samples or the noise.
 const EXACT: f64 = 1e-6;
+/// A part of the variance of each value that is of no importance.
+const NEGLIGIBLE: f64 = 1e-4;
 
 /// The result of a fit.
 #[derive(Debug, Clone)]
@@ -19,6 +21,8 @@ pub struct Fit {
     pub status: Status,
     /// `Σ w ((y - h)/sd)²`, with `Σ 2 ln sd` where noise levels are estimated, and what is known beforehand.
     pub objective: f64,
+    /// The same where the runs are simulated with what was found; none where that was not possible.
+    pub simulated_objective: Option<f64>,
     /// `Σ w ((y - h)/sd)²` alone.
     pub chi2: f64,
     /// Negative logarithm of the likelihood, with its constants.
@@ -41,8 +45,14 @@ pub struct Fit {
     pub resolution: f64,
     /// For each start how it ended, and its objective.
     pub starts: Vec<(Status, f64)>,
+    /// A start that did not converge, and was better all the same.
+    pub lower: Option<usize>,
+    /// What ended the fit before all starts and refinements were done.
+    pub cut: Option<Status>,
     /// What speaks against it.
     pub diagnostics: Vec<Diagnostic>,
+    /// Difference of objectives that is of no importance.
+    pub negligible: f64,
     /// How long it took \[s\].
     pub seconds: f64,
     /// Which expression is no finite number where the search begins, where a solve ended with
@@ -130,7 +140,8 @@ impl Fit {
         let states: Vec<Vec<Vec<f64>>> = (0..posed.runs.len())
             .map(|j| problem.states_at_samples(z, j))
             .collect();
-        let runs = Self::runs(posed, problem, z);
+        let run = |j: usize| run_fit(posed, problem, j, &states[j], &theta);
+        let runs: Vec<RunFit> = (0..posed.runs.len()).map(run).collect();
         let (mut chi2, mut surprise, mut samples) = (0.0, 0.0, 0);
         for (j, run) in runs.iter().enumerate() {
             let weight = posed.data[j].line.weight;
@@ -161,18 +172,42 @@ impl Fit {
             kkt: solution.kkt,
             poles: poles(posed, &runs, &states, &theta),
             runs,
-            refinement: Refinement::default(),
+            refinement: Refinement::new(solved),
             resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
+            lower: None,
+            cut: None,
+            simulated_objective: None,
             diagnostics: Vec::new(),
+            negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
             trouble: None,
         }
     }
 
-    /// Whether the solver is done.
+    /// Whether it is done: the solver converged, nothing was cut, and the mesh is fine enough, or at least a simulation
+    /// with what was found agrees.
     pub fn is_answer(&self) -> bool {
-        self.status == Status::Converged
+        let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
+        let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
+        self.status == Status::Converged && self.cut.is_none() && has_mesh
+    }
+
+    /// Whether a simulation with what was found has the same objective: up to a thousandth, or up to a hundredth of a
+    /// standard deviation in each value.
+    pub fn agrees(&self) -> bool {
+        self.simulated_objective.is_some_and(|simulated| {
+            (simulated - self.objective).abs() <= SAME * self.objective.abs() + self.negligible
+        })
+    }
+
+    /// How it ended, in a word: that of the solver, or what is worse.
+    pub fn ending(&self) -> &'static str {
+        match (self.cut, self.status) {
+            (Some(cut), _) => cut.as_str(),
+            (None, Status::Converged) if !self.is_answer() => "mesh-error",
+            (None, status) => status.as_str(),
+        }
     }
 
     /// Whether the wired system decays.
@@ -195,7 +230,7 @@ impl Fit {
     /// How it ended, in a word or two.
     pub fn verdict(&self) -> String {
         match (self.is_answer(), self.diagnostics.len()) {
-            (false, _) => format!("NOT CONVERGED ({})", self.status),
+            (false, _) => format!("NOT CONVERGED ({})", self.ending()),
             (true, 0) => "converged".to_owned(),
             (true, count) => format!("converged, in doubt ({count})"),
         }

@@ -11,7 +11,7 @@ use pilotage_expression::Node;
 /// The first expression that is no finite number where a search begins, with its instance, run and time; none where
 /// all are.
 pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
-    let (problem, z) = begin(posed, start);
+    let (problem, z) = begin(posed, start, &|| false);
     let theta = problem.physical_theta(&z);
     (0..posed.runs.len()).find_map(|j| {
         let states = problem.states_at_samples(&z, j);

@@ -26,7 +26,7 @@ pub fn validated(
     }
     let file = fixed(file, fit);
     let posed = Posed::new(&file, open)?;
-    let (problem, z) = begin(&posed, &given(&posed));
+    let (problem, z) = begin(&posed, &given(&posed), &|| false);
     Ok(Fit::runs(&posed, &problem, &z))
 }
 

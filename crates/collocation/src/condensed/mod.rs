@@ -135,7 +135,7 @@ impl QpSolver<Collocation> for Condensed {
 
 impl Condensed {
     /// Whether it takes a problem: the parameters and the free initial states of no run are more than its
-    /// rows are wide, 35. [`SparseQp`](pilotage_sqp::SparseQp) takes any.
+    /// rows are wide, 127. [`SparseQp`](pilotage_sqp::SparseQp) takes any.
     pub fn takes(problem: &Collocation) -> bool {
         let free = |run: &Run| run.initial.iter().filter(|known| known.is_none()).count();
         let most = problem.runs.iter().map(free).max().unwrap_or(0);

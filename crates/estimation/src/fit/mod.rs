@@ -6,11 +6,15 @@
 //! | `race` | all starts, and which is best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
+//! | `check` | the same parameters, simulated |
+//! | `watch` | who looks on, and may end it |
 
 mod begin;
+mod check;
 mod race;
 mod refine;
 mod solve;
+mod watch;
 
 pub use begin::{begin, factor};
 pub use refine::Refinement;
@@ -22,11 +26,11 @@ use crate::result::Fit;
 use crate::starts::starts;
 use crate::trouble;
 use pilotage_sqp::{Iteration, Status};
-use race::{best_of, raced};
+use race::{best_of, better, raced};
 use refine::refine;
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::time::Instant;
+use watch::Watch;
 
 /// What an observer of a fit sees.
 #[derive(Debug, Clone, Copy)]
@@ -37,15 +41,12 @@ pub struct Progress<'a> {
     pub starts: usize,
     /// How often the mesh has been refined.
     pub refinement: usize,
-    /// The iterate.
-    pub iteration: &'a Iteration,
+    /// The iterate; none where it is asked between iterates whether to go on.
+    pub iteration: Option<&'a Iteration>,
 }
 
-/// Sees each iterate; `Break` ends the fit with the best iterate so far and that status.
+/// Sees each iterate, and is asked between them; `Break` ends the fit with the best iterate so far and that status.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send + 'a;
-
-/// Sees each iterate, with the number of its start or refinement.
-type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
 
 /// Most mesh intervals of all runs together.
 pub(crate) const MOST_INTERVALS: usize = 400_000;
@@ -53,27 +54,19 @@ pub(crate) const MOST_INTERVALS: usize = 400_000;
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let options = &posed.file.options;
-    let observer = Mutex::new(observer);
-    let starts = starts(posed, options.starts);
-    let see = |start: usize, refinement: usize, iteration: &Iteration| {
-        let progress = Progress {
-            start,
-            starts: starts.len(),
-            refinement,
-            iteration,
-        };
-        (observer.lock()).map_or(ControlFlow::Continue(()), |mut see| see(&progress))
-    };
-    let mut solved = raced(posed, &starts, &|start, iteration| see(start, 0, iteration));
-    let ends: Vec<(Status, f64)> = (solved.iter())
-        .map(|own| (own.solution.status, own.solution.iterate.f / posed.factor))
+    let starts = starts(posed, posed.file.options.starts);
+    let watch = Watch::new(observer, starts.len());
+    let mut solved = raced(posed, &starts, &watch);
+    let ends: Vec<(Status, f64)> = solved
+        .iter()
+        .map(|own| end(posed, own.as_ref(), &watch))
         .collect();
-    let best = best_of(&solved);
-    let first = solved.swap_remove(best);
-    let (last, refinement) = refine(posed, first, &|round, iteration| {
-        see(best, round, iteration)
-    });
+    let lower = better(&solved);
+    let (best, errors) = best_of(&solved, &watch);
+    let first = solved
+        .swap_remove(best)
+        .expect("the given start is always solved");
+    let (last, refinement) = refine(posed, (first, errors), best, &watch);
     let trouble = match last.solution.status {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
@@ -81,10 +74,29 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let mut found = Fit {
         trouble,
         starts: ends,
+        lower,
+        simulated_objective: check::simulated(posed, &last, &watch),
         refinement,
         seconds: clock.elapsed().as_secs_f64(),
         ..Fit::of(posed, &last)
     };
+    found.cut = cut(&found, &watch);
     found.diagnostics = diagnostics(posed, &last, &found);
     found
+}
+
+/// How a start ended, and its objective.
+fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (Status, f64) {
+    match solved {
+        Some(own) => (own.solution.status, own.solution.iterate.f / posed.factor),
+        None => (watch.over().unwrap_or(Status::Stopped), f64::NAN),
+    }
+}
+
+/// What ended a fit before all starts and refinements were done, if anything has.
+fn cut(fit: &Fit, watch: &Watch<'_, '_>) -> Option<Status> {
+    let status = watch.over()?;
+    let is_undone = |own: &(Status, f64)| own.0 == status;
+    let is_cut = fit.starts.iter().any(is_undone) || !fit.refinement.is_done;
+    is_cut.then_some(status)
 }

@@ -1,8 +1,9 @@
 //! The race of the starts: those that are behind after some iterations are left.
 
-use super::See;
 use super::begin::begin;
 use super::solve::{Solved, once, rescaled, solve};
+use super::watch::Watch;
+use crate::diagnostics::SAME;
 use crate::posed::Posed;
 use crate::starts::Start;
 use pilotage_sqp::Status;
@@ -17,42 +18,77 @@ const FINALISTS: usize = 3;
 /// Largest violation of the scaled constraints with which a start is compared with others.
 const NEARLY: f64 = 0.1;
 
+/// Largest violation with which an objective is nearly what it will be.
+const SMALL: f64 = 1e-3;
+
 /// Objectives that differ by less than this part are equal.
 const EQUAL: f64 = 1e-8;
 
-/// All starts, solved: those that are behind after some iterations are left, but never the given one.
-pub(super) fn raced(posed: &Posed<'_>, starts: &[Start], see: &See<'_>) -> Vec<Solved> {
+/// How often a start that is better than the best that has converged goes on, with the iteration limit anew.
+const EXTENSIONS: usize = 3;
+
+/// All starts, solved: those that are behind after some iterations are left, but never the given one. None where it was
+/// over before the start began.
+pub(super) fn raced(
+    posed: &Posed<'_>,
+    starts: &[Start],
+    watch: &Watch<'_, '_>,
+) -> Vec<Option<Solved>> {
     let limit = posed.file.options.max_iterations;
-    if let [only] = starts {
-        let from = begin(posed, only);
-        return vec![solve(posed, from, limit, &|iteration| see(0, iteration))];
-    }
+    let is_race = starts.len() > 1;
     let heat = |(k, start): (usize, &Start)| {
-        let from = begin(posed, start);
-        once(posed, from, limit.min(HEAT), &|iteration| see(k, iteration))
+        if k > 0 && watch.is_over() {
+            return None;
+        }
+        let from = begin(posed, start, &|| watch.is_over());
+        let see = |iteration: &_| watch.see(k, 0, iteration);
+        Some(match is_race {
+            true => once(posed, from, limit.min(HEAT), &see),
+            false => solve(posed, from, limit, &see),
+        })
     };
-    let mut solved: Vec<Solved> = starts.par_iter().enumerate().map(heat).collect();
-    let finish = |k: usize| {
-        let from = rescaled(posed, &solved[k]);
-        (k, solve(posed, from, limit, &|iteration| see(k, iteration)))
-    };
-    let finalists = finalists(&solved).into_par_iter();
-    let finished: Vec<(usize, Solved)> = finalists.map(finish).collect();
-    for (k, own) in finished {
-        solved[k] = own;
+    let mut solved: Vec<Option<Solved>> = starts.par_iter().enumerate().map(heat).collect();
+    if is_race {
+        let open = finalists(&solved);
+        go_on(posed, &mut solved, open, watch);
+    }
+    for _ in 0..EXTENSIONS {
+        let Some(better) = better(&solved) else {
+            break;
+        };
+        go_on(posed, &mut solved, vec![better], watch);
     }
     solved
 }
 
+/// Solves these on, each from where it is.
+fn go_on(
+    posed: &Posed<'_>,
+    solved: &mut [Option<Solved>],
+    open: Vec<usize>,
+    watch: &Watch<'_, '_>,
+) {
+    let limit = posed.file.options.max_iterations;
+    let finish = |k: usize| {
+        let own = solved[k].as_ref().filter(|_| !watch.is_over())?;
+        let see = |iteration: &_| watch.see(k, 0, iteration);
+        Some((k, solve(posed, rescaled(posed, own), limit, &see)))
+    };
+    let finished: Vec<(usize, Solved)> = open.into_par_iter().filter_map(finish).collect();
+    for (k, own) in finished {
+        solved[k] = Some(own);
+    }
+}
+
 /// The starts that go on: of those that have not converged the given one, and the first few that are better than the
 /// best that has.
-fn finalists(solved: &[Solved]) -> Vec<usize> {
-    let best = solved.iter().map(rank).fold(f64::MAX, f64::min);
-    let is_open = |k: &usize| solved[*k].solution.status != Status::Converged;
-    // An objective counts where the states nearly fulfil the equations.
-    let objective = |k: &usize| match &solved[*k].solution {
-        own if own.kkt.primal <= NEARLY => own.iterate.f,
-        _ => f64::INFINITY,
+fn finalists(solved: &[Option<Solved>]) -> Vec<usize> {
+    let best = least(solved);
+    let is_open = |k: &usize| solved[*k].as_ref().is_some_and(|own| !has_converged(own));
+    let objective = |k: &usize| {
+        solved[*k]
+            .as_ref()
+            .map_or(f64::INFINITY, |own| own.within(NEARLY))
     };
     let mut open: Vec<usize> = (0..solved.len()).filter(is_open).collect();
     open.sort_by(|a, b| objective(a).total_cmp(&objective(b)));
@@ -62,30 +98,122 @@ fn finalists(solved: &[Solved]) -> Vec<usize> {
     finalists.map(|(_, k)| k).collect()
 }
 
-/// The start with the best objective; of several with the same, that with the smallest error of its mesh, since on a
-/// coarse mesh other parameters may do as well.
-pub(super) fn best_of(solved: &[Solved]) -> usize {
-    let least = solved.iter().map(rank).fold(f64::MAX, f64::min);
-    let is_equal = |k: &usize| rank(&solved[*k]) - least <= EQUAL * least.abs();
-    let equal: Vec<usize> = (0..solved.len()).filter(is_equal).collect();
-    if let [only] = equal[..] {
-        return only;
-    }
-    let error = |k: &usize| {
-        let Solved { problem, solution } = &solved[*k];
-        let errors = problem.mesh_errors(&solution.iterate.z);
-        errors.into_iter().flatten().fold(0.0, f64::max)
+/// A start that has not converged, and is better all the same than the best that has.
+pub(super) fn better(solved: &[Option<Solved>]) -> Option<usize> {
+    let best = least(solved);
+    let objective = |own: &Option<Solved>| match own {
+        Some(own) if !has_converged(own) => own.within(SMALL),
+        _ => f64::INFINITY,
     };
-    let errors: Vec<f64> = equal.par_iter().map(error).collect();
-    let best = (0..equal.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
-    best.map_or(0, |k| equal[k])
+    let open = solved.iter().map(objective).enumerate();
+    let (k, own) = open.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (best < f64::MAX && own < best - SAME * best.abs()).then_some(k)
 }
 
-/// Converged ones before others, then by their objective.
-fn rank(solved: &Solved) -> f64 {
-    let objective = solved.solution.iterate.f;
-    match solved.solution.status {
-        Status::Converged if objective.is_finite() => objective,
-        _ => f64::MAX,
+/// The start with the best objective of those that have converged, or of all if none has. Of several with the same it is
+/// that with the smallest error of its mesh, since on a coarse mesh other parameters may do as well; these errors are
+/// told too.
+pub(super) fn best_of(
+    solved: &[Option<Solved>],
+    watch: &Watch<'_, '_>,
+) -> (usize, Option<Vec<Vec<f64>>>) {
+    let ranks = solved.iter().map(rank).enumerate();
+    let ahead = |a: Rank, b: Rank| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1));
+    let best = ranks.min_by(|(_, a), (_, b)| ahead(*a, *b));
+    let (first, (class, least)) = best.unwrap_or_default();
+    let is_equal = |own: Rank| own.0 == class && own.1 - least <= EQUAL * least.abs();
+    let equal = solved
+        .iter()
+        .enumerate()
+        .filter(|(_, own)| is_equal(rank(own)));
+    let equal: Vec<(usize, &Solved)> = equal
+        .filter_map(|(k, own)| Some((k, own.as_ref()?)))
+        .collect();
+    if class > 0 || equal.len() < 2 || watch.is_over() {
+        return (first, None);
+    }
+    let errors = |(k, own): (usize, &Solved)| {
+        let errors = own
+            .problem
+            .mesh_errors(&own.solution.iterate.z, &|| watch.is_over());
+        (k, errors)
+    };
+    let all: Vec<(usize, Vec<Vec<f64>>)> = equal.into_par_iter().map(errors).collect();
+    let largest = |errors: &[Vec<f64>]| errors.iter().flatten().copied().fold(0.0, f64::max);
+    let best = all
+        .into_iter()
+        .min_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
+    best.map_or((first, None), |(k, errors)| (k, Some(errors)))
+}
+
+/// In which class a start is, and its objective there.
+type Rank = (u8, f64);
+
+/// Those that have converged come first, then those whose states fulfil the equations, then the others by how far they
+/// are from that.
+fn rank(solved: &Option<Solved>) -> Rank {
+    match solved {
+        Some(own) if has_converged(own) => (0, own.solution.iterate.f),
+        Some(own) if own.within(SMALL).is_finite() => (1, own.solution.iterate.f),
+        Some(own) => (2, own.solution.kkt.primal),
+        None => (3, 0.0),
+    }
+}
+
+/// The least objective of those that have converged.
+fn least(solved: &[Option<Solved>]) -> f64 {
+    let converged = solved.iter().flatten().filter(|own| has_converged(own));
+    let objectives = converged.map(|own| own.solution.iterate.f);
+    objectives.fold(f64::MAX, f64::min)
+}
+
+fn has_converged(solved: &Solved) -> bool {
+    solved.solution.status == Status::Converged && solved.solution.iterate.f.is_finite()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Posed, ProblemFile, part};
+    use std::ops::ControlFlow;
+
+    const MODEL: &str = "[model]\nname = \"oscillator\"\n[parameters]\nw = 2.7512\n[states]\n\
+                         x = { start = 1, der = \"v\" }\nv = { start = 0, der = \"-w^2 * x\" }\n";
+    const PROBLEM: &str = "[system.m]\nmodel = \"model.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n\
+                           [parameters]\n\"m.w\" = {}\n[[run]]\nfile = \"run.csv\"\n";
+
+    /// `Σ (cos 2t - cos wt)²` has a minimum at 2.7512, and one at 2.
+    #[test]
+    fn a_start_that_is_better_and_has_not_converged_is_found() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write =
+            |name, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+        let rows = (0..101).map(|k| 0.1 * f64::from(k));
+        let rows = rows.map(|t| format!("{t},{}\n", (2.0 * t).cos()));
+        write("model.toml", MODEL);
+        write(
+            "run.csv",
+            &("time,x\n".to_owned() + &rows.collect::<String>()),
+        );
+        let file =
+            ProblemFile::parse(PROBLEM, &folder.path().join("problem.toml")).expect("a problem");
+        let posed = Posed::new(&file, &part::open).expect("a problem");
+        let from = |w: f64, iterations: usize| {
+            let start = Start {
+                parameters: vec![w],
+                follows: false,
+            };
+            let from = begin(&posed, &start, &|| false);
+            Some(once(&posed, from, iterations, &|_| {
+                ControlFlow::Continue(())
+            }))
+        };
+        let (bad, unfinished, finished) = (from(2.7512, 50), from(2.01, 1), from(2.01, 50));
+        let objective = |own: &Option<Solved>| own.as_ref().map(|own| own.solution.iterate.f);
+        assert!(objective(&unfinished) < objective(&bad));
+        let mut solved = [bad, None, unfinished];
+        assert_eq!(better(&solved), Some(2));
+        solved[2] = finished;
+        assert_eq!(better(&solved), None);
     }
 }

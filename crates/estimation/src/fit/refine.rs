@@ -1,90 +1,153 @@
 //! A solution on ever finer meshes.
 
+use super::MOST_INTERVALS;
+use super::begin::{Point, STIFF_SCHEME, at_point};
 use super::solve::{Solved, solve};
-use super::{MOST_INTERVALS, See};
+use super::watch::Watch;
 use crate::file::Mesh;
 use crate::posed::Posed;
-use pilotage_collocation::{Collocation, refined};
+use pilotage_collocation::{Collocation, Scheme, refined};
 use pilotage_sqp::Status;
 
 /// How often a mesh is refined at most.
 const MOST_REFINEMENTS: usize = 12;
 
 /// How a mesh was refined.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
     /// How often.
     pub rounds: usize,
     /// Intervals of all runs.
     pub intervals: usize,
-    /// Largest estimated relative error of a state.
+    /// Largest estimated relative error of a state; not a number where it was not estimated.
     pub error: f64,
     /// Largest change of each shared parameter by the last refinement, relative to its scale.
     pub changes: Vec<f64>,
     /// Iterations of all solves.
     pub iterations: usize,
+    /// The scheme at the end.
+    pub scheme: Scheme,
+    /// Whether it came to its end: neither a limit nor the user ended it.
+    pub is_done: bool,
 }
 
-/// The same on meshes that are refined until their errors are small enough, each solve from the one before. One that
-/// does not converge is left, with the mesh before it.
-pub(super) fn refine(posed: &Posed<'_>, mut solved: Solved, see: &See<'_>) -> (Solved, Refinement) {
+/// A solution, and the local errors of its mesh where they are known.
+type Estimated = (Solved, Option<Vec<Vec<f64>>>);
+
+/// The same on meshes that are refined until their errors are small enough, each solve from the one before. Where one
+/// does not converge, the search goes on from a simulation of what was found last; where that does not either, it ends
+/// with the mesh before.
+pub(super) fn refine(
+    posed: &Posed<'_>,
+    (mut solved, mut known): Estimated,
+    start: usize,
+    watch: &Watch<'_, '_>,
+) -> (Solved, Refinement) {
     let tolerance = match posed.file.options.mesh {
         Mesh::Tolerance(tolerance) => tolerance,
         Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
     };
-    let mut told = Refinement {
-        iterations: solved.solution.work.iterations,
-        ..Refinement::default()
-    };
+    let mut told = Refinement::new(&solved);
     loop {
-        let errors = solved.problem.mesh_errors(&solved.solution.iterate.z);
-        told.error = errors.iter().flatten().copied().fold(0.0, f64::max);
-        told.intervals = errors.iter().map(Vec::len).sum();
-        let is_over =
-            told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
-        if told.error <= tolerance || is_over {
+        let errors = known.take().unwrap_or_else(|| errors(&solved, watch));
+        told.is_done = watch.over().is_none();
+        told.take(&solved, &errors);
+        let is_end = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        if !told.is_done || is_end || told.error <= tolerance {
             return (solved, told);
         }
-        let Some(from) = finer(posed, &solved, &errors, tolerance) else {
+        let mut solve_from = |from: (Collocation, Vec<f64>)| {
+            let see = |iteration: &_| watch.see(start, told.rounds + 1, iteration);
+            let next = solve(posed, from, posed.file.options.max_iterations, &see);
+            told.iterations += next.solution.work.iterations;
+            (next.solution.status == Status::Converged).then_some(next)
+        };
+        let next = finer(&solved, &errors, tolerance).and_then(&mut solve_from);
+        let next = next.or_else(|| solve_from(simulated(posed, &solved, watch)));
+        told.is_done = watch.over().is_none();
+        let Some(next) = next else {
             return (solved, told);
         };
-        let limit = posed.file.options.max_iterations;
-        let next = solve(posed, from, limit, &|iteration| {
-            see(told.rounds + 1, iteration)
-        });
-        told.iterations += next.solution.work.iterations;
-        if next.solution.status != Status::Converged {
-            return (solved, told);
-        }
         told.changes = changes(&solved, &next);
         told.rounds += 1;
         solved = next;
     }
 }
 
+impl Refinement {
+    /// Of a solution whose mesh has not been refined.
+    pub(crate) fn new(solved: &Solved) -> Self {
+        Self {
+            rounds: 0,
+            intervals: solved
+                .problem
+                .runs
+                .iter()
+                .map(|run| run.mesh.len() - 1)
+                .sum(),
+            error: f64::NAN,
+            changes: Vec::new(),
+            iterations: solved.solution.work.iterations,
+            scheme: solved.problem.scheme,
+            is_done: false,
+        }
+    }
+
+    /// Whether the scheme is that for stiff equations.
+    pub fn is_for_stiff(&self) -> bool {
+        self.scheme == STIFF_SCHEME
+    }
+
+    /// Tells of a mesh.
+    fn take(&mut self, solved: &Solved, errors: &[Vec<f64>]) {
+        let largest = errors.iter().flatten().copied().fold(0.0, f64::max);
+        self.error = if self.is_done { largest } else { f64::NAN };
+        self.intervals = errors.iter().map(Vec::len).sum();
+        self.scheme = solved.problem.scheme;
+    }
+}
+
+fn errors(solved: &Solved, watch: &Watch<'_, '_>) -> Vec<Vec<f64>> {
+    (solved.problem).mesh_errors(&solved.solution.iterate.z, &|| watch.is_over())
+}
+
 /// The problem on a mesh that is finer where its errors are large, and its variables there; none where that has too
 /// many intervals.
-fn finer(
-    posed: &Posed<'_>,
-    solved: &Solved,
-    errors: &[Vec<f64>],
-    tolerance: f64,
-) -> Option<(Collocation, Vec<f64>)> {
-    let scheme = posed.file.options.scheme;
-    let pairs = solved.problem.runs.iter().zip(errors);
-    let meshes = pairs.map(|(run, own)| refined(run, own, scheme, tolerance));
+fn finer(solved: &Solved, errors: &[Vec<f64>], tolerance: f64) -> Option<(Collocation, Vec<f64>)> {
+    let problem = &solved.problem;
+    let pairs = problem.runs.iter().zip(errors);
+    let meshes = pairs.map(|(run, own)| refined(run, own, problem.scheme, tolerance));
     let meshes: Vec<Vec<f64>> = meshes.collect();
     if meshes.iter().map(Vec::len).sum::<usize>() > MOST_INTERVALS {
         return None;
     }
-    let finer = solved.problem.with_meshes(meshes);
-    let z = solved.problem.carried(&solved.solution.iterate.z, &finer);
+    let finer = problem.with_meshes(meshes);
+    let z = problem.carried(&solved.solution.iterate.z, &finer);
     Some((finer, z))
+}
+
+/// The problem where a simulation with what was found leads, on a mesh for that, with the scheme for stiff equations
+/// unless the user named another.
+fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> (Collocation, Vec<f64>) {
+    let theta = solved.problem.physical_theta(&solved.solution.iterate.z);
+    let point = Point {
+        theta: &theta,
+        initial: solved.initial(),
+        follows: false,
+    };
+    let scheme = posed.file.options.scheme.unwrap_or(STIFF_SCHEME);
+    at_point(posed, &point, Some(scheme), &|| watch.is_over())
 }
 
 /// By how much each scaled shared parameter differs.
 fn changes(before: &Solved, after: &Solved) -> Vec<f64> {
-    let [before, after] = [before, after].map(|own| own.problem.theta(&own.solution.iterate.z));
-    let pairs = before.iter().zip(after);
-    pairs.map(|(a, b)| (a - b).abs()).collect()
+    let [before, after] = [before, after].map(|own| {
+        let theta = own.problem.physical_theta(&own.solution.iterate.z);
+        let scales = &own.problem.model.scales.parameters;
+        theta.into_iter().zip(scales.clone()).collect::<Vec<_>>()
+    });
+    let pairs = before.iter().zip(&after);
+    pairs
+        .map(|((a, scale), (b, _))| (a - b).abs() / scale)
+        .collect()
 }

@@ -13,6 +13,29 @@ pub struct Solved {
     pub solution: Solution,
 }
 
+impl Solved {
+    /// The objective where the states fulfil the scaled equations up to this violation; else infinite.
+    pub(super) fn within(&self, violation: f64) -> f64 {
+        match self.solution.kkt.primal <= violation {
+            true => self.solution.iterate.f,
+            false => f64::INFINITY,
+        }
+    }
+
+    /// Where the states of each run begin, in their units.
+    pub(super) fn initial(&self) -> Vec<Vec<f64>> {
+        let (problem, z) = (&self.problem, &self.solution.iterate.z);
+        let first = |j: usize| {
+            let scaled = problem.coefficients(z, j).iter();
+            scaled
+                .zip(&problem.model.scales.states)
+                .map(|(x, s)| x * s)
+                .collect()
+        };
+        (0..problem.runs.len()).map(first).collect()
+    }
+}
+
 /// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
 const SHORT_STEP: f64 = 0.01;
 

@@ -231,6 +231,26 @@ fn an_estimated_noise_level_is_the_mean_square() {
     near(value(&found, "m.a", 0), least(squares, [0.1, 3.0]), 1e-6);
 }
 
+/// A sum of 20,000 logarithms is so large that its last digits are rounding.
+#[test]
+fn the_noise_level_of_many_samples_is_estimated() {
+    let time = times(20_000, 0.0005);
+    let measured = X.replace("0.1", "\"sigma\"");
+    let sought = "[parameters]\n\"m.a\" = {}\nsigma = { start = 0.3, min = 0.001 }\n";
+    let data = folder(&time, &[&[("y", &noisy(&time, 2))]]);
+    let found = fit(
+        &data,
+        &[
+            &system("relax"),
+            &measured,
+            sought,
+            RUN,
+            "[fit]\nstarts = 1\n",
+        ],
+    );
+    near(found.chi2, time.len() as f64, 1e-6);
+}
+
 #[test]
 fn tied_and_logarithmic_parameters_have_the_same_optimum() {
     let time = times(41, 0.1);

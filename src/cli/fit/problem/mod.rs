@@ -13,7 +13,7 @@ use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part};
-use crate::sqp::Status;
+use crate::sqp::{Iteration, Status};
 use models::Fitted;
 pub use models::HEAD as FITTED;
 use std::ops::ControlFlow;
@@ -50,7 +50,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     }
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &posed, &fitted)?;
-    interrupt::listen("stopping at the next iteration")?;
+    interrupt::listen("stopping")?;
     let fit = solved(args, &posed);
     let judged = validated(&file, &fit, &part::open)?;
     let outcome = summary::Outcomes {
@@ -99,10 +99,12 @@ fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
     let begin = Instant::now();
     let mut spinner = Spinner::new();
     let fit = crate::estimation::fit(posed, &mut |progress| {
-        if args.verbose {
-            terminal::tell(&line(posed, progress));
-        } else {
-            spinner.show(line(posed, progress).trim_end().to_owned());
+        if let Some(iteration) = progress.iteration {
+            let line = line(posed, progress, iteration);
+            match args.verbose {
+                true => terminal::tell(&line),
+                false => spinner.show(line.trim_end().to_owned()),
+            }
         }
         let seconds = begin.elapsed().as_secs_f64();
         if interrupt::is_asked() {
@@ -118,8 +120,7 @@ fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
 }
 
 /// An iteration in a line.
-fn line(posed: &Posed<'_>, progress: &Progress<'_>) -> String {
-    let iteration = progress.iteration;
+fn line(posed: &Posed<'_>, progress: &Progress<'_>, iteration: &Iteration) -> String {
     let of = match progress.refinement {
         0 => format!("start {} of {}", progress.start + 1, progress.starts),
         round => format!("refinement {round}"),

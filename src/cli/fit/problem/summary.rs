@@ -37,9 +37,10 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let starts = starts
         .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
     json!({
-        "status": fit.status.as_str(),
+        "status": fit.ending(),
         "converged": fit.is_answer(),
         "objective": fit.objective,
+        "simulated_objective": fit.simulated_objective,
         "chi2": fit.chi2,
         "nllh": fit.nllh,
         "samples": fit.samples,
@@ -56,6 +57,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
             "intervals": fit.refinement.intervals,
             "refinements": fit.refinement.rounds,
             "error": fit.refinement.error,
+            "scheme": fit.refinement.scheme.name(),
             "changes": fit.refinement.changes,
         },
         "starts": starts.collect::<Vec<_>>(),
@@ -142,10 +144,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
-    text += &format!(
-        "\nmesh: {} intervals after {} refinements, estimated error {:.1e}\n",
-        fit.refinement.intervals, fit.refinement.rounds, fit.refinement.error
-    );
+    text += &mesh(posed, fit);
     match (fit.starts.len(), fit.agreeing()) {
         (1, _) => {}
         (starts, 0) => text += &format!("starts: none of {starts} converged\n"),
@@ -155,6 +154,25 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
     }
     text
+}
+
+/// The mesh in a line.
+fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
+    let refinement = &fit.refinement;
+    let is_stiff = posed.file.options.scheme.is_none() && refinement.is_for_stiff();
+    let stiff = if is_stiff {
+        " (the equations are stiff)"
+    } else {
+        ""
+    };
+    let error = match refinement.error.is_nan() {
+        true => "error not estimated".to_owned(),
+        false => format!("estimated error {:.1e}", refinement.error),
+    };
+    format!(
+        "\nmesh: {} intervals of {}{stiff} after {} refinements, {error}\n",
+        refinement.intervals, refinement.scheme, refinement.rounds
+    )
 }
 
 fn rows(what: &str, all: &[Found]) -> Vec<[String; 4]> {
