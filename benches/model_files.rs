@@ -1,11 +1,13 @@
-//! What it costs that a model is text: the export of a ten-line model, a step of its FMU and an iteration of a fit,
-//! beside the same equations compiled in:
+//! What it costs that a model is text, or an FMU: the export of a ten-line model, a step of its FMU and an iteration of a
+//! fit, beside the same equations compiled in; and the fit of the shipped flights with the quadcopter's own FMU as
+//! vehicle:
 //!
 //! ```text
 //! cargo bench --bench model_files
 //! ```
 
 use pilotage::cosim::{Component, fmu_component};
+use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::export::{Export, Provenance};
 use pilotage::identification::TrialSet;
 use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
@@ -16,11 +18,14 @@ use pilotage_collocation::{
 use pilotage_cosim::component::Experiment;
 use pilotage_expression::Model as Expressions;
 use pilotage_models::traced::start_values;
+use std::io::{Read, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 use std::time::Instant;
+
+use zip::write::SimpleFileOptions;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -36,6 +41,32 @@ lag = { start = 0.1, unit = "s" }
 arm = { unit = "1", der = "(gain * delay(error, 0.3, 2) - arm) / lag" }
 [outputs]
 stick = "arm"
+"#;
+
+/// The problem of the shipped flights.
+const PROBLEM: &str = r#"
+[system.pilot]
+model = "linear"
+order = 3
+[system.vehicle]
+model = "VEHICLE"
+[connect]
+"pilot.stick" = "vehicle.stick"
+"vehicle.z" = "pilot.position"
+[inputs]
+"pilot.target" = "target"
+[[measured]]
+signal = "vehicle.z"
+column = "position"
+[parameters]
+"pilot.*" = {}
+"pilot.stick_limit" = { fixed = true }
+[stability]
+models = ["pilot"]
+closed_loop = true
+[fit]
+mesh = "samples"
+starts = 1
 "#;
 
 const EXPORTS: usize = 15;
@@ -67,7 +98,53 @@ fn main() -> Result<(), Failure> {
         text.1,
         text.0 / compiled.0
     );
+    println!("fit of the shipped flights, samples as mesh, one start:");
+    let file = fitted(folder.path(), "quadcopter")?;
+    told("model file", &file, &file);
+    told("FMU", &fitted(folder.path(), "text.fmu")?, &file);
+    told(
+        "FMU without derivatives",
+        &fitted(folder.path(), "plain.fmu")?,
+        &file,
+    );
     Ok(())
+}
+
+/// A fit's time, iterations and largest relative difference of a parameter, beside another one.
+fn told(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) {
+    let pairs = fit.parameters.iter().zip(&file.parameters);
+    let errors = pairs.map(|(own, other)| (own.mean() / other.mean() - 1.0).abs());
+    println!(
+        "  {vehicle:<24} {seconds:7.3} s, ratio {:4.1}, {:3} iterations, {}, parameters within {:.0e}",
+        seconds / least,
+        fit.iterations,
+        fit.status,
+        errors.fold(0.0, f64::max)
+    );
+}
+
+/// The least time of some fits with a vehicle, and what they found.
+fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
+    let trials = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials");
+    let mut text = PROBLEM.replace("VEHICLE", vehicle);
+    for name in [
+        "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
+    ] {
+        let file = trials.join(name).with_extension("csv");
+        text += &format!("[[run]]\nfile = {:?}\n", file.display().to_string());
+    }
+    let path = folder.join("problem.toml");
+    std::fs::write(&path, text)?;
+    let file = ProblemFile::read(&path)?;
+    let posed = Posed::new(&file, &part::open)?;
+    let mut best: Option<(f64, Fit)> = None;
+    for _ in 0..3 {
+        let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
+        if best.as_ref().is_none_or(|best| fit.seconds < best.0) {
+            best = Some((fit.seconds, fit));
+        }
+    }
+    best.ok_or_else(|| "no fit".into())
 }
 
 /// The whole process, in the median [s].
@@ -96,6 +173,7 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
     Export::new(&compiled, &Provenance::vehicle(None)).write(&files[0])?;
     let text = text("quadcopter")?;
     Export::text(&text, &Provenance::default()).write(&files[1])?;
+    without_derivatives(&files[1], &folder.join("plain.fmu"))?;
     let mut components = Vec::new();
     for file in &files {
         let mut component = fmu_component::open(file, "vehicle", None)?;
@@ -118,6 +196,30 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
         begin += STEPS;
     }
     Ok(least)
+}
+
+/// The same FMU, whose description says that it has no directional derivatives.
+fn without_derivatives(from: &Path, to: &Path) -> Result<(), Failure> {
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(from)?)?;
+    let mut plain = zip::ZipWriter::new(std::fs::File::create(to)?);
+    for k in 0..archive.len() {
+        let mut file = archive.by_index(k)?;
+        let name = file.name()?.into_owned();
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        if name == "modelDescription.xml" {
+            let text = String::from_utf8(bytes)?;
+            bytes = text
+                .replace("providesDirectionalDerivative=\"true\"", "")
+                .into_bytes();
+        }
+        if !name.ends_with('/') {
+            plain.start_file(name, SimpleFileOptions::default())?;
+            plain.write_all(&bytes)?;
+        }
+    }
+    plain.finish()?;
+    Ok(())
 }
 
 /// Steps with a stick that moves, and all outputs read.
