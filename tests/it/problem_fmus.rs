@@ -122,7 +122,7 @@ fn a_pilots_fmu_gives_the_parameters_of_its_model_file() {
         let text = shipped("quadcopter", &["10m-run1", "20m-run1"]);
         let text = text.replace("model = \"linear\"\norder = 3", pilot);
         let stick = "\"pilot.stick_limit\" = { fixed = true }\n";
-        let text = text.replace(stick, "\"pilot.gain\" = { start = 0.005 }\n");
+        let text = text.replace(stick, "\"pilot.gain\" = { start = -0.02 }\n");
         text.replace(
             "[stability]\nmodels = [\"pilot\"]\nclosed_loop = true\n",
             "",

@@ -13,6 +13,19 @@
 //! Nothing happens at events here: between them an FMU's equations are smooth, and its event indicators, which are
 //! outputs too, tell where one would be ([`FmuEquations::indicators`], [`FmuEquations::next_event`]).
 //!
+//! ```no_run
+//! use pilotage_expression::Tape;
+//!
+//! let vehicle = pilotage_fmi_equations::open("aircraft.fmu".as_ref())?;
+//! let system = &vehicle.model.system;
+//! println!("{:?} over {:?}", vehicle.model.states, vehicle.model.parameters);
+//! let mut graph = system.graph.clone();
+//! let by_first = graph.derivatives(&system.derivatives, system.state(0));
+//! let tape = Tape::new(&graph, system.variables(), |_| false, &[&system.derivatives, &by_first]);
+//! let values = tape.evaluate(&vec![0.0; system.variables()]); // time, states, inputs, parameters
+//! # Ok::<(), pilotage_fmi_equations::EquationsError>(())
+//! ```
+//!
 //! A point where a call fails has NaN for values, and [`Opaque::trouble`] tells why.
 //!
 //! | module | what it holds |
