@@ -99,22 +99,19 @@ impl Layout {
         own.unknown_references = [&own.rates[..], &own.output_references].concat();
         own.depends = unknowns
             .into_iter()
-            .map(|unknown| own.listed(description, unknown))
+            .map(|unknown| own.listed(unknown))
             .collect();
         Ok(own)
     }
 
     /// Whether an unknown depends on time, each state, each input: on all where nothing is said.
-    fn listed(&self, description: &ModelDescription, unknown: Option<&Unknown>) -> Vec<bool> {
+    fn listed(&self, unknown: Option<&Unknown>) -> Vec<bool> {
         let listed = unknown.and_then(|unknown| unknown.dependencies.as_ref());
         let is_listed = |index: u32| listed.is_none_or(|listed| listed.contains(&index));
-        let is_time = |v: &ScalarVariable| v.causality == Causality::Independent;
-        // Without a variable for the time nothing can say that it depends on it.
-        let time = (1..).zip(&description.variables).find(|(_, v)| is_time(v));
-        let by_time = time.is_none_or(|(index, _)| is_listed(index));
         let others = self.states.iter().chain(&self.inputs);
         let by_others = others.map(|own| is_listed(own.index));
-        [by_time].into_iter().chain(by_others).collect()
+        // Tools leave the time out.
+        [true].into_iter().chain(by_others).collect()
     }
 
     /// Number of arguments: time, states, inputs, parameters.
