@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
     let clock = Clock::start();
     let mut file = ProblemFile::read(path)?;
-    file.options.scheme = Some(Scheme::HermiteSimpson);
+    file.options.scheme.get_or_insert(Scheme::HermiteSimpson);
     file.options.mesh = Mesh::Samples;
     let posed = Posed::new(&file, &part::open)?;
     let (problem, start) = begin(&posed, &starts(&posed, 1)[0], &|| false);

@@ -60,7 +60,7 @@ use thiserror::Error;
 pub enum EquationsError {
     /// It cannot be opened or loaded.
     #[error(transparent)]
-    Fmu(#[from] FmuError),
+    Fmu(Box<FmuError>),
     /// It is not for model exchange.
     #[error(
         "it is not for model exchange: a fit needs its equations, which co-simulation hides; export it for model exchange"
@@ -82,7 +82,7 @@ pub enum EquationsError {
     #[error("it gives no values at its start")]
     Start {
         /// Why.
-        source: PointError,
+        source: Box<PointError>,
     },
     /// The same, without an error.
     #[error("at its start {name} is {value}")]
@@ -92,6 +92,20 @@ pub enum EquationsError {
         /// Its value.
         value: f64,
     },
+}
+
+impl From<FmuError> for EquationsError {
+    fn from(error: FmuError) -> Self {
+        Self::Fmu(Box::new(error))
+    }
+}
+
+impl From<PointError> for EquationsError {
+    fn from(error: PointError) -> Self {
+        Self::Start {
+            source: Box::new(error),
+        }
+    }
 }
 
 /// An FMU as equations.
@@ -130,8 +144,7 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
         layout.indicators = indicators;
         Ok((initial, next))
     };
-    let (initial, next_event) =
-        first(&mut layout).map_err(|source| EquationsError::Start { source })?;
+    let (initial, next_event) = first(&mut layout)?;
     for (state, value) in layout.states.iter_mut().zip(&initial) {
         state.start = *value;
     }
@@ -162,9 +175,7 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
 
 /// The values of the event indicators at the start, where all others are finite.
 fn check_start(rates: &Rates, base: &[f64]) -> Result<Vec<f64>, EquationsError> {
-    let mut values = rates
-        .values(base)
-        .map_err(|source| EquationsError::Start { source })?;
+    let mut values = rates.values(base)?;
     let indicators = values.split_off(rates.layout.unknowns());
     let states = rates
         .layout

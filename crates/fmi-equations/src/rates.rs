@@ -217,23 +217,22 @@ impl Rates {
     }
 }
 
+/// A point moved up (or down) along an argument.
+type Moved = (usize, bool);
+
 /// What is known of a point and of those beside it.
 struct Point<'r> {
     rates: &'r Rates,
     at: Vec<f64>,
     /// Derivatives by an argument, at the point or moved along another one.
-    columns: HashMap<(usize, Option<(usize, bool)>), Vec<f64>>,
+    columns: HashMap<(usize, Option<Moved>), Vec<f64>>,
     /// Second derivatives by two arguments.
     pairs: HashMap<(usize, usize), Vec<f64>>,
 }
 
 impl Point<'_> {
     /// Derivatives by an argument at the point, or moved along another one.
-    fn column(
-        &mut self,
-        place: usize,
-        moved: Option<(usize, bool)>,
-    ) -> Result<&Vec<f64>, PointError> {
+    fn column(&mut self, place: usize, moved: Option<Moved>) -> Result<&Vec<f64>, PointError> {
         let key = (place, moved);
         if !self.columns.contains_key(&key) {
             let at = match moved {

@@ -133,10 +133,8 @@ impl Fitted {
             settings: values.iter().map(set).collect(),
         };
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        Ok(overwrite::save(
-            &self.path,
-            head + &fitted.to_toml(folder)?,
-        )?)
+        let text = head + &fitted.to_toml(folder)?;
+        overwrite::save(&self.path, text)
     }
 }
 
