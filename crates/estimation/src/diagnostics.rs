@@ -3,7 +3,7 @@
 use crate::active::{on_stability_bound, violated};
 use crate::events::{Event, events};
 use crate::file::Mesh;
-use crate::fit::{Refinement, Solved};
+use crate::fit::Solved;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
@@ -298,7 +298,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             note,
         }));
     }
-    all.extend(of_mesh(posed, &fit.refinement));
+    all.extend(of_mesh(posed, fit));
     let simulated = Diagnostic::Simulated {
         objective: fit.objective,
         simulated: fit.simulated_objective,
@@ -338,10 +338,12 @@ fn of_starts(fit: &Fit) -> Option<Diagnostic> {
     (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
 }
 
-fn of_mesh(posed: &Posed<'_>, refinement: &Refinement) -> Option<Diagnostic> {
-    let error = refinement.error;
+fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    let (refinement, error) = (&fit.refinement, fit.refinement.error);
     let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
-        return (error > MOVES).then_some(Diagnostic::CoarseMesh(error));
+        // A local error that a simulation does not see moves no parameter either.
+        let is_seen = error > MOVES && !fit.agrees();
+        return is_seen.then_some(Diagnostic::CoarseMesh(error));
     };
     let change = refinement.changes.iter().copied().fold(0.0, f64::max);
     if error > tolerance {

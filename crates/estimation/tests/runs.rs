@@ -281,7 +281,7 @@ fn a_coarse_mesh_is_told_whoever_asked_for_it() {
         ))
     };
     assert!(with("mesh = \"samples\"\nscheme = \"euler\"").contains(&"mesh-error"));
-    assert!(with("mesh_step = 7200").contains(&"mesh-error"));
+    assert!(with("mesh_step = 7200\nscheme = \"euler\"").contains(&"mesh-error"));
     for fine in ["mesh_step = 60", "mesh_tolerance = 1e-6"] {
         assert!(!with(fine).contains(&"mesh-error"), "{fine}");
     }
