@@ -138,8 +138,7 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
     let parameters: Vec<f64> = layout.parameters.iter().map(|own| own.start).collect();
     let first = |layout: &mut Layout| -> Result<(Vec<f64>, Option<f64>), PointError> {
         let (initial, next, indicators) = pool.with(layout, &parameters, 0.0, |held| {
-            let indicators = held.instance.number_of_event_indicators()?;
-            Ok((held.initial.clone(), held.next_event, indicators))
+            Ok((held.initial.clone(), held.next_event, held.indicators))
         })?;
         layout.indicators = indicators;
         Ok((initial, next))

@@ -24,6 +24,14 @@ pub enum PointError {
     /// Its event iteration does not end.
     #[error("its event iteration after initialisation did not end in {MAX_EVENT_ROUNDS} rounds")]
     Events,
+    /// It has more or fewer states than its description lists.
+    #[error("it has {states} continuous states, and its ModelStructure lists {listed} derivatives")]
+    States {
+        /// Derivatives in the ModelStructure.
+        listed: usize,
+        /// What the instance says.
+        states: usize,
+    },
     /// It asks to end the simulation as it begins.
     #[error("it asks to end the simulation as it begins")]
     End,
@@ -43,6 +51,7 @@ pub(crate) struct Held {
     pub(crate) initial: Vec<f64>,
     /// The next time event \[s\].
     pub(crate) next_event: Option<f64>,
+    pub(crate) indicators: usize,
     /// Time, states and inputs that it stands at.
     at: Vec<f64>,
 }
@@ -152,6 +161,13 @@ impl Pool {
             return Err(PointError::End);
         }
         instance.enter_continuous_time_mode()?;
+        // Each instance of FMI 3.0 is asked for its own numbers before anything of theirs is.
+        let indicators = instance.number_of_event_indicators()?;
+        let states = instance.number_of_continuous_states()?;
+        if states != layout.states.len() {
+            let listed = layout.states.len();
+            return Err(PointError::States { listed, states });
+        }
         let mut initial = vec![0.0; layout.states.len()];
         instance.get_continuous_states(&mut initial)?;
         Ok(Held {
@@ -160,6 +176,7 @@ impl Pool {
             begin,
             initial,
             next_event: update.next_time,
+            indicators,
             at: vec![f64::NAN; layout.parameter_arguments().start],
         })
     }

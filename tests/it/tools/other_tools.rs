@@ -109,3 +109,98 @@ fn fmus_of_other_tools_fly_as_in_fmpy() {
     }
     assert!(compared > 60, "{compared}");
 }
+
+/// FMU, duration, step, measured signal, values that are sought, values that are known.
+type Flight<'t> = (
+    &'t str,
+    [&'t str; 2],
+    &'t str,
+    &'t [(&'t str, f64)],
+    &'t [(&'t str, f64)],
+);
+
+/// What the master flies with some parameters, the fit finds again: with directional derivatives and without, of both
+/// versions of FMI.
+#[test]
+fn fmus_of_other_tools_are_fitted() {
+    let (folder, _) = unpacked();
+    let flights: [Flight<'_>; 4] = [
+        (
+            "reference3-VanDerPol.fmu",
+            ["10", "0.1"],
+            "x0",
+            &[("mu", 2.3)],
+            &[],
+        ),
+        (
+            "reference2-Dahlquist.fmu",
+            ["5", "0.1"],
+            "x",
+            &[("k", 0.7)],
+            &[],
+        ),
+        // Before it bounces.
+        (
+            "reference3-BouncingBall.fmu",
+            ["0.4", "0.02"],
+            "h",
+            &[("g", -9.5)],
+            &[],
+        ),
+        (
+            "openmodelica-Mass_Damper.fmu",
+            ["2", "0.02"],
+            "y",
+            &[("damper.d", 14.0), ("spring.c", 800.0)],
+            &[("mass.m", 1.7)],
+        ),
+    ];
+    for (fmu, [stop, step], measured, sought, known) in flights {
+        let own = format!("own={fmu}");
+        let mut arguments = vec!["cosim", &own, "--stop-time", stop, "--step", step];
+        arguments.extend([
+            "--kind",
+            "me",
+            "--fmu-tolerance",
+            "1e-10",
+            "-o",
+            "run.csv",
+            "--force",
+        ]);
+        let set = sought
+            .iter()
+            .chain(known)
+            .map(|(name, value)| format!("own.{name}={value}"));
+        let set: Vec<String> = set.collect();
+        arguments.extend(set.iter().flat_map(|set| ["--set", set]));
+        let flown = folder.pilotage(&arguments);
+        assert_eq!(flown.code, 0, "{flown:?}");
+        let mut problem = format!(
+            "[system.own]\nmodel = \"{fmu}\"\n[[measured]]\nsignal = \"own.{measured}\"\ncolumn = \"own.{measured}\"\n\
+             sd = 0.001\n[[run]]\nfile = \"run.csv\"\n[parameters]\n"
+        );
+        for (name, _) in sought {
+            writeln!(problem, "\"own.{name}\" = {{}}").unwrap();
+        }
+        for (name, value) in known {
+            writeln!(
+                problem,
+                "\"own.{name}\" = {{ start = {value}, fixed = true }}"
+            )
+            .unwrap();
+        }
+        problem += "[fit]\nmesh_tolerance = 1e-8\nstarts = 1\n";
+        folder.write("problem.toml", problem);
+        let fitted = folder.pilotage(&["fit", "problem.toml", "--json", "--force"]);
+        assert_eq!(fitted.code, 0, "{fmu}: {fitted:?}");
+        let found = fitted.json();
+        for (name, value) in sought {
+            let found = found["parameters"][format!("own.{name}")]["value"]
+                .as_f64()
+                .unwrap();
+            let error = (found / value - 1.0).abs();
+            assert!(error < 1e-5, "{fmu}, {name}: {found} and not {value}");
+        }
+        assert_eq!(found["doubts"], serde_json::json!([]), "{fmu}");
+    }
+}
