@@ -9,8 +9,8 @@ const ALL: [&str; 6] = [
     "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
 ];
 
-/// Shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
-fn shipped(vehicle: &str, runs: &[&str]) -> String {
+/// The shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
+fn shipped(vehicle: &str) -> String {
     let run = |name: &&str| {
         let path = example(&format!("trials/{name}.csv"));
         format!("[[run]]\nfile = \"{}\"\n", path.display())
@@ -40,7 +40,7 @@ closed_loop = true
 mesh = "samples"
 starts = 1
 "#,
-        runs.iter().map(run).collect::<String>()
+        ALL.iter().map(run).collect::<String>()
     )
 }
 
@@ -100,45 +100,75 @@ fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
 #[test]
 fn the_quadcopters_own_fmu_gives_the_pilot_of_the_model_file() {
     let folder = Folder::new();
-    let expected = fitted(&folder, &shipped("quadcopter", &ALL));
+    let expected = fitted(&folder, &shipped("quadcopter"));
     for version in ["3", "2"] {
         let to = ["-o", "vehicle.fmu", "--fmi", version, "--force"];
         let ended = folder.pilotage(&[&["export", "quadcopter"], &to[..]].concat());
         assert_eq!(ended.code, 0, "{ended:?}");
-        let found = fitted(&folder, &shipped("vehicle.fmu", &ALL));
+        let found = fitted(&folder, &shipped("vehicle.fmu"));
         assert_same(&found, &expected, 1e-8);
         assert_eq!(found["doubts"], expected["doubts"]);
     }
     let bytes = std::fs::read(folder.path("vehicle.fmu")).unwrap();
     folder.write("vehicle.fmu", without_derivatives(&bytes));
-    let found = fitted(&folder, &shipped("vehicle.fmu", &ALL));
+    let found = fitted(&folder, &shipped("vehicle.fmu"));
     assert_same(&found, &expected, 1e-6);
 }
 
-/// A pilot whose FMU has the parameters that are sought: each value of them is an initialisation.
+/// A pilot whose FMU has the parameters that are sought: each value of them is an initialisation. What its FMU flies is
+/// the recording.
 #[test]
 fn a_pilots_fmu_gives_the_parameters_of_its_model_file() {
-    let problem = |pilot: &str| {
-        let text = shipped("quadcopter", &["10m-run1", "20m-run1"]);
-        let text = text.replace("model = \"linear\"\norder = 3", pilot);
-        let stick = "\"pilot.stick_limit\" = { fixed = true }\n";
-        let text = text.replace(stick, "\"pilot.gain\" = { start = -0.02 }\n");
-        text.replace(
-            "[stability]\nmodels = [\"pilot\"]\nclosed_loop = true\n",
-            "",
-        )
-    };
     let folder = Folder::new();
     let shown = folder.pilotage(&["models", "show", "lead_lag"]).stdout;
     // An FMU stops its stick; of a model file the limit is a constraint.
     let free = shown.replace(", limit = [-1, 1]", "");
     assert_ne!(shown, free);
     folder.write("pilot.toml", free);
-    let expected = fitted(&folder, &problem("model = \"pilot.toml\""));
-    let ended = folder.pilotage(&["export", "pilot.toml", "-o", "pilot.fmu"]);
-    assert_eq!(ended.code, 0, "{ended:?}");
-    let found = fitted(&folder, &problem("model = \"pilot.fmu\""));
+    for (model, fmu) in [("pilot.toml", "pilot.fmu"), ("quadcopter", "vehicle.fmu")] {
+        let ended = folder.pilotage(&["export", model, "-o", fmu]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+    }
+    let flight = "cosim pilot.fmu vehicle.fmu --connect pilot.stick=vehicle.stick --connect vehicle.z=pilot.position \
+                  --set pilot.target=2 --set pilot.gain=-0.03 --stop-time 15 --step 0.05 --algorithm strong -o run.csv";
+    let flown = folder.pilotage(&flight.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(flown.code, 0, "{flown:?}");
+    let problem = |pilot: &str| {
+        format!(
+            r#"
+[system.pilot]
+model = "{pilot}"
+set = {{ target = 2 }}
+[system.vehicle]
+model = "quadcopter"
+[connect]
+"pilot.stick" = "vehicle.stick"
+"vehicle.z" = "pilot.position"
+[[measured]]
+signal = "vehicle.z"
+column = "vehicle.z"
+sd = 0.01
+[parameters]
+"pilot.gain" = {{ start = -0.02 }}
+"pilot.lead" = {{ start = 2 }}
+"pilot.lag" = {{}}
+[[run]]
+file = "run.csv"
+[fit]
+mesh = "samples"
+starts = 1
+"#
+        )
+    };
+    let solved = |pilot: &str| {
+        folder.write("problem.toml", problem(pilot));
+        let ended = folder.pilotage(&["fit", "problem.toml", "--json", "--force"]);
+        ended.json()
+    };
+    let expected = solved("pilot.toml");
+    let found = solved("pilot.fmu");
     assert_same(&found, &expected, 1e-6);
+    assert!((value(&found, "pilot.gain") / -0.03 - 1.0).abs() < 0.02);
     // What it found is a system with that FMU.
     let system = folder.read("pilot-fitted.toml");
     let line = format!("gain = {}", value(&found, "pilot.gain"));
@@ -246,13 +276,22 @@ fn fmus_without_equations_are_refused() {
     refused(
         "own.fmu: it gives no values at its start: its event iteration after initialisation did not end in 1000 rounds",
     );
+    folder.write("own.fmu", foreign::model_exchange("decay@1", 1, 200_000));
+    refused(
+        "own.fmu: it gives no values at its start: it has 200000 event indicators; 100000 are the most that are taken",
+    );
     folder.write("own.fmu", b"PK\x03\x04 and no more");
     let ended = folder.pilotage(&["fit", "problem.toml"]);
     assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
     let why = "own.fmu is no zip archive, or a damaged one";
     assert!(ended.stderr.contains(why), "{ended:?}");
-    let problem = folder.read("problem.toml");
-    let problem = problem.replace("\"own.fmu\"", "\"own.fmu\"\nkind = \"cs\"");
+    let plain = folder.read("problem.toml");
+    let problem = plain.replace("\"own.fmu\"", "\"own.fmu\"\norder = 3");
+    folder.write("problem.toml", problem);
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    let why = "error: problem.toml:3:9: own.fmu has no order; leave `order` out\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, why));
+    let problem = plain.replace("\"own.fmu\"", "\"own.fmu\"\nkind = \"cs\"");
     folder.write("problem.toml", problem);
     refused(
         "own.fmu is taken for co-simulation here, which hides its equations; a fit needs kind = \"me\"",

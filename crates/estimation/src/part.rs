@@ -204,6 +204,10 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
             )));
         }
         Some(file) => {
+            if let Some(order) = &instance.order {
+                let text = format!("{} has no order; leave `order` out", file.display());
+                return Err(ProblemError::maybe_at(order.place.as_ref(), text));
+            }
             let bad = |error: EquationsError| fault(in_full(file, &error));
             return Part::of_fmu(file).map_err(bad);
         }
@@ -270,7 +274,11 @@ fn is_fmu(path: &Path) -> bool {
 
 /// An error about a file with its causes, in one line.
 fn in_full(file: &Path, error: &dyn Error) -> String {
-    let mut text = format!("{}: {error}", file.display());
+    let (name, error_text) = (file.display().to_string(), error.to_string());
+    let mut text = match error_text.contains(&name) {
+        true => error_text,
+        false => format!("{name}: {error_text}"),
+    };
     let mut cause = error.source();
     while let Some(own) = cause {
         text += &format!(": {own}");

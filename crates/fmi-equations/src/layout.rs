@@ -5,6 +5,7 @@ use pilotage_fmi::description::{
     Causality, Initial, ModelDescription, Precision, RealAttributes, ScalarVariable, TypeKind,
     Unknown, Variability, VariableKind,
 };
+use std::collections::HashSet;
 use std::ops::Range;
 
 /// A variable that the equations have.
@@ -94,6 +95,7 @@ impl Layout {
                 _ => {}
             }
         }
+        own.check_names()?;
         own.input_references = own.inputs.iter().map(|input| input.reference).collect();
         own.output_references = own.outputs.iter().map(|output| output.reference).collect();
         own.unknown_references = [&own.rates[..], &own.output_references].concat();
@@ -102,6 +104,21 @@ impl Layout {
             .map(|unknown| own.listed(unknown))
             .collect();
         Ok(own)
+    }
+
+    fn check_names(&self) -> Result<(), EquationsError> {
+        let mut seen = HashSet::new();
+        let all = [&self.states, &self.inputs, &self.parameters, &self.outputs];
+        match all
+            .into_iter()
+            .flatten()
+            .find(|own| !seen.insert(&own.name))
+        {
+            Some(own) => Err(EquationsError::Same {
+                name: own.name.clone(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Whether an unknown depends on time, each state, each input: on all where nothing is said.

@@ -72,6 +72,14 @@ pub enum EquationsError {
         /// Index of the variable, from 1.
         index: u32,
     },
+    /// Two variables of one name.
+    #[error(
+        "its description has two variables called `{name}`, or lists the derivative of that state twice"
+    )]
+    Same {
+        /// The name.
+        name: String,
+    },
     /// A state that is an array.
     #[error("its derivative `{name}` belongs to no state that is a single real")]
     Array {

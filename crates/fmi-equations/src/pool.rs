@@ -12,6 +12,9 @@ use thiserror::Error;
 /// Instances that are kept: differences by parameters need two for each.
 const KEPT: usize = 64;
 
+/// Most event indicators: what says more is damaged, and memory ends.
+const MOST_INDICATORS: usize = 100_000;
+
 /// Why an FMU gives no values at a point.
 #[derive(Debug, Error)]
 pub enum PointError {
@@ -31,6 +34,12 @@ pub enum PointError {
         listed: usize,
         /// What the instance says.
         states: usize,
+    },
+    /// It says that it has more event indicators than any model.
+    #[error("it has {indicators} event indicators; {MOST_INDICATORS} are the most that are taken")]
+    Indicators {
+        /// How many.
+        indicators: usize,
     },
     /// It asks to end the simulation as it begins.
     #[error("it asks to end the simulation as it begins")]
@@ -163,6 +172,9 @@ impl Pool {
         instance.enter_continuous_time_mode()?;
         // Each instance of FMI 3.0 is asked for its own numbers before anything of theirs is.
         let indicators = instance.number_of_event_indicators()?;
+        if indicators > MOST_INDICATORS {
+            return Err(PointError::Indicators { indicators });
+        }
         let states = instance.number_of_continuous_states()?;
         if states != layout.states.len() {
             let listed = layout.states.len();

@@ -91,10 +91,14 @@ impl Fitted {
             // A state that the FMU computes cannot be set.
             let (states, graph) = (&part.model.states, &part.model.system.graph);
             let place = |name: &String| states.iter().position(|state| state == name);
-            values.retain(|(name, _)| {
+            let (kept, lost): (Vec<_>, Vec<_>) = values.into_iter().partition(|(name, _)| {
                 place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
             });
-            return self.write_system(posed, head, &values);
+            for (name, value) in lost {
+                head +=
+                    &format!("# {name} began at {value}; the FMU computes it and cannot be told\n");
+            }
+            return self.write_system(posed, head, &kept);
         };
         overwrite::save(
             &self.path,
