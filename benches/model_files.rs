@@ -18,14 +18,14 @@ use pilotage_collocation::{
 use pilotage_cosim::component::Experiment;
 use pilotage_expression::Model as Expressions;
 use pilotage_models::traced::start_values;
-use std::io::{Read, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 use std::time::Instant;
 
-use zip::write::SimpleFileOptions;
+#[path = "../tests/it/shipped.rs"]
+mod shipped;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -41,32 +41,6 @@ lag = { start = 0.1, unit = "s" }
 arm = { unit = "1", der = "(gain * delay(error, 0.3, 2) - arm) / lag" }
 [outputs]
 stick = "arm"
-"#;
-
-/// The problem of the shipped flights.
-const PROBLEM: &str = r#"
-[system.pilot]
-model = "linear"
-order = 3
-[system.vehicle]
-model = "VEHICLE"
-[connect]
-"pilot.stick" = "vehicle.stick"
-"vehicle.z" = "pilot.position"
-[inputs]
-"pilot.target" = "target"
-[[measured]]
-signal = "vehicle.z"
-column = "position"
-[parameters]
-"pilot.*" = {}
-"pilot.stick_limit" = { fixed = true }
-[stability]
-models = ["pilot"]
-closed_loop = true
-[fit]
-mesh = "samples"
-starts = 1
 "#;
 
 const EXPORTS: usize = 15;
@@ -125,16 +99,8 @@ fn told(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) 
 
 /// The least time of some fits with a vehicle, and what they found.
 fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
-    let trials = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials");
-    let mut text = PROBLEM.replace("VEHICLE", vehicle);
-    for name in [
-        "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
-    ] {
-        let file = trials.join(name).with_extension("csv");
-        text += &format!("[[run]]\nfile = {:?}\n", file.display().to_string());
-    }
     let path = folder.join("problem.toml");
-    std::fs::write(&path, text)?;
+    std::fs::write(&path, shipped::problem(vehicle))?;
     let file = ProblemFile::read(&path)?;
     let posed = Posed::new(&file, &part::open)?;
     let mut best: Option<(f64, Fit)> = None;
@@ -173,7 +139,8 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
     Export::new(&compiled, &Provenance::vehicle(None)).write(&files[0])?;
     let text = text("quadcopter")?;
     Export::text(&text, &Provenance::default()).write(&files[1])?;
-    without_derivatives(&files[1], &folder.join("plain.fmu"))?;
+    let plain = shipped::without_derivatives(&std::fs::read(&files[1])?);
+    std::fs::write(folder.join("plain.fmu"), plain)?;
     let mut components = Vec::new();
     for file in &files {
         let mut component = fmu_component::open(file, "vehicle", None)?;
@@ -196,30 +163,6 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
         begin += STEPS;
     }
     Ok(least)
-}
-
-/// The same FMU, whose description says that it has no directional derivatives.
-fn without_derivatives(from: &Path, to: &Path) -> Result<(), Failure> {
-    let mut archive = zip::ZipArchive::new(std::fs::File::open(from)?)?;
-    let mut plain = zip::ZipWriter::new(std::fs::File::create(to)?);
-    for k in 0..archive.len() {
-        let mut file = archive.by_index(k)?;
-        let name = file.name()?.into_owned();
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes)?;
-        if name == "modelDescription.xml" {
-            let text = String::from_utf8(bytes)?;
-            bytes = text
-                .replace("providesDirectionalDerivative=\"true\"", "")
-                .into_bytes();
-        }
-        if !name.ends_with('/') {
-            plain.start_file(name, SimpleFileOptions::default())?;
-            plain.write_all(&bytes)?;
-        }
-    }
-    plain.finish()?;
-    Ok(())
 }
 
 /// Steps with a stick that moves, and all outputs read.

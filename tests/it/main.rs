@@ -45,6 +45,7 @@ mod problems;
 mod random_collocation;
 mod recovery;
 mod schemes;
+mod shipped;
 mod sqp_problems;
 mod starts;
 mod system_examples;

@@ -1,48 +1,8 @@
 //! FMUs in a fit: as vehicle, as pilot, alone; against the same models as files, and with what speaks against them.
 
-use crate::command::{Folder, example};
-use crate::foreign;
+use crate::command::Folder;
+use crate::{foreign, shipped};
 use serde_json::Value;
-use std::io::{Cursor, Read};
-
-const ALL: [&str; 6] = [
-    "10m-run1", "10m-run2", "10m-run3", "20m-run1", "20m-run2", "20m-run3",
-];
-
-/// The shipped flights with some vehicle: samples as mesh, one start, so that nothing but the vehicle differs.
-fn shipped(vehicle: &str) -> String {
-    let run = |name: &&str| {
-        let path = example(&format!("trials/{name}.csv"));
-        format!("[[run]]\nfile = \"{}\"\n", path.display())
-    };
-    format!(
-        r#"
-[system.pilot]
-model = "linear"
-order = 3
-[system.vehicle]
-model = "{vehicle}"
-[connect]
-"pilot.stick" = "vehicle.stick"
-"vehicle.z" = "pilot.position"
-[inputs]
-"pilot.target" = "target"
-[[measured]]
-signal = "vehicle.z"
-column = "position"
-[parameters]
-"pilot.*" = {{}}
-"pilot.stick_limit" = {{ fixed = true }}
-[stability]
-models = ["pilot"]
-closed_loop = true
-{}[fit]
-mesh = "samples"
-starts = 1
-"#,
-        ALL.iter().map(run).collect::<String>()
-    )
-}
 
 /// Fits a problem that converges.
 fn fitted(folder: &Folder, problem: &str) -> Value {
@@ -72,46 +32,21 @@ fn doubt(fit: &Value, code: &str) -> Option<String> {
     found["words"].as_str().map(str::to_owned)
 }
 
-/// The same FMU, whose description says that it has no directional derivatives.
-fn without_derivatives(fmu: &[u8]) -> Vec<u8> {
-    let mut archive = zip::ZipArchive::new(Cursor::new(fmu)).unwrap();
-    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
-    for k in 0..archive.len() {
-        let mut file = archive.by_index(k).unwrap();
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes).unwrap();
-        let name = file.name().unwrap().into_owned();
-        if name == "modelDescription.xml" {
-            let text = String::from_utf8(bytes).unwrap();
-            let without = text.replace("providesDirectionalDerivative=\"true\"", "");
-            assert_ne!(text, without);
-            bytes = without.into_bytes();
-        }
-        if !name.ends_with('/') {
-            files.push((name, bytes));
-        }
-    }
-    let files: Vec<(&str, &[u8])> = (files.iter())
-        .map(|(name, bytes)| (name.as_str(), bytes.as_slice()))
-        .collect();
-    foreign::archive(&files)
-}
-
 #[test]
 fn the_quadcopters_own_fmu_gives_the_pilot_of_the_model_file() {
     let folder = Folder::new();
-    let expected = fitted(&folder, &shipped("quadcopter"));
+    let expected = fitted(&folder, &shipped::problem("quadcopter"));
     for version in ["3", "2"] {
         let to = ["-o", "vehicle.fmu", "--fmi", version, "--force"];
         let ended = folder.pilotage(&[&["export", "quadcopter"], &to[..]].concat());
         assert_eq!(ended.code, 0, "{ended:?}");
-        let found = fitted(&folder, &shipped("vehicle.fmu"));
+        let found = fitted(&folder, &shipped::problem("vehicle.fmu"));
         assert_same(&found, &expected, 1e-8);
         assert_eq!(found["doubts"], expected["doubts"]);
     }
     let bytes = std::fs::read(folder.path("vehicle.fmu")).unwrap();
-    folder.write("vehicle.fmu", without_derivatives(&bytes));
-    let found = fitted(&folder, &shipped("vehicle.fmu"));
+    folder.write("vehicle.fmu", shipped::without_derivatives(&bytes));
+    let found = fitted(&folder, &shipped::problem("vehicle.fmu"));
     assert_same(&found, &expected, 1e-6);
 }
 

@@ -9,6 +9,7 @@ use pilotage_language::{Compiled, ModelFileError, parse};
 use pilotage_models::{library, traced};
 use pilotage_sdk::{Equations, Table};
 use pilotage_text::document::DocumentError;
+use pilotage_text::error_chain::error_chain;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
 use std::collections::HashMap;
@@ -274,17 +275,11 @@ fn is_fmu(path: &Path) -> bool {
 
 /// An error about a file with its causes, in one line.
 fn in_full(file: &Path, error: &dyn Error) -> String {
-    let (name, error_text) = (file.display().to_string(), error.to_string());
-    let mut text = match error_text.contains(&name) {
-        true => error_text,
-        false => format!("{name}: {error_text}"),
-    };
-    let mut cause = error.source();
-    while let Some(own) = cause {
-        text += &format!(": {own}");
-        cause = own.source();
+    let (name, text) = (file.display().to_string(), error_chain(error));
+    match error.to_string().contains(&name) {
+        true => text,
+        false => format!("{name}: {text}"),
     }
-    text
 }
 
 fn unknown(name: &str) -> String {

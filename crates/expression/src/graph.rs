@@ -179,7 +179,7 @@ impl Graph {
     ) -> Node {
         assert_eq!(
             arguments.len(),
-            function.arguments(),
+            function.neutral().len(),
             "the function's arguments"
         );
         if !function.depends(partial) {

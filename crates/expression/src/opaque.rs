@@ -6,11 +6,8 @@ use std::sync::Arc;
 
 /// Values of some numbers, with first and second derivatives, that an expression takes as they are.
 pub trait Opaque: fmt::Debug + Send + Sync {
-    /// Number of arguments.
-    fn arguments(&self) -> usize;
-
-    /// What stands for an argument where nothing wanted depends on it.
-    fn neutral(&self, argument: usize) -> f64;
+    /// For each argument what stands for it where nothing wanted depends on it.
+    fn neutral(&self) -> &[f64];
 
     /// Whether a value or a derivative can be other than zero, at any point.
     fn depends(&self, partial: Partial) -> bool;
@@ -110,8 +107,7 @@ impl Call {
 
     /// The same where some arguments have these values.
     pub(super) fn evaluate_at(&self, wanted: &[Partial], point: &[(usize, f64)], out: &mut [f64]) {
-        let all = 0..self.arguments.len();
-        let mut at: Vec<f64> = all.map(|place| self.function.neutral(place)).collect();
+        let mut at = self.function.neutral().to_vec();
         point.iter().for_each(|(place, value)| at[*place] = *value);
         self.function.evaluate(&at, wanted, out);
     }

@@ -17,20 +17,20 @@ const SAME: f64 = 1e-4;
 const STRAIGHT: [f64; 2] = [1e-11, 1e-5];
 
 /// Finds steps, whether the FMU's derivatives are right, what they depend on. Gives what is to be told.
-pub(crate) fn explore(rates: &mut Rates, base: &[f64]) -> Vec<String> {
+pub(crate) fn explore(rates: &mut Rates) -> Vec<String> {
     let known = rates.layout.parameter_arguments().start;
     let mut notes = Vec::new();
     if known > MOST {
         return notes;
     }
-    let points: Vec<Vec<f64>> = (0..POINTS).map(|k| around(rates, base, k)).collect();
-    find_steps(rates, base);
+    let points: Vec<Vec<f64>> = (0..POINTS).map(|k| around(rates, k)).collect();
+    find_steps(rates);
     for point in &points {
         for place in 1..known {
             check_column(rates, point, place, &mut notes);
         }
     }
-    let mut curved = vec![vec![true; base.len()]; base.len()];
+    let mut curved = rates.curved.clone();
     for row in curved.iter_mut().take(known) {
         row[..known].fill(false);
     }
@@ -41,38 +41,35 @@ pub(crate) fn explore(rates: &mut Rates, base: &[f64]) -> Vec<String> {
     notes
 }
 
-/// A point beside the start: states and inputs moved by parts of their sizes.
-fn around(rates: &Rates, base: &[f64], k: usize) -> Vec<f64> {
+/// The start, and points beside it: states and inputs moved by parts of their sizes.
+fn around(rates: &Rates, k: usize) -> Vec<f64> {
     /// Multiples of it fill the unit interval evenly.
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let known = rates.layout.parameter_arguments().start;
-    let mut point = base.to_vec();
+    let mut point = rates.start.clone();
+    if k == 0 {
+        return point;
+    }
     for (place, value) in point.iter_mut().enumerate().take(known).skip(1) {
         let part = ((place + 7 * k) as f64 * GOLDEN).fract() - 0.5;
-        *value += if k == 0 {
-            0.0
-        } else {
-            part * rates.size(place)
-        };
+        *value += part * rates.size(place);
     }
     point
 }
 
 /// For each argument the step whose differences change least when it is halved.
-fn find_steps(rates: &mut Rates, base: &[f64]) {
+fn find_steps(rates: &mut Rates) {
     let parameters = rates.layout.parameter_arguments();
-    let few = parameters.len() <= MOST_PARAMETERS;
-    for place in 1..if few {
-        parameters.end
-    } else {
-        parameters.start
-    } {
-        if rates.by_fmu && place < parameters.start {
-            continue;
-        }
+    let first = if rates.by_fmu { parameters.start } else { 1 };
+    let last = match parameters.len() <= MOST_PARAMETERS {
+        true => parameters.end,
+        false => parameters.start,
+    };
+    let start = rates.start.clone();
+    for place in first..last {
         let change = |step: f64| -> Option<f64> {
-            let whole = rates.differences(base, place, step).ok()?;
-            let half = rates.differences(base, place, 0.5 * step).ok()?;
+            let whole = rates.differences(&start, place, step).ok()?;
+            let half = rates.differences(&start, place, 0.5 * step).ok()?;
             let size = whole
                 .iter()
                 .fold(f64::MIN_POSITIVE, |size, own| size.max(own.abs()));
@@ -98,7 +95,7 @@ fn find_steps(rates: &mut Rates, base: &[f64]) {
 fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<String>) {
     let step = rates.steps[place];
     let found = [step, 0.3 * step].map(|step| rates.differences(point, place, step));
-    let [Ok(whole), Ok(quarter)] = found else {
+    let [Ok(whole), Ok(finer)] = found else {
         return;
     };
     let slopes = rates.by_fmu.then(|| rates.slopes(point, place));
@@ -118,7 +115,7 @@ fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<
     let mut is_wrong = false;
     let mut depends = Vec::new();
     for row in 0..whole.len() {
-        if !is_same(whole[row], quarter[row]) {
+        if !is_same(whole[row], finer[row]) {
             // A kink, or noise.
             continue;
         }

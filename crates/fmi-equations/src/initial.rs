@@ -3,19 +3,15 @@
 use crate::pool::PointError;
 use crate::rates::Rates;
 use pilotage_expression::{Opaque, Partial};
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 /// The states that [`Rates`] begins at.
 #[derive(Debug)]
 pub(crate) struct InitialStates(pub(crate) Arc<Rates>);
 
 impl Opaque for InitialStates {
-    fn arguments(&self) -> usize {
-        self.0.layout.parameters.len()
-    }
-
-    fn neutral(&self, argument: usize) -> f64 {
-        self.0.layout.parameters[argument].start
+    fn neutral(&self) -> &[f64] {
+        &self.0.start[self.0.layout.parameter_arguments()]
     }
 
     fn depends(&self, partial: Partial) -> bool {
@@ -26,12 +22,8 @@ impl Opaque for InitialStates {
     fn evaluate(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) {
         for (out, partial) in out.iter_mut().zip(wanted) {
             *out = self.value(at, *partial).unwrap_or_else(|error| {
-                let mut trouble = self
-                    .0
-                    .trouble
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner);
-                *trouble = Some(format!("its initialisation failed: {error}"));
+                self.0
+                    .remember(format!("its initialisation failed: {error}"));
                 f64::NAN
             });
         }
@@ -54,14 +46,11 @@ impl InitialStates {
         let Some(place) = partial.arguments().next() else {
             return value(at);
         };
-        let argument = rates.layout.parameter_arguments().start + place;
-        let step = rates.steps[argument] * rates.size(argument).max(at[place].abs());
-        let (up, down) = rates.room(at[place], argument, rates.steps[argument]);
-        let ends = [if up { step } else { 0.0 }, if down { -step } else { 0.0 }].map(|step| {
-            let mut moved = at.to_vec();
-            moved[place] += step;
-            moved
-        });
+        let parameters = rates.layout.parameter_arguments();
+        let argument = parameters.start + place;
+        let all = [&rates.start[..parameters.start], at].concat();
+        let ends = rates.ends(&all, argument, rates.steps[argument]);
+        let ends = ends.map(|end| end[parameters.clone()].to_vec());
         Ok((value(&ends[0])? - value(&ends[1])?) / (ends[0][place] - ends[1][place]))
     }
 }

@@ -154,12 +154,14 @@ impl Layout {
 
     /// The variable of an argument; none of time.
     pub(crate) fn argument(&self, place: usize) -> Option<&Variable> {
-        let all = self
-            .states
-            .iter()
-            .chain(&self.inputs)
-            .chain(&self.parameters);
-        all.clone().nth(place.checked_sub(1)?)
+        let mut place = place.checked_sub(1)?;
+        for own in [&self.states, &self.inputs, &self.parameters] {
+            match place.checked_sub(own.len()) {
+                None => return own.get(place),
+                Some(rest) => place = rest,
+            }
+        }
+        None
     }
 
     /// Number of derivatives and outputs.

@@ -155,24 +155,21 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
     for (state, value) in layout.states.iter_mut().zip(&initial) {
         state.start = *value;
     }
-    let size = layout.arguments();
+    let all = [&layout.states, &layout.inputs, &layout.parameters];
+    let starts = all.into_iter().flatten().map(|own| own.start);
+    let start: Vec<f64> = [0.0].into_iter().chain(starts).collect();
+    let size = start.len();
     let mut rates = Rates {
         by_fmu: layout.has_derivatives,
         curved: vec![vec![true; size]; size],
         steps: vec![explore::STEPS[0]; size],
+        start,
         layout,
         pool,
         trouble: Mutex::new(None),
     };
-    let all = [
-        &rates.layout.states,
-        &rates.layout.inputs,
-        &rates.layout.parameters,
-    ];
-    let starts = all.into_iter().flatten().map(|own| own.start);
-    let base: Vec<f64> = [0.0].into_iter().chain(starts).collect();
-    let at_start = check_start(&rates, &base)?;
-    let notes = explore::explore(&mut rates, &base);
+    let at_start = check_start(&rates)?;
+    let notes = explore::explore(&mut rates);
     Ok(FmuEquations {
         next_event,
         notes,
@@ -181,8 +178,8 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
 }
 
 /// The values of the event indicators at the start, where all others are finite.
-fn check_start(rates: &Rates, base: &[f64]) -> Result<Vec<f64>, EquationsError> {
-    let mut values = rates.values(base)?;
+fn check_start(rates: &Rates) -> Result<Vec<f64>, EquationsError> {
+    let mut values = rates.values(&rates.start)?;
     let indicators = values.split_off(rates.layout.unknowns());
     let states = rates
         .layout

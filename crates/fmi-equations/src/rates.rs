@@ -3,6 +3,7 @@
 use crate::layout::Layout;
 use crate::pool::{Held, PointError, Pool};
 use pilotage_expression::{Opaque, Partial};
+use pilotage_text::error_chain::error_chain;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -14,22 +15,21 @@ const OUTER: f64 = 6e-6;
 pub(crate) struct Rates {
     pub(crate) layout: Layout,
     pub(crate) pool: Pool,
+    /// Each argument where the FMU starts.
+    pub(crate) start: Vec<f64>,
     /// Whether derivatives by states and inputs are asked of the FMU.
     pub(crate) by_fmu: bool,
     /// Pairs of arguments, the lower one first, for which something has a second derivative.
     pub(crate) curved: Vec<Vec<bool>>,
     /// For each argument the step of differences, per its size.
     pub(crate) steps: Vec<f64>,
+    /// Why the last point had no values.
     pub(crate) trouble: Mutex<Option<String>>,
 }
 
 impl Opaque for Rates {
-    fn arguments(&self) -> usize {
-        self.layout.arguments()
-    }
-
-    fn neutral(&self, argument: usize) -> f64 {
-        self.layout.argument(argument).map_or(0.0, |own| own.start)
+    fn neutral(&self) -> &[f64] {
+        &self.start
     }
 
     fn depends(&self, partial: Partial) -> bool {
@@ -51,8 +51,7 @@ impl Opaque for Rates {
         }
         if let Err(error) = self.fill(at, wanted, out) {
             out.fill(f64::NAN);
-            let mut trouble = self.trouble.lock().unwrap_or_else(PoisonError::into_inner);
-            *trouble = Some(format!("at {} s: {}", at[0], chain(&error)));
+            self.remember(format!("at {} s: {}", at[0], error_chain(&error)));
         }
     }
 
@@ -64,13 +63,12 @@ impl Opaque for Rates {
     }
 }
 
-/// An error with its causes.
-fn chain(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(error.source(), |cause| cause.source());
-    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
-}
-
 impl Rates {
+    pub(crate) fn remember(&self, trouble: String) {
+        let mut last = self.trouble.lock().unwrap_or_else(PoisonError::into_inner);
+        *last = Some(trouble);
+    }
+
     fn fill(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) -> Result<(), PointError> {
         let mut point = Point {
             rates: self,
@@ -189,7 +187,7 @@ impl Rates {
     }
 
     /// Whether a parameter's range has room for a step up, and down.
-    pub(crate) fn room(&self, value: f64, place: usize, step: f64) -> (bool, bool) {
+    fn room(&self, value: f64, place: usize, step: f64) -> (bool, bool) {
         let is_parameter = self.layout.parameter_arguments().contains(&place);
         let own = self.layout.argument(place).filter(|_| is_parameter);
         let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
@@ -198,13 +196,11 @@ impl Rates {
         (value + size <= most, value - size >= least)
     }
 
-    /// A point moved up and down along an argument, with the argument's values there; parameters stay in their ranges.
-    fn ends(&self, at: &[f64], place: usize, step: f64) -> [(f64, Vec<f64>); 2] {
+    /// A point moved up and down along an argument; parameters stay in their ranges.
+    pub(crate) fn ends(&self, at: &[f64], place: usize, step: f64) -> [Vec<f64>; 2] {
         let (up, down) = self.room(at[place], place, step);
-        [if up { step } else { 0.0 }, if down { -step } else { 0.0 }].map(|step| {
-            let moved = self.moved(at, place, step);
-            (moved[place], moved)
-        })
+        [if up { step } else { 0.0 }, if down { -step } else { 0.0 }]
+            .map(|step| self.moved(at, place, step))
     }
 
     /// Typical magnitude of an argument.
@@ -239,7 +235,7 @@ impl Point<'_> {
                 None => self.at.clone(),
                 Some((other, up)) => {
                     let [above, below] = self.rates.ends(&self.at, other, OUTER);
-                    if up { above.1 } else { below.1 }
+                    if up { above } else { below }
                 }
             };
             self.columns.insert(key, self.rates.slopes(&at, place)?);
@@ -259,14 +255,12 @@ impl Point<'_> {
             return Ok(self.pairs[&(first, second)][row]);
         }
         // The FMU's derivatives by a state or an input, moved along the other.
-        let [(up, _), (down, _)] = rates.ends(&self.at, second, OUTER);
+        let [up, down] = rates.ends(&self.at, second, OUTER).map(|end| end[second]);
         let above = self.column(first, Some((second, true)))?[row];
         let below = self.column(first, Some((second, false)))?[row];
         Ok((above - below) / (up - down))
     }
-}
 
-impl Point<'_> {
     /// Second derivatives by two arguments from values alone, at points that first derivatives by parameters need too:
     /// another value of a parameter is another initialisation.
     fn second_differences(&self, first: usize, second: usize) -> Result<Vec<f64>, PointError> {
@@ -276,11 +270,7 @@ impl Point<'_> {
         let signs = rooms.map(|(up, _)| if up { 1.0 } else { -1.0 });
         let value = |a: f64, b: f64| {
             let moved = rates.moved(at, first, a * signs[0] * step(first));
-            let moved = match b {
-                0.0 => moved,
-                _ => rates.moved(&moved, second, b * signs[1] * step(second)),
-            };
-            rates.values(&moved)
+            rates.values(&rates.moved(&moved, second, b * signs[1] * step(second)))
         };
         let size =
             |place: usize, sign: f64| rates.moved(at, place, sign * step(place))[place] - at[place];
@@ -292,8 +282,7 @@ impl Point<'_> {
             }
             true => vec![(value(2.0, 0.0)?, 1.0), (a, -2.0), (middle, 1.0)],
             false => {
-                let b = rates.moved(at, second, signs[1] * step(second));
-                let (b, both) = (rates.values(&b)?, value(1.0, 1.0)?);
+                let (b, both) = (value(0.0, 1.0)?, value(1.0, 1.0)?);
                 vec![(both, 1.0), (a, -1.0), (b, -1.0), (middle, 1.0)]
             }
         };
