@@ -49,6 +49,8 @@ pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
         "wall_seconds": wall_seconds,
         "status": solution.status.as_str(),
         "iterations": iterations,
+        "evaluations": solution.work.evaluations,
+        "qps": solution.work.qps,
         "objective": solution.iterate.f,
         "kkt": solution.kkt.residual(),
         "end_scales": scales(&problem.model.scales),
@@ -73,6 +75,9 @@ fn run(
     let most = number(request, "max_iterations")? as usize;
     let (clock, iterations) = (Instant::now(), AtomicUsize::new(0));
     let solved = solve(posed, from, most, &|iteration| {
+        if request["log"] == true {
+            eprintln!("{}", super::line(iteration));
+        }
         iterations.fetch_add(usize::from(iteration.number > 0), Ordering::Relaxed);
         match clock.elapsed() < limit {
             true => ControlFlow::Continue(()),
