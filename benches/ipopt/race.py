@@ -7,6 +7,7 @@ tolerance of the scaled KKT residual (1e-8), one thread each. From the repositor
                                                                    both solvers from that pilot's theta
     python3 benches/ipopt/race.py --problems                       problem files: precision, hover, tracking
     python3 benches/ipopt/race.py --problems hover --starts 2      a short one of them
+    python3 benches/ipopt/race.py --problems --default-starts 20   how often fits as they come find the best
 
 It makes a virtual environment with CasADi in .venv/casadi, builds race.rs and lets synthetic humans fly
 into target/race. A solve of ours stands between two of IPOPT's, so that a busy machine hits both, and
@@ -18,7 +19,9 @@ the multipliers that it found; the exit code is 1 when one is not.
 Trials of one's own must have been flown with the default vehicle: nlp.py has its numbers.
 
 Problem files are raced (problems.py) from the values of the model files and from others within a factor 3, with one
-start each and the samples as mesh; their equations in CasADi are in loops.py. IPOPT has the exact Hessian.
+start each and the samples as mesh; their equations in CasADi are in loops.py. IPOPT has the exact Hessian. With
+--default-starts there is no race: each is fitted from so many given starts by the command with its default starts
+(defaults.py), and the exit code is 1 where fewer than nine of ten end within 0.1 % of the best.
 """
 
 import argparse
@@ -46,6 +49,7 @@ def arguments():
     add("--trials", type=Path, nargs="+", metavar="MANIFEST", help="these data sets instead")
     add("--problems", nargs="*", metavar="NAME", help="problem files instead: all, or those called so")
     add("--starts", type=int, metavar="N", help="the default ones, then random ones (4; of problem files 5)")
+    add("--default-starts", type=int, metavar="N", help="no race: so many fits of each problem file")
     add("--theta", type=Path, nargs="+", metavar="FILE", help="these starts instead: TOML or JSON")
     add("--schemes", nargs="+", default=["euler", "trapezoid"], metavar="SCHEME",
         choices=["euler", "trapezoid", "hermite-simpson"], help="euler and trapezoid")
@@ -92,6 +96,17 @@ def run_case(ours, case, options):
     }
 
 
+def named_problems(options):
+    """The problem files that are asked for; all where none is named."""
+    from loops import CASES
+
+    known = [case.name for case in CASES]
+    names = options.problems or known
+    if unknown := set(names) - set(known):
+        raise SystemExit(f"no problem is called {', '.join(unknown)}; {', '.join(known)} are")
+    return names
+
+
 def race_problems(ours, options):
     import problems
 
@@ -99,10 +114,7 @@ def race_problems(ours, options):
         if options.json:
             options.json.write_text(json.dumps(rows, indent=1) + "\n")
 
-    known = [case.name for case in problems.CASES]
-    options.problems = options.problems or known
-    if unknown := set(options.problems) - set(known):
-        raise SystemExit(f"no problem is called {', '.join(unknown)}; {', '.join(known)} are")
+    options.problems = named_problems(options)
     sys.exit(not problems.race(ours, ROOT, options, SAME_OBJECTIVE, write))
 
 
@@ -116,6 +128,11 @@ def main():
     from solvers import Ours
 
     programs = build()
+    if options.default_starts:
+        import defaults
+
+        names = named_problems(options)
+        sys.exit(not defaults.count(programs["pilotage"], ROOT, names, options.default_starts))
     ours = Ours(programs["race"], options.max_iter, options.max_seconds, options.repeats)
     if options.problems is not None:
         return race_problems(ours, options)
