@@ -190,6 +190,16 @@ fn an_fmu_that_fails_is_named() {
     assert_eq!(ended.code, 1, "{ended:?}");
     let why = "diagnostic [undefined]: where the search begins, in run.csv at 0 s: `own`, own.fmu, at 0 s: fmi2GetDerivatives returned fmi2Discard without a message";
     assert!(ended.stdout.contains(why), "{ended:?}");
+    // What is not finite has no figures.
+    let none = "5 measured values: no objective, since not all is finite at the start";
+    assert!(ended.stdout.contains(none), "{ended:?}");
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    let figures = ["objective", "simulated_objective", "chi2", "nllh"].map(|name| &json[name]);
+    assert!(figures.iter().all(|own| own.is_null()), "{json}");
+    assert!(
+        json["runs"][0]["measured"]["x"]["rms_residual"].is_null(),
+        "{json}"
+    );
 }
 
 #[test]

@@ -16,6 +16,8 @@ use std::fmt;
 pub enum Diagnostic {
     /// The solver did not converge.
     NotConverged(Status),
+    /// The states do not fulfil the equations, or constraints do not hold: the largest scaled violation.
+    NotMet(f64),
     /// A parameter lies on an end of its range.
     AtBound {
         /// Its name.
@@ -113,6 +115,7 @@ impl Diagnostic {
     pub fn code(&self) -> &'static str {
         match self {
             Self::NotConverged(_) => "not-converged",
+            Self::NotMet(_) => "not-met",
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
             Self::UnstableLoop { .. } => "unstable-loop",
@@ -140,6 +143,11 @@ impl fmt::Display for Diagnostic {
                 f,
                 "the solver ended with \"{status}\": this is its best iterate, not a result; try other start values, ranges \
                  (min, max) or more `starts`"
+            ),
+            Self::NotMet(violation) => write!(
+                f,
+                "the states that were found do not fulfil the equations and constraints (largest scaled violation \
+                 {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
             ),
             Self::AtBound { name, bound } => write!(
                 f,
@@ -214,8 +222,12 @@ impl fmt::Display for Diagnostic {
                 objective,
             } => write!(
                 f,
-                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): raise \
-                 max_iterations, or begin near it"
+                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): {}",
+                match status {
+                    Status::TimeLimit => "give it more time, or begin near it",
+                    Status::Interrupted | Status::Stopped => "let it go on, or begin near it",
+                    _ => "raise max_iterations, or begin near it",
+                }
             ),
             Self::Alone(starts) => write!(
                 f,
@@ -255,6 +267,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             })
         });
         all.extend(failed.filter(|_| fit.trouble.is_none()));
+    }
+    let is_undefined = fit.status == Status::UndefinedStart;
+    if !fit.is_met() && !is_undefined {
+        all.push(Diagnostic::NotMet(fit.kkt.primal));
     }
     if fit.status == Status::Infeasible {
         let violated = violated(posed, solved).into_iter();
@@ -328,7 +344,8 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
     let (status, objective) = fit.starts[start];
     Some(Diagnostic::LowerStart {
         start: start + 1,
-        status,
+        // What ended the fit ended this start too: it would have gone on.
+        status: fit.cut.unwrap_or(status),
         objective,
     })
 }

@@ -2,7 +2,7 @@
 
 use crate::diagnostics::{Diagnostic, SAME};
 use crate::file::Noise;
-use crate::fit::{Refinement, Solved};
+use crate::fit::{MET, Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
@@ -183,6 +183,12 @@ impl Fit {
             seconds: 0.0,
             trouble: None,
         }
+    }
+
+    /// Whether the states fulfil the equations and the constraints hold. Else objective and residuals are those of no run,
+    /// or what is not finite at the start.
+    pub fn is_met(&self) -> bool {
+        self.status == Status::Converged || self.kkt.primal <= MET
     }
 
     /// Whether it is done: the solver converged, nothing was cut, and the mesh is fine enough, or at least a simulation

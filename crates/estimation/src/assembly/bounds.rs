@@ -180,7 +180,7 @@ impl Assembly<'_> {
 
 impl Unknown {
     /// Between which values the search stays.
-    fn searched_range(&self) -> Interval {
+    pub(crate) fn searched_range(&self) -> Interval {
         let end = |end: Option<f64>, open: f64| end.map_or(open, |end| self.searched(end));
         [end(self.min, ALL[0]), end(self.max, ALL[1])]
     }
