@@ -225,6 +225,10 @@ fn fmus_without_equations_are_refused() {
     refused(
         "own.fmu: it gives no values at its start: it has 200000 event indicators; 100000 are the most that are taken",
     );
+    folder.write("own.fmu", b"");
+    refused("own.fmu is no FMU: the file is empty");
+    folder.write("own.fmu", "no archive");
+    refused("own.fmu is no FMU: it is no zip archive");
     folder.write("own.fmu", b"PK\x03\x04 and no more");
     let ended = folder.pilotage(&["fit", "problem.toml"]);
     assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
@@ -241,4 +245,46 @@ fn fmus_without_equations_are_refused() {
     refused(
         "own.fmu is taken for co-simulation here, which hides its equations; a fit needs kind = \"me\"",
     );
+}
+
+/// Parameters that a fit does not take are told with their type, ranges beyond the FMU's with both.
+#[test]
+fn parameters_that_an_fmu_does_not_offer_are_refused() {
+    let folder = Folder::new();
+    let more = r#"<ScalarVariable name="steps" valueReference="7" causality="parameter" variability="fixed"><Integer start="1"/></ScalarVariable>
+<ScalarVariable name="on" valueReference="7" causality="parameter" variability="fixed"><Boolean start="true"/></ScalarVariable>"#;
+    let refused = |line: &str, why: &str| {
+        let text = alone(&folder, "decay@0.4", 0, &format!("[parameters]\n{line}"));
+        let fmu = foreign::model_exchange_with("decay@0.4", 1, 0, more);
+        folder.write("own.fmu", fmu);
+        folder.write("problem.toml", text);
+        let ended = folder.pilotage(&["fit", "problem.toml"]);
+        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+        assert_eq!(ended.stderr, format!("error: problem.toml:{why}\n"));
+    };
+    let takes = "of its FMU; a fit takes single reals of double precision (Real, Float64) alone, and leaves the others as \
+                 the FMU has them";
+    refused(
+        "\"own.steps\" = {}",
+        &format!("7:1: `own.steps` is a parameter of type Integer {takes}"),
+    );
+    refused(
+        "\"own.on\" = {}",
+        &format!("7:1: `own.on` is a parameter of type Boolean {takes}"),
+    );
+}
+
+/// An FMU that says that it has 4 thousand million event indicators has none of the memory that they need.
+#[test]
+fn too_many_event_indicators_are_refused_by_the_master_too() {
+    let folder = Folder::new();
+    folder.write(
+        "own.fmu",
+        foreign::model_exchange("decay@1", 1, 4_000_000_000),
+    );
+    let run = "cosim own.fmu --stop-time 1 --step 0.1";
+    let ended = folder.pilotage(&run.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(ended.code, 2, "{ended:?}");
+    let why = "it has 4000000000 event indicators; 100000 are the most that are taken";
+    assert!(ended.stderr.contains(why), "{ended:?}");
 }

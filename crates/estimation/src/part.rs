@@ -47,6 +47,8 @@ pub struct FmuPart {
     pub next_event: Option<f64>,
     /// What of its description is not so.
     pub notes: Vec<String>,
+    /// Parameters that are no single reals of double precision, each with its type.
+    pub others: Vec<(String, String)>,
     /// Its function, which knows why it had no values.
     pub function: Arc<dyn Opaque>,
 }
@@ -121,6 +123,7 @@ impl Part {
                 indicators: equations.indicators,
                 next_event: equations.next_event,
                 notes: equations.notes,
+                others: equations.others,
                 function: equations.function,
             }),
             file: None,
@@ -242,6 +245,9 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
             };
             parse(&text, name, &|_| Err(std::io::ErrorKind::NotFound.into()))?
         }
+        InstanceSource::Model(file) if is_called_fmu(file) => {
+            return Err(fault(not_an_fmu(file)));
+        }
         InstanceSource::Model(file) => {
             if let Some(order) = &instance.order {
                 let text = format!("{} has no order; leave `order` out", file.display());
@@ -271,6 +277,22 @@ fn is_fmu(path: &Path) -> bool {
     let is_archive =
         |mut file: File| file.read_exact(&mut first).is_ok() && &first == b"PK\x03\x04";
     path.join("modelDescription.xml").is_file() || File::open(path).is_ok_and(is_archive)
+}
+
+/// What to say of a file that is no FMU, though called one.
+fn not_an_fmu(file: &Path) -> String {
+    let name = file.display();
+    let is_empty = std::fs::metadata(file).is_ok_and(|about| about.len() == 0);
+    match (file.is_dir(), is_empty) {
+        (true, _) => format!("{name} is no FMU: the folder has no modelDescription.xml"),
+        (false, true) => format!("{name} is no FMU: the file is empty"),
+        (false, false) => format!("{name} is no FMU: it is no zip archive"),
+    }
+}
+
+/// Whether what is there is called an FMU.
+fn is_called_fmu(file: &Path) -> bool {
+    file.exists() && file.extension().is_some_and(|end| end == "fmu")
 }
 
 /// An error about a file with its causes, in one line.

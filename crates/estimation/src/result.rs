@@ -301,13 +301,15 @@ fn run_fit(
 fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<Found> {
     let mut all = Vec::new();
     for (unknown, stands) in &posed.unknowns {
+        // The solver is out of a range by its tolerance.
+        let found = |searched: f64| unknown.kept(unknown.found(searched));
         let values: Vec<(Option<String>, f64)> = match stands {
-            Stands::Shared(k) => vec![(None, unknown.found(theta[*k]))],
+            Stands::Shared(k) => vec![(None, found(theta[*k]))],
             Stands::Subjects(subjects) => (subjects.iter())
-                .map(|(subject, k)| (Some(subject.clone()), unknown.found(theta[*k])))
+                .map(|(subject, k)| (Some(subject.clone()), found(theta[*k])))
                 .collect(),
             Stands::State(k) => (posed.data.iter().zip(states))
-                .map(|(run, states)| (Some(run.name()), unknown.found(states[0][*k])))
+                .map(|(run, states)| (Some(run.name()), found(states[0][*k])))
                 .collect(),
         };
         let near = |end: &f64| {

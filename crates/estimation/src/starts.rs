@@ -99,7 +99,7 @@ fn near(unknown: &Unknown, share: f64) -> f64 {
         true => (2.0 * share - 1.0) * unknown.nominal.unwrap_or(1.0),
         false => start * NEAR.powf(2.0 * share - 1.0),
     };
-    within(unknown, value)
+    unknown.kept(value)
 }
 
 /// The value that has this share of the range below it: of the logarithm where the range spans much more than its
@@ -109,15 +109,9 @@ fn far(unknown: &Unknown, share: f64) -> f64 {
         (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
         (Some(min), Some(max)) => min + share * (max - min),
         _ if unknown.start == 0.0 => near(unknown, share),
-        _ if unknown.min.is_none() && !unknown.log && share < TURNED => within(
-            unknown,
-            -unknown.start * FAR.powf(2.0 * share / TURNED - 1.0),
-        ),
-        _ => within(unknown, unknown.start * FAR.powf(2.0 * share - 1.0)),
+        _ if unknown.min.is_none() && !unknown.log && share < TURNED => {
+            unknown.kept(-unknown.start * FAR.powf(2.0 * share / TURNED - 1.0))
+        }
+        _ => unknown.kept(unknown.start * FAR.powf(2.0 * share - 1.0)),
     }
-}
-
-fn within(unknown: &Unknown, value: f64) -> f64 {
-    let min = unknown.min.unwrap_or(f64::NEG_INFINITY);
-    value.clamp(min, unknown.max.unwrap_or(f64::INFINITY))
 }

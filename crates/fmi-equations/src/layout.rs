@@ -39,6 +39,8 @@ pub(crate) struct Layout {
     pub(crate) inputs: Vec<Variable>,
     pub(crate) input_references: Vec<u32>,
     pub(crate) parameters: Vec<Variable>,
+    /// Parameters of other types, with them.
+    pub(crate) others: Vec<(String, String)>,
     /// Outputs that are no states.
     pub(crate) outputs: Vec<Variable>,
     /// Value references of derivatives and outputs.
@@ -65,6 +67,7 @@ impl Layout {
             inputs: Vec::new(),
             input_references: Vec::new(),
             parameters: Vec::new(),
+            others: Vec::new(),
             outputs: Vec::new(),
             unknown_references: Vec::new(),
             output_references: Vec::new(),
@@ -82,6 +85,9 @@ impl Layout {
         }
         for (index, variable) in (1..).zip(&description.variables) {
             if !is_number(variable) {
+                if variable.causality == Causality::Parameter {
+                    own.others.push((variable.name.clone(), type_of(variable)));
+                }
                 continue;
             }
             let is_continuous = variable.variability == Variability::Continuous;
@@ -232,6 +238,22 @@ fn is_number(variable: &ScalarVariable) -> bool {
         _ => false,
     };
     is_double && variable.dimensions.is_empty()
+}
+
+/// What a type that is no single real of double precision is called.
+fn type_of(variable: &ScalarVariable) -> String {
+    let kind = match &variable.kind {
+        VariableKind::Real(real) if real.precision == Precision::Double => "Real",
+        VariableKind::Real(_) => "Float32",
+        VariableKind::Integer { .. } => "Integer",
+        VariableKind::Boolean { .. } => "Boolean",
+        VariableKind::Enumeration { .. } => "Enumeration",
+        _ => "other than Real",
+    };
+    match variable.dimensions.is_empty() {
+        true => kind.to_owned(),
+        false => format!("array of {kind}"),
+    }
 }
 
 fn is_settable(variable: &ScalarVariable) -> bool {

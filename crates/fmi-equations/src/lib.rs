@@ -129,6 +129,8 @@ pub struct FmuEquations {
     pub indicators: Vec<(String, f64)>,
     /// The first time event, of an instance with its start values that begins at 0 \[s\].
     pub next_event: Option<f64>,
+    /// Parameters that are no single reals of double precision, each with its type.
+    pub others: Vec<(String, String)>,
     /// What of the description is not so.
     pub notes: Vec<String>,
     /// The function itself, which knows why it had no values.
@@ -251,6 +253,7 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
         variables: all.into_iter().flatten().cloned().collect(),
         indicators,
         next_event: None,
+        others: layout.others.clone(),
         notes: Vec::new(),
         function,
     }

@@ -2,7 +2,7 @@
 
 use crate::layout::Layout;
 use pilotage_fmi::fmu::Library;
-use pilotage_fmi::instance::MAX_EVENT_ROUNDS;
+use pilotage_fmi::instance::{MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS};
 use pilotage_fmi::{CallError, FmuError, Instance, InterfaceType};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,9 +11,6 @@ use thiserror::Error;
 
 /// Instances that are kept: differences by parameters need two for each.
 const KEPT: usize = 64;
-
-/// Most event indicators: what says more is damaged, and memory ends.
-const MOST_INDICATORS: usize = 100_000;
 
 /// Why an FMU gives no values at a point.
 #[derive(Debug, Error)]
@@ -36,7 +33,9 @@ pub enum PointError {
         states: usize,
     },
     /// It says that it has more event indicators than any model.
-    #[error("it has {indicators} event indicators; {MOST_INDICATORS} are the most that are taken")]
+    #[error(
+        "it has {indicators} event indicators; {MAX_EVENT_INDICATORS} are the most that are taken"
+    )]
     Indicators {
         /// How many.
         indicators: usize,
@@ -172,7 +171,7 @@ impl Pool {
         instance.enter_continuous_time_mode()?;
         // Each instance of FMI 3.0 is asked for its own numbers before anything of theirs is.
         let indicators = instance.number_of_event_indicators()?;
-        if indicators > MOST_INDICATORS {
+        if indicators > MAX_EVENT_INDICATORS {
             return Err(PointError::Indicators { indicators });
         }
         let states = instance.number_of_continuous_states()?;

@@ -35,6 +35,15 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
     let instances: Vec<&(String, Part)> = (posed.joint.parts.iter())
         .filter(|(name, part)| is_fitted(name) && (part.file.is_some() || part.fmu.is_some()))
         .collect();
+    if let (Some(output), true) = (output, instances.is_empty()) {
+        let message = format!(
+            "nothing is sought in an instance with a model, so there is nothing to write to {}",
+            output.display()
+        );
+        return Err(
+            Failure::new(message).hint("leave -o out; --json and --report tell what was found")
+        );
+    }
     let is_folder = output.is_some_and(|output| output.is_dir());
     let path = |instance: &str| match (output, is_folder) {
         (Some(output), true) => output.join(format!("{instance}-fitted.toml")),
