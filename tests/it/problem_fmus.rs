@@ -138,7 +138,12 @@ fn alone(folder: &Folder, model: &str, indicators: usize, rest: &str) -> String 
 #[test]
 fn anybodys_fmu_is_fitted_with_its_derivatives_or_without() {
     let folder = Folder::new();
-    for model in ["decay", "decay-by-differences", "decay-wrongly"] {
+    for model in [
+        "decay",
+        "decay-by-differences",
+        "decay-kinked",
+        "decay-wrongly",
+    ] {
         let model = format!("{model}@0.4");
         let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
         let found = fitted(&folder, &alone(&folder, &model, 0, start));
@@ -165,19 +170,35 @@ fn events_of_fmus_are_named_with_their_time() {
         "error: problem.toml:2:9: own.fmu has an event at 0.5 s, and run.csv goes on to 2 s; a fit takes equations \
          without events: cut the runs there\n"
     );
-    // The state rises by 1 in a second; the indicator is positive between 0.475 and 0.525.
-    let found = fitted(
-        &folder,
-        &alone(&folder, "pulse", 1, &format!("{sensor} 0.0")),
-    );
-    let words = doubt(&found, "event").unwrap();
-    let expected = "`own` (own.fmu) has an event up to 0.5 s of run.csv, where event indicator 1 changes its sign";
-    assert!(words.starts_with(expected), "{words}");
-    let found = fitted(
-        &folder,
-        &alone(&folder, "pulse", 1, &format!("{sensor} 0.6")),
-    );
-    assert_eq!(doubt(&found, "event"), None);
+    // The state rises by 1 in a second; the indicator is positive between 0.475 and 0.525. Samples are half a second
+    // apart, and the mesh has a point in the middle.
+    let event = |begin: &str| {
+        let problem = alone(&folder, "pulse", 1, &format!("{sensor} {begin}"));
+        doubt(&fitted(&folder, &problem), "event")
+    };
+    for (begin, until) in [("0.0", "0.5"), ("0.25", "0.25"), ("0.5", "0.25")] {
+        let words = event(begin).unwrap();
+        let expected = format!(
+            "`own` (own.fmu) has an event up to {until} s of run.csv, where event indicator 1 changes its sign"
+        );
+        assert!(words.starts_with(&expected), "{words}");
+    }
+    assert_eq!(event("0.6"), None);
+}
+
+/// After a fatal error no call is made; the fit says which it was.
+#[test]
+fn a_fatal_call_ends_a_fit_by_its_name() {
+    let folder = Folder::new();
+    let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
+    folder.write("problem.toml", alone(&folder, "fatal@0.4", 0, start));
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
+    assert_eq!(ended.code, 1, "{ended:?}");
+    let json = ended.json();
+    let words = doubt(&json, "fmu-failed").unwrap();
+    let call = "the FMU of `own` failed on the way, fmi2GetDerivatives returned fmi2Fatal";
+    assert!(words.starts_with(call), "{words}");
+    assert_eq!(doubt(&json, "undefined"), None);
 }
 
 /// Torricelli's law discards negative levels.

@@ -4,6 +4,7 @@ use crate::active::{on_stability_bound, violated};
 use crate::events::{Event, events};
 use crate::file::Mesh;
 use crate::fit::Solved;
+use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
@@ -251,23 +252,23 @@ impl fmt::Display for Diagnostic {
 /// All that speaks against a result, the heaviest first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
+    let dead = failed(posed, |fmu| fmu.calls.fatal());
     if let Some(status) = fit.cut {
         all.push(Diagnostic::Cut {
             status,
             starts: fit.starts.iter().filter(|own| own.0 == status).count(),
             refinement: !fit.refinement.is_done,
         });
+    } else if fit.status != Status::Converged && !dead.is_empty() {
+        all.push(Diagnostic::NotConverged(fit.status));
     } else if fit.status != Status::Converged {
         all.push(Diagnostic::NotConverged(fit.status));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
-        let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
-            Some(Diagnostic::FmuFailed {
-                instance: instance.clone(),
-                trouble: part.fmu.as_ref()?.function.trouble()?,
-            })
-        });
-        all.extend(failed.filter(|_| fit.trouble.is_none()));
+        if fit.trouble.is_none() {
+            all.extend(failed(posed, |fmu| fmu.function.trouble()));
+        }
     }
+    all.extend(dead);
     let is_undefined = fit.status == Status::UndefinedStart;
     if !fit.is_met() && !is_undefined {
         all.push(Diagnostic::NotMet(fit.kkt.primal));
@@ -290,7 +291,9 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         let kept = on_stability_bound(posed, solved).into_iter();
         all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
-    all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
+    if fit.is_met() {
+        all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
+    }
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
@@ -322,6 +325,17 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let is_known = fit.status == Status::Converged && fit.cut.is_none();
     all.extend((is_known && !fit.agrees()).then_some(simulated));
     all
+}
+
+/// FMUs of which there is something to tell of failed calls.
+fn failed(posed: &Posed<'_>, trouble: impl Fn(&FmuPart) -> Option<String>) -> Vec<Diagnostic> {
+    let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
+        Some(Diagnostic::FmuFailed {
+            instance: instance.clone(),
+            trouble: trouble(part.fmu.as_ref()?)?,
+        })
+    });
+    failed.collect()
 }
 
 /// Whether the states' derivatives are linear in them: where they are not, what grows at one point may be an

@@ -3,7 +3,7 @@
 use crate::error::ProblemError;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
 use pilotage_expression::{Model, Node, Opaque};
-use pilotage_fmi_equations::{EquationsError, FmuEquations, Variable as FmuVariable};
+use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
 use pilotage_language::{Compiled, ModelFileError, parse};
 use pilotage_models::{library, traced};
@@ -41,14 +41,16 @@ pub struct Part {
 pub struct FmuPart {
     /// The file.
     pub path: PathBuf,
-    /// Its event indicators among the outputs, each with its value where the FMU starts.
-    pub indicators: Vec<(String, f64)>,
+    /// Its event indicators among the outputs.
+    pub indicators: Vec<String>,
     /// The first time event \[s\].
     pub next_event: Option<f64>,
     /// What of its description is not so.
     pub notes: Vec<String>,
     /// Parameters that are no single reals of double precision, each with its type.
     pub others: Vec<(String, String)>,
+    /// Whether it can still be called.
+    pub calls: Calls,
     /// Its function, which knows why it had no values.
     pub function: Arc<dyn Opaque>,
 }
@@ -124,6 +126,7 @@ impl Part {
                 next_event: equations.next_event,
                 notes: equations.notes,
                 others: equations.others,
+                calls: equations.calls,
                 function: equations.function,
             }),
             file: None,

@@ -125,16 +125,29 @@ pub struct FmuEquations {
     pub starts: Vec<Node>,
     /// States, inputs, parameters and outputs.
     pub variables: Vec<Variable>,
-    /// Names of the event indicators among the outputs, and their values where the FMU starts.
-    pub indicators: Vec<(String, f64)>,
+    /// Names of the event indicators among the outputs.
+    pub indicators: Vec<String>,
     /// The first time event, of an instance with its start values that begins at 0 \[s\].
     pub next_event: Option<f64>,
     /// Parameters that are no single reals of double precision, each with its type.
     pub others: Vec<(String, String)>,
     /// What of the description is not so.
     pub notes: Vec<String>,
+    /// Whether it can still be called.
+    pub calls: Calls,
     /// The function itself, which knows why it had no values.
     pub function: Arc<dyn Opaque>,
+}
+
+/// Whether an FMU can still be called.
+#[derive(Debug, Clone)]
+pub struct Calls(Arc<Rates>);
+
+impl Calls {
+    /// The call that ended with a fatal error, after which none is made.
+    pub fn fatal(&self) -> Option<String> {
+        self.0.pool.fatal()
+    }
 }
 
 /// Loads an FMU and looks at its equations where it starts.
@@ -170,19 +183,19 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
         pool,
         trouble: Mutex::new(None),
     };
-    let at_start = check_start(&rates)?;
+    check_start(&rates)?;
     let notes = explore::explore(&mut rates);
     Ok(FmuEquations {
         next_event,
         notes,
-        ..made(Arc::new(rates), &at_start)
+        ..made(Arc::new(rates))
     })
 }
 
-/// The values of the event indicators at the start, where all others are finite.
-fn check_start(rates: &Rates) -> Result<Vec<f64>, EquationsError> {
+/// Refuses derivatives and outputs that are not finite at the start.
+fn check_start(rates: &Rates) -> Result<(), EquationsError> {
     let mut values = rates.values(&rates.start)?;
-    let indicators = values.split_off(rates.layout.unknowns());
+    values.truncate(rates.layout.unknowns());
     let states = rates
         .layout
         .states
@@ -196,12 +209,12 @@ fn check_start(rates: &Rates) -> Result<Vec<f64>, EquationsError> {
     let mut named = states.chain(outputs).zip(values);
     match named.find(|(_, value)| !value.is_finite()) {
         Some((name, value)) => Err(EquationsError::NotFinite { name, value }),
-        None => Ok(indicators),
+        None => Ok(()),
     }
 }
 
 /// The equations as calls of the FMU.
-fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
+fn made(rates: Arc<Rates>) -> FmuEquations {
     let layout = &rates.layout;
     let mut graph = Graph::default();
     let variables: Vec<Node> = (0..layout.arguments()).map(|k| graph.variable(k)).collect();
@@ -223,11 +236,8 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
         });
     let starts = starts.collect();
     let names = |own: &[Variable]| own.iter().map(|own| own.name.clone()).collect::<Vec<_>>();
-    let numbered = (1..).zip(at_start);
-    let indicators: Vec<(String, f64)> = numbered
-        .map(|(k, value)| (format!("event indicator {k}"), *value))
-        .collect();
-    let hidden = indicators.iter().map(|(name, _)| name.clone());
+    let numbers = 1..=layout.indicators;
+    let indicators: Vec<String> = numbers.map(|k| format!("event indicator {k}")).collect();
     let all = [
         &layout.states,
         &layout.inputs,
@@ -247,7 +257,10 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
             states: names(&layout.states),
             inputs: names(&layout.inputs),
             parameters: names(&layout.parameters),
-            outputs: names(&layout.outputs).into_iter().chain(hidden).collect(),
+            outputs: names(&layout.outputs)
+                .into_iter()
+                .chain(indicators.iter().cloned())
+                .collect(),
         },
         starts,
         variables: all.into_iter().flatten().cloned().collect(),
@@ -255,6 +268,7 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
         next_event: None,
         others: layout.others.clone(),
         notes: Vec::new(),
+        calls: Calls(rates.clone()),
         function,
     }
 }

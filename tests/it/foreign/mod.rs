@@ -178,7 +178,7 @@ pub fn model_exchange(model: &str, states: usize, indicators: usize) -> Vec<u8> 
 
 /// The same with more variables behind its own.
 pub fn model_exchange_with(model: &str, states: usize, indicators: usize, more: &str) -> Vec<u8> {
-    let has_jacobian = ["decay@", "decay-wrongly", "van-der-pol"]
+    let has_jacobian = ["decay@", "decay-kinked", "decay-wrongly", "van-der-pol"]
         .iter()
         .any(|own| model.starts_with(own));
     let state = |i: usize| {
