@@ -309,3 +309,23 @@ fn too_many_event_indicators_are_refused_by_the_master_too() {
     let why = "it has 4000000000 event indicators; 100000 are the most that are taken";
     assert!(ended.stderr.contains(why), "{ended:?}");
 }
+
+/// A local is no output, and measured all the same; its derivatives are differences.
+#[test]
+fn a_local_of_an_fmu_is_measured() {
+    let folder = Folder::new();
+    let more = "<ScalarVariable name=\"tripled\" valueReference=\"23\" causality=\"local\"><Real/></ScalarVariable>";
+    for model in ["decay@0.4", "decay-by-differences@0.4"] {
+        let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
+        let problem = alone(&folder, model, 0, start);
+        folder.write("own.fmu", foreign::model_exchange_with(model, 1, 0, more));
+        let tripled = problem.replace("signal = \"own.x0\"", "expression = \"own.tripled / 3\"");
+        let found = fitted(&folder, &tripled);
+        assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
+        assert_eq!(doubt(&found, "fmu-description"), None);
+        // As a signal, with the sensor that undoes it.
+        let tripled = problem.replace("\"own.x0\"", "\"own.tripled\"\ngain = 0.3333333333333333");
+        let found = fitted(&folder, &tripled);
+        assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
+    }
+}

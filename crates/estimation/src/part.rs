@@ -12,7 +12,7 @@ use pilotage_text::document::DocumentError;
 use pilotage_text::error_chain::error_chain;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::error::Error;
 use std::fs::File;
 use std::io::Read;
@@ -47,6 +47,8 @@ pub struct FmuPart {
     pub next_event: Option<f64>,
     /// What of its description is not so.
     pub notes: Vec<String>,
+    /// Names of its continuous locals.
+    pub locals: Vec<String>,
     /// Parameters that are no single reals of double precision, each with its type.
     pub others: Vec<(String, String)>,
     /// Whether it can still be called.
@@ -109,7 +111,15 @@ impl Part {
     /// # Errors
     /// When it cannot be loaded, or has no equations.
     pub fn of_fmu(path: &Path) -> Result<Self, EquationsError> {
-        let equations = pilotage_fmi_equations::open(path)?;
+        Self::of_fmu_with(path, &[])
+    }
+
+    /// The same with these of its locals as outputs.
+    ///
+    /// # Errors
+    /// As [`Self::of_fmu`].
+    pub fn of_fmu_with(path: &Path, locals: &[String]) -> Result<Self, EquationsError> {
+        let equations = pilotage_fmi_equations::open_with(path, locals)?;
         let FmuEquations { model, starts, .. } = equations;
         // Of an output that is a state the state is told first.
         let mut variables = HashMap::new();
@@ -125,6 +135,7 @@ impl Part {
                 indicators: equations.indicators,
                 next_event: equations.next_event,
                 notes: equations.notes,
+                locals: equations.locals,
                 others: equations.others,
                 calls: equations.calls,
                 function: equations.function,
@@ -159,6 +170,32 @@ impl Part {
             model,
         })
     }
+}
+
+/// An instance with those locals of its FMU among the outputs that the problem names.
+///
+/// # Errors
+/// When the FMU cannot be loaded again.
+pub fn with_locals(
+    instance: &InstanceDescription,
+    part: Part,
+    named: &HashSet<String>,
+) -> Result<Part, ProblemError> {
+    let Some(fmu) = &part.fmu else {
+        return Ok(part);
+    };
+    let is_named = |local: &&String| named.contains(&format!("{}.{local}", instance.name));
+    let wanted: Vec<String> = fmu.locals.iter().filter(is_named).cloned().collect();
+    if wanted.is_empty() {
+        return Ok(part);
+    }
+    let path = fmu.path.clone();
+    // Of some FMUs there may be one instance at a time.
+    drop(part);
+    let bad = |error: EquationsError| {
+        ProblemError::maybe_at(instance.source.place.as_ref(), in_full(&path, &error))
+    };
+    Part::of_fmu_with(&path, &wanted).map_err(bad)
 }
 
 fn of_fmu(variable: &FmuVariable) -> About {

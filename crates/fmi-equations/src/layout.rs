@@ -41,9 +41,11 @@ pub(crate) struct Layout {
     pub(crate) parameters: Vec<Variable>,
     /// Parameters of other types, with them.
     pub(crate) others: Vec<(String, String)>,
-    /// Outputs that are no states.
+    /// Outputs that are no states; behind them the locals that were asked for.
     pub(crate) outputs: Vec<Variable>,
-    /// Value references of derivatives and outputs.
+    /// Names of all locals that may be asked for.
+    pub(crate) locals: Vec<String>,
+    /// Value references of derivatives and outputs, without locals.
     pub(crate) unknown_references: Vec<u32>,
     pub(crate) output_references: Vec<u32>,
     pub(crate) indicators: usize,
@@ -53,8 +55,11 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// Of an FMU for model exchange.
-    pub(crate) fn new(description: &ModelDescription) -> Result<Self, EquationsError> {
+    /// Of an FMU for model exchange, with these of its locals as outputs.
+    pub(crate) fn new(
+        description: &ModelDescription,
+        wanted: &[String],
+    ) -> Result<Self, EquationsError> {
         let me = description
             .model_exchange
             .as_ref()
@@ -69,6 +74,7 @@ impl Layout {
             parameters: Vec::new(),
             others: Vec::new(),
             outputs: Vec::new(),
+            locals: Vec::new(),
             unknown_references: Vec::new(),
             output_references: Vec::new(),
             indicators: 0,
@@ -101,15 +107,35 @@ impl Layout {
                 _ => {}
             }
         }
+        let outputs = own.outputs.len();
+        for (index, variable) in (1..).zip(&description.variables) {
+            if !own.is_local(variable, index) {
+                continue;
+            }
+            own.locals.push(variable.name.clone());
+            if wanted.contains(&variable.name) {
+                own.outputs.push(about(index));
+                unknowns.push(None);
+            }
+        }
         own.check_names()?;
         own.input_references = own.inputs.iter().map(|input| input.reference).collect();
         own.output_references = own.outputs.iter().map(|output| output.reference).collect();
-        own.unknown_references = [&own.rates[..], &own.output_references].concat();
+        own.unknown_references = [&own.rates[..], &own.output_references[..outputs]].concat();
         own.depends = unknowns
             .into_iter()
             .map(|unknown| own.listed(unknown))
             .collect();
         Ok(own)
+    }
+
+    /// Whether a variable is a continuous local that is neither a state nor a derivative of one.
+    fn is_local(&self, variable: &ScalarVariable, index: u32) -> bool {
+        variable.causality == Causality::Local
+            && variable.variability == Variability::Continuous
+            && is_number(variable)
+            && self.states.iter().all(|state| state.index != index)
+            && !self.rates.contains(&variable.value_reference)
     }
 
     fn check_names(&self) -> Result<(), EquationsError> {

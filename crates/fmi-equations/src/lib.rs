@@ -129,6 +129,8 @@ pub struct FmuEquations {
     pub indicators: Vec<String>,
     /// The first time event, of an instance with its start values that begins at 0 \[s\].
     pub next_event: Option<f64>,
+    /// Names of all continuous locals that may be asked for ([`open_with`]).
+    pub locals: Vec<String>,
     /// Parameters that are no single reals of double precision, each with its type.
     pub others: Vec<(String, String)>,
     /// What of the description is not so.
@@ -155,8 +157,17 @@ impl Calls {
 /// # Errors
 /// When it cannot be loaded, is not for model exchange, has states that are arrays, or gives no values at its start.
 pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
+    open_with(path, &[])
+}
+
+/// The same with these of its [locals](FmuEquations::locals) among the outputs. Their derivatives are differences: an FMU
+/// tells those of its outputs alone.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, EquationsError> {
     let mut fmu = Fmu::open(path)?;
-    let mut layout = Layout::new(fmu.description())?;
+    let mut layout = Layout::new(fmu.description(), locals)?;
     let pool = Pool::new(fmu.load()?);
     let parameters: Vec<f64> = layout.parameters.iter().map(|own| own.start).collect();
     let first = |layout: &mut Layout| -> Result<(Vec<f64>, Option<f64>), PointError> {
@@ -266,6 +277,7 @@ fn made(rates: Arc<Rates>) -> FmuEquations {
         variables: all.into_iter().flatten().cloned().collect(),
         indicators,
         next_event: None,
+        locals: layout.locals.clone(),
         others: layout.others.clone(),
         notes: Vec::new(),
         calls: Calls(rates.clone()),

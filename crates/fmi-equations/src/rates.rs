@@ -141,7 +141,12 @@ impl Rates {
                     )?;
                     Ok(column)
                 };
-                self.at(at, ask)
+                let mut column = self.at(at, ask)?;
+                if column.len() < layout.unknowns() {
+                    let all = self.differences(at, place, self.steps[place])?;
+                    column.extend_from_slice(&all[column.len()..]);
+                }
+                Ok(column)
             }
             None => self.differences(at, place, self.steps[place]),
         }

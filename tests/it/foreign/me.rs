@@ -261,6 +261,7 @@ unsafe extern "C" fn fmi2GetReal(c: *mut c_void, vr: *const c_uint, n: usize, to
             20 => fmu.p,
             21 => fmu.u,
             22 => fmu.x[0] + fmu.u,
+            23 => 3.0 * fmu.x[0],
             _ => return ERROR,
         };
         unsafe { *to.add(i) = value };
