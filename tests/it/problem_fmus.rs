@@ -329,3 +329,30 @@ fn a_local_of_an_fmu_is_measured() {
         assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
     }
 }
+
+/// `ẋ = -rate x`, of pilotage's own making: its start value is a parameter, which is no part of `own.*`.
+#[test]
+fn a_fitted_fmu_of_our_own_begins_where_it_was_found_to() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"decay\"\n[parameters]\nrate = { start = 0.4, unit = \"1/s\" }\n[states]\n\
+                 x0 = { start = 3, der = \"-rate * x0\" }\n[outputs]\ny = \"x0\"\n";
+    let rest = "[parameters]\n\"own.*\" = {}\n[initial]\n\"own.x0\" = \"free\"";
+    let problem = alone(&folder, "decay@1", 0, rest);
+    folder.write("decay.toml", model);
+    let exported = folder.pilotage(&["export", "decay.toml", "-o", "own.fmu", "--force"]);
+    assert_eq!(exported.code, 0, "{exported:?}");
+    let found = fitted(&folder, &problem);
+    let names: Vec<&String> = found["parameters"].as_object().unwrap().keys().collect();
+    assert_eq!(names, ["own.rate"]);
+    assert!((value(&found, "own.rate") - 1.3).abs() < 2e-5, "{found}");
+    let flown = "cosim own-fitted.toml --stop-time 2 --step 0.5 -o flown.csv";
+    let ended = folder.pilotage(&flown.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let result = folder.read("flown.csv");
+    let flown = result.lines().skip(1);
+    let recorded = DECAY.lines().skip(1);
+    for (line, expected) in flown.zip(recorded) {
+        let number = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+        assert!((number(line) - number(expected)).abs() < 1e-4, "{result}");
+    }
+}

@@ -116,6 +116,13 @@ impl Joint {
         found.map(|(_, kind)| kind.as_str())
     }
 
+    /// Whether a parameter is the start value of a state of an FMU.
+    pub fn is_start_parameter(&self, name: &str) -> bool {
+        let found = self.part_of(name);
+        let fmu = found.and_then(|(part, own)| Some((part.fmu.as_ref()?, own)));
+        fmu.is_some_and(|(fmu, own)| fmu.start_parameters.iter().any(|(_, start)| start == own))
+    }
+
     /// The part whose instance a name begins with, and the rest of the name.
     fn part_of<'n>(&self, name: &'n str) -> Option<(&Part, &'n str)> {
         self.parts.iter().find_map(|(instance, part)| {

@@ -47,6 +47,8 @@ pub struct FmuPart {
     pub next_event: Option<f64>,
     /// What of its description is not so.
     pub notes: Vec<String>,
+    /// States with the parameters that they begin at, of FMUs that pilotage has made.
+    pub start_parameters: Vec<(String, String)>,
     /// Names of its continuous locals.
     pub locals: Vec<String>,
     /// Parameters that are no single reals of double precision, each with its type.
@@ -135,6 +137,7 @@ impl Part {
                 indicators: equations.indicators,
                 next_event: equations.next_event,
                 notes: equations.notes,
+                start_parameters: equations.start_parameters,
                 locals: equations.locals,
                 others: equations.others,
                 calls: equations.calls,

@@ -150,7 +150,8 @@ impl Parameters {
         }
     }
 
-    /// All parameters of an instance that have no line of their own.
+    /// All parameters of an instance that have no line of their own, without those of its FMU that are start values of
+    /// states.
     fn seek_all(
         &mut self,
         line: &Sought,
@@ -159,7 +160,8 @@ impl Parameters {
     ) -> Result<(), ProblemError> {
         let instance = line.name.value.trim_end_matches('*');
         let own = joint.model.parameters.iter();
-        let own: Vec<&String> = own.filter(|name| name.starts_with(instance)).collect();
+        let own = own.filter(|name| name.starts_with(instance));
+        let own: Vec<&String> = own.filter(|name| !joint.is_start_parameter(name)).collect();
         if own.is_empty() {
             let named = instance.trim_end_matches('.');
             if joint.parts.iter().any(|(name, _)| name == named) {

@@ -202,6 +202,20 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// States with the parameters that they begin at, which FMUs of pilotage call `STATE_start`.
+    pub(crate) fn start_parameters(&self, description: &ModelDescription) -> Vec<(String, String)> {
+        let tool = description.generation_tool.as_deref();
+        if !tool.is_some_and(|tool| tool.starts_with("pilotage ")) {
+            return Vec::new();
+        }
+        let states = self.states.iter().map(|state| &state.name);
+        let named = states.map(|name| (name.clone(), format!("{name}_start")));
+        let is_there = |start: &String| self.parameters.iter().any(|own| own.name == *start);
+        named.filter(|(_, start)| is_there(start)).collect()
+    }
+}
+
 /// Value reference of a listed derivative, and index of its state.
 fn state_of(description: &ModelDescription, index: u32) -> Result<(u32, u32), EquationsError> {
     let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);

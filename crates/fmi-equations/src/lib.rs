@@ -129,6 +129,8 @@ pub struct FmuEquations {
     pub indicators: Vec<String>,
     /// The first time event, of an instance with its start values that begins at 0 \[s\].
     pub next_event: Option<f64>,
+    /// Of FMUs that pilotage has made: states, each with the parameter that it begins at.
+    pub start_parameters: Vec<(String, String)>,
     /// Names of all continuous locals that may be asked for ([`open_with`]).
     pub locals: Vec<String>,
     /// Parameters that are no single reals of double precision, each with its type.
@@ -168,6 +170,7 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
 pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, EquationsError> {
     let mut fmu = Fmu::open(path)?;
     let mut layout = Layout::new(fmu.description(), locals)?;
+    let start_parameters = layout.start_parameters(fmu.description());
     let pool = Pool::new(fmu.load()?);
     let parameters: Vec<f64> = layout.parameters.iter().map(|own| own.start).collect();
     let first = |layout: &mut Layout| -> Result<(Vec<f64>, Option<f64>), PointError> {
@@ -199,6 +202,7 @@ pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, Equatio
     Ok(FmuEquations {
         next_event,
         notes,
+        start_parameters,
         ..made(Arc::new(rates))
     })
 }
@@ -280,6 +284,7 @@ fn made(rates: Arc<Rates>) -> FmuEquations {
         locals: layout.locals.clone(),
         others: layout.others.clone(),
         notes: Vec::new(),
+        start_parameters: Vec::new(),
         calls: Calls(rates.clone()),
         function,
     }

@@ -97,12 +97,7 @@ impl Fitted {
             values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
-            // A state that the FMU computes cannot be set.
-            let (states, graph) = (&part.model.states, &part.model.system.graph);
-            let place = |name: &String| states.iter().position(|state| state == name);
-            let (kept, lost): (Vec<_>, Vec<_>) = values.into_iter().partition(|(name, _)| {
-                place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
-            });
+            let (kept, lost) = settable(part, values);
             for (name, value) in lost {
                 head +=
                     &format!("# {name} began at {value}; the FMU computes it and cannot be told\n");
@@ -149,6 +144,33 @@ impl Fitted {
         let text = head + &fitted.to_toml(folder)?;
         overwrite::save(&self.path, text)
     }
+}
+
+/// Variables with their values.
+type Values = Vec<(String, f64)>;
+
+/// What an FMU can be told of these values, and what not: a state that it computes begins at a parameter, or nobody can
+/// tell.
+fn settable(part: &Part, values: Values) -> (Values, Values) {
+    let (states, graph) = (&part.model.states, &part.model.system.graph);
+    let place = |name: &String| states.iter().position(|state| state == name);
+    let is_set = |(name, _): &(String, f64)| {
+        place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
+    };
+    let (mut kept, computed): (Values, Values) = values.into_iter().partition(is_set);
+    let starts = part.fmu.iter().flat_map(|fmu| &fmu.start_parameters);
+    let starts: Vec<&(String, String)> = starts.collect();
+    let mut lost = Vec::new();
+    for (name, value) in computed {
+        match starts.iter().find(|(state, _)| *state == name) {
+            Some((_, start)) => {
+                kept.retain(|(own, _)| own != start);
+                kept.push((start.clone(), value));
+            }
+            None => lost.push((name, value)),
+        }
+    }
+    (kept, lost)
 }
 
 /// What the runs of a fit had and their models do not say, and whether it was sought.
