@@ -1,6 +1,6 @@
 //! FMUs in a fit: as vehicle, as pilot, alone; against the same models as files, and with what speaks against them.
 
-use crate::command::Folder;
+use crate::command::{Folder, example};
 use crate::{foreign, shipped};
 use serde_json::Value;
 
@@ -355,4 +355,52 @@ fn a_fitted_fmu_of_our_own_begins_where_it_was_found_to() {
         let number = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
         assert!((number(line) - number(expected)).abs() < 1e-4, "{result}");
     }
+}
+
+/// FMUs are wired by names; the parameters of our own are sought, those of other tools are suggestions.
+#[test]
+fn init_takes_fmus_as_pilot_and_vehicle() {
+    let folder = Folder::new();
+    for (model, fmu) in [("lead_lag", "pilot.fmu"), ("quadcopter", "vehicle.fmu")] {
+        assert_eq!(folder.pilotage(&["export", model, "-o", fmu]).code, 0);
+    }
+    let run = example("trials").join("10m-run1.csv").display().to_string();
+    let init = [
+        "init",
+        &run,
+        "--pilot",
+        "pilot.fmu",
+        "--vehicle",
+        "vehicle.fmu",
+    ];
+    let to = ["-o", "problem.toml"];
+    let ended = folder.pilotage(&[&init[..], &to].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("problem.toml");
+    for line in [
+        "model = \"pilot.fmu\"\n",
+        "\"pilot.stick\" = \"vehicle.stick\"\n\"vehicle.z\" = \"pilot.position\"\n",
+        "\"pilot.target\" = \"target\"\n",
+        "signal = \"vehicle.z\"\ncolumn = \"position\"\n",
+        "\n\"pilot.lag\" = { start = 0.1 }",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    assert!(!text.contains("lagged_start"), "{text}");
+    let ended = folder.pilotage(&["fit", "problem.toml", "--evaluate"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    folder.write("run.csv", DECAY.replace("time,x", "time,x0"));
+    folder.write("own.fmu", foreign::model_exchange("decay@0.4", 1, 0));
+    let init = ["init", "run.csv", "--model", "own.fmu"];
+    let text = folder.pilotage(&init).stdout;
+    for line in [
+        "signal = \"model.x0\"\n",
+        "\n# \"model.p\" = { start = 1.0 }",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    // What is suggested is sought when it is asked for.
+    folder.write("problem.toml", text.replace("# \"model.p\"", "\"model.p\""));
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    assert!((value(&json, "model.p") - 1.3).abs() < 2e-5, "{json}");
 }
