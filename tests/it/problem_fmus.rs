@@ -1,6 +1,6 @@
 //! FMUs in a fit: as vehicle, as pilot, alone; against the same models as files, and with what speaks against them.
 
-use crate::command::Folder;
+use crate::command::{Folder, example};
 use crate::{foreign, shipped};
 use serde_json::Value;
 
@@ -138,7 +138,12 @@ fn alone(folder: &Folder, model: &str, indicators: usize, rest: &str) -> String 
 #[test]
 fn anybodys_fmu_is_fitted_with_its_derivatives_or_without() {
     let folder = Folder::new();
-    for model in ["decay", "decay-by-differences", "decay-wrongly"] {
+    for model in [
+        "decay",
+        "decay-by-differences",
+        "decay-kinked",
+        "decay-wrongly",
+    ] {
         let model = format!("{model}@0.4");
         let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
         let found = fitted(&folder, &alone(&folder, &model, 0, start));
@@ -165,19 +170,35 @@ fn events_of_fmus_are_named_with_their_time() {
         "error: problem.toml:2:9: own.fmu has an event at 0.5 s, and run.csv goes on to 2 s; a fit takes equations \
          without events: cut the runs there\n"
     );
-    // The state rises by 1 in a second; the indicator is positive between 0.475 and 0.525.
-    let found = fitted(
-        &folder,
-        &alone(&folder, "pulse", 1, &format!("{sensor} 0.0")),
-    );
-    let words = doubt(&found, "event").unwrap();
-    let expected = "`own` (own.fmu) has an event up to 0.5 s of run.csv, where event indicator 1 changes its sign";
-    assert!(words.starts_with(expected), "{words}");
-    let found = fitted(
-        &folder,
-        &alone(&folder, "pulse", 1, &format!("{sensor} 0.6")),
-    );
-    assert_eq!(doubt(&found, "event"), None);
+    // The state rises by 1 in a second; the indicator is positive between 0.475 and 0.525. Samples are half a second
+    // apart, and the mesh has a point in the middle.
+    let event = |begin: &str| {
+        let problem = alone(&folder, "pulse", 1, &format!("{sensor} {begin}"));
+        doubt(&fitted(&folder, &problem), "event")
+    };
+    for (begin, until) in [("0.0", "0.5"), ("0.25", "0.25"), ("0.5", "0.25")] {
+        let words = event(begin).unwrap();
+        let expected = format!(
+            "`own` (own.fmu) has an event up to {until} s of run.csv, where event indicator 1 changes its sign"
+        );
+        assert!(words.starts_with(&expected), "{words}");
+    }
+    assert_eq!(event("0.6"), None);
+}
+
+/// After a fatal error no call is made; the fit says which it was.
+#[test]
+fn a_fatal_call_ends_a_fit_by_its_name() {
+    let folder = Folder::new();
+    let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
+    folder.write("problem.toml", alone(&folder, "fatal@0.4", 0, start));
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
+    assert_eq!(ended.code, 1, "{ended:?}");
+    let json = ended.json();
+    let words = doubt(&json, "fmu-failed").unwrap();
+    let call = "the FMU of `own` failed on the way, fmi2GetDerivatives returned fmi2Fatal";
+    assert!(words.starts_with(call), "{words}");
+    assert_eq!(doubt(&json, "undefined"), None);
 }
 
 /// Torricelli's law discards negative levels.
@@ -190,6 +211,16 @@ fn an_fmu_that_fails_is_named() {
     assert_eq!(ended.code, 1, "{ended:?}");
     let why = "diagnostic [undefined]: where the search begins, in run.csv at 0 s: `own`, own.fmu, at 0 s: fmi2GetDerivatives returned fmi2Discard without a message";
     assert!(ended.stdout.contains(why), "{ended:?}");
+    // What is not finite has no figures.
+    let none = "5 measured values: no objective, since not all is finite at the start";
+    assert!(ended.stdout.contains(none), "{ended:?}");
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    let figures = ["objective", "simulated_objective", "chi2", "nllh"].map(|name| &json[name]);
+    assert!(figures.iter().all(|own| own.is_null()), "{json}");
+    assert!(
+        json["runs"][0]["measured"]["x"]["rms_residual"].is_null(),
+        "{json}"
+    );
 }
 
 #[test]
@@ -215,6 +246,10 @@ fn fmus_without_equations_are_refused() {
     refused(
         "own.fmu: it gives no values at its start: it has 200000 event indicators; 100000 are the most that are taken",
     );
+    folder.write("own.fmu", b"");
+    refused("own.fmu is no FMU: the file is empty");
+    folder.write("own.fmu", "no archive");
+    refused("own.fmu is no FMU: it is no zip archive");
     folder.write("own.fmu", b"PK\x03\x04 and no more");
     let ended = folder.pilotage(&["fit", "problem.toml"]);
     assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
@@ -231,4 +266,141 @@ fn fmus_without_equations_are_refused() {
     refused(
         "own.fmu is taken for co-simulation here, which hides its equations; a fit needs kind = \"me\"",
     );
+}
+
+/// Parameters that a fit does not take are told with their type, ranges beyond the FMU's with both.
+#[test]
+fn parameters_that_an_fmu_does_not_offer_are_refused() {
+    let folder = Folder::new();
+    let more = r#"<ScalarVariable name="steps" valueReference="7" causality="parameter" variability="fixed"><Integer start="1"/></ScalarVariable>
+<ScalarVariable name="on" valueReference="7" causality="parameter" variability="fixed"><Boolean start="true"/></ScalarVariable>"#;
+    let refused = |line: &str, why: &str| {
+        let text = alone(&folder, "decay@0.4", 0, &format!("[parameters]\n{line}"));
+        let fmu = foreign::model_exchange_with("decay@0.4", 1, 0, more);
+        folder.write("own.fmu", fmu);
+        folder.write("problem.toml", text);
+        let ended = folder.pilotage(&["fit", "problem.toml"]);
+        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+        assert_eq!(ended.stderr, format!("error: problem.toml:{why}\n"));
+    };
+    let takes = "of its FMU; a fit takes single reals of double precision (Real, Float64) alone, and leaves the others as \
+                 the FMU has them";
+    refused(
+        "\"own.steps\" = {}",
+        &format!("7:1: `own.steps` is a parameter of type Integer {takes}"),
+    );
+    refused(
+        "\"own.on\" = {}",
+        &format!("7:1: `own.on` is a parameter of type Boolean {takes}"),
+    );
+}
+
+/// An FMU that says that it has 4 thousand million event indicators has none of the memory that they need.
+#[test]
+fn too_many_event_indicators_are_refused_by_the_master_too() {
+    let folder = Folder::new();
+    folder.write(
+        "own.fmu",
+        foreign::model_exchange("decay@1", 1, 4_000_000_000),
+    );
+    let run = "cosim own.fmu --stop-time 1 --step 0.1";
+    let ended = folder.pilotage(&run.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(ended.code, 2, "{ended:?}");
+    let why = "it has 4000000000 event indicators; 100000 are the most that are taken";
+    assert!(ended.stderr.contains(why), "{ended:?}");
+}
+
+/// A local is no output, and measured all the same; its derivatives are differences.
+#[test]
+fn a_local_of_an_fmu_is_measured() {
+    let folder = Folder::new();
+    let more = "<ScalarVariable name=\"tripled\" valueReference=\"23\" causality=\"local\"><Real/></ScalarVariable>";
+    for model in ["decay@0.4", "decay-by-differences@0.4"] {
+        let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
+        let problem = alone(&folder, model, 0, start);
+        folder.write("own.fmu", foreign::model_exchange_with(model, 1, 0, more));
+        let tripled = problem.replace("signal = \"own.x0\"", "expression = \"own.tripled / 3\"");
+        let found = fitted(&folder, &tripled);
+        assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
+        assert_eq!(doubt(&found, "fmu-description"), None);
+        // As a signal, with the sensor that undoes it.
+        let tripled = problem.replace("\"own.x0\"", "\"own.tripled\"\ngain = 0.3333333333333333");
+        let found = fitted(&folder, &tripled);
+        assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
+    }
+}
+
+/// `ẋ = -rate x`, of pilotage's own making: its start value is a parameter, which is no part of `own.*`.
+#[test]
+fn a_fitted_fmu_of_our_own_begins_where_it_was_found_to() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"decay\"\n[parameters]\nrate = { start = 0.4, unit = \"1/s\" }\n[states]\n\
+                 x0 = { start = 3, der = \"-rate * x0\" }\n[outputs]\ny = \"x0\"\n";
+    let rest = "[parameters]\n\"own.*\" = {}\n[initial]\n\"own.x0\" = \"free\"";
+    let problem = alone(&folder, "decay@1", 0, rest);
+    folder.write("decay.toml", model);
+    let exported = folder.pilotage(&["export", "decay.toml", "-o", "own.fmu", "--force"]);
+    assert_eq!(exported.code, 0, "{exported:?}");
+    let found = fitted(&folder, &problem);
+    let names: Vec<&String> = found["parameters"].as_object().unwrap().keys().collect();
+    assert_eq!(names, ["own.rate"]);
+    assert!((value(&found, "own.rate") - 1.3).abs() < 2e-5, "{found}");
+    let flown = "cosim own-fitted.toml --stop-time 2 --step 0.5 -o flown.csv";
+    let ended = folder.pilotage(&flown.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let result = folder.read("flown.csv");
+    let flown = result.lines().skip(1);
+    let recorded = DECAY.lines().skip(1);
+    for (line, expected) in flown.zip(recorded) {
+        let number = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+        assert!((number(line) - number(expected)).abs() < 1e-4, "{result}");
+    }
+}
+
+/// FMUs are wired by names; the parameters of our own are sought, those of other tools are suggestions.
+#[test]
+fn init_takes_fmus_as_pilot_and_vehicle() {
+    let folder = Folder::new();
+    for (model, fmu) in [("lead_lag", "pilot.fmu"), ("quadcopter", "vehicle.fmu")] {
+        assert_eq!(folder.pilotage(&["export", model, "-o", fmu]).code, 0);
+    }
+    let run = example("trials").join("10m-run1.csv").display().to_string();
+    let init = [
+        "init",
+        &run,
+        "--pilot",
+        "pilot.fmu",
+        "--vehicle",
+        "vehicle.fmu",
+    ];
+    let to = ["-o", "problem.toml"];
+    let ended = folder.pilotage(&[&init[..], &to].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("problem.toml");
+    for line in [
+        "model = \"pilot.fmu\"\n",
+        "\"pilot.stick\" = \"vehicle.stick\"\n\"vehicle.z\" = \"pilot.position\"\n",
+        "\"pilot.target\" = \"target\"\n",
+        "signal = \"vehicle.z\"\ncolumn = \"position\"\n",
+        "\n\"pilot.lag\" = { start = 0.1 }",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    assert!(!text.contains("lagged_start"), "{text}");
+    let ended = folder.pilotage(&["fit", "problem.toml", "--evaluate"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    folder.write("run.csv", DECAY.replace("time,x", "time,x0"));
+    folder.write("own.fmu", foreign::model_exchange("decay@0.4", 1, 0));
+    let init = ["init", "run.csv", "--model", "own.fmu"];
+    let text = folder.pilotage(&init).stdout;
+    for line in [
+        "signal = \"model.x0\"\n",
+        "\n# \"model.p\" = { start = 1.0 }",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    // What is suggested is sought when it is asked for.
+    folder.write("problem.toml", text.replace("# \"model.p\"", "\"model.p\""));
+    let json = folder.pilotage(&["fit", "problem.toml", "--json"]).json();
+    assert!((value(&json, "model.p") - 1.3).abs() < 2e-5, "{json}");
 }

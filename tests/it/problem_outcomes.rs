@@ -192,3 +192,46 @@ fn a_run_without_end_is_refused() {
         "{ended:?}"
     );
 }
+
+/// A file that nothing would be written to is told before the fit.
+#[test]
+fn an_output_without_a_fitted_instance_is_refused() {
+    let problem = PROBLEM
+        .replace("\"tank.rate\" = {}\n\"tank.inflow\" = {}\n", "")
+        .replace("column = \"x\"\n", "column = \"x\"\ngain = \"free\"\n");
+    let folder = tank(&problem);
+    let ended = folder.pilotage(&["fit", "problem.toml", "-o", "found.toml"]);
+    assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+    let why = "error: nothing is sought in an instance with a model, so there is nothing to write to found.toml";
+    assert!(ended.stderr.starts_with(why), "{ended:?}");
+    assert_eq!(folder.pilotage(&["fit", "problem.toml"]).code, 0);
+}
+
+/// A tied parameter stays in its model's range, so that what is written is read again.
+#[test]
+fn a_tied_parameter_keeps_its_models_range() {
+    // Without the range the area of the best fit is 3.2, of which the tank's rate is a part.
+    let problem = PROBLEM
+        .replace(
+            "\"tank.area\" = { start = 4, fixed = true }",
+            "\"tank.area\" = { value = \"4 * share\" }\nshare = { start = 1.2 }",
+        )
+        .replace(
+            "\"tank.rate\" = {}\n",
+            "\"tank.rate\" = { start = 0.8, fixed = true }\n",
+        );
+    let folder = tank(&problem);
+    let limited = TANK.replace(
+        "area = { start = 2, unit = \"1\" }",
+        "area = { start = 5, unit = \"1\", min = 4.4 }",
+    );
+    folder.write("tank.toml", limited);
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let area = ended.json()["parameters"]["tank.area"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!((area - 4.4).abs() < 1e-6, "{area}");
+    let checked = folder.pilotage(&["model", "check", "tank-fitted.toml"]);
+    assert_eq!(checked.code, 0, "{checked:?}");
+}

@@ -141,6 +141,25 @@ impl Collocation {
         grid.observed.iter().map(state).collect()
     }
 
+    /// Run `j` wherever the scheme takes the equations, and at its samples, by time: time \[s\], states in their units,
+    /// inputs.
+    pub fn along(&self, z: &[f64], j: usize) -> Vec<(f64, Vec<f64>, Vec<f64>)> {
+        let values = self.evaluate_points(z, j, |_, _, _| {});
+        let grid = &self.grids[j];
+        let v = self.coefficients(z, j);
+        let inputs = grid.inputs.len() / grid.points.len().max(1) - 1;
+        let point = |(i, given): (usize, &[f64])| {
+            let scaled = values.states(grid, v, i, self.n_states());
+            let units = scaled.iter().zip(&self.model.scales.states);
+            let states = units.map(|(x, s)| x * s).collect();
+            (given[inputs], states, given[..inputs].to_vec())
+        };
+        let given = grid.inputs.chunks_exact(inputs + 1).enumerate();
+        let mut all: Vec<_> = given.map(point).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all
+    }
+
     /// Outputs of run `j` at its samples, each output by itself.
     pub fn outputs_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
         let samples = self.runs[j].time.len();

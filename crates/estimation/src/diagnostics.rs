@@ -4,6 +4,7 @@ use crate::active::{on_stability_bound, violated};
 use crate::events::{Event, events};
 use crate::file::Mesh;
 use crate::fit::Solved;
+use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
@@ -16,6 +17,8 @@ use std::fmt;
 pub enum Diagnostic {
     /// The solver did not converge.
     NotConverged(Status),
+    /// The states do not fulfil the equations, or constraints do not hold: the largest scaled violation.
+    NotMet(f64),
     /// A parameter lies on an end of its range.
     AtBound {
         /// Its name.
@@ -113,6 +116,7 @@ impl Diagnostic {
     pub fn code(&self) -> &'static str {
         match self {
             Self::NotConverged(_) => "not-converged",
+            Self::NotMet(_) => "not-met",
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
             Self::UnstableLoop { .. } => "unstable-loop",
@@ -140,6 +144,11 @@ impl fmt::Display for Diagnostic {
                 f,
                 "the solver ended with \"{status}\": this is its best iterate, not a result; try other start values, ranges \
                  (min, max) or more `starts`"
+            ),
+            Self::NotMet(violation) => write!(
+                f,
+                "the states that were found do not fulfil the equations and constraints (largest scaled violation \
+                 {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
             ),
             Self::AtBound { name, bound } => write!(
                 f,
@@ -214,8 +223,12 @@ impl fmt::Display for Diagnostic {
                 objective,
             } => write!(
                 f,
-                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): raise \
-                 max_iterations, or begin near it"
+                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): {}",
+                match status {
+                    Status::TimeLimit => "give it more time, or begin near it",
+                    Status::Interrupted | Status::Stopped => "let it go on, or begin near it",
+                    _ => "raise max_iterations, or begin near it",
+                }
             ),
             Self::Alone(starts) => write!(
                 f,
@@ -239,22 +252,26 @@ impl fmt::Display for Diagnostic {
 /// All that speaks against a result, the heaviest first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
+    let dead = failed(posed, |fmu| fmu.calls.fatal());
     if let Some(status) = fit.cut {
         all.push(Diagnostic::Cut {
             status,
             starts: fit.starts.iter().filter(|own| own.0 == status).count(),
             refinement: !fit.refinement.is_done,
         });
+    } else if fit.status != Status::Converged && !dead.is_empty() {
+        all.push(Diagnostic::NotConverged(fit.status));
     } else if fit.status != Status::Converged {
         all.push(Diagnostic::NotConverged(fit.status));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
-        let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
-            Some(Diagnostic::FmuFailed {
-                instance: instance.clone(),
-                trouble: part.fmu.as_ref()?.function.trouble()?,
-            })
-        });
-        all.extend(failed.filter(|_| fit.trouble.is_none()));
+        if fit.trouble.is_none() {
+            all.extend(failed(posed, |fmu| fmu.function.trouble()));
+        }
+    }
+    all.extend(dead);
+    let is_undefined = fit.status == Status::UndefinedStart;
+    if !fit.is_met() && !is_undefined {
+        all.push(Diagnostic::NotMet(fit.kkt.primal));
     }
     if fit.status == Status::Infeasible {
         let violated = violated(posed, solved).into_iter();
@@ -274,7 +291,9 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         let kept = on_stability_bound(posed, solved).into_iter();
         all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
-    all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
+    if fit.is_met() {
+        all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
+    }
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
@@ -308,6 +327,17 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all
 }
 
+/// FMUs of which there is something to tell of failed calls.
+fn failed(posed: &Posed<'_>, trouble: impl Fn(&FmuPart) -> Option<String>) -> Vec<Diagnostic> {
+    let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
+        Some(Diagnostic::FmuFailed {
+            instance: instance.clone(),
+            trouble: trouble(part.fmu.as_ref()?)?,
+        })
+    });
+    failed.collect()
+}
+
 /// Whether the states' derivatives are linear in them: where they are not, what grows at one point may be an
 /// oscillation.
 fn is_linear(posed: &Posed<'_>) -> bool {
@@ -328,7 +358,8 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
     let (status, objective) = fit.starts[start];
     Some(Diagnostic::LowerStart {
         start: start + 1,
-        status,
+        // What ended the fit ended this start too: it would have gone on.
+        status: fit.cut.unwrap_or(status),
         objective,
     })
 }

@@ -7,7 +7,6 @@ use crate::fit::Solved;
 use crate::joint::Joint;
 use crate::part::FmuPart;
 use crate::posed::Posed;
-use crate::result::variables;
 use std::fmt;
 
 /// An event that a run would have, which the fit does not know of.
@@ -21,7 +20,7 @@ pub struct Event {
     pub indicator: String,
     /// Name of the run.
     pub run: String,
-    /// The first sample behind the event \[s\].
+    /// The first point of the mesh behind the event \[s\].
     pub time: f64,
 }
 
@@ -70,50 +69,62 @@ pub(crate) fn check_times(
     Ok(())
 }
 
-/// The first event of each FMU in each run, at the samples.
+/// The first event of each FMU in each run, wherever the scheme takes the equations.
 pub(crate) fn events(posed: &Posed<'_>, solved: &Solved) -> Vec<Event> {
-    let fmus: Vec<(&String, &FmuPart)> = (posed.joint.parts.iter())
-        .filter_map(|(instance, part)| Some((instance, part.fmu.as_ref()?)))
-        .filter(|(_, fmu)| !fmu.indicators.is_empty())
-        .collect();
+    let fmus = posed.joint.parts.iter();
+    let fmus = fmus.filter_map(|(instance, part)| Some((instance, part.fmu.as_ref()?)));
+    let fmus: Vec<(&String, &FmuPart)> =
+        fmus.filter(|(_, fmu)| !fmu.indicators.is_empty()).collect();
     if fmus.is_empty() {
         return Vec::new();
     }
-    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
-    let theta = problem.physical_theta(z);
-    let joint = &posed.joint.model;
-    let mut found: Vec<Event> = Vec::new();
+    let mut found = Vec::new();
     for j in 0..posed.runs.len() {
-        for (sample, x) in problem.states_at_samples(z, j).iter().enumerate() {
-            let all = (posed.model.system.graph).values(&variables(posed, j, sample, x, &theta));
-            let own: Vec<f64> = posed
-                .told
-                .joint
-                .iter()
-                .map(|node| all[node.index()])
-                .collect();
-            let values = joint.system.graph.values(&own);
-            for (instance, fmu) in &fmus {
-                let is_other = |(name, start): &&(String, f64)| {
-                    let name = format!("{instance}.{name}");
-                    let node = joint.signal(&name).expect("an output of the instance");
-                    values[node.index()] * start < 0.0
-                };
-                let event = fmu.indicators.iter().find(is_other);
-                let run = posed.data[j].name();
-                let is_first =
-                    !(found.iter()).any(|own| own.instance == **instance && own.run == run);
-                if let (Some((indicator, _)), true) = (event, is_first) {
-                    found.push(Event {
-                        instance: (*instance).clone(),
-                        file: fmu.path.display().to_string(),
-                        indicator: indicator.clone(),
-                        run,
-                        time: posed.runs[j].time[sample],
-                    });
-                }
-            }
+        let points = joint_values(posed, solved, j);
+        for (instance, fmu) in &fmus {
+            let event = first_event(posed, instance, fmu, &points);
+            found.extend(event.map(|(time, indicator)| Event {
+                instance: (*instance).clone(),
+                file: fmu.path.display().to_string(),
+                indicator,
+                run: posed.data[j].name(),
+                time,
+            }));
         }
     }
     found
+}
+
+/// Times \[s\] of a run, and the values of all expressions of the joint model there.
+fn joint_values(posed: &Posed<'_>, solved: &Solved, j: usize) -> Vec<(f64, Vec<f64>)> {
+    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
+    let theta = problem.physical_theta(z);
+    let along = problem.along(z, j).into_iter();
+    let values = |(time, states, inputs): (f64, Vec<f64>, Vec<f64>)| {
+        let at = [&[time], &states[..], &inputs, &theta].concat();
+        let all = posed.model.system.graph.values(&at);
+        let own = posed.told.joint.iter().map(|node| all[node.index()]);
+        let own: Vec<f64> = own.collect();
+        (time, posed.joint.model.system.graph.values(&own))
+    };
+    along.map(values).collect()
+}
+
+/// Where an indicator first has another sign than where the run begins, and which. An FMU's own start says nothing: the
+/// run has other parameters and begins elsewhere.
+fn first_event(
+    posed: &Posed<'_>,
+    instance: &str,
+    fmu: &FmuPart,
+    points: &[(f64, Vec<f64>)],
+) -> Option<(f64, String)> {
+    let events = fmu.indicators.iter().filter_map(|name| {
+        let node = posed.joint.model.signal(&format!("{instance}.{name}"));
+        let node = node.expect("an output of the instance").index();
+        let begin = points.iter().map(|(_, all)| all[node]);
+        let begin = begin.into_iter().find(|value| *value != 0.0)?;
+        let behind = points.iter().find(|(_, all)| all[node] * begin < 0.0)?;
+        Some((behind.0, name.clone()))
+    });
+    events.min_by(|a, b| a.0.total_cmp(&b.0))
 }

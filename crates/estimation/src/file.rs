@@ -5,6 +5,7 @@ use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Said;
 use pilotage_language::file::Formula;
 use pilotage_text::document::Place;
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 /// A problem file.
@@ -47,6 +48,28 @@ impl ProblemFile {
             line: position.line,
             column: Some(position.column),
         }
+    }
+}
+
+impl ProblemFile {
+    /// Names of what is measured or bounded.
+    pub(crate) fn named_signals(&self) -> HashSet<String> {
+        let mut names = HashSet::new();
+        let mut take = |formula: &Formula| names.extend(formula.names().map(str::to_owned));
+        for measured in &self.measured {
+            if let Deviation::Formula(formula) = &measured.sd {
+                take(formula);
+            }
+            if let Quantity::Expression(formula, _) = &measured.of {
+                take(formula);
+            }
+        }
+        self.constraints.iter().for_each(|own| take(&own.formula));
+        names.extend(self.measured.iter().filter_map(|own| match &own.of {
+            Quantity::Signal(name) => Some(name.clone()),
+            Quantity::Expression(..) => None,
+        }));
+        names
     }
 }
 

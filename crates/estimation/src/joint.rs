@@ -96,6 +96,41 @@ impl Joint {
         names
     }
 
+    /// What messages call the model of a variable's instance.
+    pub fn source_of(&self, name: &str) -> String {
+        let own = self.part_of(name).map(|(part, _)| part);
+        let file = own.and_then(|part| part.file.as_ref());
+        let fmu = own.and_then(|part| part.fmu.as_ref());
+        match (file, fmu) {
+            (Some(compiled), _) => compiled.file.file.clone(),
+            (_, Some(fmu)) => fmu.path.display().to_string(),
+            _ => "its model".to_owned(),
+        }
+    }
+
+    /// The type of an FMU's parameter that is no single real of double precision.
+    pub fn parameter_of_other_type(&self, name: &str) -> Option<&str> {
+        let (part, own) = self.part_of(name)?;
+        let mut others = part.fmu.as_ref()?.others.iter();
+        let found = others.find(|(other, _)| other == own);
+        found.map(|(_, kind)| kind.as_str())
+    }
+
+    /// Whether a parameter is the start value of a state of an FMU.
+    pub fn is_start_parameter(&self, name: &str) -> bool {
+        let found = self.part_of(name);
+        let fmu = found.and_then(|(part, own)| Some((part.fmu.as_ref()?, own)));
+        fmu.is_some_and(|(fmu, own)| fmu.start_parameters.iter().any(|(_, start)| start == own))
+    }
+
+    /// The part whose instance a name begins with, and the rest of the name.
+    fn part_of<'n>(&self, name: &'n str) -> Option<(&Part, &'n str)> {
+        self.parts.iter().find_map(|(instance, part)| {
+            let rest = name.strip_prefix(instance.as_str())?.strip_prefix('.')?;
+            Some((part, rest))
+        })
+    }
+
     /// Name of the unit of a variable, where it has one.
     pub fn unit(&self, name: &str) -> Option<&str> {
         self.variables.get(name)?.unit.as_deref()

@@ -40,7 +40,7 @@
 //! | --- | --- |
 //! | [mod@file], `read`, `runs` | what a problem file says |
 //! | [`part`], [`joint`] | the instances as equations, and wired |
-//! | [`unknowns`], `names` | parameters and what they are; the expressions of the file |
+//! | [`unknowns`], `ranges`, `names` | parameters, what they are and between which values; the expressions of the file |
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
@@ -63,6 +63,7 @@ mod likelihood;
 mod names;
 pub mod part;
 pub mod posed;
+mod ranges;
 mod read;
 pub mod result;
 mod runs;

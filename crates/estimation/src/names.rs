@@ -3,7 +3,8 @@
 use crate::error::ProblemError;
 use crate::file::{Calibration, Deviation, Initial, ProblemFile, Quantity};
 use crate::joint::{Joint, unknown};
-use crate::unknowns::{Meaning, Parameters, check_range, no_parameter};
+use crate::ranges::check_range;
+use crate::unknowns::{Meaning, Parameters, no_parameter};
 use pilotage_cosim::description::Said;
 use pilotage_language::Expressions;
 use pilotage_language::expressions::CompiledExpressions;
@@ -60,7 +61,9 @@ impl Named {
         joint: &Joint,
         parameters: &Parameters,
     ) -> Result<Self, ProblemError> {
+        let is_free = |name: &&String| parameters.names.contains(name);
         let mut builder = Builder {
+            free_inputs: joint.model.inputs.iter().filter(is_free).cloned().collect(),
             expressions: Expressions::new(&file.file, &file.text),
             places: HashMap::new(),
             columns: Vec::new(),
@@ -104,6 +107,8 @@ struct Builder {
     expressions: Expressions,
     places: HashMap<Of, usize>,
     columns: Vec<Said<String>>,
+    /// Inputs that nothing drives.
+    free_inputs: Vec<String>,
 }
 
 impl Builder {
@@ -114,9 +119,12 @@ impl Builder {
         unit: Option<&str>,
         formula: &Formula,
         constant: Option<&'static str>,
-    ) {
+    ) -> Result<(), ProblemError> {
         if self.places.contains_key(&of) {
-            return;
+            return Ok(());
+        }
+        for name in formula.names().filter(|_| constant.is_some()) {
+            self.check_constant(file, formula, name)?;
         }
         for name in formula.names() {
             let quoted = name
@@ -133,6 +141,25 @@ impl Builder {
         let name = of.name();
         let place = self.expressions.add(&name, unit, formula, constant);
         self.places.insert(of, place);
+        Ok(())
+    }
+
+    /// Refuses an input that nothing drives where parameters alone may stand: it is a number, but a signal by its name.
+    fn check_constant(
+        &self,
+        file: &ProblemFile,
+        formula: &Formula,
+        name: &str,
+    ) -> Result<(), ProblemError> {
+        if !self.free_inputs.iter().any(|own| own == name) {
+            return Ok(());
+        }
+        let own = name.rsplit('.').next().unwrap_or(name);
+        let fault = format!(
+            "`{name}` is an input, which an expression of parameters cannot take; write a parameter of the problem's own, \
+             such as {own} = {{ start = ... }}, with \"{name}\" = {{ value = \"{own}\" }}, and take `{own}` here"
+        );
+        Err(ProblemError::at(&file.place(formula), fault))
     }
 }
 
@@ -151,23 +178,23 @@ fn add_all(
                 unit,
                 formula,
                 Some("a tied parameter"),
-            );
+            )?;
         }
     }
     for (k, measured) in file.measured.iter().enumerate() {
         if let Quantity::Expression(formula, unit) = &measured.of {
             check_prediction(file, formula)?;
-            builder.add(file, Of::Measured(k), unit.as_deref(), formula, None);
+            builder.add(file, Of::Measured(k), unit.as_deref(), formula, None)?;
         }
         if let Deviation::Formula(formula) = &measured.sd {
-            builder.add(file, Of::Deviation(k), None, formula, None);
+            builder.add(file, Of::Deviation(k), None, formula, None)?;
         }
         for (of, calibrated, what) in [
             (Of::Gain(k), &measured.gain, "the gain of a sensor"),
             (Of::Offset(k), &measured.offset, "the offset of a sensor"),
         ] {
             if let Calibration::Formula(formula) = calibrated {
-                builder.add(file, of, None, formula, Some(what));
+                builder.add(file, of, None, formula, Some(what))?;
             }
         }
     }
@@ -186,7 +213,7 @@ fn add_all(
                     joint.unit(state),
                     formula,
                     Some("an initial state"),
-                );
+                )?;
             }
         }
     }
@@ -194,7 +221,7 @@ fn add_all(
         check_prediction(file, &constraint.formula)?;
         let constant = (constraint.at == crate::file::Holds::Parameters)
             .then_some("a constraint at the parameters");
-        builder.add(file, Of::Constraint(k), None, &constraint.formula, constant);
+        builder.add(file, Of::Constraint(k), None, &constraint.formula, constant)?;
     }
     for run in &file.runs {
         for set in run.sets() {
@@ -217,7 +244,7 @@ fn add_all(
                 unit,
                 &set.value,
                 Some("a value of a run"),
-            );
+            )?;
         }
     }
     Ok(())

@@ -3,7 +3,7 @@
 use crate::error::ProblemError;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
 use pilotage_expression::{Model, Node, Opaque};
-use pilotage_fmi_equations::{EquationsError, FmuEquations, Variable as FmuVariable};
+use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
 use pilotage_language::{Compiled, ModelFileError, parse};
 use pilotage_models::{library, traced};
@@ -12,7 +12,7 @@ use pilotage_text::document::DocumentError;
 use pilotage_text::error_chain::error_chain;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::error::Error;
 use std::fs::File;
 use std::io::Read;
@@ -41,12 +41,20 @@ pub struct Part {
 pub struct FmuPart {
     /// The file.
     pub path: PathBuf,
-    /// Its event indicators among the outputs, each with its value where the FMU starts.
-    pub indicators: Vec<(String, f64)>,
+    /// Its event indicators among the outputs.
+    pub indicators: Vec<String>,
     /// The first time event \[s\].
     pub next_event: Option<f64>,
     /// What of its description is not so.
     pub notes: Vec<String>,
+    /// States with the parameters that they begin at, of FMUs that pilotage has made.
+    pub start_parameters: Vec<(String, String)>,
+    /// Names of its continuous locals.
+    pub locals: Vec<String>,
+    /// Parameters that are no single reals of double precision, each with its type.
+    pub others: Vec<(String, String)>,
+    /// Whether it can still be called.
+    pub calls: Calls,
     /// Its function, which knows why it had no values.
     pub function: Arc<dyn Opaque>,
 }
@@ -105,7 +113,15 @@ impl Part {
     /// # Errors
     /// When it cannot be loaded, or has no equations.
     pub fn of_fmu(path: &Path) -> Result<Self, EquationsError> {
-        let equations = pilotage_fmi_equations::open(path)?;
+        Self::of_fmu_with(path, &[])
+    }
+
+    /// The same with these of its locals as outputs.
+    ///
+    /// # Errors
+    /// As [`Self::of_fmu`].
+    pub fn of_fmu_with(path: &Path, locals: &[String]) -> Result<Self, EquationsError> {
+        let equations = pilotage_fmi_equations::open_with(path, locals)?;
         let FmuEquations { model, starts, .. } = equations;
         // Of an output that is a state the state is told first.
         let mut variables = HashMap::new();
@@ -121,6 +137,10 @@ impl Part {
                 indicators: equations.indicators,
                 next_event: equations.next_event,
                 notes: equations.notes,
+                start_parameters: equations.start_parameters,
+                locals: equations.locals,
+                others: equations.others,
+                calls: equations.calls,
                 function: equations.function,
             }),
             file: None,
@@ -153,6 +173,32 @@ impl Part {
             model,
         })
     }
+}
+
+/// An instance with those locals of its FMU among the outputs that the problem names.
+///
+/// # Errors
+/// When the FMU cannot be loaded again.
+pub fn with_locals(
+    instance: &InstanceDescription,
+    part: Part,
+    named: &HashSet<String>,
+) -> Result<Part, ProblemError> {
+    let Some(fmu) = &part.fmu else {
+        return Ok(part);
+    };
+    let is_named = |local: &&String| named.contains(&format!("{}.{local}", instance.name));
+    let wanted: Vec<String> = fmu.locals.iter().filter(is_named).cloned().collect();
+    if wanted.is_empty() {
+        return Ok(part);
+    }
+    let path = fmu.path.clone();
+    // Of some FMUs there may be one instance at a time.
+    drop(part);
+    let bad = |error: EquationsError| {
+        ProblemError::maybe_at(instance.source.place.as_ref(), in_full(&path, &error))
+    };
+    Part::of_fmu_with(&path, &wanted).map_err(bad)
 }
 
 fn of_fmu(variable: &FmuVariable) -> About {
@@ -242,6 +288,9 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
             };
             parse(&text, name, &|_| Err(std::io::ErrorKind::NotFound.into()))?
         }
+        InstanceSource::Model(file) if is_called_fmu(file) => {
+            return Err(fault(not_an_fmu(file)));
+        }
         InstanceSource::Model(file) => {
             if let Some(order) = &instance.order {
                 let text = format!("{} has no order; leave `order` out", file.display());
@@ -271,6 +320,22 @@ fn is_fmu(path: &Path) -> bool {
     let is_archive =
         |mut file: File| file.read_exact(&mut first).is_ok() && &first == b"PK\x03\x04";
     path.join("modelDescription.xml").is_file() || File::open(path).is_ok_and(is_archive)
+}
+
+/// What to say of a file that is no FMU, though called one.
+fn not_an_fmu(file: &Path) -> String {
+    let name = file.display();
+    let is_empty = std::fs::metadata(file).is_ok_and(|about| about.len() == 0);
+    match (file.is_dir(), is_empty) {
+        (true, _) => format!("{name} is no FMU: the folder has no modelDescription.xml"),
+        (false, true) => format!("{name} is no FMU: the file is empty"),
+        (false, false) => format!("{name} is no FMU: it is no zip archive"),
+    }
+}
+
+/// Whether what is there is called an FMU.
+fn is_called_fmu(file: &Path) -> bool {
+    file.exists() && file.extension().is_some_and(|end| end == "fmu")
 }
 
 /// An error about a file with its causes, in one line.

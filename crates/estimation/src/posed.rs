@@ -14,7 +14,7 @@ use crate::fit::factor;
 use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
 use crate::names::Named;
-use crate::part::Part;
+use crate::part::{Part, with_locals};
 use crate::unknowns::{Parameters, Unknown};
 use pilotage_collocation::{Bound, Differentiated, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
@@ -151,8 +151,10 @@ impl<'f> Posed<'f> {
     /// When anything in it does not fit: with file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
         let mut parts = Vec::new();
+        let named = file.named_signals();
         for instance in &file.system.instances {
-            parts.push((instance.name.clone(), open(instance)?));
+            let part = with_locals(instance, open(instance)?, &named)?;
+            parts.push((instance.name.clone(), part));
         }
         let joint = Joint::new(&file.system, parts)?;
         let parameters = Parameters::new(file, &joint)?;

@@ -2,7 +2,7 @@
 
 use crate::diagnostics::{Diagnostic, SAME};
 use crate::file::Noise;
-use crate::fit::{Refinement, Solved};
+use crate::fit::{MET, Refinement, Solved};
 use crate::posed::{Posed, Stands};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
@@ -185,6 +185,12 @@ impl Fit {
         }
     }
 
+    /// Whether the states fulfil the equations and the constraints hold. Else objective and residuals are those of no run,
+    /// or what is not finite at the start.
+    pub fn is_met(&self) -> bool {
+        self.status == Status::Converged || self.kkt.primal <= MET
+    }
+
     /// Whether it is done: the solver converged, nothing was cut, and the mesh is fine enough, or at least a simulation
     /// with what was found agrees.
     pub fn is_answer(&self) -> bool {
@@ -295,13 +301,15 @@ fn run_fit(
 fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<Found> {
     let mut all = Vec::new();
     for (unknown, stands) in &posed.unknowns {
+        // The solver is out of a range by its tolerance.
+        let found = |searched: f64| unknown.kept(unknown.found(searched));
         let values: Vec<(Option<String>, f64)> = match stands {
-            Stands::Shared(k) => vec![(None, unknown.found(theta[*k]))],
+            Stands::Shared(k) => vec![(None, found(theta[*k]))],
             Stands::Subjects(subjects) => (subjects.iter())
-                .map(|(subject, k)| (Some(subject.clone()), unknown.found(theta[*k])))
+                .map(|(subject, k)| (Some(subject.clone()), found(theta[*k])))
                 .collect(),
             Stands::State(k) => (posed.data.iter().zip(states))
-                .map(|(run, states)| (Some(run.name()), unknown.found(states[0][*k])))
+                .map(|(run, states)| (Some(run.name()), found(states[0][*k])))
                 .collect(),
         };
         let near = |end: &f64| {

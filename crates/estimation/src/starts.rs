@@ -80,16 +80,30 @@ fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> 
         let other = (unit.sample(random) * (k + 1) as f64) as usize;
         parts.swap(k, other.min(k));
     }
-    let mut values = vec![unknown.searched(unknown.start)];
-    for (k, part) in parts.into_iter().enumerate() {
-        let share = ((part - 1) as f64 + unit.sample(random)) / (count - 1) as f64;
-        let value = match k % 2 {
+    let share = |part: usize| ((part - 1) as f64 + unit.sample(random)) / (count - 1) as f64;
+    let mut shares: Vec<f64> = parts.into_iter().map(share).collect();
+    turn_one(unknown, &mut shares);
+    let others = shares
+        .into_iter()
+        .enumerate()
+        .map(|(k, share)| match k % 2 {
             0 => near(unknown, share),
             _ => far(unknown, share),
-        };
-        values.push(unknown.searched(value));
+        });
+    let all = [unknown.start].into_iter().chain(others);
+    all.map(|value| unknown.searched(value)).collect()
+}
+
+/// Of far starts one has the other sign, whatever was drawn: from a wrong sign no search near it leads away.
+fn turn_one(unknown: &Unknown, shares: &mut [f64]) {
+    let far = shares.iter_mut().skip(1).step_by(2);
+    if let Some(least) = far
+        .min_by(|a, b| a.total_cmp(b))
+        .filter(|_| unknown.may_turn())
+        && *least >= TURNED
+    {
+        *least *= TURNED;
     }
-    values
 }
 
 /// The value that has this share of the neighbourhood of the start below it.
@@ -99,7 +113,7 @@ fn near(unknown: &Unknown, share: f64) -> f64 {
         true => (2.0 * share - 1.0) * unknown.nominal.unwrap_or(1.0),
         false => start * NEAR.powf(2.0 * share - 1.0),
     };
-    within(unknown, value)
+    unknown.kept(value)
 }
 
 /// The value that has this share of the range below it: of the logarithm where the range spans much more than its
@@ -109,15 +123,50 @@ fn far(unknown: &Unknown, share: f64) -> f64 {
         (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
         (Some(min), Some(max)) => min + share * (max - min),
         _ if unknown.start == 0.0 => near(unknown, share),
-        _ if unknown.min.is_none() && !unknown.log && share < TURNED => within(
-            unknown,
-            -unknown.start * FAR.powf(2.0 * share / TURNED - 1.0),
-        ),
-        _ => within(unknown, unknown.start * FAR.powf(2.0 * share - 1.0)),
+        _ if unknown.may_turn() && share < TURNED => {
+            unknown.kept(-unknown.start * FAR.powf(2.0 * share / TURNED - 1.0))
+        }
+        _ => unknown.kept(unknown.start * FAR.powf(2.0 * share - 1.0)),
     }
 }
 
-fn within(unknown: &Unknown, value: f64) -> f64 {
-    let min = unknown.min.unwrap_or(f64::NEG_INFINITY);
-    value.clamp(min, unknown.max.unwrap_or(f64::INFINITY))
+impl Unknown {
+    /// Whether far starts may have the other sign.
+    fn may_turn(&self) -> bool {
+        let has_room = self.start > 0.0 || self.max.is_none_or(|max| max > 0.0);
+        self.min.is_none() && has_room && !self.log && self.start != 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::file::Per;
+
+    #[test]
+    fn of_eight_starts_one_has_the_other_sign() {
+        let unknown = Unknown {
+            name: "gain".into(),
+            unit: None,
+            start: -0.03,
+            min: None,
+            max: None,
+            nominal: None,
+            log: false,
+            prior: None,
+            per: Per::All,
+            place: None,
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        for _ in 0..50 {
+            let values = column(&unknown, 8, &mut random);
+            assert!(values.iter().any(|value| *value > 0.0), "{values:?}");
+        }
+        let kept = Unknown {
+            max: Some(0.0),
+            ..unknown
+        };
+        let values = column(&kept, 8, &mut random);
+        assert!(values.iter().all(|value| *value < 0.0), "{values:?}");
+    }
 }

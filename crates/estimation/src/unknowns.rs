@@ -4,6 +4,7 @@ use crate::error::ProblemError;
 use crate::file::{Calibration, Measured, Per, Prior, ProblemFile, Quantity, Sought};
 use crate::joint::{Joint, unknown};
 use crate::part::About;
+use crate::ranges::{check_model_range, check_range, check_start};
 use pilotage_cosim::description::Said;
 use pilotage_language::file::Formula;
 use pilotage_text::document::Place;
@@ -149,7 +150,8 @@ impl Parameters {
         }
     }
 
-    /// All parameters of an instance that have no line of their own.
+    /// All parameters of an instance that have no line of their own, without those of its FMU that are start values of
+    /// states.
     fn seek_all(
         &mut self,
         line: &Sought,
@@ -158,8 +160,14 @@ impl Parameters {
     ) -> Result<(), ProblemError> {
         let instance = line.name.value.trim_end_matches('*');
         let own = joint.model.parameters.iter();
-        let own: Vec<&String> = own.filter(|name| name.starts_with(instance)).collect();
+        let own = own.filter(|name| name.starts_with(instance));
+        let own: Vec<&String> = own.filter(|name| !joint.is_start_parameter(name)).collect();
         if own.is_empty() {
+            let named = instance.trim_end_matches('.');
+            if joint.parts.iter().any(|(name, _)| name == named) {
+                let fault = format!("`{named}` has no parameters; leave the line out");
+                return Err(ProblemError::maybe_at(line.name.place.as_ref(), fault));
+            }
             let known: Vec<String> = joint
                 .parts
                 .iter()
@@ -210,6 +218,7 @@ impl Parameters {
             Some(Meaning::Number(value)) if is_part => Some(*value),
             _ => None,
         };
+        check_model_range(line, about, joint)?;
         let start = line.start.or(before).ok_or_else(|| {
             fault(format!(
                 "`{name}` is the problem's own and has no start; write start = ..."
@@ -333,56 +342,13 @@ pub fn no_parameter(
         None if joint.signals().contains(said) => {
             format!("`{said}` follows from others; bound it by a [[constraint]]")
         }
-        None => unknown("parameter or free input", said, names),
+        None => match joint.parameter_of_other_type(said) {
+            Some(kind) => format!(
+                "`{said}` is a parameter of type {kind} of its FMU; a fit takes single reals of double precision (Real, \
+                 Float64) alone, and leaves the others as the FMU has them"
+            ),
+            None => unknown("parameter or free input", said, names),
+        },
     };
     ProblemError::maybe_at(name.place.as_ref(), fault)
-}
-
-/// Refuses a number that is out of a parameter's range.
-pub fn check_range(
-    name: &str,
-    value: f64,
-    [min, max]: [Option<f64>; 2],
-    place: Option<&Place>,
-) -> Result<(), ProblemError> {
-    let [min, max] = [
-        min.unwrap_or(f64::NEG_INFINITY),
-        max.unwrap_or(f64::INFINITY),
-    ];
-    match (min..=max).contains(&value) && value.is_finite() {
-        true => Ok(()),
-        false => {
-            let fault = format!("`{name}` is {value}, out of its range {min} to {max}; change it");
-            Err(ProblemError::maybe_at(place, fault))
-        }
-    }
-}
-
-fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
-    let Unknown { name, start, .. } = unknown;
-    let fault = |text: String| ProblemError::maybe_at(unknown.place.as_ref(), text);
-    let within = unknown.min.unwrap_or(f64::NEG_INFINITY)..=unknown.max.unwrap_or(f64::INFINITY);
-    if !within.contains(start) {
-        return Err(fault(format!(
-            "`{name}` starts at {start}, out of its range {} to {}; give it a start, or another range",
-            within.start(),
-            within.end()
-        )));
-    }
-    if unknown.min.is_some() && unknown.min == unknown.max {
-        return Err(fault(format!(
-            "the range of `{name}` is one value; write fixed = true"
-        )));
-    }
-    if unknown.prior.is_some_and(|prior| prior.log) && *start <= 0.0 {
-        return Err(fault(format!(
-            "`{name}` starts at {start}, and a log-normal prior is of a value above 0; give it a start above 0"
-        )));
-    }
-    if unknown.log && *start <= 0.0 {
-        return Err(fault(format!(
-            "`{name}` starts at {start}, which has no logarithm; give it a start above 0"
-        )));
-    }
-    Ok(())
 }

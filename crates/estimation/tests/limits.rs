@@ -121,3 +121,53 @@ fn a_better_start_goes_on() {
         found.parameters
     );
 }
+
+/// The objective of the oscillator with a frequency, by its solution.
+fn objective(times: &[f64], w: f64) -> f64 {
+    let residuals = times
+        .iter()
+        .map(|t| ((2.0 * t).cos() - (w * t).cos()) / 0.01);
+    residuals.map(|r| r * r).sum()
+}
+
+/// Wherever a fit is stopped, what it tells is the objective of a run with the parameters that it tells, and none that is
+/// worse than the given start.
+#[test]
+fn what_a_stopped_fit_tells_is_a_run_with_its_parameters() {
+    let times = times(40);
+    for (starts, iterations) in [(1, 1), (1, 2), (1, 3), (4, 2), (4, 5), (4, 9)] {
+        let rest = format!("[parameters]\n\"m.w\" = {{ start = 2.6 }}\n[fit]\nstarts = {starts}\n");
+        let mut seen = 0;
+        let cut = fitted(&times, &rest, &mut |progress| {
+            seen += usize::from(progress.iteration.is_some());
+            match seen > iterations {
+                true => ControlFlow::Break(Status::TimeLimit),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        assert!(cut.is_met(), "{:?}", codes(&cut));
+        let w = cut.parameters[0].mean();
+        let own = objective(&times, w);
+        assert!(
+            (cut.objective - own).abs() < 1e-3 * (1.0 + own),
+            "{} {own}",
+            cut.objective
+        );
+        assert!(own < 1.001 * objective(&times, 2.6), "{w}");
+    }
+}
+
+/// A start that is left by the clock is not left by the iteration limit.
+#[test]
+fn a_lower_start_is_left_by_what_ended_the_fit() {
+    let words = |status: Status| {
+        let own = pilotage_estimation::Diagnostic::LowerStart {
+            start: 2,
+            status,
+            objective: 1.0,
+        };
+        own.to_string()
+    };
+    assert!(words(Status::IterationLimit).ends_with("raise max_iterations, or begin near it"));
+    assert!(words(Status::TimeLimit).ends_with("give it more time, or begin near it"));
+}

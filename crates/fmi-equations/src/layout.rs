@@ -39,9 +39,13 @@ pub(crate) struct Layout {
     pub(crate) inputs: Vec<Variable>,
     pub(crate) input_references: Vec<u32>,
     pub(crate) parameters: Vec<Variable>,
-    /// Outputs that are no states.
+    /// Parameters of other types, with them.
+    pub(crate) others: Vec<(String, String)>,
+    /// Outputs that are no states; behind them the locals that were asked for.
     pub(crate) outputs: Vec<Variable>,
-    /// Value references of derivatives and outputs.
+    /// Names of all locals that may be asked for.
+    pub(crate) locals: Vec<String>,
+    /// Value references of derivatives and outputs, without locals.
     pub(crate) unknown_references: Vec<u32>,
     pub(crate) output_references: Vec<u32>,
     pub(crate) indicators: usize,
@@ -51,8 +55,11 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// Of an FMU for model exchange.
-    pub(crate) fn new(description: &ModelDescription) -> Result<Self, EquationsError> {
+    /// Of an FMU for model exchange, with these of its locals as outputs.
+    pub(crate) fn new(
+        description: &ModelDescription,
+        wanted: &[String],
+    ) -> Result<Self, EquationsError> {
         let me = description
             .model_exchange
             .as_ref()
@@ -65,7 +72,9 @@ impl Layout {
             inputs: Vec::new(),
             input_references: Vec::new(),
             parameters: Vec::new(),
+            others: Vec::new(),
             outputs: Vec::new(),
+            locals: Vec::new(),
             unknown_references: Vec::new(),
             output_references: Vec::new(),
             indicators: 0,
@@ -82,6 +91,9 @@ impl Layout {
         }
         for (index, variable) in (1..).zip(&description.variables) {
             if !is_number(variable) {
+                if variable.causality == Causality::Parameter {
+                    own.others.push((variable.name.clone(), type_of(variable)));
+                }
                 continue;
             }
             let is_continuous = variable.variability == Variability::Continuous;
@@ -95,15 +107,35 @@ impl Layout {
                 _ => {}
             }
         }
+        let outputs = own.outputs.len();
+        for (index, variable) in (1..).zip(&description.variables) {
+            if !own.is_local(variable, index) {
+                continue;
+            }
+            own.locals.push(variable.name.clone());
+            if wanted.contains(&variable.name) {
+                own.outputs.push(about(index));
+                unknowns.push(None);
+            }
+        }
         own.check_names()?;
         own.input_references = own.inputs.iter().map(|input| input.reference).collect();
         own.output_references = own.outputs.iter().map(|output| output.reference).collect();
-        own.unknown_references = [&own.rates[..], &own.output_references].concat();
+        own.unknown_references = [&own.rates[..], &own.output_references[..outputs]].concat();
         own.depends = unknowns
             .into_iter()
             .map(|unknown| own.listed(unknown))
             .collect();
         Ok(own)
+    }
+
+    /// Whether a variable is a continuous local that is neither a state nor a derivative of one.
+    fn is_local(&self, variable: &ScalarVariable, index: u32) -> bool {
+        variable.causality == Causality::Local
+            && variable.variability == Variability::Continuous
+            && is_number(variable)
+            && self.states.iter().all(|state| state.index != index)
+            && !self.rates.contains(&variable.value_reference)
     }
 
     fn check_names(&self) -> Result<(), EquationsError> {
@@ -170,6 +202,20 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// States with the parameters that they begin at, which FMUs of pilotage call `STATE_start`.
+    pub(crate) fn start_parameters(&self, description: &ModelDescription) -> Vec<(String, String)> {
+        let tool = description.generation_tool.as_deref();
+        if !tool.is_some_and(|tool| tool.starts_with("pilotage ")) {
+            return Vec::new();
+        }
+        let states = self.states.iter().map(|state| &state.name);
+        let named = states.map(|name| (name.clone(), format!("{name}_start")));
+        let is_there = |start: &String| self.parameters.iter().any(|own| own.name == *start);
+        named.filter(|(_, start)| is_there(start)).collect()
+    }
+}
+
 /// Value reference of a listed derivative, and index of its state.
 fn state_of(description: &ModelDescription, index: u32) -> Result<(u32, u32), EquationsError> {
     let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
@@ -232,6 +278,22 @@ fn is_number(variable: &ScalarVariable) -> bool {
         _ => false,
     };
     is_double && variable.dimensions.is_empty()
+}
+
+/// What a type that is no single real of double precision is called.
+fn type_of(variable: &ScalarVariable) -> String {
+    let kind = match &variable.kind {
+        VariableKind::Real(real) if real.precision == Precision::Double => "Real",
+        VariableKind::Real(_) => "Float32",
+        VariableKind::Integer { .. } => "Integer",
+        VariableKind::Boolean { .. } => "Boolean",
+        VariableKind::Enumeration { .. } => "Enumeration",
+        _ => "other than Real",
+    };
+    match variable.dimensions.is_empty() {
+        true => kind.to_owned(),
+        false => format!("array of {kind}"),
+    }
 }
 
 fn is_settable(variable: &ScalarVariable) -> bool {

@@ -125,14 +125,33 @@ pub struct FmuEquations {
     pub starts: Vec<Node>,
     /// States, inputs, parameters and outputs.
     pub variables: Vec<Variable>,
-    /// Names of the event indicators among the outputs, and their values where the FMU starts.
-    pub indicators: Vec<(String, f64)>,
+    /// Names of the event indicators among the outputs.
+    pub indicators: Vec<String>,
     /// The first time event, of an instance with its start values that begins at 0 \[s\].
     pub next_event: Option<f64>,
+    /// Of FMUs that pilotage has made: states, each with the parameter that it begins at.
+    pub start_parameters: Vec<(String, String)>,
+    /// Names of all continuous locals that may be asked for ([`open_with`]).
+    pub locals: Vec<String>,
+    /// Parameters that are no single reals of double precision, each with its type.
+    pub others: Vec<(String, String)>,
     /// What of the description is not so.
     pub notes: Vec<String>,
+    /// Whether it can still be called.
+    pub calls: Calls,
     /// The function itself, which knows why it had no values.
     pub function: Arc<dyn Opaque>,
+}
+
+/// Whether an FMU can still be called.
+#[derive(Debug, Clone)]
+pub struct Calls(Arc<Rates>);
+
+impl Calls {
+    /// The call that ended with a fatal error, after which none is made.
+    pub fn fatal(&self) -> Option<String> {
+        self.0.pool.fatal()
+    }
 }
 
 /// Loads an FMU and looks at its equations where it starts.
@@ -140,8 +159,18 @@ pub struct FmuEquations {
 /// # Errors
 /// When it cannot be loaded, is not for model exchange, has states that are arrays, or gives no values at its start.
 pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
+    open_with(path, &[])
+}
+
+/// The same with these of its [locals](FmuEquations::locals) among the outputs. Their derivatives are differences: an FMU
+/// tells those of its outputs alone.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, EquationsError> {
     let mut fmu = Fmu::open(path)?;
-    let mut layout = Layout::new(fmu.description())?;
+    let mut layout = Layout::new(fmu.description(), locals)?;
+    let start_parameters = layout.start_parameters(fmu.description());
     let pool = Pool::new(fmu.load()?);
     let parameters: Vec<f64> = layout.parameters.iter().map(|own| own.start).collect();
     let first = |layout: &mut Layout| -> Result<(Vec<f64>, Option<f64>), PointError> {
@@ -168,19 +197,20 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
         pool,
         trouble: Mutex::new(None),
     };
-    let at_start = check_start(&rates)?;
+    check_start(&rates)?;
     let notes = explore::explore(&mut rates);
     Ok(FmuEquations {
         next_event,
         notes,
-        ..made(Arc::new(rates), &at_start)
+        start_parameters,
+        ..made(Arc::new(rates))
     })
 }
 
-/// The values of the event indicators at the start, where all others are finite.
-fn check_start(rates: &Rates) -> Result<Vec<f64>, EquationsError> {
+/// Refuses derivatives and outputs that are not finite at the start.
+fn check_start(rates: &Rates) -> Result<(), EquationsError> {
     let mut values = rates.values(&rates.start)?;
-    let indicators = values.split_off(rates.layout.unknowns());
+    values.truncate(rates.layout.unknowns());
     let states = rates
         .layout
         .states
@@ -194,12 +224,12 @@ fn check_start(rates: &Rates) -> Result<Vec<f64>, EquationsError> {
     let mut named = states.chain(outputs).zip(values);
     match named.find(|(_, value)| !value.is_finite()) {
         Some((name, value)) => Err(EquationsError::NotFinite { name, value }),
-        None => Ok(indicators),
+        None => Ok(()),
     }
 }
 
 /// The equations as calls of the FMU.
-fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
+fn made(rates: Arc<Rates>) -> FmuEquations {
     let layout = &rates.layout;
     let mut graph = Graph::default();
     let variables: Vec<Node> = (0..layout.arguments()).map(|k| graph.variable(k)).collect();
@@ -221,11 +251,8 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
         });
     let starts = starts.collect();
     let names = |own: &[Variable]| own.iter().map(|own| own.name.clone()).collect::<Vec<_>>();
-    let numbered = (1..).zip(at_start);
-    let indicators: Vec<(String, f64)> = numbered
-        .map(|(k, value)| (format!("event indicator {k}"), *value))
-        .collect();
-    let hidden = indicators.iter().map(|(name, _)| name.clone());
+    let numbers = 1..=layout.indicators;
+    let indicators: Vec<String> = numbers.map(|k| format!("event indicator {k}")).collect();
     let all = [
         &layout.states,
         &layout.inputs,
@@ -245,13 +272,20 @@ fn made(rates: Arc<Rates>, at_start: &[f64]) -> FmuEquations {
             states: names(&layout.states),
             inputs: names(&layout.inputs),
             parameters: names(&layout.parameters),
-            outputs: names(&layout.outputs).into_iter().chain(hidden).collect(),
+            outputs: names(&layout.outputs)
+                .into_iter()
+                .chain(indicators.iter().cloned())
+                .collect(),
         },
         starts,
         variables: all.into_iter().flatten().cloned().collect(),
         indicators,
         next_event: None,
+        locals: layout.locals.clone(),
+        others: layout.others.clone(),
         notes: Vec::new(),
+        start_parameters: Vec::new(),
+        calls: Calls(rates.clone()),
         function,
     }
 }

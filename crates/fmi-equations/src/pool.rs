@@ -2,18 +2,14 @@
 
 use crate::layout::Layout;
 use pilotage_fmi::fmu::Library;
-use pilotage_fmi::instance::MAX_EVENT_ROUNDS;
+use pilotage_fmi::instance::{MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS};
 use pilotage_fmi::{CallError, FmuError, Instance, InterfaceType};
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use thiserror::Error;
 
 /// Instances that are kept: differences by parameters need two for each.
 const KEPT: usize = 64;
-
-/// Most event indicators: what says more is damaged, and memory ends.
-const MOST_INDICATORS: usize = 100_000;
 
 /// Why an FMU gives no values at a point.
 #[derive(Debug, Error)]
@@ -36,7 +32,9 @@ pub enum PointError {
         states: usize,
     },
     /// It says that it has more event indicators than any model.
-    #[error("it has {indicators} event indicators; {MOST_INDICATORS} are the most that are taken")]
+    #[error(
+        "it has {indicators} event indicators; {MAX_EVENT_INDICATORS} are the most that are taken"
+    )]
     Indicators {
         /// How many.
         indicators: usize,
@@ -45,8 +43,11 @@ pub enum PointError {
     #[error("it asks to end the simulation as it begins")]
     End,
     /// A call failed in a way after which nothing of it may be called.
-    #[error("a call ended with a fatal error before; it is not called any more")]
-    Dead,
+    #[error("it is not called any more after a fatal error: {call}")]
+    Dead {
+        /// That call.
+        call: String,
+    },
 }
 
 /// An instance in continuous-time mode.
@@ -72,7 +73,8 @@ pub(crate) struct Pool {
     idle: Mutex<Vec<Held>>,
     /// Whether there may be one instance alone.
     is_single: bool,
-    is_dead: AtomicBool,
+    /// The call that ended with a fatal error.
+    fatal: OnceLock<String>,
 }
 
 impl Pool {
@@ -82,7 +84,7 @@ impl Pool {
             is_single: me.is_some_and(|me| me.can_be_instantiated_only_once_per_process),
             library,
             idle: Mutex::default(),
-            is_dead: AtomicBool::new(false),
+            fatal: OnceLock::new(),
         }
     }
 
@@ -94,8 +96,8 @@ impl Pool {
         begin: f64,
         ask: impl FnOnce(&mut Held) -> Result<T, PointError>,
     ) -> Result<T, PointError> {
-        if self.is_dead.load(Ordering::Relaxed) {
-            return Err(PointError::Dead);
+        if let Some(call) = self.fatal() {
+            return Err(PointError::Dead { call });
         }
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let fits = |held: &Held| held.begin <= begin && same(&held.parameters, parameters);
@@ -129,12 +131,18 @@ impl Pool {
         found
     }
 
+    /// The call that ended with a fatal error, if one has.
+    pub(crate) fn fatal(&self) -> Option<String> {
+        self.fatal.get().cloned()
+    }
+
     /// After a fatal error nothing of an FMU may be called (FMI 2.0, section 2.1.3; FMI 3.0, section 2.2.3).
     fn bury(&self, error: &PointError) {
         if let PointError::Call(CallError::Failed { status, .. }) = error
             && *status == pilotage_abi::fmi2::Status::FATAL
         {
-            self.is_dead.store(true, Ordering::Relaxed);
+            // Another thread may have been first.
+            let _ = self.fatal.set(error.to_string());
         }
     }
 
@@ -172,7 +180,7 @@ impl Pool {
         instance.enter_continuous_time_mode()?;
         // Each instance of FMI 3.0 is asked for its own numbers before anything of theirs is.
         let indicators = instance.number_of_event_indicators()?;
-        if indicators > MOST_INDICATORS {
+        if indicators > MAX_EVENT_INDICATORS {
             return Err(PointError::Indicators { indicators });
         }
         let states = instance.number_of_continuous_states()?;

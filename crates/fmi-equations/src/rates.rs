@@ -141,7 +141,12 @@ impl Rates {
                     )?;
                     Ok(column)
                 };
-                self.at(at, ask)
+                let mut column = self.at(at, ask)?;
+                if column.len() < layout.unknowns() {
+                    let all = self.differences(at, place, self.steps[place])?;
+                    column.extend_from_slice(&all[column.len()..]);
+                }
+                Ok(column)
             }
             None => self.differences(at, place, self.steps[place]),
         }
@@ -154,12 +159,35 @@ impl Rates {
         place: usize,
         step: f64,
     ) -> Result<Vec<f64>, PointError> {
-        // Richardson: of two steps' errors the leading term cancels.
-        let (ends, weight) = match self.room(at[place], place, step) {
-            (true, true) => ([[step, -step], [0.5 * step, -0.5 * step]], 1.0 / 3.0),
-            (true, false) => ([[0.1 * step, 0.0], [0.05 * step, 0.0]], 1.0),
-            (false, _) => ([[-0.1 * step, 0.0], [-0.05 * step, 0.0]], 1.0),
-        };
+        match self.room(at[place], place, step) {
+            (true, true) => {
+                let ends = [[step, -step], [0.5 * step, -0.5 * step]];
+                self.extrapolated(at, place, ends, 1.0 / 3.0)
+            }
+            (up, _) => self.one_sided(at, place, step, up),
+        }
+    }
+
+    /// The same of second order from one side alone: above, or below.
+    pub(crate) fn one_sided(
+        &self,
+        at: &[f64],
+        place: usize,
+        step: f64,
+        up: bool,
+    ) -> Result<Vec<f64>, PointError> {
+        let step = if up { 0.1 * step } else { -0.1 * step };
+        self.extrapolated(at, place, [[step, 0.0], [0.5 * step, 0.0]], 1.0)
+    }
+
+    /// Richardson: of two steps' errors the leading term cancels.
+    fn extrapolated(
+        &self,
+        at: &[f64],
+        place: usize,
+        ends: [[f64; 2]; 2],
+        weight: f64,
+    ) -> Result<Vec<f64>, PointError> {
         let [whole, half] = ends.map(|ends| self.quotients(at, place, ends));
         let (whole, half) = (whole?, half?);
         let both = half.iter().zip(&whole);

@@ -11,6 +11,7 @@ use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
 const OK: c_int = 0;
 const DISCARD: c_int = 2;
 const ERROR: c_int = 3;
+const FATAL: c_int = 4;
 
 #[repr(C)]
 struct EventInfo {
@@ -56,6 +57,9 @@ impl Fmu {
             "ball" | "zeno" => [b, -G],
             // dx/dt = p (u - x)
             "decay" | "decay-by-differences" | "decay-wrongly" => [self.p * (self.u - a), 0.0],
+            "fatal" => [-self.p * a, 0.0],
+            // A table whose knot is where the state starts.
+            "decay-kinked" => [-self.p * (a + 2.0 * (a - 1.0).max(0.0)), 0.0],
             "van-der-pol" => [b, self.p * (1.0 - a * a) * b - a],
             "integrator" => [self.u, 0.0],
             "torricelli" => [-a.sqrt(), 0.0],
@@ -219,6 +223,9 @@ unsafe extern "C" fn fmi2GetDerivatives(c: *mut c_void, x: *mut f64, n: usize) -
     if of(c).model == "torricelli" && of(c).x[0] < 0.0 {
         return DISCARD;
     }
+    if of(c).model == "fatal" && of(c).p > 0.8 {
+        return FATAL;
+    }
     (0..n).for_each(|i| unsafe { *x.add(i) = of(c).derivatives()[i] });
     OK
 }
@@ -254,6 +261,7 @@ unsafe extern "C" fn fmi2GetReal(c: *mut c_void, vr: *const c_uint, n: usize, to
             20 => fmu.p,
             21 => fmu.u,
             22 => fmu.x[0] + fmu.u,
+            23 => 3.0 * fmu.x[0],
             _ => return ERROR,
         };
         unsafe { *to.add(i) = value };
@@ -290,6 +298,7 @@ unsafe extern "C" fn fmi2GetDirectionalDerivative(
     // By both states and the input.
     let rows = match fmu.model.as_str() {
         "decay" => [[-fmu.p, 0.0, fmu.p], [0.0, 0.0, 0.0]],
+        "decay-kinked" => [[if a < 1.0 { -fmu.p } else { -3.0 * fmu.p }, 0.0, 0.0], [0.0, 0.0, 0.0]],
         "decay-wrongly" => [[-2.0 * fmu.p, 0.0, fmu.p], [0.0, 0.0, 0.0]],
         "van-der-pol" => [[0.0, 1.0, 0.0], [-2.0 * fmu.p * a * b - 1.0, fmu.p * (1.0 - a * a), 0.0]],
         _ => return ERROR,

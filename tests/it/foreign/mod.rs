@@ -173,7 +173,12 @@ pub fn fmu3(behaviour: &str) -> Vec<u8> {
 
 /// An FMU for model exchange of `me.rs`: which model, with how many states and event indicators.
 pub fn model_exchange(model: &str, states: usize, indicators: usize) -> Vec<u8> {
-    let has_jacobian = ["decay@", "decay-wrongly", "van-der-pol"]
+    model_exchange_with(model, states, indicators, "")
+}
+
+/// The same with more variables behind its own.
+pub fn model_exchange_with(model: &str, states: usize, indicators: usize, more: &str) -> Vec<u8> {
+    let has_jacobian = ["decay@", "decay-kinked", "decay-wrongly", "van-der-pol"]
         .iter()
         .any(|own| model.starts_with(own));
     let state = |i: usize| {
@@ -213,6 +218,7 @@ pub fn model_exchange(model: &str, states: usize, indicators: usize) -> Vec<u8> 
     <ScalarVariable name="u" valueReference="21" causality="input"><Real start="0"/></ScalarVariable>
     <ScalarVariable name="y" valueReference="22" causality="output"><Real/></ScalarVariable>
     <ScalarVariable name="events" valueReference="0" causality="output" variability="discrete"><Integer/></ScalarVariable>
+    {more}
   </ModelVariables>
   <ModelStructure>
     <Outputs><Unknown index="{y}"/><Unknown index="{n}" dependencies=""/></Outputs>

@@ -8,7 +8,7 @@ use crate::interval::{ALL, Interval};
 use crate::names::Of;
 use crate::posed::Stands;
 use crate::stability;
-use crate::unknowns::Unknown;
+use crate::unknowns::{Meaning, Unknown};
 use pilotage_collocation::{Bound, BoundAt, ParameterConstraints};
 use pilotage_expression::{Graph, Node};
 
@@ -78,6 +78,33 @@ impl Assembly<'_> {
             }
         }
         on_parameters
+    }
+
+    /// Ranges that models give parameters which are tied, or set by expressions in runs. Those of shared parameters alone
+    /// are returned.
+    pub(super) fn bound_expressions(&mut self) -> Vec<(Node, String)> {
+        let mut on_parameters = Vec::new();
+        let parameters = self.parameters;
+        for name in &parameters.names {
+            let is_tied = matches!(parameters.meanings[name], Meaning::Tied(_));
+            let node = self.values[0][name];
+            if !(is_tied || self.is_set_by_expression(name)) || !self.depends_on_sought(node) {
+                continue;
+            }
+            let [min, max] = parameters.range(name, self.joint);
+            let range = [min.unwrap_or(ALL[0]), max.unwrap_or(ALL[1])];
+            let what = format!("the range of `{name}`");
+            match self.is_shared(node) {
+                true => on_parameters.extend(self.within(&what, node, range)),
+                false => self.bound(&what, node, range, BoundAt::Samples),
+            }
+        }
+        on_parameters
+    }
+
+    fn is_set_by_expression(&self, name: &str) -> bool {
+        let mut sets = self.data.iter().flat_map(|run| run.line.sets());
+        sets.any(|set| set.name.value == name && set.value.number().is_none())
     }
 
     /// The file's constraints. Those on shared parameters alone are returned: each expression is at least zero.
@@ -180,7 +207,7 @@ impl Assembly<'_> {
 
 impl Unknown {
     /// Between which values the search stays.
-    fn searched_range(&self) -> Interval {
+    pub(crate) fn searched_range(&self) -> Interval {
         let end = |end: Option<f64>, open: f64| end.map_or(open, |end| self.searched(end));
         [end(self.min, ALL[0]), end(self.max, ALL[1])]
     }

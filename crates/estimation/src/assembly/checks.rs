@@ -7,7 +7,7 @@ use crate::file::{Constraint, Deviation, Holds, Mesh};
 use crate::fit::MOST_INTERVALS;
 use crate::interval::{Interval, intervals, shared};
 use crate::posed::Told;
-use crate::unknowns::check_range;
+use crate::ranges::check_range;
 use pilotage_cosim::description::Said;
 use pilotage_expression::Node;
 

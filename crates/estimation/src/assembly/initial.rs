@@ -118,7 +118,7 @@ impl Assembly<'_> {
     }
 
     /// Whether an expression depends on states or shared parameters.
-    fn depends_on_sought(&self, node: Node) -> bool {
+    pub(super) fn depends_on_sought(&self, node: Node) -> bool {
         let inputs = self.input_variables();
         self.depends(node, |variable| variable > 0 && !inputs.contains(&variable))
     }

@@ -136,6 +136,7 @@ impl<'a> Assembly<'a> {
         self.limit();
         self.hold_steady(&derivatives);
         let mut on_parameters = self.bound_unknowns();
+        on_parameters.extend(self.bound_expressions());
         on_parameters.extend(self.constrain(&signals, &rows)?);
         self.expect_priors(&rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;

@@ -204,6 +204,12 @@ impl Unknown {
         }
     }
 
+    /// A value in its range.
+    pub fn kept(&self, value: f64) -> f64 {
+        let min = self.min.unwrap_or(f64::NEG_INFINITY);
+        value.clamp(min, self.max.unwrap_or(f64::INFINITY))
+    }
+
     /// Typical magnitude of what the search sees.
     pub fn searched_nominal(&self) -> Option<f64> {
         match self.log {

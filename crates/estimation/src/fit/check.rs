@@ -1,12 +1,13 @@
 //! What was found, simulated: on a mesh that is too coarse, collocation may fit what no solution of the equations does.
 
 use super::begin::{discretised, scales};
-use super::solve::Solved;
+use super::solve::{Solved, initial};
 use super::watch::Watch;
 use crate::evaluate::objective;
 use crate::posed::Posed;
-use pilotage_collocation::{Course, Quality, Scheme};
+use pilotage_collocation::{Collocation, Course, Quality, Scheme, Stop};
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// Error of a step of the simulation, relative to the states.
 const TOLERANCE: f64 = 1e-8;
@@ -14,17 +15,28 @@ const TOLERANCE: f64 = 1e-8;
 /// The objective where each run is simulated from where it was found to begin, with what was found. None where there is
 /// no such simulation, or it was over before.
 pub(super) fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> Option<f64> {
+    let clock = Instant::now();
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
-    let (theta, initial) = (problem.physical_theta(z), solved.initial());
+    let theta = problem.physical_theta(z);
+    let found = simulation(posed, (problem, z), &theta, &|| watch.is_late(clock))?;
+    Some(objective(posed, &found))
+}
+
+/// The runs simulated with these parameters from where variables say that they begin: a nonlinear program whose mesh is
+/// the samples, and its variables. None where a simulation does not come to its end.
+pub(super) fn simulation(
+    posed: &Posed<'_>,
+    (problem, z): (&Collocation, &[f64]),
+    theta: &[f64],
+    stop: &Stop<'_>,
+) -> Option<(Collocation, Vec<f64>)> {
+    let initial = initial(problem, z);
     let course = |(j, run)| {
         let quality = Quality {
             tolerance: TOLERANCE,
             magnitudes: problem.magnitudes(z, j),
         };
-        let stop = || watch.is_over();
-        posed
-            .model
-            .course(run, &theta, &initial[j], &quality, &stop)
+        posed.model.course(run, theta, &initial[j], &quality, stop)
     };
     let runs = posed.runs.par_iter().enumerate();
     let courses: Vec<Course> = runs.map(course).collect();
@@ -32,9 +44,9 @@ pub(super) fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_
         return None;
     }
     // With the samples as mesh, the states there are those of the simulation whatever the scheme is.
-    let scales = scales(posed, &courses, &theta);
+    let scales = scales(posed, &courses, theta);
     let problem = discretised(posed, posed.runs.clone(), scales, Scheme::Trapezoid);
     let paths = courses.iter().map(|own| (&own.time[..], &own.states[..]));
-    let z = problem.variables_along(paths, &theta);
-    Some(objective(posed, &(problem, z)))
+    let z = problem.variables_along(paths, theta);
+    Some((problem, z))
 }

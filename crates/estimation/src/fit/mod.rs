@@ -6,6 +6,7 @@
 //! | `race` | all starts, and which is best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
+//! | `unfinished` | the best parameters where no start has converged |
 //! | `check` | the same parameters, simulated |
 //! | `watch` | who looks on, and may end it |
 
@@ -14,11 +15,13 @@ mod check;
 mod race;
 mod refine;
 mod solve;
+mod unfinished;
 mod watch;
 
 pub use begin::{begin, factor};
 pub use refine::Refinement;
 pub use solve::{SeeIterates, Solved, solve};
+pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;
 use crate::posed::Posed;
@@ -26,10 +29,11 @@ use crate::result::Fit;
 use crate::starts::starts;
 use crate::trouble;
 use pilotage_sqp::{Iteration, Status};
-use race::{best_of, better, raced};
+use race::{best_of, better, has_answer, raced};
 use refine::refine;
 use std::ops::ControlFlow;
 use std::time::Instant;
+use unfinished::best_met;
 use watch::Watch;
 
 /// What an observer of a fit sees.
@@ -62,11 +66,23 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         .map(|own| end(posed, own.as_ref(), &watch))
         .collect();
     let lower = better(&solved);
-    let (best, errors) = best_of(&solved, &watch);
-    let first = solved
-        .swap_remove(best)
-        .expect("the given start is always solved");
-    let (last, refinement) = refine(posed, (first, errors), best, &watch);
+    let met = match has_answer(&solved) {
+        true => None,
+        false => best_met(posed, &starts[0], &solved, &watch),
+    };
+    let (last, refinement) = match met {
+        Some((best, met)) => {
+            let left = solved[best].as_ref().unwrap_or(&met);
+            let refinement = Refinement::new(left);
+            (met, refinement)
+        }
+        None => {
+            let (best, errors) = best_of(&solved, &watch);
+            let first = solved.swap_remove(best);
+            let first = first.expect("the given start is always solved");
+            refine(posed, (first, errors), best, &watch)
+        }
+    };
     let trouble = match last.solution.status {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
@@ -85,10 +101,16 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found
 }
 
-/// How a start ended, and its objective.
+/// How a start ended, and its objective; not a number where its states do not nearly fulfil the equations.
 fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (Status, f64) {
     match solved {
-        Some(own) => (own.solution.status, own.solution.iterate.f / posed.factor),
+        Some(own) => {
+            let nearly = Some(own.nearly()).filter(|own| own.is_finite());
+            (
+                own.solution.status,
+                nearly.map_or(f64::NAN, |f| f / posed.factor),
+            )
+        }
         None => (watch.over().unwrap_or(Status::Stopped), f64::NAN),
     }
 }

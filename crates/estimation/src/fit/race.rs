@@ -18,9 +18,6 @@ const FINALISTS: usize = 3;
 /// Largest violation of the scaled constraints with which a start is compared with others.
 const NEARLY: f64 = 0.1;
 
-/// Largest violation with which an objective is nearly what it will be.
-const SMALL: f64 = 1e-3;
-
 /// Objectives that differ by less than this part are equal.
 const EQUAL: f64 = 1e-8;
 
@@ -102,7 +99,7 @@ fn finalists(solved: &[Option<Solved>]) -> Vec<usize> {
 pub(super) fn better(solved: &[Option<Solved>]) -> Option<usize> {
     let best = least(solved);
     let objective = |own: &Option<Solved>| match own {
-        Some(own) if !has_converged(own) => own.within(SMALL),
+        Some(own) if !has_converged(own) => own.nearly(),
         _ => f64::INFINITY,
     };
     let open = solved.iter().map(objective).enumerate();
@@ -146,6 +143,11 @@ pub(super) fn best_of(
     best.map_or((first, None), |(k, errors)| (k, Some(errors)))
 }
 
+/// Whether a start has converged.
+pub(super) fn has_answer(solved: &[Option<Solved>]) -> bool {
+    solved.iter().flatten().any(has_converged)
+}
+
 /// In which class a start is, and its objective there.
 type Rank = (u8, f64);
 
@@ -154,7 +156,7 @@ type Rank = (u8, f64);
 fn rank(solved: &Option<Solved>) -> Rank {
     match solved {
         Some(own) if has_converged(own) => (0, own.solution.iterate.f),
-        Some(own) if own.within(SMALL).is_finite() => (1, own.solution.iterate.f),
+        Some(own) if own.nearly().is_finite() => (1, own.solution.iterate.f),
         Some(own) => (2, own.solution.kkt.primal),
         None => (3, 0.0),
     }

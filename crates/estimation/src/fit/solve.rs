@@ -22,22 +22,34 @@ impl Solved {
         }
     }
 
+    /// The objective where it is nearly what it will be; else infinite.
+    pub(super) fn nearly(&self) -> f64 {
+        self.within(NEARLY)
+    }
+
     /// Where the states of each run begin, in their units.
     pub(super) fn initial(&self) -> Vec<Vec<f64>> {
-        let (problem, z) = (&self.problem, &self.solution.iterate.z);
-        let first = |j: usize| {
-            let scaled = problem.coefficients(z, j).iter();
-            scaled
-                .zip(&problem.model.scales.states)
-                .map(|(x, s)| x * s)
-                .collect()
-        };
-        (0..problem.runs.len()).map(first).collect()
+        initial(&self.problem, &self.solution.iterate.z)
     }
+}
+
+/// Where the states of each run begin by these variables, in their units.
+pub(super) fn initial(problem: &Collocation, z: &[f64]) -> Vec<Vec<f64>> {
+    let first = |j: usize| {
+        let scaled = problem.coefficients(z, j).iter();
+        scaled
+            .zip(&problem.model.scales.states)
+            .map(|(x, s)| x * s)
+            .collect()
+    };
+    (0..problem.runs.len()).map(first).collect()
 }
 
 /// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
 const SHORT_STEP: f64 = 0.01;
+
+/// Largest violation of the scaled constraints with which an objective is nearly what it will be.
+const NEARLY: f64 = 1e-3;
 
 /// How often a solve that makes no progress is begun again, with scales of the size that it has found.
 const RESCALED: usize = 3;

@@ -4,6 +4,10 @@ use super::{Observer, Progress};
 use pilotage_sqp::{Iteration, Status};
 use std::ops::ControlFlow;
 use std::sync::{Mutex, OnceLock};
+use std::time::{Duration, Instant};
+
+/// Time for simulations of what a fit has come to after it was ended.
+const GRACE: Duration = Duration::from_secs(2);
 
 /// The observer of a fit, and what it has said. Once it has said that it is over, it is over.
 pub(super) struct Watch<'a, 'o> {
@@ -35,6 +39,12 @@ impl<'a, 'o> Watch<'a, 'o> {
     /// Whether to stop, asked from within long work without iterates.
     pub fn is_over(&self) -> bool {
         self.ask(0, 0, None).is_break()
+    }
+
+    /// Whether a simulation that began then, to tell what a fit has come to, is to end: one that is over has little time
+    /// left for it.
+    pub fn is_late(&self, begin: Instant) -> bool {
+        begin.elapsed() > GRACE && self.is_over()
     }
 
     /// With what the observer has ended it, if it has.

@@ -32,6 +32,9 @@ pub struct IntegratorStep {
 /// Rounds after which an event iteration is taken for one without end.
 pub const MAX_EVENT_ROUNDS: u32 = 1000;
 
+/// Most event indicators that an instance is asked for: what says that it has more is damaged, and memory ends.
+pub const MAX_EVENT_INDICATORS: usize = 100_000;
+
 impl Instance {
     /// The event iteration: rounds until none is needed or the end is asked for (`fmi2NewDiscreteStates`: FMI
     /// 2.0.5, section 3.2.2; `fmi3UpdateDiscreteStates`). Changes in any round count; the next time event is

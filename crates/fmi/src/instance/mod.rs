@@ -23,7 +23,7 @@ mod values;
 
 pub use clocks::{Dependency, Fraction, Interval};
 pub use error::CallError;
-pub use events::{EventUpdate, IntegratorStep, MAX_EVENT_ROUNDS};
+pub use events::{EventUpdate, IntegratorStep, MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS};
 pub use start::InstanceOptions;
 pub use states::{Saved, Serialized};
 pub use stepping::Step;

@@ -1,6 +1,7 @@
 //! Why a run of model exchange cannot go on.
 
 use crate::CallError;
+use crate::instance::MAX_EVENT_INDICATORS;
 use pilotage_ode::IntegrationError;
 use thiserror::Error;
 
@@ -22,6 +23,14 @@ pub enum RunError {
         time: f64,
         /// How many rounds there were.
         rounds: u32,
+    },
+    /// It says that it has more event indicators than any model.
+    #[error(
+        "it has {indicators} event indicators; {MAX_EVENT_INDICATORS} are the most that are taken"
+    )]
+    Indicators {
+        /// How many.
+        indicators: usize,
     },
     /// Events come faster and faster (Zeno), or chatter.
     #[error(

@@ -12,7 +12,7 @@ pub use error::RunError;
 
 use self::model::{Inputs, Model};
 use super::description::ModelDescription;
-use super::instance::{Instance, MAX_EVENT_ROUNDS, Saved};
+use super::instance::{Instance, MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS, Saved};
 use super::version::State;
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_ode::{Advance, Method, Solver};
@@ -155,6 +155,9 @@ impl ModelExchangeRun {
     pub fn begin(&mut self, start: f64) -> Result<(), RunError> {
         let n = self.model.instance.number_of_continuous_states()?;
         let indicators = self.model.instance.number_of_event_indicators()?;
+        if indicators > MAX_EVENT_INDICATORS {
+            return Err(RunError::Indicators { indicators });
+        }
         (self.x, self.nominals) = (vec![0.0; n], vec![1.0; n]);
         self.solver = solver(indicators, &self.nominals, self.options);
         self.solver.restart(start, &self.x, true);

@@ -35,6 +35,15 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
     let instances: Vec<&(String, Part)> = (posed.joint.parts.iter())
         .filter(|(name, part)| is_fitted(name) && (part.file.is_some() || part.fmu.is_some()))
         .collect();
+    if let (Some(output), true) = (output, instances.is_empty()) {
+        let message = format!(
+            "nothing is sought in an instance with a model, so there is nothing to write to {}",
+            output.display()
+        );
+        return Err(
+            Failure::new(message).hint("leave -o out; --json and --report tell what was found")
+        );
+    }
     let is_folder = output.is_some_and(|output| output.is_dir());
     let path = |instance: &str| match (output, is_folder) {
         (Some(output), true) => output.join(format!("{instance}-fitted.toml")),
@@ -88,12 +97,7 @@ impl Fitted {
             values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
-            // A state that the FMU computes cannot be set.
-            let (states, graph) = (&part.model.states, &part.model.system.graph);
-            let place = |name: &String| states.iter().position(|state| state == name);
-            let (kept, lost): (Vec<_>, Vec<_>) = values.into_iter().partition(|(name, _)| {
-                place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
-            });
+            let (kept, lost) = settable(part, values);
             for (name, value) in lost {
                 head +=
                     &format!("# {name} began at {value}; the FMU computes it and cannot be told\n");
@@ -140,6 +144,33 @@ impl Fitted {
         let text = head + &fitted.to_toml(folder)?;
         overwrite::save(&self.path, text)
     }
+}
+
+/// Variables with their values.
+type Values = Vec<(String, f64)>;
+
+/// What an FMU can be told of these values, and what not: a state that it computes begins at a parameter, or nobody can
+/// tell.
+fn settable(part: &Part, values: Values) -> (Values, Values) {
+    let (states, graph) = (&part.model.states, &part.model.system.graph);
+    let place = |name: &String| states.iter().position(|state| state == name);
+    let is_set = |(name, _): &(String, f64)| {
+        place(name).is_none_or(|place| graph.value(part.starts[place]).is_some())
+    };
+    let (mut kept, computed): (Values, Values) = values.into_iter().partition(is_set);
+    let starts = part.fmu.iter().flat_map(|fmu| &fmu.start_parameters);
+    let starts: Vec<&(String, String)> = starts.collect();
+    let mut lost = Vec::new();
+    for (name, value) in computed {
+        match starts.iter().find(|(state, _)| *state == name) {
+            Some((_, start)) => {
+                kept.retain(|(own, _)| own != start);
+                kept.push((start.clone(), value));
+            }
+            None => lost.push((name, value)),
+        }
+    }
+    (kept, lost)
 }
 
 /// What the runs of a fit had and their models do not say, and whether it was sought.

@@ -9,14 +9,23 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     let mut figures = Vec::new();
     for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
+            let recorded = ("recorded", &run.time[..], &run.recorded[k][..]);
+            let model = ("model", &run.time[..], &run.predicted[k][..]);
+            let (lines, caption) = match outcomes.has_figures(usage) {
+                true => (
+                    vec![recorded, model],
+                    "What was recorded, and what the fitted model says.",
+                ),
+                false => (
+                    vec![recorded],
+                    "What was recorded; what was found does not fulfil the equations.",
+                ),
+            };
             figures.push(Overlay {
                 title: format!("{} ({usage}): {}", run.name, measured.column.value),
                 unit: posed.unit_of(k).unwrap_or_default(),
-                lines: vec![
-                    ("recorded", &run.time, &run.recorded[k]),
-                    ("model", &run.time, &run.predicted[k]),
-                ],
-                caption: "What was recorded, and what the fitted model says.",
+                lines,
+                caption,
             });
         }
     }

@@ -5,6 +5,7 @@ use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::{Fit, Posed};
 use crate::report::significant;
+use crate::sqp::Status;
 use serde_json::{Map, Value, json};
 
 /// A fit, and the runs that were kept out of it.
@@ -24,25 +25,40 @@ impl<'a> Outcomes<'a> {
         let fitted = self.fit.runs.iter().map(|run| (run, "fit"));
         fitted.chain(self.judged.iter().map(|run| (run, "validation")))
     }
+
+    /// Whether a run has figures: validation runs are simulated, fitted ones have to fulfil the equations.
+    pub fn has_figures(self, usage: &str) -> bool {
+        usage != "fit" || self.fit.is_met()
+    }
+
+    /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation; none
+    /// where the run has no figures.
+    fn rms(self, run: &RunFit, usage: &str, k: usize) -> Option<(f64, f64)> {
+        let noise = self.posed.file.measured[k].noise;
+        self.has_figures(usage).then(|| rms(run, k, noise))
+    }
 }
 
 /// The one object of `--json`.
 pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let Outcomes { posed, fit, .. } = *outcomes;
     let runs = outcomes.runs().map(
-        |(run, usage)| json!({ "name": run.name, "use": usage, "measured": measured(posed, run) }),
+        |(run, usage)| json!({ "name": run.name, "use": usage, "measured": measured(outcomes, run, usage) }),
     );
     let runs: Vec<Value> = runs.collect();
+    // What does not fulfil the equations has no objective.
+    let told = |figure: f64| fit.is_met().then_some(figure);
     let starts = fit.starts.iter();
     let starts = starts
         .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
     json!({
         "status": fit.ending(),
         "converged": fit.is_answer(),
-        "objective": fit.objective,
+        "objective": told(fit.objective),
         "simulated_objective": fit.simulated_objective,
-        "chi2": fit.chi2,
-        "nllh": fit.nllh,
+        "chi2": told(fit.chi2),
+        "nllh": told(fit.nllh),
+        "violation": fit.kkt.primal,
         "samples": fit.samples,
         "parameters": Value::Object(fit.parameters.iter().map(parameter).collect()),
         "initial": initial(posed, fit),
@@ -98,10 +114,10 @@ fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     Value::Object(all.collect())
 }
 
-fn measured(posed: &Posed<'_>, run: &RunFit) -> Value {
+fn measured(outcomes: &Outcomes<'_>, run: &RunFit, usage: &str) -> Value {
     let mut all = Map::new();
-    for (k, measured) in posed.file.measured.iter().enumerate() {
-        let (residual, relative) = rms(run, k, measured.noise);
+    for (k, measured) in outcomes.posed.file.measured.iter().enumerate() {
+        let (residual, relative) = outcomes.rms(run, usage, k).unzip();
         all.insert(
             measured.column.value.clone(),
             json!({ "rms_residual": residual, "rms_per_sd": relative }),
@@ -127,14 +143,13 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
     let mut text = format!(
-        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n{} runs, {} measured values: objective {}, chi2 {}\n\n",
+        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n{} runs, {} measured values: {}\n\n",
         fit.refinement.iterations,
         significant(fit.seconds, 3),
         fit.kkt.residual(),
         fit.runs.len(),
         fit.samples,
-        significant(fit.objective, 8),
-        significant(fit.chi2, 8),
+        objective(fit),
     );
     text += &aligned(&rows("parameter", &fit.parameters));
     text += "\n";
@@ -154,6 +169,21 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
     }
     text
+}
+
+/// The objective; where the equations are not met, why there is none.
+fn objective(fit: &Fit) -> String {
+    let simulated = fit.simulated_objective.map_or(String::new(), |own| {
+        format!("; simulated with these parameters: {}", significant(own, 8))
+    });
+    let (objective, chi2) = (significant(fit.objective, 8), significant(fit.chi2, 8));
+    match (fit.is_met(), fit.status) {
+        (true, _) => format!("objective {objective}, chi2 {chi2}"),
+        (false, Status::UndefinedStart) => {
+            "no objective, since not all is finite at the start".into()
+        }
+        (false, _) => format!("no objective, since the equations are not met{simulated}"),
+    }
 }
 
 /// The mesh in a line.
@@ -195,7 +225,9 @@ fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
     for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
-            let (plain, relative) = rms(run, k, measured.noise);
+            let told = outcomes.rms(run, usage, k);
+            let shown = |own: Option<f64>| own.map_or("-".to_owned(), |own| significant(own, 4));
+            let (plain, relative) = told.unzip();
             let name = match usage {
                 "fit" => run.name.clone(),
                 _ => format!("{} ({usage})", run.name),
@@ -203,8 +235,8 @@ fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
             rows.push([
                 name,
                 measured.column.value.clone(),
-                significant(plain, 4),
-                significant(relative, 4),
+                shown(plain),
+                shown(relative),
             ]);
         }
     }

@@ -1,13 +1,13 @@
 //! `pilotage init`: a problem file for runs and models that are there.
 
-use super::model::open;
+mod instance;
+
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, made, terminal};
 use crate::document::quoted;
-use crate::models::library;
-use crate::models::{Role, TextModel};
 use crate::series::Series;
+use instance::Instance;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub struct Args {
     /// Recorded runs (CSV).
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The pilot: a built-in model or a model file.
+    /// The pilot: a built-in model, a model file or an FMU.
     #[arg(
         long,
         value_name = "NAME|FILE",
@@ -41,7 +41,7 @@ pub struct Args {
         conflicts_with = "model"
     )]
     pilot: String,
-    /// The vehicle: a built-in model or a model file.
+    /// The vehicle: a built-in model, a model file or an FMU.
     #[arg(
         long,
         value_name = "NAME|FILE",
@@ -57,14 +57,6 @@ pub struct Args {
     output: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-}
-
-/// An instance of the problem.
-struct Instance {
-    name: String,
-    /// As it was given.
-    given: String,
-    model: TextModel,
 }
 
 /// Runs the command.
@@ -101,23 +93,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 
 impl Args {
     fn instances(&self) -> Result<Vec<Instance>, Failure> {
-        let of = |name: &str, given: &str| -> Result<Instance, Failure> {
-            let is_name = library::find(given).is_some() && !Path::new(given).is_file();
-            let model = match is_name {
-                true => open::named(given, None)?,
-                false => open::read(Path::new(given))?,
-            };
-            Ok(Instance {
-                name: name.to_owned(),
-                given: given.to_owned(),
-                model,
-            })
-        };
         match &self.model {
-            Some(model) => Ok(vec![of("model", model)?]),
+            Some(model) => Ok(vec![Instance::open("model", model)?]),
             None => Ok(vec![
-                of("pilot", &self.pilot)?,
-                of("vehicle", &self.vehicle)?,
+                Instance::open("pilot", &self.pilot)?,
+                Instance::open("vehicle", &self.vehicle)?,
             ]),
         }
     }
@@ -182,24 +162,9 @@ impl Args {
     }
 }
 
-/// Names of the variables of an instance with a role.
-fn names(instance: &Instance, is_it: impl Fn(Role) -> bool) -> Vec<String> {
-    let variables = instance.model.variables().variables().iter();
-    let own = variables.filter(|variable| is_it(variable.role));
-    own.map(|variable| variable.name.clone()).collect()
-}
-
-fn outputs(instance: &Instance) -> Vec<String> {
-    names(instance, |role| matches!(role, Role::Output | Role::State))
-}
-
-fn inputs(instance: &Instance) -> Vec<String> {
-    names(instance, |role| role == Role::Input)
-}
-
 /// What the vehicle calls the position that a pilot sees, along an axis.
 fn position(vehicle: &Instance, axis: &str) -> Option<String> {
-    let own = outputs(vehicle);
+    let own = &vehicle.outputs;
     let candidates = [
         format!("position{axis}"),
         format!("z{axis}"),
@@ -217,11 +182,11 @@ fn wires(instances: &[Instance]) -> Vec<(String, String)> {
     let mut all = Vec::new();
     for axis in ["", "2"] {
         let stick = format!("stick{axis}");
-        if outputs(pilot).contains(&stick) && inputs(vehicle).contains(&stick) {
+        if pilot.outputs.contains(&stick) && vehicle.inputs.contains(&stick) {
             all.push((format!("pilot.{stick}"), format!("vehicle.{stick}")));
         }
         let seen = format!("position{axis}");
-        if let (true, Some(position)) = (inputs(pilot).contains(&seen), position(vehicle, axis)) {
+        if let (true, Some(position)) = (pilot.inputs.contains(&seen), position(vehicle, axis)) {
             all.push((format!("vehicle.{position}"), format!("pilot.{seen}")));
         }
     }
@@ -237,13 +202,13 @@ fn write_inputs(
     *text +=
         "\n[inputs]                                 # columns of the runs that drive the system\n";
     for own in instances {
-        for input in inputs(own) {
+        for input in &own.inputs {
             let full = format!("{}.{input}", own.name);
             let is_wired = wires.iter().any(|(_, to)| *to == full);
             match columns.contains(&input.as_str()) {
                 _ if is_wired => {}
                 true => {
-                    let _ = writeln!(text, "\"{full}\" = {}", quoted(&input));
+                    let _ = writeln!(text, "\"{full}\" = {}", quoted(input));
                 }
                 false => {
                     let _ = writeln!(
@@ -264,8 +229,8 @@ fn write_measured(
 ) -> Result<(), Failure> {
     let mut measured: Vec<(String, &str)> = Vec::new();
     for own in instances.iter().filter(|own| own.name != "pilot") {
-        for signal in outputs(own) {
-            if let Some(column) = columns.iter().find(|column| **column == signal) {
+        for signal in &own.outputs {
+            if let Some(column) = columns.iter().find(|column| *column == signal) {
                 measured.push((format!("{}.{signal}", own.name), column));
             }
         }
@@ -300,30 +265,31 @@ fn write_measured(
 fn write_parameters(text: &mut String, instances: &[Instance]) {
     *text += "\n[parameters]                             # what is sought; each starts at its model's value unless given\n";
     let sought = &instances[0];
-    let table = sought.model.variables();
-    for index in table.parameters() {
-        let variable = &table.variables()[index];
-        let start = crate::document::number(variable.start.unwrap_or_default());
-        let unit = match variable.unit.name.as_str() {
+    if !sought.is_known {
+        *text += "# What of the FMU is sought is yours to say: take the `#` away.\n";
+    }
+    for own in &sought.parameters {
+        let start = crate::document::number(own.start);
+        let unit = match own.unit.as_str() {
             "" => String::new(),
             unit => format!(" [{unit}]"),
         };
-        let fixed = match variable.name.ends_with("_limit") {
+        let fixed = match own.name.ends_with("_limit") {
             true => ", fixed = true",
             false => "",
         };
-        let line = format!(
-            "\"{}.{}\" = {{ start = {start}{fixed} }}",
-            sought.name, variable.name
-        );
-        let _ = writeln!(text, "{line:<40} # {}{unit}", variable.description);
+        let idle = if sought.is_known { "" } else { "# " };
+        let name = format!("{}.{}", sought.name, own.name);
+        let line = format!("{idle}{} = {{ start = {start}{fixed} }}", quoted(&name));
+        let _ = writeln!(text, "{line:<40} # {}{unit}", own.description);
     }
 }
 
 fn write_rest(text: &mut String, instances: &[Instance]) {
     *text += "\n[initial]                                # else what the models start with\n";
     if let [_, vehicle] = instances {
-        if let Some(position) = position(vehicle, "") {
+        let is_state = |name: &String| vehicle.states.contains(name);
+        if let Some(position) = position(vehicle, "").filter(is_state) {
             let line = format!("\"vehicle.{position}\" = \"free\"");
             let _ = writeln!(
                 text,
@@ -331,8 +297,8 @@ fn write_rest(text: &mut String, instances: &[Instance]) {
             );
         }
         if let (Some(position), true) = (
-            position(vehicle, "2"),
-            inputs(vehicle).contains(&"stick2".to_owned()),
+            position(vehicle, "2").filter(is_state),
+            vehicle.inputs.contains(&"stick2".to_owned()),
         ) {
             let _ = writeln!(text, "\"vehicle.{position}\" = \"free\"");
         }
