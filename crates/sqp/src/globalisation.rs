@@ -13,8 +13,8 @@ use super::iterate::violation;
 use super::{Iterate, Problem, Step, vector};
 
 /// Fraction to which ρ may fall from one iteration to the next: multipliers improve as it runs. Where it falls
-/// faster, Newton's steps leave the equalities again.
-const PENALTY_FALL: f64 = 0.3;
+/// faster, the steps may leave the equalities again.
+const PENALTY_FALL: f64 = 0.2;
 
 /// The merit function and its parameters.
 #[derive(Debug, Clone, Default)]

@@ -13,7 +13,7 @@ const CORRECTION_RATE: f64 = 0.35;
 const SAFETY: f64 = 0.6;
 /// Fall of the equalities by a full step beyond which its correction need not be measured.
 const CONTRACTION: f64 = 0.35;
-/// Part of the model's decrease by a full step that needs no such measuring either, unless the equalities grow.
+/// Part of the model's decrease by a full step that needs no such measuring either.
 const GOOD: f64 = 0.5;
 /// Limit on second-order corrections of one step.
 const MAX_CORRECTIONS: usize = 3;
@@ -60,8 +60,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             return Err(value);
         }
         let ratio = test.ratio(value);
-        let is_good = ratio > GOOD && self.falls_to(1.0);
-        if test.passes(value, 1.0) && (is_good || self.falls_to(CONTRACTION)) {
+        if test.passes(value, 1.0) && (ratio > GOOD || self.contracts()) {
             return Ok(ratio);
         }
         self.corrected(test, value).ok_or(value)
@@ -93,10 +92,10 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         None
     }
 
-    /// True when the trial's equalities are at most this part of those at the iterate. Where they are small
-    /// beside them, the trial's correction is certainly short.
-    fn falls_to(&self, part: f64) -> bool {
-        largest(&self.trial.c) <= part * largest(&self.current.c)
+    /// True when the trial's equalities are so small beside those at the iterate that its correction is
+    /// certainly short.
+    fn contracts(&self) -> bool {
+        largest(&self.trial.c) <= CONTRACTION * largest(&self.current.c)
     }
 
     /// Second-order correction of the step `d`, which led to `trial`. Returns how far it would move the trial: a
