@@ -168,6 +168,8 @@ fn assert_solves(
         distance(&own, eta.as_slice()) < tolerance,
         "η {own:?}\n{eta}"
     );
+    let slope = d.dot(&dense.q);
+    assert!((step.slope - slope).abs() < tolerance * (1.0 + slope.abs()));
     let curvature = d.dot(&(&dense.w * &d));
     let error = (step.curvature - curvature).abs();
     assert!(error < tolerance * (1.0 + curvature.abs()));
@@ -387,10 +389,6 @@ impl QpSolver<Random> for Checked {
         self.qp.linearise(problem, at, exact);
     }
 
-    fn gradient(&self) -> &[f64] {
-        QpSolver::<Random>::gradient(&self.qp)
-    }
-
     fn lagrangian_gradient(&self) -> &[f64] {
         QpSolver::<Random>::lagrangian_gradient(&self.qp)
     }
@@ -472,10 +470,6 @@ struct Watched<'a, Q>(Q, &'a std::cell::Cell<bool>);
 impl<Q: QpSolver<Random>> QpSolver<Random> for Watched<'_, Q> {
     fn linearise(&mut self, problem: &Random, at: &Iterate, exact: bool) {
         self.0.linearise(problem, at, exact);
-    }
-
-    fn gradient(&self) -> &[f64] {
-        self.0.gradient()
     }
 
     fn lagrangian_gradient(&self) -> &[f64] {

@@ -55,14 +55,11 @@ impl Merit {
     }
 
     /// Sets ρ and σ so that the step is a direction of descent: `φ' ≤ -½ dᵀHd`.
-    ///
-    /// `slope` is `∇fᵀd`.
     pub fn prepare<P: Problem + ?Sized>(
         &mut self,
         problem: &P,
         at: &Iterate,
         step: &Step,
-        slope: f64,
     ) -> Model {
         self.inequality.resize(step.eta.len(), 0.0);
         for (w, y) in self.inequality.iter_mut().zip(&step.eta) {
@@ -77,7 +74,7 @@ impl Merit {
         let outside = self.outside(problem, at) - heaviest * step.violation;
         let left = |v: &[f64]| -> f64 { step.residual.iter().zip(v).map(|(r, v)| r * v).sum() };
         // With J d = r - c: φ' = slope - λᵀ(c - r) + (λ̂ - λ)ᵀc - ρ cᵀ(c - r) - outside
-        let rest = slope - held + left(&at.lambda) + change - outside;
+        let rest = step.slope - held + left(&at.lambda) + change - outside;
         let fall = squares - left(&at.c);
         let needed = (rest + 0.5 * step.curvature) / fall.max(f64::MIN_POSITIVE);
         self.penalty = match needed.is_finite() {
@@ -89,7 +86,7 @@ impl Merit {
             decrease: held - left(&step.lambda)
                 + 0.5 * self.penalty * (squares - left(&step.residual))
                 + outside
-                - slope
+                - step.slope
                 - 0.5 * step.curvature,
         }
     }

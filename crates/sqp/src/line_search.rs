@@ -5,7 +5,7 @@ use super::Problem;
 use super::globalisation::Model;
 use super::qp::QpSolver;
 use super::solver::Sqp;
-use super::vector::{dot, each, largest, largest_of};
+use super::vector::{each, largest, largest_of};
 
 /// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.35;
@@ -22,10 +22,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     /// The step length at which the merit falls enough, and how the fall compares with the model's.
     /// Leaves the accepted point in `trial`.
     pub(super) fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
-        let slope = dot(self.qp.gradient(), &self.step.d);
-        let model = self
-            .merit
-            .prepare(self.problem, &self.current, &self.step, slope);
+        let model = self.merit.prepare(self.problem, &self.current, &self.step);
         let start = self.merit.value(self.problem, &self.current);
         let test = Descent {
             start,

@@ -13,6 +13,8 @@ pub struct Step {
     pub lambda: Vec<f64>,
     /// Multipliers of the linearised inequalities, signed as in [`Iterate::eta`].
     pub eta: Vec<f64>,
+    /// `∇fᵀd`.
+    pub slope: f64,
     /// `dᵀ(H + μ diag w) d`.
     pub curvature: f64,
     /// ℓ1 norm of the linearised inequalities' violation that remains: zero unless the constraints are
@@ -46,9 +48,6 @@ pub enum QpFailure {
 pub trait QpSolver<P: Problem + ?Sized> {
     /// Takes the derivatives at an iterate; `exact` asks for the exact Hessian beside Gauss–Newton.
     fn linearise(&mut self, problem: &P, at: &Iterate, exact: bool);
-
-    /// `∇f` at the last linearisation.
-    fn gradient(&self) -> &[f64];
 
     /// `∇f + Jᵀλ + Gᵀη` at the last linearisation with its multipliers.
     fn lagrangian_gradient(&self) -> &[f64];

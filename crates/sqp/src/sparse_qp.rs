@@ -71,10 +71,6 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
         self.exact = exact.then(|| hessian(Hessian::Exact));
     }
 
-    fn gradient(&self) -> &[f64] {
-        &self.gradient
-    }
-
     fn lagrangian_gradient(&self) -> &[f64] {
         &self.lagrangian
     }
@@ -255,6 +251,12 @@ impl SparseQp {
 
     fn write_step(&self, solution: ConvexSolution, step: &mut Step) {
         let wd = self.qp.w_times(&solution.x);
+        step.slope = self
+            .gradient
+            .iter()
+            .zip(&solution.x)
+            .map(|(g, d)| g * d)
+            .sum();
         step.curvature = wd.iter().zip(&solution.x).map(|(w, d)| w * d).sum();
         let m = self.c.len();
         step.residual.clear();

@@ -5,7 +5,7 @@ use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
 use crate::node::{NodeModel, pull_back};
-use crate::simd::{self, LANES, Lanes, Task, less, plus, side_by_side, times};
+use crate::simd::{self, LANES, Lanes, Task, plus, side_by_side, times};
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
@@ -78,14 +78,6 @@ impl RunSweep {
         }
     }
 
-    /// Writes the objective's gradient with respect to the unknowns into `out`, and that of θ into
-    /// `theta_gradient`.
-    pub(super) fn objective_gradient(&mut self, at: Place<'_>, out: &mut [f64]) {
-        out.fill(0.0);
-        self.theta_gradient.fill(0.0);
-        simd::vectorised(ObjectiveGradient { own: self, at, out });
-    }
-
     /// Adds the derivatives of `ωᵀ f̄` at a group of points, for these entries of the Jacobian.
     #[inline(always)]
     fn pull_back(&self, points: &Points<'_>, entries: &[(usize, usize)], out: &mut [Lanes]) {
@@ -134,13 +126,13 @@ impl RunSweep {
     }
 
     /// Writes the derivatives of the Lagrangian's model at the last expanded step, but for the defects'
-    /// part, into `right`; returns the part of `dᵀHd`.
+    /// part, into `right`; returns the parts of `∇fᵀd` and `dᵀHd`.
     pub fn step_gradient(
         &mut self,
         at: Place<'_>,
         kind: Hessian,
         (dtheta, eta): (&[f64], &[f64]),
-    ) -> f64 {
+    ) -> [f64; 2] {
         let (mut right, mut omega) = (
             std::mem::take(&mut self.right),
             std::mem::take(&mut self.omega),
@@ -150,7 +142,7 @@ impl RunSweep {
             omega.fill(0.0);
         }
         self.omega = omega;
-        let curvature = simd::vectorised(StepGradient {
+        let sums = simd::vectorised(StepGradient {
             own: self,
             at,
             kind,
@@ -159,7 +151,7 @@ impl RunSweep {
             right: &mut right,
         });
         self.right = right;
-        curvature
+        sums
     }
 }
 
@@ -225,45 +217,6 @@ impl Task for Differentiate<'_> {
     }
 }
 
-/// [`RunSweep::objective_gradient`], added to zeros.
-struct ObjectiveGradient<'a> {
-    own: &'a mut RunSweep,
-    at: Place<'a>,
-    out: &'a mut [f64],
-}
-
-impl Task for ObjectiveGradient<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self { own, at, out } = self;
-        let Collocation { model, grids, .. } = at.problem;
-        let (n, p, grid) = (own.n, own.p, &grids[at.j]);
-        let nested = grid.has_nested();
-        if nested {
-            own.omega.fill(0.0);
-        }
-        let (mut outputs, mut full) = (zeros(own), zeros(own));
-        for points in Points::all(grid).rev() {
-            outputs.fill([0.0; LANES]);
-            for k in 0..at.problem.measured {
-                let gradient = own.gradients[k].group(points.number);
-                let pull = own.pull(points.number, k);
-                add_at(model.columns(k), pull, gradient, &mut outputs);
-            }
-            for lanes in points.turns(nested) {
-                full.copy_from_slice(&outputs);
-                if nested {
-                    own.pull_back(&points, &model.entries, &mut full);
-                }
-                points.add_parameters(lanes.clone(), &full[n..n + p], &mut own.theta_gradient);
-                points.distribute(lanes, &full[..n], out, &mut own.omega);
-            }
-        }
-    }
-}
-
 /// [`RunSweep::step_gradient`], added to zeros.
 struct StepGradient<'a> {
     own: &'a mut RunSweep,
@@ -275,10 +228,10 @@ struct StepGradient<'a> {
 }
 
 impl Task for StepGradient<'_> {
-    type Output = f64;
+    type Output = [f64; 2];
 
     #[inline(always)]
-    fn run(self) -> f64 {
+    fn run(self) -> [f64; 2] {
         let Self {
             own,
             at,
@@ -295,22 +248,25 @@ impl Task for StepGradient<'_> {
         let parameters = step[n..n + p].iter_mut().zip(dtheta);
         parameters.for_each(|(out, v)| *out = [*v; LANES]);
         let (mut outputs, mut full) = (zeros(own), zeros(own));
-        let mut curvature = [0.0; LANES];
+        let (mut slope, mut curvature) = (0.0, 0.0);
         for points in Points::all(grid).rev() {
             points.states(&own.nodes.dx, &own.combined.dx, n, &mut step);
             own.model_gradient(model, points.number, kind, &step, &mut outputs);
-            // The objective's gradient is among them, and no part of the Hessian.
-            let mut sum = [0.0; LANES];
+            let mut along_gradient = [0.0; LANES];
             for k in 0..measured {
                 let gradient = own.gradients[k].group(points.number);
                 let change = along(model.columns(k), gradient, &step);
-                sum = less(sum, own.pull(points.number, k), change);
+                along_gradient = plus(along_gradient, own.pull(points.number, k), change);
             }
+            let mut sum = [0.0; LANES];
             for (gradient, step) in outputs[..n + p].iter().zip(&step) {
                 sum = plus(sum, *gradient, *step);
             }
-            let counting = curvature[..points.count].iter_mut().zip(sum);
-            counting.for_each(|(curvature, sum)| *curvature += sum);
+            for lane in 0..points.count {
+                slope += along_gradient[lane];
+                // The objective's gradient is among them, and no part of the Hessian.
+                curvature += sum[lane] - along_gradient[lane];
+            }
             for (k, eta) in eta.chunks_exact(samples).enumerate() {
                 let push = points.of_samples(eta);
                 if push != [0.0; LANES] {
@@ -326,6 +282,6 @@ impl Task for StepGradient<'_> {
                 points.distribute(lanes, &full[..n], right, &mut own.omega);
             }
         }
-        curvature.iter().sum()
+        [slope, curvature]
     }
 }

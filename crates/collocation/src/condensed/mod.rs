@@ -49,7 +49,6 @@ const MAX_ROUNDS: usize = 50;
 pub struct Condensed {
     runs: Vec<RunSweep>,
     jacobians: ElementJacobians,
-    gradient: Vec<f64>,
     lagrangian: Vec<f64>,
     /// Values of the inequalities.
     g: Vec<f64>,
@@ -73,25 +72,18 @@ impl QpSolver<Collocation> for Condensed {
         self.linearise_parameters(problem, at);
         self.g.clone_from(&at.g);
         let theta = problem.layout.theta;
-        let variables = || problem.layout.runs.iter().map(|run| run.variables());
+        let variables = problem.layout.runs.iter().map(|run| run.variables());
         let mut work: Vec<_> = (self.runs.iter_mut())
-            .zip(parallel::parts(&mut self.gradient, variables()))
-            .zip(parallel::parts(&mut self.lagrangian, variables()))
-            .map(|((run, gradient), lagrangian)| (run, gradient, lagrangian))
+            .zip(parallel::parts(&mut self.lagrangian, variables))
             .collect();
-        parallel::each(&mut work, |j, (run, gradient, lagrangian)| {
-            run.linearise(Place { problem, j }, at, exact, gradient, lagrangian);
+        parallel::each(&mut work, |j, (run, lagrangian)| {
+            run.linearise(Place { problem, j }, at, exact, lagrangian);
         });
         for run in &self.runs {
-            dense::axpy(1.0, &run.theta_gradient, &mut self.gradient[theta..]);
             dense::axpy(1.0, &run.theta_lagrangian, &mut self.lagrangian[theta..]);
         }
         self.singular =
             !self.jacobians.order(problem, &self.runs) || !self.sweep(problem, &at.c, exact);
-    }
-
-    fn gradient(&self) -> &[f64] {
-        &self.gradient
     }
 
     fn lagrangian_gradient(&self) -> &[f64] {
@@ -272,17 +264,15 @@ impl Condensed {
     /// Allocates the workspace at the first use.
     fn prepare(&mut self, problem: &Collocation) {
         let variables = problem.layout.theta + problem.n_parameters();
-        if self.runs.len() != problem.runs.len() || self.gradient.len() != variables {
+        if self.runs.len() != problem.runs.len() || self.lagrangian.len() != variables {
             self.runs = (0..problem.runs.len())
                 .map(|j| RunSweep::new(problem, j))
                 .collect();
             self.jacobians = ElementJacobians::new(problem);
-            self.gradient = vec![0.0; variables];
             self.lagrangian = vec![0.0; variables];
             self.working = equations(problem).map(|at| (at, 1.0)).collect();
         }
         let theta = problem.layout.theta;
-        self.gradient[theta..].fill(0.0);
         self.lagrangian[theta..].fill(0.0);
     }
 
@@ -449,17 +439,22 @@ impl Condensed {
         let mut lambda: Vec<_> = parallel::parts(&mut step.lambda, equalities).collect();
         let batches = self.jacobians.batches(problem, &mut self.runs, LANES);
         let mut work: Vec<_> = with_items(batches, &mut lambda)
-            .map(|(batch, lambda)| (batch, lambda, 0.0))
+            .map(|(batch, lambda)| (batch, lambda, [0.0; 2]))
             .collect();
-        parallel::each(&mut work, |_, (batch, lambda, curvature)| {
+        parallel::each(&mut work, |_, (batch, lambda, sums)| {
             for (k, run) in batch.runs.iter_mut().enumerate() {
                 let j = batch.first + k;
                 let eta = &eta[layout.runs[j].inequalities()];
-                *curvature += run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
+                let own = run.step_gradient(Place { problem, j }, hessian, (dtheta, eta));
+                sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
             }
             batch.multipliers(lambda);
         });
-        step.curvature += work.iter().map(|(.., curvature)| curvature).sum::<f64>();
+        step.slope = work.iter().map(|(.., [slope, _])| slope).sum();
+        step.curvature += work
+            .iter()
+            .map(|(.., [_, curvature])| curvature)
+            .sum::<f64>();
         if hessian == Hessian::Exact {
             let rows = self.parameter_hessian.chunks_exact(dtheta.len().max(1));
             for (row, d) in rows.zip(dtheta) {

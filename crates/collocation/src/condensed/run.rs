@@ -47,9 +47,7 @@ pub struct RunSweep {
     pub(super) work: Work,
     /// Largest sensitivity of an unknown to a reduced variable.
     pub(super) growth: f64,
-    /// Gradient of this run's objective with respect to θ.
-    pub theta_gradient: Vec<f64>,
-    /// Its part of the Lagrangian's gradient with respect to θ.
+    /// This run's part of the Lagrangian's gradient with respect to θ.
     pub theta_lagrangian: Vec<f64>,
     /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
     pub(super) omega: Vec<f64>,
@@ -137,7 +135,6 @@ impl RunSweep {
                 ..Work::default()
             },
             growth: 0.0,
-            theta_gradient: vec![0.0; p],
             theta_lagrangian: vec![0.0; p],
             omega: vec![0.0; points * n],
             right: vec![0.0; grid.nodes() * n],
@@ -158,7 +155,6 @@ impl RunSweep {
         at: Place<'_>,
         iterate: &Iterate,
         exact: bool,
-        gradient: &mut [f64],
         lagrangian: &mut [f64],
     ) {
         let place = &at.problem.layout.runs[at.j];
@@ -166,7 +162,6 @@ impl RunSweep {
         let eta = &iterate.eta[place.inequalities()];
         self.defects_transposed(at, lambda, lagrangian);
         self.differentiate(at, &iterate.z, eta, exact, lagrangian);
-        self.objective_gradient(at, gradient);
     }
 
     /// Writes `Eᵀ λ` and the known states' multipliers into `out`, and the weights `-h Σ_r A_ri λ_r` of
