@@ -1,0 +1,223 @@
+//! Covariances of the parameters.
+
+use crate::autoregression::Autoregression;
+use crate::inference::{Inference, Obstacle};
+use crate::meat::Processes;
+use nalgebra::{DMatrix, DVector};
+use std::fmt;
+
+/// Runs from which on leaving out one at a time tells more than a model of the noise.
+pub const ENOUGH_RUNS: usize = 4;
+/// Part of the largest effect on a run from which on it tells of a parameter.
+const TELLS: f64 = 1e-6;
+
+/// How residuals become a covariance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// `s² H⁻¹`: for white residuals.
+    Plain,
+    /// `H⁻¹ Σ J_iᵀ R(i - j) J_j H⁻¹` with the residuals' autocorrelations (Morelli & Klein, J. Aircr. 34, 1997).
+    Sidpac,
+    /// The same with an autoregressive process for each signal, without the bias that the fit leaves in residuals.
+    Ar,
+    /// The jackknife over runs: nothing is said of the noise but that runs share none.
+    Cr3,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Plain, Self::Sidpac, Self::Ar, Self::Cr3];
+
+    /// One word, as on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Sidpac => "sidpac",
+            Self::Ar => "ar",
+            Self::Cr3 => "cr3",
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// A covariance of the shared parameters, and what intervals need.
+#[derive(Debug, Clone)]
+pub struct Covariance {
+    /// How it was computed.
+    pub method: Method,
+    /// p × p; zero for what constraints hold, without the directions that the data leave open. It has full rank in what
+    /// is determined: where runs are too few for that, correlations are those of [`Method::Ar`].
+    pub matrix: DMatrix<f64>,
+    /// Whose correlations they are.
+    pub correlated_by: Method,
+    /// Degrees of freedom of Student's t for each parameter.
+    pub degrees: Vec<f64>,
+    /// Method behind the variance of each parameter: [`Method::Ar`] for those that fewer runs tell than [`Method::Cr3`]
+    /// asks for.
+    pub methods: Vec<Method>,
+    /// The noise of each signal, for the runs' own unknowns.
+    pub(crate) processes: Processes,
+    /// Degrees of freedom that go with it.
+    pub own_degrees: f64,
+}
+
+impl Covariance {
+    /// Standard deviations.
+    pub fn deviations(&self) -> Vec<f64> {
+        self.matrix.diagonal().iter().map(|v| v.sqrt()).collect()
+    }
+
+    /// Correlations; zero beside what has no variance.
+    pub fn correlations(&self) -> DMatrix<f64> {
+        let sd = self.deviations();
+        let n = sd.len();
+        DMatrix::from_fn(n, n, |i, j| match sd[i] * sd[j] > 0.0 {
+            true => (self.matrix[(i, j)] / (sd[i] * sd[j])).clamp(-1.0, 1.0),
+            false => f64::from(i == j),
+        })
+    }
+
+    /// Variance of what has this gradient over the shared parameters (delta method).
+    pub fn variance(&self, gradient: &DVector<f64>) -> f64 {
+        gradient.dot(&(&self.matrix * gradient)).max(0.0)
+    }
+
+    /// The least degrees of freedom of the parameters that a gradient takes part of.
+    pub fn degrees_along(&self, gradient: &DVector<f64>) -> f64 {
+        let parts = gradient
+            .iter()
+            .zip(&self.degrees)
+            .filter(|(g, _)| **g != 0.0);
+        parts.map(|(_, own)| *own).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Inference<'_> {
+    /// The covariance by a method; without one, [`Method::Cr3`] from [`ENOUGH_RUNS`] runs on where none of them alone
+    /// tells a parameter, and [`Method::Ar`] else.
+    ///
+    /// # Errors
+    /// Where a method that was named does not give one: [`Obstacle::FewRuns`], [`Obstacle::Negative`].
+    pub fn covariance(&self, method: Option<Method>) -> Result<Covariance, Obstacle> {
+        match method {
+            None if self.data.runs.len() < ENOUGH_RUNS => self.by(Method::Ar),
+            None => self.by(Method::Cr3).or_else(|_| self.by(Method::Ar)),
+            Some(method) => self.by(method),
+        }
+    }
+
+    fn by(&self, method: Method) -> Result<Covariance, Obstacle> {
+        let processes = match method {
+            Method::Plain => self.white(),
+            Method::Sidpac | Method::Ar | Method::Cr3 => self.coloured(),
+        };
+        let modelled = |processes: &[Autoregression]| {
+            self.over_parameters(&self.sandwiched(&self.meat(processes)))
+        };
+        let mut matrix = match method {
+            Method::Plain | Method::Ar => modelled(&processes),
+            Method::Sidpac => self.over_parameters(&self.sandwiched(&self.sidpac_meat())),
+            Method::Cr3 => self.over_parameters(&self.jackknife()?),
+        };
+        if matrix.diagonal().iter().any(|variance| *variance < 0.0) {
+            return Err(Obstacle::Negative);
+        }
+        let p = matrix.nrows();
+        let mut found = Covariance {
+            degrees: vec![self.degrees_of(method, &processes); p],
+            methods: vec![method; p],
+            correlated_by: method,
+            own_degrees: self.own_degrees(method, &processes),
+            method,
+            matrix: DMatrix::zeros(0, 0),
+            processes,
+        };
+        if method == Method::Cr3 {
+            let other = modelled(&found.processes);
+            self.mend(&mut matrix, &other, &mut found);
+        }
+        found.matrix = matrix;
+        Ok(found)
+    }
+
+    fn own_degrees(&self, method: Method, processes: &[Autoregression]) -> f64 {
+        match method {
+            Method::Plain => self.degrees_of(method, processes),
+            _ => self.degrees_of(Method::Ar, processes),
+        }
+    }
+
+    fn over_parameters(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.all.free * covariance * self.all.free.transpose()
+    }
+
+    /// Where few runs tell of a parameter, its variance is that of the model of the noise; where runs are too few for
+    /// the rank of a sandwich, so are the correlations.
+    fn mend(&self, matrix: &mut DMatrix<f64>, other: &DMatrix<f64>, found: &mut Covariance) {
+        let p = matrix.nrows();
+        let ratio = |own: f64, other: f64| {
+            if other > 0.0 {
+                (own / other).sqrt()
+            } else {
+                1.0
+            }
+        };
+        let mut scale = vec![1.0; p];
+        for i in 0..p {
+            let runs = self.told_by(i);
+            if runs < ENOUGH_RUNS && runs < self.data.runs.len() {
+                found.methods[i] = Method::Ar;
+                found.degrees[i] = found.own_degrees;
+            } else {
+                found.degrees[i] = (runs as f64 - 1.0).max(1.0);
+                scale[i] = ratio(matrix[(i, i)], other[(i, i)]);
+            }
+        }
+        let is_mended = found.methods.contains(&Method::Ar);
+        if is_mended || self.data.runs.len() <= self.hessian.nrows() {
+            found.correlated_by = Method::Ar;
+            *matrix = DMatrix::from_fn(p, p, |i, j| scale[i] * other[(i, j)] * scale[j]);
+        }
+    }
+
+    /// How many runs tell of a parameter.
+    fn told_by(&self, parameter: usize) -> usize {
+        let effects = self
+            .data
+            .runs
+            .iter()
+            .map(|run| run.shared.column(parameter).norm());
+        let effects: Vec<f64> = effects.collect();
+        let most = effects.iter().copied().fold(0.0, f64::max);
+        effects.iter().filter(|own| **own > TELLS * most).count()
+    }
+
+    /// The covariance of the shared parameters and a run's own unknowns behind them, by the model of the noise, since
+    /// what a run alone tells no other run confirms: (p + m) × (p + m).
+    ///
+    /// # Panics
+    /// Where there is no such run.
+    pub fn joint(&self, covariance: &Covariance, run: usize) -> DMatrix<f64> {
+        let own = &self.all.runs[run];
+        let processes = &covariance.processes;
+        // What the run's residuals make of the shared coordinates, and these of its own unknowns.
+        let told = &self.inverse * own.projected.transpose();
+        let follows = &own.follows - &own.inverse * &own.shared;
+        let stacked = |above: DMatrix<f64>, below: DMatrix<f64>| {
+            let (p, m) = (above.nrows(), below.nrows());
+            let mut all = above.resize_vertically(p + m, 0.0);
+            all.rows_mut(p, m).copy_from(&below);
+            all
+        };
+        let by_run = stacked(&self.all.free * &told, &own.inverse + &follows * &told);
+        let by_shared = stacked(self.all.free.clone(), follows);
+        let coloured = self.coloured_rows(run, &by_run.transpose(), processes);
+        let others = self.meat(processes) - self.run_meat(run, processes);
+        coloured.tr_mul(&coloured) + &by_shared * self.sandwiched(&others) * by_shared.transpose()
+    }
+}
