@@ -128,7 +128,7 @@ fn active_constraints_are_told_in_units() {
     }
     assert!(found.runs.iter().any(|own| own.active.nrows() > 0));
     // The bounded output is the position: its gradient at the sample is that of the first output over the gain, which
-    // the gain also multiplies.
+    // the gain also multiplies; an upper bound allows what is against it.
     let gain = problem.physical_theta(&at.z)[1];
     let (j, own) = (found.runs.iter().enumerate())
         .find(|(_, own)| own.active.nrows() > 0)
@@ -137,7 +137,7 @@ fn active_constraints_are_told_in_units() {
     let is_told = |k: usize| {
         let mut expected = own.outputs[0].row(k) / gain;
         expected[1] -= states[k][0] / gain;
-        (expected - own.active.row(0)).amax() < 1e-9
+        (expected + own.active.row(0)).amax() < 1e-9
     };
     assert!((0..states.len()).any(is_told));
 }

@@ -60,8 +60,9 @@ pub struct Covariance {
     /// Method behind the variance of each parameter: [`Method::Ar`] for those that fewer runs tell than [`Method::Cr3`]
     /// asks for.
     pub methods: Vec<Method>,
-    /// The noise of each signal, for the runs' own unknowns.
+    /// The noise of each signal, for the runs' own unknowns, and what it makes of the score.
     pub(crate) processes: Processes,
+    pub(crate) meat: DMatrix<f64>,
     /// Degrees of freedom that go with it.
     pub own_degrees: f64,
 }
@@ -116,11 +117,10 @@ impl Inference<'_> {
             Method::Plain => self.white(),
             Method::Sidpac | Method::Ar | Method::Cr3 => self.coloured(),
         };
-        let modelled = |processes: &[Autoregression]| {
-            self.over_parameters(&self.sandwiched(&self.meat(processes)))
-        };
+        let meat = self.meat(&processes);
+        let modelled = self.over_parameters(&self.sandwiched(&meat));
         let mut matrix = match method {
-            Method::Plain | Method::Ar => modelled(&processes),
+            Method::Plain | Method::Ar => modelled.clone(),
             Method::Sidpac => self.over_parameters(&self.sandwiched(&self.sidpac_meat())),
             Method::Cr3 => self.over_parameters(&self.jackknife()?),
         };
@@ -136,10 +136,10 @@ impl Inference<'_> {
             method,
             matrix: DMatrix::zeros(0, 0),
             processes,
+            meat,
         };
         if method == Method::Cr3 {
-            let other = modelled(&found.processes);
-            self.mend(&mut matrix, &other, &mut found);
+            self.mend(&mut matrix, &modelled, &mut found);
         }
         found.matrix = matrix;
         Ok(found)
@@ -217,7 +217,7 @@ impl Inference<'_> {
         let by_run = stacked(&self.all.free * &told, &own.inverse + &follows * &told);
         let by_shared = stacked(self.all.free.clone(), follows);
         let coloured = self.coloured_rows(run, &by_run.transpose(), processes);
-        let others = self.meat(processes) - self.run_meat(run, processes);
+        let others = &covariance.meat - self.run_meat(run, processes);
         coloured.tr_mul(&coloured) + &by_shared * self.sandwiched(&others) * by_shared.transpose()
     }
 }

@@ -35,12 +35,15 @@ pub struct Elimination {
 }
 
 impl Elimination {
-    /// With parameters in these units.
-    pub fn new(data: &Data, units: &DVector<f64>) -> Self {
+    /// With parameters in these units. Constraints on the shared ones are held, or else φ is θ in its units.
+    pub fn new(data: &Data, units: &DVector<f64>, holds_shared: bool) -> Self {
         let held: Vec<Held> = data.runs.iter().map(|run| Held::new(run, units)).collect();
         let mut rows: Vec<DVector<f64>> = held.iter().flat_map(|own| own.rest.clone()).collect();
         let of_parameters = data.active.row_iter();
         rows.extend(of_parameters.map(|row| row.transpose().component_mul(units)));
+        if !holds_shared {
+            rows.clear();
+        }
         let z = null_space(&rows, units.len());
         let scaled = DMatrix::from_diagonal(units);
         let runs = data.runs.iter().zip(held);

@@ -2,7 +2,7 @@
 
 use crate::data::{Data, Run};
 use crate::elimination::Elimination;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Why there is no covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -69,10 +69,10 @@ impl<'d> Inference<'d> {
             return Err(Obstacle::NotFinite);
         }
         let units = units(data);
-        let all = Elimination::new(data, &units);
+        let all = Elimination::new(data, &units, true);
         let hessian = all.information() + all.prior.tr_mul(&all.prior);
         let d = hessian.nrows();
-        let eigen = SymmetricEigen::new(unit_diagonal(&hessian));
+        let eigen = eigen(unit_diagonal(&hessian));
         let (open, known): (Vec<usize>, Vec<usize>) =
             (0..d).partition(|k| eigen.eigenvalues[*k] <= OPEN);
         let scale = DVector::from_iterator(d, hessian.diagonal().iter().map(|v| root(*v)));
@@ -160,6 +160,17 @@ impl<'d> Inference<'d> {
         (self.data.residuals() as f64 - self.determined as f64).max(1.0)
     }
 
+    /// Where a step of Gauss and Newton takes the shared parameters when the residuals of each run change by these.
+    ///
+    /// # Panics
+    /// Where these are not as many as the residuals.
+    pub fn moved(&self, changes: &[DVector<f64>]) -> DVector<f64> {
+        let runs = self.all.runs.iter().zip(changes);
+        let score = runs.map(|(own, change)| own.projected.tr_mul(change));
+        let zero = DVector::zeros(self.hessian.nrows());
+        &self.all.free * (&self.inverse * score.fold(zero, |sum, own| sum + own))
+    }
+
     /// Own unknowns of a run that its residuals do not tell.
     pub fn own_flat(&self, run: usize) -> &[bool] {
         &self.all.runs[run].flat
@@ -180,7 +191,7 @@ fn is_finite(run: &Run) -> bool {
 fn units(data: &Data) -> DVector<f64> {
     let squares = sums(data, |run| &run.shared);
     let effects = squares.map(f64::sqrt).component_mul(&data.scales);
-    let least = NO_EFFECT * effects.max();
+    let least = NO_EFFECT * effects.iter().copied().fold(0.0, f64::max);
     DVector::from_fn(squares.len(), |i, _| match effects[i] > least {
         true => 1.0 / squares[i].sqrt(),
         false => data.scales[i],
@@ -202,11 +213,7 @@ fn sums(data: &Data, of: impl Fn(&Run) -> &DMatrix<f64>) -> DVector<f64> {
 
 /// Information on each parameter where the other shared ones are known, and the runs' own unknowns are not.
 fn alone(data: &Data, units: &DVector<f64>) -> DVector<f64> {
-    let unconstrained = Data {
-        active: DMatrix::zeros(0, units.len()),
-        ..data.clone()
-    };
-    let all = Elimination::new(&unconstrained, units);
+    let all = Elimination::new(data, units, false);
     let information = all.information() + all.prior.tr_mul(&all.prior);
     DVector::from_fn(units.len(), |i, _| information[(i, i)] / units[i].powi(2))
 }
@@ -224,6 +231,17 @@ fn unit_diagonal(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
         root[i] * matrix[(i, j)] * root[j]
     })
+}
+
+/// Eigenvalues and eigenvectors, of a matrix without rows too.
+fn eigen(matrix: DMatrix<f64>) -> SymmetricEigen<f64, Dyn> {
+    match matrix.is_empty() {
+        true => SymmetricEigen {
+            eigenvalues: DVector::zeros(0),
+            eigenvectors: matrix,
+        },
+        false => SymmetricEigen::new(matrix),
+    }
 }
 
 /// Open directions from their effects on each parameter in its unit: reduced to few parameters each, as the rows of an

@@ -133,6 +133,12 @@ impl Inference<'_> {
     /// Appl. Econom. 38, 2023).
     pub(crate) fn jackknife(&self) -> Result<DMatrix<f64>, Obstacle> {
         let runs = self.all.runs.len() as f64;
+        if runs < 2.0 {
+            return Err(Obstacle::FewRuns);
+        }
+        if self.hessian.is_empty() {
+            return Ok(self.hessian.clone());
+        }
         let mut sum = DMatrix::zeros(self.hessian.nrows(), self.hessian.nrows());
         for (run, own) in self.data.runs.iter().zip(&self.all.runs) {
             let rest = &self.hessian - own.information();
@@ -146,10 +152,7 @@ impl Inference<'_> {
             let moved = factor.solve(&own.projected.tr_mul(&run.residuals));
             sum += &moved * moved.transpose();
         }
-        match self.all.runs.len() {
-            0 | 1 => Err(Obstacle::FewRuns),
-            _ => Ok(sum * ((runs - 1.0) / runs) + self.sandwiched(&self.prior_meat())),
-        }
+        Ok(sum * ((runs - 1.0) / runs) + self.sandwiched(&self.prior_meat()))
     }
 
     /// `H⁻¹ M H⁻¹`.

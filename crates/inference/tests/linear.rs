@@ -241,6 +241,13 @@ fn a_constraint_of_a_run_is_balanced_by_its_own_unknowns() {
     }
     let inference = Inference::new(&data).unwrap();
     let found = inference.covariance(Some(Method::Plain)).unwrap();
+    // As many constraints as there are shared parameters, and nothing to balance them.
+    let mut held = data.clone();
+    held.runs.iter_mut().for_each(|run| run.own.fill(0.0));
+    held.runs[0].active = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    let held = Inference::new(&held).unwrap();
+    assert_eq!(held.covariance(None).unwrap().matrix, DMatrix::zeros(2, 2));
+    assert!(held.insensitivity().iter().all(|own| own.is_finite()));
     let expected = Inference::new(&other).unwrap();
     let expected = expected.covariance(Some(Method::Plain)).unwrap();
     assert_close(&found.matrix, &expected.matrix, 1e-9);
@@ -365,4 +372,42 @@ fn the_noise_of_residuals_is_found_without_their_bias() {
     let truth = &inverse * (design.transpose() * sigma * &design) * &inverse;
     let ratio = (variances - truth[(0, 0)].ln()).exp();
     assert!((0.75..1.35).contains(&ratio), "{ratio}");
+}
+
+/// Runs with unknowns of their own alone, and parameters that constraints hold altogether.
+#[test]
+fn nothing_shared_is_a_problem_too() {
+    let data = Toy::new(14, 2, [30, 0, 2]).data();
+    let inference = Inference::new(&data).unwrap();
+    let found = inference.covariance(None).unwrap();
+    assert_eq!(found.matrix.shape(), (0, 0));
+    let plain = inference.covariance(Some(Method::Plain)).unwrap();
+    let own = &data.runs[1].own;
+    let expected = own.tr_mul(own).try_inverse().unwrap() * inference.noise();
+    assert_close(&inference.joint(&plain, 1), &expected, 1e-9);
+
+    let mut data = Toy::new(15, 5, [30, 2, 0]).data();
+    data.active = DMatrix::identity(2, 2);
+    for method in Method::ALL {
+        let found = Inference::new(&data)
+            .unwrap()
+            .covariance(Some(method))
+            .unwrap();
+        assert_eq!(found.matrix, DMatrix::zeros(2, 2), "{method}");
+    }
+}
+
+#[test]
+fn residuals_that_change_move_the_solution_of_a_linear_problem_at_once() {
+    let toy = Toy::new(16, 3, [20, 2, 1]);
+    let data = toy.data();
+    let changes: Vec<DVector<f64>> = (0..3)
+        .map(|g| DVector::from_fn(20, |t, _| ((g + t) as f64).cos()))
+        .collect();
+    let mut other = Toy::new(16, 3, [20, 2, 1]);
+    let runs = other.runs.iter_mut().zip(&changes);
+    runs.for_each(|((_, y), change)| *y += change);
+    let expected = other.solution().rows(0, 2) - toy.solution().rows(0, 2);
+    let moved = Inference::new(&data).unwrap().moved(&changes);
+    assert!((moved - expected).amax() < 1e-10);
 }

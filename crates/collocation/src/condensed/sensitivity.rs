@@ -1,6 +1,7 @@
 //! Derivatives of the outputs by what is free: parameters and free initial states, through the linearised equations.
 
 use super::Condensed;
+use super::active::RowAt;
 use super::run::{Place, RunSweep};
 use crate::Collocation;
 use nalgebra::{DMatrix, RowDVector};
@@ -14,7 +15,7 @@ pub struct Sensitivity {
     /// For each measured output, samples × (parameters and free initial states): `∂y(t_k)/∂[θ; x(0)]`, where the states
     /// follow by the collocation equations.
     pub outputs: Vec<DMatrix<f64>>,
-    /// Gradients of the active bounds over the same, one each row, each of any length.
+    /// Gradients of the active bounds over the same, one each row, towards what they allow.
     pub active: DMatrix<f64>,
 }
 
@@ -23,7 +24,7 @@ pub struct Sensitivity {
 pub struct Sensitivities {
     /// Of the runs.
     pub runs: Vec<Sensitivity>,
-    /// Gradients of the active constraints on the parameters, one each row.
+    /// Gradients of the active constraints on the parameters, one each row, towards what they allow.
     pub parameters: DMatrix<f64>,
     /// Which of the constraints those are.
     pub active: Vec<usize>,
@@ -54,13 +55,14 @@ impl Condensed {
             let of_run = held.iter().filter(|row| row.at.run() == Some(j));
             let active = of_run.map(|row| {
                 let mut gradient = RowDVector::zeros(own.r());
+                let inward = inward(problem, at, row.at);
                 for &(column, value) in &row.entries {
                     let k = if column < p {
                         column
                     } else {
                         column - first + p
                     };
-                    gradient[k] += value / units[k];
+                    gradient[k] += inward * value / units[k];
                 }
                 gradient
             });
@@ -119,6 +121,15 @@ impl RunSweep {
             column /= *unit;
         }
         out
+    }
+}
+
+/// In which direction of its value a bound allows changes.
+fn inward(problem: &Collocation, at: &Iterate, row: RowAt) -> f64 {
+    match row {
+        RowAt::Bounded { run, row } => -at.eta[problem.layout.runs[run].g + row].signum(),
+        // These have lower limits alone.
+        RowAt::Parameter(_) => 1.0,
     }
 }
 

@@ -5,15 +5,24 @@ use super::solve::Solved;
 use super::watch::Watch;
 use crate::evaluate::objective;
 use crate::posed::Posed;
-use pilotage_collocation::{Course, Quality, Scheme};
+use pilotage_collocation::{Collocation, Course, Quality, Scheme};
 use rayon::prelude::*;
 
 /// Error of a step of the simulation, relative to the states.
 const TOLERANCE: f64 = 1e-8;
 
-/// The objective where each run is simulated from where it was found to begin, with what was found. None where there is
-/// no such simulation, or it was over before.
-pub(super) fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> Option<f64> {
+/// What was found where each run is simulated from where it was found to begin, and the objective there.
+pub(super) struct Simulated {
+    pub at: (Collocation, Vec<f64>),
+    pub objective: f64,
+}
+
+/// The simulation of all runs with what was found. None where there is no such simulation, or it was over before.
+pub(super) fn simulated(
+    posed: &Posed<'_>,
+    solved: &Solved,
+    watch: &Watch<'_, '_>,
+) -> Option<Simulated> {
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
     let (theta, initial) = (problem.physical_theta(z), solved.initial());
     let course = |(j, run)| {
@@ -36,5 +45,9 @@ pub(super) fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_
     let problem = discretised(posed, posed.runs.clone(), scales, Scheme::Trapezoid);
     let paths = courses.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, &theta);
-    Some(objective(posed, &(problem, z)))
+    let at = (problem, z);
+    Some(Simulated {
+        objective: objective(posed, &at),
+        at,
+    })
 }
