@@ -7,7 +7,14 @@ use crate::identification::{
 };
 use crate::report::significant;
 use crate::vehicle::Mode;
+use nalgebra::DMatrix;
 use serde_json::{Value, json};
+
+/// The rows of a matrix, for `--json`.
+pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let rows = matrix.row_iter();
+    rows.map(|row| row.iter().copied().collect()).collect()
+}
 
 /// The one object of `--json`.
 pub fn to_json(found: &Identification) -> Value {
