@@ -70,7 +70,13 @@ impl Autoregression {
         let most = MOST.min(shortest / ROWS);
         let likelihood = Likelihood::new(segments, most);
         let first = partial(segments, most);
-        let criterion = |order: usize| likelihood.value(&first[..order]).0 + 2.0 * order as f64;
+        let count: usize = segments.iter().map(|own| own.rows.nrows()).sum();
+        // Hurvich & Tsai, Biometrika 76, 1989.
+        let criterion = |order: usize| {
+            let (n, k) = (count as f64, order as f64 + 1.0);
+            let penalty = 2.0 * k * n / (n - k - 1.0).max(1.0);
+            likelihood.value(&first[..order]).0 + penalty
+        };
         let orders = (0..=most).map(|order| (order, criterion(order)));
         let best = orders.min_by(|a, b| a.1.total_cmp(&b.1));
         let order = best.map_or(0, |(order, _)| order);
@@ -98,11 +104,12 @@ impl Autoregression {
         out
     }
 
-    /// How many independent values have a mean as sure as that of `n` values of this process.
-    pub fn independent(&self, n: usize) -> f64 {
-        let sum: f64 = self.predictors[self.predictors.len() - 1].iter().sum();
-        let at_zero = 1.0 / (1.0 - sum).powi(2);
-        n as f64 * (self.left[0] / at_zero).min(1.0)
+    /// White noise with the variance of this process.
+    pub fn white(&self) -> Self {
+        Self {
+            variance: self.variance * self.left[0],
+            ..Self::new(&[])
+        }
     }
 }
 

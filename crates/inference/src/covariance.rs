@@ -63,8 +63,9 @@ pub struct Covariance {
     /// The noise of each signal, for the runs' own unknowns, and what it makes of the score.
     pub(crate) processes: Processes,
     pub(crate) meat: DMatrix<f64>,
-    /// Degrees of freedom that go with it.
-    pub own_degrees: f64,
+    /// The same with white noise of the same variances.
+    white: Processes,
+    white_meat: DMatrix<f64>,
 }
 
 impl Covariance {
@@ -83,18 +84,10 @@ impl Covariance {
         })
     }
 
-    /// Variance of what has this gradient over the shared parameters (delta method).
-    pub fn variance(&self, gradient: &DVector<f64>) -> f64 {
-        gradient.dot(&(&self.matrix * gradient)).max(0.0)
-    }
-
-    /// The least degrees of freedom of the parameters that a gradient takes part of.
-    pub fn degrees_along(&self, gradient: &DVector<f64>) -> f64 {
-        let parts = gradient
-            .iter()
-            .zip(&self.degrees)
-            .filter(|(g, _)| **g != 0.0);
-        parts.map(|(_, own)| *own).fold(f64::INFINITY, f64::min)
+    /// Variance of what has this gradient over the shared parameters (delta method), and the least degrees of freedom of
+    /// what it takes part of.
+    pub fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {
+        along(&self.matrix, &self.degrees, gradient)
     }
 }
 
@@ -118,6 +111,8 @@ impl Inference<'_> {
             Method::Sidpac | Method::Ar | Method::Cr3 => self.coloured(),
         };
         let meat = self.meat(&processes);
+        let white: Processes = processes.iter().map(Autoregression::white).collect();
+        let white_meat = self.meat(&white);
         let modelled = self.over_parameters(&self.sandwiched(&meat));
         let mut matrix = match method {
             Method::Plain | Method::Ar => modelled.clone(),
@@ -129,26 +124,42 @@ impl Inference<'_> {
         }
         let p = matrix.nrows();
         let mut found = Covariance {
-            degrees: vec![self.degrees_of(method, &processes); p],
+            degrees: self.degrees_of(method, &modelled, &white_meat),
             methods: vec![method; p],
             correlated_by: method,
-            own_degrees: self.own_degrees(method, &processes),
             method,
             matrix: DMatrix::zeros(0, 0),
             processes,
             meat,
+            white,
+            white_meat,
         };
         if method == Method::Cr3 {
-            self.mend(&mut matrix, &modelled, &mut found);
+            let degrees = self.degrees_of(Method::Ar, &modelled, &found.white_meat);
+            self.mend(&mut matrix, (&modelled, &degrees), &mut found);
         }
         found.matrix = matrix;
         Ok(found)
     }
 
-    fn own_degrees(&self, method: Method, processes: &[Autoregression]) -> f64 {
+    /// Degrees of freedom for Student's t: runs less one; or values less unknowns, of which a coloured noise leaves as many
+    /// as white noise of its variance would need for the same standard deviation.
+    fn degrees_of(
+        &self,
+        method: Method,
+        modelled: &DMatrix<f64>,
+        white_meat: &DMatrix<f64>,
+    ) -> Vec<f64> {
+        let p = modelled.nrows();
         match method {
-            Method::Plain => self.degrees_of(method, processes),
-            _ => self.degrees_of(Method::Ar, processes),
+            Method::Cr3 => vec![self.data.runs.len() as f64 - 1.0; p],
+            Method::Plain | Method::Sidpac => vec![self.degrees(); p],
+            Method::Ar => {
+                let white = self.over_parameters(&self.sandwiched(white_meat));
+                let count = (self.data.residuals(), self.determined);
+                let left = |i: usize| left([white[(i, i)], modelled[(i, i)]], count);
+                (0..p).map(left).collect()
+            }
         }
     }
 
@@ -158,7 +169,12 @@ impl Inference<'_> {
 
     /// Where few runs tell of a parameter, its variance is that of the model of the noise; where runs are too few for
     /// the rank of a sandwich, so are the correlations.
-    fn mend(&self, matrix: &mut DMatrix<f64>, other: &DMatrix<f64>, found: &mut Covariance) {
+    fn mend(
+        &self,
+        matrix: &mut DMatrix<f64>,
+        (other, degrees): (&DMatrix<f64>, &[f64]),
+        found: &mut Covariance,
+    ) {
         let p = matrix.nrows();
         let ratio = |own: f64, other: f64| {
             if other > 0.0 {
@@ -172,7 +188,7 @@ impl Inference<'_> {
             let runs = self.told_by(i);
             if runs < ENOUGH_RUNS && runs < self.data.runs.len() {
                 found.methods[i] = Method::Ar;
-                found.degrees[i] = found.own_degrees;
+                found.degrees[i] = degrees[i];
             } else {
                 found.degrees[i] = (runs as f64 - 1.0).max(1.0);
                 scale[i] = ratio(matrix[(i, i)], other[(i, i)]);
@@ -197,14 +213,30 @@ impl Inference<'_> {
         effects.iter().filter(|own| **own > TELLS * most).count()
     }
 
-    /// The covariance of the shared parameters and a run's own unknowns behind them, by the model of the noise, since
-    /// what a run alone tells no other run confirms: (p + m) × (p + m).
+    /// The covariance of the shared parameters and a run's own unknowns.
     ///
     /// # Panics
     /// Where there is no such run.
-    pub fn joint(&self, covariance: &Covariance, run: usize) -> DMatrix<f64> {
-        let own = &self.all.runs[run];
+    pub fn joint(&self, covariance: &Covariance, run: usize) -> Joint {
         let processes = &covariance.processes;
+        let matrix = self.joint_by(processes, &covariance.meat, run);
+        let whitened = self.joint_by(&covariance.white, &covariance.white_meat, run);
+        let (p, own) = (self.data.parameters(), &self.data.runs[run]);
+        let count = (own.residuals.len(), self.all.runs[run].basis.ncols());
+        let of_own = (p..matrix.nrows()).map(|i| left([whitened[(i, i)], matrix[(i, i)]], count));
+        Joint {
+            degrees: covariance.degrees.iter().copied().chain(of_own).collect(),
+            matrix,
+        }
+    }
+
+    fn joint_by(
+        &self,
+        processes: &[Autoregression],
+        meat: &DMatrix<f64>,
+        run: usize,
+    ) -> DMatrix<f64> {
+        let own = &self.all.runs[run];
         // What the run's residuals make of the shared coordinates, and these of its own unknowns.
         let told = &self.inverse * own.projected.transpose();
         let follows = &own.follows - &own.inverse * &own.shared;
@@ -217,7 +249,41 @@ impl Inference<'_> {
         let by_run = stacked(&self.all.free * &told, &own.inverse + &follows * &told);
         let by_shared = stacked(self.all.free.clone(), follows);
         let coloured = self.coloured_rows(run, &by_run.transpose(), processes);
-        let others = &covariance.meat - self.run_meat(run, processes);
-        coloured.tr_mul(&coloured) + &by_shared * self.sandwiched(&others) * by_shared.transpose()
+        let others = self.sandwiched(&(meat - self.run_meat(run, processes)));
+        coloured.tr_mul(&coloured) + &by_shared * others * by_shared.transpose()
     }
+}
+
+/// A covariance of shared parameters and one run's own unknowns behind them, by the model of the noise: what a run alone
+/// tells no other run confirms.
+#[derive(Debug, Clone)]
+pub struct Joint {
+    /// (p + m) × (p + m).
+    pub matrix: DMatrix<f64>,
+    /// Degrees of freedom of Student's t for each.
+    pub degrees: Vec<f64>,
+}
+
+impl Joint {
+    /// Variance of what has this gradient (delta method), and the least degrees of freedom of what it takes part of.
+    pub fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {
+        along(&self.matrix, &self.degrees, gradient)
+    }
+}
+
+fn along(matrix: &DMatrix<f64>, degrees: &[f64], gradient: &DVector<f64>) -> (f64, f64) {
+    let parts = gradient.iter().zip(degrees).filter(|(g, _)| **g != 0.0);
+    let least = parts.map(|(_, own)| *own).fold(f64::INFINITY, f64::min);
+    (gradient.dot(&(matrix * gradient)).max(0.0), least)
+}
+
+/// Degrees of freedom that so many values and unknowns leave where the variance would be the first with white noise, and
+/// is the second.
+fn left([white, coloured]: [f64; 2], (values, unknowns): (usize, usize)) -> f64 {
+    let part = if coloured > 0.0 {
+        (white / coloured).min(1.0)
+    } else {
+        1.0
+    };
+    (part * values as f64 - unknowns as f64).max(1.0)
 }

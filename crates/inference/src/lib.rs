@@ -40,7 +40,7 @@ pub mod interval;
 mod meat;
 mod row;
 
-pub use covariance::{Covariance, Method};
+pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};

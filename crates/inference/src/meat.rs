@@ -1,7 +1,6 @@
 //! What noise makes of the score `Σ J_gᵀ e_g`: its covariance, by model or by the runs' own scores.
 
 use crate::autoregression::{Autoregression, Segment};
-use crate::covariance::Method;
 use crate::inference::{Inference, Obstacle};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -158,23 +157,6 @@ impl Inference<'_> {
     /// `H⁻¹ M H⁻¹`.
     pub(crate) fn sandwiched(&self, meat: &DMatrix<f64>) -> DMatrix<f64> {
         &self.inverse * meat * &self.inverse
-    }
-
-    /// Degrees of freedom for Student's t: independent runs less one, or independent values less the unknowns.
-    pub(crate) fn degrees_of(&self, method: Method, processes: &[Autoregression]) -> f64 {
-        match method {
-            Method::Cr3 => self.data.runs.len() as f64 - 1.0,
-            Method::Plain | Method::Sidpac => self.degrees(),
-            Method::Ar => {
-                let of_run =
-                    |range: (usize, &Range<usize>)| processes[range.0].independent(range.1.len());
-                let runs = self.data.runs.iter();
-                let values: f64 = runs
-                    .flat_map(|run| run.signals.iter().enumerate().map(of_run))
-                    .sum();
-                values.min(self.degrees()).max(1.0)
-            }
-        }
     }
 }
 

@@ -14,7 +14,9 @@ use crate::unknowns::Unknown;
 use linearised::{linearised, residuals};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
-use pilotage_inference::{Covariance, Data, Inference, Interval, Method, Obstacle, Run};
+use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run};
+
+use std::cell::OnceCell;
 
 /// Entries of a constraint's gradient beside one that count as zero.
 const ALONE: f64 = 1e-9;
@@ -105,9 +107,7 @@ pub(crate) fn uncertainty(
         data,
         inference: &inference,
         covariance: &covariance,
-        joint: (0..data.runs.len())
-            .map(|run| inference.joint(&covariance, run))
-            .collect(),
+        joint: vec![OnceCell::new(); data.runs.len()],
         theta: theta.clone(),
         states: (0..data.runs.len())
             .map(|j| problem.states_at_samples(&at.z, j)[0].clone())
@@ -168,13 +168,17 @@ struct Sure<'a> {
     inference: &'a Inference<'a>,
     covariance: &'a Covariance,
     /// For each run, of shared parameters and its own unknowns.
-    joint: Vec<DMatrix<f64>>,
+    joint: Vec<OnceCell<Joint>>,
     theta: Vec<f64>,
     /// Where the states of each run begin.
     states: Vec<Vec<f64>>,
 }
 
 impl Sure<'_> {
+    fn joint(&self, run: usize) -> &Joint {
+        self.joint[run].get_or_init(|| self.inference.joint(self.covariance, run))
+    }
+
     fn intervals(&self, parameters: &[Found]) -> Vec<Vec<Interval>> {
         let mut all: Vec<Vec<Interval>> = Vec::new();
         for (unknown, stands) in &self.posed.unknowns {
@@ -250,7 +254,7 @@ impl Sure<'_> {
 
     /// Standard deviation and degrees of freedom.
     fn deviation(&self, at: Coordinate) -> (f64, f64) {
-        deviation(self.inference, self.covariance, at, |j| &self.joint[j])
+        deviation(self.inference, self.covariance, at, |j| self.joint(j))
     }
 
     /// Where an active constraint is on this coordinate alone, the sign of the changes that it allows.
@@ -307,24 +311,19 @@ impl Sure<'_> {
         if flat || own_flat.clone().any(|(flat, slope)| *flat && *slope != 0.0) {
             return (f64::INFINITY, f64::INFINITY);
         }
-        match own.iter().all(|slope| *slope == 0.0) {
-            true => {
-                let variance = self.covariance.variance(&shared);
-                (variance.sqrt(), self.covariance.degrees_along(&shared))
-            }
-            false => {
-                let variance = gradient.dot(&(&self.joint[j] * &gradient));
-                (variance.max(0.0).sqrt(), self.covariance.own_degrees)
-            }
-        }
+        let (variance, degrees) = match own.iter().all(|slope| *slope == 0.0) {
+            true => self.covariance.along(&shared),
+            false => self.joint(j).along(&gradient),
+        };
+        (variance.sqrt(), degrees)
     }
 }
 
-fn deviation<M: std::borrow::Borrow<DMatrix<f64>>>(
+fn deviation<J: std::borrow::Borrow<Joint>>(
     inference: &Inference<'_>,
     covariance: &Covariance,
     at: Coordinate,
-    joint: impl Fn(usize) -> M,
+    joint: impl Fn(usize) -> J,
 ) -> (f64, f64) {
     let (is_flat, variance, degrees) = match at {
         Coordinate::Shared(k) => (
@@ -333,11 +332,12 @@ fn deviation<M: std::borrow::Borrow<DMatrix<f64>>>(
             covariance.degrees[k],
         ),
         Coordinate::Own(j, k) => {
-            let place = covariance.matrix.nrows() + k;
+            let (joint, place) = (joint(j), covariance.matrix.nrows() + k);
+            let joint = joint.borrow();
             (
                 inference.own_flat(j)[k],
-                joint(j).borrow()[(place, place)],
-                covariance.own_degrees,
+                joint.matrix[(place, place)],
+                joint.degrees[place],
             )
         }
     };

@@ -48,7 +48,7 @@ pub fn to_json(fit: &Fit) -> Value {
         "method": own.method.as_str(),
         "level": LEVEL,
         "penalised": own.is_penalised,
-        "degrees_of_freedom": covariance.degrees.first().unwrap_or(&covariance.own_degrees),
+        "degrees_of_freedom": covariance.degrees,
         "noise": own.noise,
         "parameters": own.names,
         "covariance": reals(&covariance.matrix),
