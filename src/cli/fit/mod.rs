@@ -296,6 +296,7 @@ impl Args {
             stick_limit: self.stick_limit,
             tolerance: self.tolerance,
             max_iterations: self.max_iterations,
+            covariance: self.covariance,
         })
     }
 

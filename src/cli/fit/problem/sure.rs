@@ -1,10 +1,10 @@
 //! How sure a fit of a problem is, for people and for scripts.
 
-use crate::cli::fit::summary::reals;
+use crate::cli::fit::summary::{how, reals};
 use crate::estimation::Fit;
 use crate::estimation::result::Found;
 use crate::estimation::uncertainty::Uncertainty;
-use crate::inference::{Class, Interval, LEVEL, Method};
+use crate::inference::{Class, Interval, LEVEL};
 use crate::report::significant;
 use serde_json::{Map, Value, json};
 
@@ -114,13 +114,7 @@ pub fn to_text(fit: &Fit) -> String {
 }
 
 /// What the intervals are, in a line.
-pub fn method(own: &Uncertainty) -> String {
-    let how = match own.method {
-        Method::Plain => "plain: for residuals without colour",
-        Method::Sidpac => "sidpac: with the autocorrelations of the residuals",
-        Method::Ar => "ar: with autoregressive noise",
-        Method::Cr3 => "cr3: by leaving out one run at a time",
-    };
+fn method(own: &Uncertainty) -> String {
     let penalised = if own.is_penalised { "penalised " } else { "" };
-    format!("{penalised}95 % intervals ({how})")
+    format!("{penalised}{}", how(own.method))
 }
