@@ -5,6 +5,7 @@ use crate::inference::{Inference, Obstacle};
 use crate::meat::Processes;
 use nalgebra::{DMatrix, DVector};
 use std::fmt;
+use std::sync::OnceLock;
 
 /// Runs from which on leaving out one at a time tells more than a model of the noise.
 pub const ENOUGH_RUNS: usize = 4;
@@ -45,6 +46,15 @@ impl fmt::Display for Method {
     }
 }
 
+/// A model of the noise, and what it makes of the score; the same with white noise of the same variances.
+#[derive(Debug, Clone)]
+struct Model {
+    processes: Processes,
+    meat: DMatrix<f64>,
+    white: Processes,
+    white_meat: DMatrix<f64>,
+}
+
 /// A covariance of the shared parameters, and what intervals need.
 #[derive(Debug, Clone)]
 pub struct Covariance {
@@ -60,12 +70,8 @@ pub struct Covariance {
     /// Method behind the variance of each parameter: [`Method::Ar`] for those that fewer runs tell than [`Method::Cr3`]
     /// asks for.
     pub methods: Vec<Method>,
-    /// The noise of each signal, for the runs' own unknowns, and what it makes of the score.
-    pub(crate) processes: Processes,
-    pub(crate) meat: DMatrix<f64>,
-    /// The same with white noise of the same variances.
-    white: Processes,
-    white_meat: DMatrix<f64>,
+    /// The model of the noise, once it is asked for.
+    model: OnceLock<Model>,
 }
 
 impl Covariance {
@@ -106,16 +112,9 @@ impl Inference<'_> {
     }
 
     fn by(&self, method: Method) -> Result<Covariance, Obstacle> {
-        let processes = match method {
-            Method::Plain => self.white(),
-            Method::Sidpac | Method::Ar | Method::Cr3 => self.coloured(),
-        };
-        let meat = self.meat(&processes);
-        let white: Processes = processes.iter().map(Autoregression::white).collect();
-        let white_meat = self.meat(&white);
-        let modelled = self.over_parameters(&self.sandwiched(&meat));
+        let model = OnceLock::new();
         let mut matrix = match method {
-            Method::Plain | Method::Ar => modelled.clone(),
+            Method::Plain | Method::Ar => self.modelled(model.get_or_init(|| self.model(method))),
             Method::Sidpac => self.over_parameters(&self.sandwiched(&self.sidpac_meat())),
             Method::Cr3 => self.over_parameters(&self.jackknife()?),
         };
@@ -124,43 +123,52 @@ impl Inference<'_> {
         }
         let p = matrix.nrows();
         let mut found = Covariance {
-            degrees: self.degrees_of(method, &modelled, &white_meat),
+            degrees: match method {
+                Method::Cr3 => vec![self.data.runs.len() as f64 - 1.0; p],
+                Method::Plain | Method::Sidpac => vec![self.degrees(); p],
+                Method::Ar => self.degrees_left(model.get_or_init(|| self.model(method))),
+            },
             methods: vec![method; p],
             correlated_by: method,
             method,
             matrix: DMatrix::zeros(0, 0),
-            processes,
-            meat,
-            white,
-            white_meat,
+            model,
         };
         if method == Method::Cr3 {
-            let degrees = self.degrees_of(Method::Ar, &modelled, &found.white_meat);
-            self.mend(&mut matrix, (&modelled, &degrees), &mut found);
+            self.mend(&mut matrix, &mut found);
         }
         found.matrix = matrix;
         Ok(found)
     }
 
-    /// Degrees of freedom for Student's t: runs less one; or values less unknowns, of which a coloured noise leaves as many
-    /// as white noise of its variance would need for the same standard deviation.
-    fn degrees_of(
-        &self,
-        method: Method,
-        modelled: &DMatrix<f64>,
-        white_meat: &DMatrix<f64>,
-    ) -> Vec<f64> {
-        let p = modelled.nrows();
-        match method {
-            Method::Cr3 => vec![self.data.runs.len() as f64 - 1.0; p],
-            Method::Plain | Method::Sidpac => vec![self.degrees(); p],
-            Method::Ar => {
-                let white = self.over_parameters(&self.sandwiched(white_meat));
-                let count = (self.data.residuals(), self.determined);
-                let left = |i: usize| left([white[(i, i)], modelled[(i, i)]], count);
-                (0..p).map(left).collect()
-            }
+    /// The model of the noise that goes with a method.
+    fn model(&self, method: Method) -> Model {
+        let processes = match method {
+            Method::Plain => self.white(),
+            Method::Sidpac | Method::Ar | Method::Cr3 => self.coloured(),
+        };
+        let white: Processes = processes.iter().map(Autoregression::white).collect();
+        Model {
+            meat: self.meat(&processes),
+            white_meat: self.meat(&white),
+            processes,
+            white,
         }
+    }
+
+    /// The covariance of the shared parameters by a model of the noise.
+    fn modelled(&self, model: &Model) -> DMatrix<f64> {
+        self.over_parameters(&self.sandwiched(&model.meat))
+    }
+
+    /// Degrees of freedom for Student's t: values less unknowns, of which a coloured noise leaves as many as white noise
+    /// of its variance would need for the same standard deviation.
+    fn degrees_left(&self, model: &Model) -> Vec<f64> {
+        let coloured = self.modelled(model);
+        let white = self.over_parameters(&self.sandwiched(&model.white_meat));
+        let count = (self.data.residuals(), self.determined);
+        let of = |i: usize| left([white[(i, i)], coloured[(i, i)]], count);
+        (0..coloured.nrows()).map(of).collect()
     }
 
     fn over_parameters(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
@@ -169,36 +177,29 @@ impl Inference<'_> {
 
     /// Where few runs tell of a parameter, its variance is that of the model of the noise; where runs are too few for
     /// the rank of a sandwich, so are the correlations.
-    fn mend(
-        &self,
-        matrix: &mut DMatrix<f64>,
-        (other, degrees): (&DMatrix<f64>, &[f64]),
-        found: &mut Covariance,
-    ) {
-        let p = matrix.nrows();
-        let ratio = |own: f64, other: f64| {
-            if other > 0.0 {
-                (own / other).sqrt()
-            } else {
-                1.0
-            }
-        };
+    fn mend(&self, matrix: &mut DMatrix<f64>, found: &mut Covariance) {
+        let (p, all) = (matrix.nrows(), self.data.runs.len());
+        let told: Vec<usize> = (0..p).map(|i| self.told_by(i)).collect();
+        let is_told = |i: usize| told[i] >= ENOUGH_RUNS.min(all);
+        found.degrees = told
+            .iter()
+            .map(|runs| (*runs as f64 - 1.0).max(1.0))
+            .collect();
+        if (0..p).all(is_told) && all > self.hessian.nrows() {
+            return;
+        }
+        let model = found.model.get_or_init(|| self.model(Method::Ar));
+        let (other, degrees) = (self.modelled(model), self.degrees_left(model));
         let mut scale = vec![1.0; p];
         for i in 0..p {
-            let runs = self.told_by(i);
-            if runs < ENOUGH_RUNS && runs < self.data.runs.len() {
-                found.methods[i] = Method::Ar;
-                found.degrees[i] = degrees[i];
-            } else {
-                found.degrees[i] = (runs as f64 - 1.0).max(1.0);
-                scale[i] = ratio(matrix[(i, i)], other[(i, i)]);
+            if !is_told(i) {
+                (found.methods[i], found.degrees[i]) = (Method::Ar, degrees[i]);
+            } else if other[(i, i)] > 0.0 {
+                scale[i] = (matrix[(i, i)] / other[(i, i)]).sqrt();
             }
         }
-        let is_mended = found.methods.contains(&Method::Ar);
-        if is_mended || self.data.runs.len() <= self.hessian.nrows() {
-            found.correlated_by = Method::Ar;
-            *matrix = DMatrix::from_fn(p, p, |i, j| scale[i] * other[(i, j)] * scale[j]);
-        }
+        found.correlated_by = Method::Ar;
+        *matrix = DMatrix::from_fn(p, p, |i, j| scale[i] * other[(i, j)] * scale[j]);
     }
 
     /// How many runs tell of a parameter.
@@ -218,9 +219,11 @@ impl Inference<'_> {
     /// # Panics
     /// Where there is no such run.
     pub fn joint(&self, covariance: &Covariance, run: usize) -> Joint {
-        let processes = &covariance.processes;
-        let matrix = self.joint_by(processes, &covariance.meat, run);
-        let whitened = self.joint_by(&covariance.white, &covariance.white_meat, run);
+        let model = covariance
+            .model
+            .get_or_init(|| self.model(covariance.method));
+        let matrix = self.joint_by(&model.processes, &model.meat, run);
+        let whitened = self.joint_by(&model.white, &model.white_meat, run);
         let (p, own) = (self.data.parameters(), &self.data.runs[run]);
         let count = (own.residuals.len(), self.all.runs[run].basis.ncols());
         let of_own = (p..matrix.nrows()).map(|i| left([whitened[(i, i)], matrix[(i, i)]], count));
