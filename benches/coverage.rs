@@ -91,13 +91,18 @@ const OWN: Case = Case {
     ..DECAY
 };
 
+/// Three sines, on straight lines between the samples, as the fit has them.
 fn target(t: f64, run: usize) -> f64 {
-    let phase = run as f64;
-    let sines = [(0.4, 0.0), (0.9, 1.3), (1.7, 2.1)];
-    sines
-        .iter()
-        .map(|(w, own)| (w * t + own + phase).sin())
-        .sum()
+    let at = |t: f64| -> f64 {
+        let sines = [(0.4, 0.0), (0.9, 1.3), (1.7, 2.1)];
+        let sines = sines
+            .iter()
+            .map(|(w, phase)| (w * t + phase + run as f64).sin());
+        sines.sum()
+    };
+    let sample = (t / LOOP.step + 1e-9).floor();
+    let part = t / LOOP.step - sample;
+    (1.0 - part) * at(LOOP.step * sample) + part * at(LOOP.step * (sample + 1.0))
 }
 
 /// Numbers of unit variance, each correlated with the one before.

@@ -130,6 +130,7 @@ pub(crate) fn uncertainty(
         covariance,
         names,
     };
+    found.notes.extend(words::held(posed, sensitivities));
     let more = words::notes(&found, fit);
     found.notes.extend(more);
     Ok(found)

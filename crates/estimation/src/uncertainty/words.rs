@@ -1,7 +1,9 @@
 //! What the data leave open, in the parameters' own words.
 
 use super::Uncertainty;
+use crate::posed::{Posed, Stands};
 use crate::result::Fit;
+use pilotage_collocation::Sensitivities;
 use pilotage_inference::Direction;
 
 /// A direction in which the data do not change, over parameters with these names.
@@ -27,6 +29,38 @@ pub(super) fn direction(direction: &Direction, names: &[String]) -> String {
         "{} and {last} cannot be told apart: nothing that is measured changes along {sum}",
         quoted.join(", ")
     )
+}
+
+/// Which constraints are held, beside ranges of parameters.
+pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
+    let names = &posed.names;
+    let is_range = |k: &usize| names.parameters[*k].starts_with("the range of");
+    let mut held: Vec<String> = Vec::new();
+    for k in at.active.iter().filter(|k| !is_range(k)) {
+        let name = &names.parameters[*k];
+        let kept = if *k < names.stability {
+            ""
+        } else {
+            "the stability of "
+        };
+        held.push(format!("{kept}{name}"));
+    }
+    held.dedup();
+    let samples: usize = at.runs.iter().map(|own| own.active.nrows()).sum();
+    let own = posed
+        .unknowns
+        .iter()
+        .any(|(_, stands)| matches!(stands, Stands::State(_)));
+    if samples > 0 && !own {
+        held.push(format!("limits at {samples} samples"));
+    }
+    match held.is_empty() {
+        true => Vec::new(),
+        false => vec![format!(
+            "held with equality: {}; intervals are along what that leaves free",
+            held.join(", ")
+        )],
+    }
 }
 
 /// What is to be said of intervals beside what the data leave open.
