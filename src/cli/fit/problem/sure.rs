@@ -9,15 +9,18 @@ use crate::report::significant;
 use serde_json::{Map, Value, json};
 
 /// The intervals of a fit's values, parameter by parameter; none where they are not known.
-pub fn of<'f>(fit: &'f Fit) -> impl Iterator<Item = (&'f Found, Option<&'f [Interval]>)> {
+pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
     let known = fit.uncertainty.as_ref().ok();
     let parameters = fit.parameters.iter().enumerate();
     parameters.map(move |(k, found)| (found, known.map(|own| own.intervals[k].as_slice())))
 }
 
+/// A field of an interval.
+type Field = fn(&Interval) -> Value;
+
 /// The fields `sd`, `low`, `high` and `class` of a parameter.
 pub fn add_to(entry: &mut Map<String, Value>, found: &Found, intervals: &[Interval]) {
-    let fields: [(&str, fn(&Interval) -> Value); 4] = [
+    let fields: [(&str, Field); 4] = [
         ("sd", |own| json!(own.sd)),
         ("low", |own| json!(own.low)),
         ("high", |own| json!(own.high)),
