@@ -18,7 +18,7 @@ pub use figures::ClosedLoop;
 pub use html::Made;
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use number::{short, significant};
-pub use overlay::{Overlay, overlay_page};
+pub use overlay::{Overlay, Parameters, overlay_page};
 pub use page::{Report, page};
 pub use plot::{Axes, Line, Mark, Plot};
 pub use simulation::{Simulation, simulation_page};

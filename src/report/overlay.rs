@@ -16,11 +16,24 @@ pub struct Overlay<'a> {
     pub caption: &'a str,
 }
 
-/// A page with a table of the parameters (name, value, unit) and a figure for each signal.
+/// The parameters of a page.
+#[derive(Debug, Clone)]
+pub struct Parameters {
+    /// What the columns are.
+    pub header: Vec<&'static str>,
+    /// Which of them are numbers.
+    pub numeric: Vec<usize>,
+    /// Their cells.
+    pub rows: Vec<Vec<String>>,
+    /// What is said below.
+    pub notes: Vec<String>,
+}
+
+/// A page with a table of the parameters and a figure for each signal.
 pub fn overlay_page(
     title: &str,
     verdict: &str,
-    parameters: &[[String; 3]],
+    parameters: &Parameters,
     figures: &[Overlay<'_>],
     made: &Made,
 ) -> String {
@@ -28,8 +41,16 @@ pub fn overlay_page(
         "converged" => "good",
         _ => "bad",
     };
-    let rows: Vec<Vec<String>> = parameters.iter().map(|row| row.to_vec()).collect();
-    let table = html::table(&["parameter", "value", "unit"], &[1], &rows);
+    let Parameters {
+        header,
+        numeric,
+        rows,
+        notes,
+    } = parameters;
+    let notes = notes
+        .iter()
+        .map(|note| format!("<p>{}</p>", html::escape(note)));
+    let table = html::table(header, numeric, rows) + &notes.collect::<String>();
     let drawn: String = figures.iter().map(figure).collect();
     let body = html::header(title, class, verdict) + &html::section("Parameters", &table) + &drawn;
     html::whole(title, &body, made)

@@ -245,6 +245,7 @@ mod tests {
             runs: runs.collect(),
             closed_loop: None,
             unbounded: None,
+            uncertainty: None,
             diagnostics: Vec::new(),
         }
     }

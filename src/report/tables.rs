@@ -32,19 +32,57 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
     let names = units(pilot).into_iter().zip(meanings(pilot));
     let rows: Vec<_> = (fit.theta.iter().zip(names).enumerate())
         .map(|(i, (value, (unit, meaning)))| {
-            vec![
-                format!("θ{}", i + 1),
-                number::html(*value, 5),
-                unit,
-                meaning,
-            ]
+            let mut row = vec![format!("θ{}", i + 1), number::html(*value, 5)];
+            row.extend(sureness(fit, i));
+            row.extend([unit, meaning]);
+            row
         })
         .collect();
-    table(
-        &["θ", "value", "unit", "in the transfer function"],
-        &[1],
-        &rows,
-    )
+    let header = [
+        "θ",
+        "value",
+        "sd",
+        "95 % low",
+        "95 % high",
+        "Cramér–Rao [%]",
+        "insensitivity [%]",
+        "unit",
+        "in the transfer function",
+    ];
+    table(&header, &[1, 2, 3, 4, 5, 6], &rows) + &told(fit)
+}
+
+/// Standard deviation, interval, Cramér–Rao bound and insensitivity of a component of θ.
+fn sureness(fit: &Fit, component: usize) -> [String; 5] {
+    let Some(own) = &fit.uncertainty else {
+        return std::array::from_fn(|_| "–".to_owned());
+    };
+    let of = own.intervals[component];
+    let percents = [own.cramer_rao[component], own.insensitivity[component]];
+    let cell = |value: f64, digits| match value.is_finite() {
+        true => number::html(value, digits),
+        false => "–".to_owned(),
+    };
+    [
+        cell(of.sd, 3),
+        cell(of.low, 4),
+        cell(of.high, 4),
+        cell(percents[0], 3),
+        cell(percents[1], 3),
+    ]
+}
+
+/// How intervals were computed, and what one must know of them.
+fn told(fit: &Fit) -> String {
+    let Some(own) = &fit.uncertainty else {
+        return String::new();
+    };
+    let notes = own
+        .notes()
+        .into_iter()
+        .map(|note| format!("; {}", escape(&note)));
+    let notes: String = notes.collect();
+    format!("<p>Intervals by the method {}{notes}.</p>", own.method)
 }
 
 pub fn poles(fit: &Fit, pilot: Pilot) -> String {

@@ -99,17 +99,52 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
             .contains("\ndiagnostic (loop-on-bound): the closed loop lies on its stability bound")
     );
     for unit in [
-        "1/s³\n",
-        "1/s²\n",
-        "1/s\n",
-        "1/(m·s³)\n",
-        "1/(m·s²)\n",
-        "1/(m·s)\n",
+        "  1/s³ ",
+        "  1/s² ",
+        "  1/s ",
+        "  1/(m·s³) ",
+        "  1/(m·s²) ",
+        "  1/(m·s) ",
     ] {
         assert!(ended.stdout.contains(unit), "{unit}{}", ended.stdout);
     }
+    assert_eq!(ended.stdout.matches("  sd ").count(), 6, "{}", ended.stdout);
+    let method = "\n  95 % intervals (cr3: by leaving out one run at a time)\n";
+    assert!(ended.stdout.contains(method), "{}", ended.stdout);
     let next = "\nwrote pilot.toml\nnext: pilotage export pilot pilot.toml -o pilot.fmu\n";
     assert!(ended.stdout.ends_with(next), "{}", ended.stdout);
+}
+
+/// The short form, and the problem that it stands for, on another mesh: the same intervals.
+#[test]
+fn a_problem_file_is_as_sure_as_the_short_form() {
+    let folder = Folder::new();
+    let flights = (1..=2).map(|k| example(&format!("trials/20m-run{k}.csv")));
+    let flights: Vec<String> = flights.map(|path| path.display().to_string()).collect();
+    let flights: Vec<&str> = flights.iter().map(String::as_str).collect();
+    let init = [&["init"], &flights[..], &["-o", "problem.toml"]].concat();
+    assert_eq!(folder.pilotage(&init).code, 0);
+    for method in ["plain", "ar"] {
+        let told = |what: &[&str]| {
+            let words = [&["fit"], what, &["--json", "--covariance", method]].concat();
+            let json: Value = serde_json::from_str(&folder.pilotage(&words).stdout).unwrap();
+            assert_eq!(json["uncertainty"]["method"], method);
+            json["parameters"].clone()
+        };
+        let (short, problem) = (told(&flights), told(&["problem.toml"]));
+        for k in 1..=6 {
+            let sd = |of: &Value, name: String| of[name]["sd"].as_f64().unwrap();
+            let own = sd(&short, format!("theta{k}"));
+            let other = sd(&problem, format!("pilot.theta{k}"));
+            assert!(
+                (own / other - 1.0).abs() < 1e-2,
+                "theta{k}: {own} and {other}"
+            );
+        }
+        let file: toml::Table = folder.read("pilot.toml").parse().unwrap();
+        let written = file["uncertainty"]["theta1"]["high"].as_float().unwrap();
+        assert_eq!(Some(written), short["theta1"]["high"].as_f64());
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use crate::command::{Folder, example};
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage::inference::Method;
 use pilotage::transcription::Scheme;
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -13,13 +14,14 @@ fn references() -> Value {
 }
 
 /// The fit of an example on a mesh whose error is below the digits of the reference.
-fn exact(name: &str) -> Fit {
+fn exact(name: &str, covariance: Method) -> Fit {
     let path = example("problems").join(name).join("problem.toml");
     let mut file = ProblemFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
     file.options.scheme = Some(Scheme::Gauss(4));
     file.options.mesh = Mesh::Tolerance(1e-9);
     file.options.starts = 1;
     file.options.tolerance = 1e-9;
+    file.options.covariance = Some(covariance);
     let posed = Posed::new(&file, &part::open).unwrap_or_else(|error| panic!("{error}"));
     fit(&posed, &mut |_| ControlFlow::Continue(()))
 }
@@ -29,10 +31,46 @@ fn assert_near(what: &str, found: f64, expected: f64) {
     assert!(error < 2e-8, "{what}: {found} and not {expected}");
 }
 
+/// The standard deviation of each parameter to 5 digits: the mesh costs the others. What a run alone tells is always with a
+/// model of the noise, unless it is white.
+fn assert_as_sure_as_scipy(name: &str, covariance: Method) {
+    let found = exact(name, covariance);
+    let sure = found.uncertainty.as_ref();
+    let sure = sure.unwrap_or_else(|error| panic!("{name}: {error}"));
+    let expected = &references()[name]["sd"][covariance.as_str()];
+    let mut compared = 0;
+    for (own, intervals) in found.parameters.iter().zip(&sure.intervals) {
+        for ((label, _), interval) in own.values.iter().zip(intervals) {
+            let is_of_run = label.as_ref().is_some_and(|label| label.ends_with(".csv"));
+            if is_of_run && covariance != Method::Plain {
+                continue;
+            }
+            let label = label.iter().map(|label| format!(" {label}"));
+            let label = own.name.clone() + &label.collect::<String>();
+            let Some(expected) = expected[&label].as_f64() else {
+                continue;
+            };
+            let error = (interval.sd - expected).abs() / expected;
+            assert!(error < 1e-5, "{label}: {} and not {expected}", interval.sd);
+            compared += 1;
+        }
+    }
+    assert!(compared > 0, "{name} has parameters");
+}
+
+#[test]
+fn standard_deviations_are_those_of_scipy() {
+    let names = references();
+    for name in names.as_object().unwrap().keys() {
+        assert_as_sure_as_scipy(name, Method::Plain);
+        assert_as_sure_as_scipy(name, Method::Sidpac);
+    }
+}
+
 /// Objective, every parameter and every sensor to 8 digits.
 fn assert_as_scipy(name: &str) {
     let expected = &references()[name];
-    let found = exact(name);
+    let found = exact(name, Method::Plain);
     assert!(found.is_answer(), "{name}: {}", found.status);
     assert_eq!(Some(found.samples as u64), expected["samples"].as_u64());
     assert_near(

@@ -5,7 +5,8 @@ Prints what is committed as tests/it/problem_examples.json: for each problem the
     sum over runs, measured signals and samples of ((y - h) / sd)^2, plus 2 ln sd where an sd is sought,
     plus ((p - mean) / sd)^2 for a prior,
 
-the squares of the data alone (chi2), how many samples there are, and what was sought. Values are in the units of the
+the squares of the data alone (chi2), how many samples there are, what was sought, and its standard deviations (sd):
+plain, s^2 (J'J)^-1, and by the autocorrelations of the residuals (sidpac) up to a fifth of each run. Values are in the units of the
 models. Of the problem files the start values are read, and nothing else; data are read and converted by their headers.
 
 States are integrated from row to row in fixed steps of order 8; derivatives are those of the discrete map by complex
@@ -291,6 +292,38 @@ class Fit:
             z = z - np.linalg.solve(self.hessian(z), self.gradient(z))
         return z
 
+    def rows(self, z):
+        """For each run and signal residuals and their derivatives, both in standard deviations; those of a noise level
+        that is sought by its Fisher information, 2 for each value."""
+        tiny = 1e-30
+        for y, h, sd in self.terms(z[:, None] + 1j * tiny * np.eye(len(z)), fixed):
+            level = sd.real[:, :1]
+            e = ((y - h.real) / level)[:, 0]
+            yield e, h.imag / tiny / level
+            if "sigma" in self.problem.names():
+                yield (e**2 - 1) / 2**0.5, 2**0.5 * sd.imag / tiny / level
+
+    def deviations(self, z):
+        """Standard deviations of the unknowns, plain and with the residuals' autocorrelations."""
+        signals = {}
+        of_run = len(list(self.rows(z))) // len(self.data)
+        for k, row in enumerate(self.rows(z)):
+            signals.setdefault(k % of_run, []).append(row)
+        prior = np.zeros((len(z), len(z)))
+        for name, (_, sd) in self.problem.priors.items():
+            k = self.problem.names().index(name)
+            prior[k, k] = (self.scale[k] / sd) ** 2
+        every = [row for rows in signals.values() for row in rows]
+        information = sum(j.T @ j for _, j in every)
+        count = sum(len(e) for e, _ in every)
+        noise = sum(e @ e for e, _ in every) / (count - len(z))
+        noise = 1.0 if "sigma" in self.problem.names() else noise
+        correlated = sum(colour(rows) for rows in signals.values())
+        inverse = np.linalg.inv(information + prior)
+        meats = {"plain": noise * information, "sidpac": correlated}
+        variances = {name: np.diag(inverse @ (meat + prior) @ inverse) for name, meat in meats.items()}
+        return {name: self.scale * np.sqrt(own) for name, own in variances.items()}
+
     def check(self, name, z):
         """That this is a minimum, by other means than those that found it."""
         hessian, gradient = self.hessian(z), self.gradient(z, adaptive)
@@ -301,6 +334,18 @@ class Fit:
         other = minimize(self.objective, near, method="BFGS", jac=True, options=dict(gtol=1e-5))
         error = abs(other.x - z).max()
         assert error < 1e-6, f"{name}: BFGS ends {error:.1e} beside"
+
+
+def colour(rows):
+    """The sum over i, j of J_i' R(i - j) J_j over the runs of a signal, with the residuals' autocorrelations R."""
+    count = sum(len(e) for e, _ in rows)
+    total = 0
+    for _, j in rows:
+        n = len(j)
+        lags = abs(np.subtract.outer(np.arange(n), np.arange(n)))
+        r = [sum(e[k:] @ e[: len(e) - k] for e, _ in rows) / count for k in range(n // 5 + 1)]
+        total = total + j.T @ np.where(lags <= n // 5, np.take(r, lags, mode="clip"), 0) @ j
+    return total
 
 
 def rounded(value):
@@ -318,6 +363,10 @@ def result(name):
         "objective": rounded(objective[0].real),
         "chi2": rounded(chi2[0].real),
         "samples": count,
+    }
+    deviations = fit.deviations(z)
+    found["sd"] = {
+        method: dict(zip(fit.problem.names(), map(rounded, own))) for method, own in deviations.items()
     }
     for section in ("parameters", "initial", "sensors"):
         table = {}

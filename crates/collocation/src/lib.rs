@@ -69,7 +69,7 @@
 //! | [`collocation`], [`layout`] | the nonlinear program |
 //! | `course` | simulations with error control, and the meshes that they ask for |
 //! | `refinement` | local errors, and meshes that make them small |
-//! | [`condensed`] | its QP by elimination of the states |
+//! | [`condensed`] | its QP by elimination of the states, and what outputs make of parameters |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
 
 mod bound;
@@ -94,7 +94,7 @@ pub mod tableau;
 
 pub use bound::{Bound, BoundAt};
 pub use collocation::Collocation;
-pub use condensed::Condensed;
+pub use condensed::{Condensed, Sensitivities, Sensitivity};
 pub use constraints::ParameterConstraints;
 pub use course::{Course, Quality};
 pub use loss::Loss;

@@ -3,6 +3,7 @@
 use pilotage_collocation::Scheme;
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Said;
+use pilotage_inference::Method;
 use pilotage_language::file::Formula;
 use pilotage_text::document::Place;
 use std::collections::HashSet;
@@ -315,6 +316,8 @@ pub struct Options {
     pub starts: usize,
     /// Iteration limit of each solve.
     pub max_iterations: usize,
+    /// How residuals become a covariance; none where the number of runs is to tell.
+    pub covariance: Option<Method>,
 }
 
 impl Default for Options {
@@ -325,6 +328,7 @@ impl Default for Options {
             tolerance: 1e-8,
             starts: 8,
             max_iterations: 500,
+            covariance: None,
         }
     }
 }

@@ -44,7 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `active`, `begun`, `likelihood`, [`diagnostics`], [`events`], [`validation`], `trouble` | what was found, on which constraints, with what the runs began, what speaks against it, runs that were not fitted, what is not finite |
+//! | [`result`], `active`, `begun`, `likelihood`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], `trouble` | what was found, on which constraints, with what the runs began, what speaks against it, runs that were not fitted, how sure it is, what is not finite |
 
 mod active;
 mod assembly;
@@ -70,6 +70,7 @@ mod runs;
 mod stability;
 pub mod starts;
 mod trouble;
+pub mod uncertainty;
 pub mod unknowns;
 pub mod validation;
 

@@ -9,6 +9,7 @@ use crate::runs;
 use pilotage_collocation::Scheme;
 use pilotage_cosim::description::Said;
 use pilotage_cosim::{DescriptionError, SystemDescription};
+use pilotage_inference::Method;
 use pilotage_language::file::{Formula, LONGEST, formula};
 use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
@@ -791,6 +792,7 @@ fn options(root: TomlTable<'_>) -> Read<Options> {
         "tolerance",
         "starts",
         "max_iterations",
+        "covariance",
     ])?;
     if let Some(name) = table.string("scheme")? {
         let scheme: Result<Scheme, _> = name.parse();
@@ -814,5 +816,7 @@ fn options(root: TomlTable<'_>) -> Read<Options> {
     options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
     options.starts = whole(table, "starts", options.starts, MOST_STARTS)?;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, MOST)?;
+    let methods = Method::ALL.map(|method| (method.as_str(), Some(method)));
+    options.covariance = word(table, "covariance", &methods, options.covariance)?;
     Ok(options)
 }

@@ -4,6 +4,7 @@ use crate::diagnostics::{Diagnostic, SAME};
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
 use crate::posed::{Posed, Stands};
+use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
 use pilotage_linear::eigenvalues;
@@ -55,6 +56,8 @@ pub struct Fit {
     pub negligible: f64,
     /// How long it took \[s\].
     pub seconds: f64,
+    /// How sure it is.
+    pub uncertainty: Result<Uncertainty, Unsure>,
     /// Which expression is no finite number where the search begins, where a solve ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
@@ -181,6 +184,7 @@ impl Fit {
             diagnostics: Vec::new(),
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
+            uncertainty: Err(Unsure::NotConverged),
             trouble: None,
         }
     }

@@ -23,6 +23,7 @@ pub mod statistics;
 pub mod synthetic;
 pub mod trials;
 mod tumbles;
+pub mod uncertainty;
 pub mod vehicle;
 
 pub use closed_loop::ClosedLoop;
@@ -35,3 +36,4 @@ pub use result::{Fit, PilotDiagnostic, PilotFile, RunFit};
 pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
 pub use trials::{Trial, TrialError, TrialSet};
+pub use uncertainty::Uncertainty;

@@ -3,7 +3,7 @@
 use super::race::{Race, TIE};
 use super::result::{FEASIBLE, StartReport, agree};
 use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
-use super::{Fit, FitOptions, RunFit, tumbles};
+use super::{Fit, FitOptions, RunFit, Uncertainty, tumbles};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
@@ -112,7 +112,7 @@ pub(super) fn multi_start(
     if starts.tumbles {
         tumble(&mut attempts, options, &mut watched);
     }
-    let mut fit = report(&attempts, watched.stopped, skipped, runs);
+    let mut fit = report(&attempts, (watched.stopped, skipped), runs, options);
     fit.iterations += starts.iterations;
     fit.tried += starts.lost;
     fit
@@ -380,7 +380,12 @@ impl Attempt {
 
 /// Of the best that has converged, or the most promising. `stopped` is why the observer ended the fit, if it
 /// did.
-fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &Runs<'_>) -> Fit {
+fn report(
+    attempts: &[Attempt],
+    (stopped, skipped): (Option<Status>, usize),
+    runs: &Runs<'_>,
+    options: &FitOptions,
+) -> Fit {
     let converged = attempts.iter().find(|a| a.has_converged());
     let best = converged.unwrap_or(&attempts[0]);
     let Solution {
@@ -411,6 +416,7 @@ fn report(attempts: &[Attempt], stopped: Option<Status>, skipped: usize, runs: &
         runs: runs(&best.problem, &iterate.z),
         closed_loop: None,
         unbounded: None,
+        uncertainty: converged.and_then(|_| Uncertainty::of(&best.problem, iterate, options)),
         diagnostics: Vec::new(),
     }
 }

@@ -1,6 +1,7 @@
 //! What a user may choose about a fit.
 
 use pilotage_collocation::Scheme;
+use pilotage_inference::Method;
 use pilotage_models::{Pilot, Quadcopter};
 
 /// The mesh on which the states are solved; residuals stay at the samples.
@@ -78,6 +79,9 @@ pub struct FitOptions {
     pub tolerance: f64,
     /// Iteration limit of one solve. Default: 200.
     pub max_iterations: usize,
+    /// How residuals become a covariance. Default: as the number of runs tells
+    /// ([`pilotage_inference::Inference::covariance`]).
+    pub covariance: Option<Method>,
 }
 
 impl FitOptions {
@@ -112,6 +116,7 @@ impl Default for FitOptions {
             stick_limit: 1.0,
             tolerance: 1e-8,
             max_iterations: 200,
+            covariance: None,
         }
     }
 }

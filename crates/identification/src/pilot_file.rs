@@ -1,7 +1,9 @@
 //! The result file `pilot.toml`: θ and where it comes from.
 
 use super::result::PilotDiagnostic;
-use super::{ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Trial};
+use super::{
+    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Trial, Uncertainty,
+};
 use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
 use pilotage_models::{COEFFICIENTS, Pilot};
@@ -58,12 +60,13 @@ pub enum PilotFileError {
 const UNSTABLE: &str = "unstable-loop";
 
 /// Fields of the file's top level. Those that only tell where θ comes from may be missing.
-const FIELDS: [&str; 11] = [
+const FIELDS: [&str; 12] = [
     "tool",
     "status",
     "converged",
     "stick_limit",
     "theta",
+    "uncertainty",
     "pole",
     "closed_loop",
     // The diagnostics, under the name that pilot files have always had for them.
@@ -232,6 +235,10 @@ pub fn to_toml(found: &Identification) -> String {
         let assignment = format!("theta{} = {}", i + 1, number(*value));
         text += &format!("{assignment:<34} # [{unit}]\n");
     }
+    text += &fit
+        .uncertainty
+        .as_ref()
+        .map_or_else(String::new, uncertainty);
     let closed_loop = fit
         .closed_loop
         .as_ref()
@@ -249,6 +256,24 @@ pub fn units(pilot: Pilot) -> Vec<String> {
     (denominator.chain(numerator))
         .map(|unit| pretty(&unit))
         .collect()
+}
+
+/// How sure θ is: of the same units.
+fn uncertainty(own: &Uncertainty) -> String {
+    let mut text = format!(
+        "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
+        quoted(own.method.as_str())
+    );
+    for (i, own) in own.intervals.iter().enumerate() {
+        text += &format!(
+            "theta{} = {{ sd = {}, low = {}, high = {} }}\n",
+            i + 1,
+            number(own.sd),
+            number(own.low),
+            number(own.high)
+        );
+    }
+    text
 }
 
 fn diagnostic(diagnostic: &Diagnostic) -> String {
@@ -362,6 +387,7 @@ mod tests {
                 ],
             }),
             unbounded: None,
+            uncertainty: None,
             diagnostics: vec![Diagnostic::ConstantData],
         }
     }

@@ -1,6 +1,6 @@
 //! What a fit gives, and the file that hands it on.
 
-use super::{ClosedLoop, Diagnostic};
+use super::{ClosedLoop, Diagnostic, Uncertainty};
 use pilotage_models::Quadcopter;
 use pilotage_sqp::Status;
 
@@ -90,6 +90,8 @@ pub struct Fit {
     pub closed_loop: Option<ClosedLoop>,
     /// The objective without the bound on the closed loop, where the solution lies on it: what it costs.
     pub unbounded: Option<f64>,
+    /// How sure it is; none where it did not converge, or where the data do not tell.
+    pub uncertainty: Option<Uncertainty>,
     /// What speaks against taking it at its word, the gravest first.
     pub diagnostics: Vec<Diagnostic>,
 }

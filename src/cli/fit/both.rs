@@ -9,7 +9,7 @@ use crate::cli::{Failure, Outcome, terminal};
 use crate::identification::{
     FitOptions, Identification, Objective, RunFit, Trial, TrialSet, pilot_file,
 };
-use crate::report::{Overlay, overlay_page, significant};
+use crate::report::{Overlay, Parameters, overlay_page, significant};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -193,7 +193,7 @@ impl Both {
         for (name, found) in [("response fit", &self.response), ("stick fit", &self.stick)] {
             let units = pilot_file::units(found.options.pilot);
             for ((k, value), unit) in found.fit.theta.iter().enumerate().zip(units) {
-                rows.push([
+                rows.push(vec![
                     format!("theta{} ({name})", k + 1),
                     significant(*value, 6),
                     unit,
@@ -201,10 +201,16 @@ impl Both {
             }
         }
         let verdict = verdict(&self.response.fit);
+        let parameters = Parameters {
+            header: vec!["parameter", "value", "unit"],
+            numeric: vec![1],
+            rows,
+            notes: Vec::new(),
+        };
         overlay_page(
             "fits of response and stick",
             &verdict,
-            &rows,
+            &parameters,
             &figures,
             &made(),
         )

@@ -19,6 +19,7 @@ use crate::identification::{
     FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme, TrialSet,
     pilot_file,
 };
+use crate::inference::Method;
 use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -132,6 +133,10 @@ pub struct Args {
     /// Of a problem file: tell objective, gradient and residuals at the start values, and solve nothing.
     #[arg(long)]
     evaluate: bool,
+    /// How residuals become a covariance: `plain` is for white residuals, `sidpac` takes their autocorrelations, `ar`
+    /// models them, `cr3` leaves out one run at a time [default: cr3 from four runs on, ar below].
+    #[arg(long, value_name = "METHOD", value_parser = named(Method::ALL, Method::as_str))]
+    covariance: Option<Method>,
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
@@ -291,6 +296,7 @@ impl Args {
             stick_limit: self.stick_limit,
             tolerance: self.tolerance,
             max_iterations: self.max_iterations,
+            covariance: self.covariance,
         })
     }
 

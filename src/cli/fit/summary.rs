@@ -3,11 +3,20 @@
 use crate::cli::format;
 use crate::identification::statistics::rms;
 use crate::identification::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, pilot_file,
+    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
+    pilot_file,
 };
+use crate::inference::{LEVEL, Method};
 use crate::report::significant;
 use crate::vehicle::Mode;
+use nalgebra::DMatrix;
 use serde_json::{Value, json};
+
+/// The rows of a matrix, for `--json`.
+pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let rows = matrix.row_iter();
+    rows.map(|row| row.iter().copied().collect()).collect()
+}
 
 /// The one object of `--json`.
 pub fn to_json(found: &Identification) -> Value {
@@ -44,6 +53,7 @@ pub fn to_json(found: &Identification) -> Value {
         "objective": fit.objective,
         "theta": fit.theta,
         "parameters": parameters(fit, options),
+        "uncertainty": fit.uncertainty.as_ref().map(uncertainty),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
@@ -66,10 +76,66 @@ pub fn to_json(found: &Identification) -> Value {
 fn parameters(fit: &Fit, options: &FitOptions) -> Value {
     let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
     let all = all.enumerate().map(|(i, (value, unit))| {
-        let entry = json!({ "value": value, "unit": unit });
+        let mut entry = json!({ "value": value, "unit": unit });
+        if let Some(own) = fit.uncertainty.as_ref().map(|own| own.intervals[i]) {
+            entry["sd"] = json!(own.sd);
+            entry["low"] = json!(own.low);
+            entry["high"] = json!(own.high);
+            entry["class"] = json!(own.class.as_str());
+        }
         (format!("theta{}", i + 1), entry)
     });
     Value::Object(all.collect())
+}
+
+fn uncertainty(own: &Uncertainty) -> Value {
+    json!({
+        "method": own.method.as_str(),
+        "level": LEVEL,
+        "degrees_of_freedom": own.degrees,
+        "covariance": reals(&own.covariance),
+        "correlations": reals(&own.correlations),
+        "correlated_by": own.correlated_by.as_str(),
+        "cramer_rao_percent": own.cramer_rao,
+        "insensitivity_percent": own.insensitivity,
+        "notes": own.notes(),
+    })
+}
+
+/// How sure each component of θ is, in a line: its interval; empty where that is not known.
+fn interval(fit: &Fit, component: usize) -> String {
+    match fit.uncertainty.as_ref().map(|own| own.intervals[component]) {
+        Some(own) if own.sd.is_finite() => format!(
+            "  sd {:<9} {:>10} to {}",
+            significant(own.sd, 3),
+            significant(own.low, 4),
+            significant(own.high, 4)
+        ),
+        Some(_) => "  not told by the data".to_owned(),
+        None => String::new(),
+    }
+}
+
+/// What the intervals are, and what one must know of them.
+fn sureness(fit: &Fit) -> String {
+    let Some(own) = &fit.uncertainty else {
+        return String::new();
+    };
+    let mut text = format!("  {}\n", how(own.method));
+    for note in own.notes() {
+        text += &format!("  note: {note}\n");
+    }
+    text
+}
+
+/// What intervals of a method are.
+pub fn how(method: Method) -> &'static str {
+    match method {
+        Method::Plain => "95 % intervals (plain: for residuals without colour)",
+        Method::Sidpac => "95 % intervals (sidpac: with the autocorrelations of the residuals)",
+        Method::Ar => "95 % intervals (ar: with autoregressive noise)",
+        Method::Cr3 => "95 % intervals (cr3: by leaving out one run at a time)",
+    }
 }
 
 /// Every pole as real and imaginary part [1/s].
@@ -144,8 +210,11 @@ pub fn to_text(found: &Identification) -> String {
         .enumerate()
     {
         let name = format!("θ{}", i + 1);
-        text += &format!("  {name:<4} {:>12}  {unit}\n", significant(*value, 6));
+        let value = significant(*value, 6);
+        let line = format!("  {name:<4} {value:>12}  {unit:<10}{}", interval(fit, i));
+        text += &format!("{}\n", line.trim_end());
     }
+    text += &sureness(fit);
     text += "\n  pole [1/s]            frequency [rad/s]  damping\n";
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);

@@ -35,6 +35,14 @@ impl RowAt {
             Self::Parameter(_) => None,
         }
     }
+
+    /// The constraint on the parameters that it is.
+    pub fn parameter(self) -> Option<usize> {
+        match self {
+            Self::Bounded { .. } => None,
+            Self::Parameter(k) => Some(k),
+        }
+    }
 }
 
 /// `lower ≤ Σ entries · ρ ≤ upper`.

@@ -42,7 +42,7 @@ impl Condensed {
     }
 
     /// The active inequalities over the reduced variables.
-    fn active_rows(&self, problem: &Collocation, at: &Iterate) -> Vec<ActiveRow> {
+    pub(super) fn active_rows(&self, problem: &Collocation, at: &Iterate) -> Vec<ActiveRow> {
         let (lower, upper) = problem.limits();
         let bounded = (problem.layout.runs.iter().enumerate()).flat_map(|(run, data)| {
             (data.inequalities()).map(move |row| RowAt::Bounded {
@@ -54,7 +54,7 @@ impl Condensed {
         (places.zip(activities(problem, at)))
             .filter(|(_, activity)| *activity != Activity::Free)
             .map(|(place, activity)| ActiveRow {
-                run: place.run(),
+                at: place,
                 activity,
                 entries: self.row(problem, place, lower, upper).entries,
             })
@@ -77,12 +77,19 @@ impl Condensed {
 
 /// An active inequality.
 #[derive(Debug, Clone)]
-struct ActiveRow {
-    /// The run whose free initial states it has entries for, beside the parameters.
-    run: Option<usize>,
+pub(super) struct ActiveRow {
+    /// Which inequality.
+    pub at: RowAt,
     activity: Activity,
     /// Column and coefficient.
-    entries: Vec<(usize, f64)>,
+    pub entries: Vec<(usize, f64)>,
+}
+
+impl ActiveRow {
+    /// Whether its value must not change.
+    pub fn is_held(&self) -> bool {
+        self.activity == Activity::Strong
+    }
 }
 
 /// By the eigenvalues of the dense matrix.
@@ -120,7 +127,7 @@ fn among_many(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
         row.entries
             .iter_mut()
             .for_each(|(column, v)| *v *= units[*column]);
-        held.add_square(row.run, &row.entries, PENALTY * scale);
+        held.add_square(row.at.run(), &row.entries, PENALTY * scale);
     }
     let mut shift = 0.0;
     let factor = loop {
@@ -206,13 +213,13 @@ mod tests {
                 if *n > 0 {
                     let columns = (0..p).chain(first..first + n);
                     let entries = columns.map(|i| (i, 0.3 + (i as f64).cos())).collect();
-                    rows.push(ActiveRow { run: Some(j), activity: Activity::Strong, entries });
+                    rows.push(ActiveRow { at: RowAt::Bounded { run: j, row: 0 }, activity: Activity::Strong, entries });
                 }
                 first += n;
             }
             if parameter_row {
                 let entries = vec![(p - 1, 0.7)];
-                rows.push(ActiveRow { run: None, activity: Activity::Strong, entries });
+                rows.push(ActiveRow { at: RowAt::Parameter(0), activity: Activity::Strong, entries });
             }
             arrow.add_diagonal(lift);
             let few = among_few(&arrow, &rows).unwrap();

@@ -21,6 +21,7 @@ mod gradients;
 mod points;
 mod reduce;
 mod run;
+mod sensitivity;
 mod sparse_lu;
 mod sweep;
 
@@ -37,6 +38,7 @@ use pilotage_sqp::iterate::violation;
 use pilotage_sqp::{Curvature, Hessian, Iterate, Problem, QpFailure, QpSolver, Step, vector};
 use reduce::Reduced;
 use run::{Place, RunSweep};
+pub use sensitivity::{Sensitivities, Sensitivity};
 use std::collections::HashSet;
 
 /// Tolerance on a linearised inequality before it enters the QP.

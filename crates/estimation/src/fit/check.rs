@@ -12,14 +12,26 @@ use std::time::Instant;
 /// Error of a step of the simulation, relative to the states.
 const TOLERANCE: f64 = 1e-8;
 
-/// The objective where each run is simulated from where it was found to begin, with what was found. None where there is
-/// no such simulation, or it was over before.
-pub(super) fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> Option<f64> {
+/// What was found where each run is simulated from where it was found to begin, and the objective there.
+pub(super) struct Simulated {
+    pub at: (Collocation, Vec<f64>),
+    pub objective: f64,
+}
+
+/// The simulation of all runs with what was found. None where there is no such simulation, or it was over before.
+pub(super) fn simulated(
+    posed: &Posed<'_>,
+    solved: &Solved,
+    watch: &Watch<'_, '_>,
+) -> Option<Simulated> {
     let clock = Instant::now();
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
     let theta = problem.physical_theta(z);
-    let found = simulation(posed, (problem, z), &theta, &|| watch.is_late(clock))?;
-    Some(objective(posed, &found))
+    let at = simulation(posed, (problem, z), &theta, &|| watch.is_late(clock))?;
+    Some(Simulated {
+        objective: objective(posed, &at),
+        at,
+    })
 }
 
 /// The runs simulated with these parameters from where variables say that they begin: a nonlinear program whose mesh is

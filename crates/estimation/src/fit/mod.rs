@@ -28,6 +28,7 @@ use crate::posed::Posed;
 use crate::result::Fit;
 use crate::starts::starts;
 use crate::trouble;
+use crate::uncertainty::uncertainty;
 use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;
@@ -87,16 +88,21 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
     };
+    let simulated = check::simulated(posed, &last, &watch);
     let mut found = Fit {
         trouble,
         starts: ends,
         lower,
-        simulated_objective: check::simulated(posed, &last, &watch),
+        simulated_objective: simulated.as_ref().map(|own| own.objective),
         refinement,
-        seconds: clock.elapsed().as_secs_f64(),
         ..Fit::of(posed, &last)
     };
     found.cut = cut(&found, &watch);
+    if found.status == Status::Converged {
+        let simulated = simulated.as_ref().map(|own| &own.at);
+        found.uncertainty = uncertainty(posed, &last, &found, simulated);
+    }
+    found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
     found
 }

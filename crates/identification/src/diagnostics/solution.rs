@@ -254,6 +254,7 @@ mod tests {
             runs: vec![run],
             closed_loop: None,
             unbounded: None,
+            uncertainty: None,
             diagnostics: Vec::new(),
         }
     }

@@ -4,6 +4,7 @@ mod evaluate;
 mod models;
 mod page;
 mod summary;
+mod sure;
 
 use super::Args;
 use crate::cli::made::made;
@@ -43,7 +44,8 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
 
 /// Fits a problem.
 pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
-    let file = ProblemFile::read(path)?;
+    let mut file = ProblemFile::read(path)?;
+    file.options.covariance = args.covariance.or(file.options.covariance);
     let posed = Posed::new(&file, &part::open)?;
     if args.evaluate {
         return evaluate::run(&posed, args.json);

@@ -1,7 +1,9 @@
 //! The report of a problem: each measured signal as it was recorded and as the model has it.
 
 use super::summary::Outcomes;
-use crate::report::{Made, Overlay, overlay_page, significant};
+use super::sure;
+use crate::estimation::Fit;
+use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
 
 /// The page.
 pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
@@ -30,12 +32,45 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
         }
     }
     let title = format!("fit of {}", posed.file.file);
+    overlay_page(&title, &fit.verdict(), &parameters(fit), &figures, made)
+}
+
+fn parameters(fit: &Fit) -> Parameters {
     let mut rows = Vec::new();
-    for found in &fit.parameters {
-        for (name, value) in found.named() {
+    for (found, intervals) in sure::of(fit) {
+        for (k, (name, value)) in found.named().enumerate() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([name, significant(value, 7), unit]);
+            let [sd, low, high, meaning] = sure::cells(intervals.and_then(|all| all.get(k)));
+            let [bound, insensitivity] = sure::percents(fit, &name);
+            let value = significant(value, 7);
+            rows.push(vec![
+                name,
+                value,
+                sd,
+                low,
+                high,
+                unit,
+                bound,
+                insensitivity,
+                meaning,
+            ]);
         }
     }
-    overlay_page(&title, &fit.verdict(), &rows, &figures, made)
+    let header = [
+        "parameter",
+        "value",
+        "sd",
+        "low",
+        "high",
+        "unit",
+        "Cramér–Rao [%]",
+        "insensitivity [%]",
+        "",
+    ];
+    Parameters {
+        header: header.to_vec(),
+        numeric: vec![1, 2, 3, 4, 6, 7],
+        rows,
+        notes: sure::to_text(fit).lines().map(str::to_owned).collect(),
+    }
 }

@@ -1,9 +1,11 @@
 //! What a fit of a problem gave, for people and for scripts.
 
+use super::sure;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::{Fit, Posed};
+use crate::inference::Interval;
 use crate::report::significant;
 use crate::sqp::Status;
 use serde_json::{Map, Value, json};
@@ -60,7 +62,8 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "nllh": told(fit.nllh),
         "violation": fit.kkt.primal,
         "samples": fit.samples,
-        "parameters": Value::Object(fit.parameters.iter().map(parameter).collect()),
+        "parameters": Value::Object(sure::of(fit).map(parameter).collect()),
+        "uncertainty": sure::to_json(fit),
         "initial": initial(posed, fit),
         "closed_loop": {
             "stable": fit.is_stable(),
@@ -82,7 +85,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     })
 }
 
-fn parameter(found: &Found) -> (String, Value) {
+fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Value) {
     let mut entry = Map::new();
     match found.values.as_slice() {
         [(None, value)] => entry.insert("value".into(), json!(value)),
@@ -96,6 +99,9 @@ fn parameter(found: &Found) -> (String, Value) {
     entry.insert("unit".into(), json!(found.unit));
     if let Some(bound) = found.bound {
         entry.insert("bound".into(), json!(bound));
+    }
+    if let Some(intervals) = intervals {
+        sure::add_to(&mut entry, found, intervals);
     }
     if found.is_tied {
         entry.insert("tied".into(), json!(true));
@@ -151,11 +157,12 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         fit.samples,
         objective(fit),
     );
-    text += &aligned(&rows("parameter", &fit.parameters));
+    text += &aligned(&parameter_rows(fit));
+    text += &sure::to_text(fit);
     text += "\n";
     let initial = fit.initial(posed);
     if !initial.is_empty() {
-        text += &aligned(&rows("initial state", &initial));
+        text += &aligned(&initial_rows(&initial));
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
@@ -205,17 +212,34 @@ fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
     )
 }
 
-fn rows(what: &str, all: &[Found]) -> Vec<[String; 4]> {
-    let mut rows = vec![[what, "value", "unit", ""].map(str::to_owned)];
-    for found in all {
+fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
+    let header = ["parameter", "value", "sd", "low", "high", "unit", ""];
+    let mut rows = vec![header.map(str::to_owned)];
+    for (found, intervals) in sure::of(fit) {
         let remark = match (found.is_tied, found.bound) {
             (true, _) => "tied".to_owned(),
             (false, Some(bound)) => format!("at its bound {bound}"),
             (false, None) => String::new(),
         };
+        for (k, (name, value)) in found.named().enumerate() {
+            let unit = found.unit.clone().unwrap_or_default();
+            let [sd, low, high, meaning] = sure::cells(intervals.and_then(|all| all.get(k)));
+            let remark = match found.bound {
+                None if !meaning.is_empty() => meaning,
+                _ => remark.clone(),
+            };
+            rows.push([name, significant(value, 7), sd, low, high, unit, remark]);
+        }
+    }
+    rows
+}
+
+fn initial_rows(all: &[Found]) -> Vec<[String; 3]> {
+    let mut rows = vec![["initial state", "value", "unit"].map(str::to_owned)];
+    for found in all {
         for (name, value) in found.named() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([name, significant(value, 7), unit, remark.clone()]);
+            rows.push([name, significant(value, 7), unit]);
         }
     }
     rows

@@ -1,0 +1,168 @@
+//! How sure θ is: standard deviations and 95 % intervals, by `pilotage-inference`.
+
+use super::FitOptions;
+use nalgebra::{DMatrix, DVector};
+use pilotage_collocation::{Collocation, Sensitivities};
+use pilotage_inference::{Data, Inference, Interval, Method, Row, Run};
+use pilotage_inference::{Direction, Noise};
+use pilotage_sqp::Iterate;
+
+/// Step of differences, per standard deviation.
+const STEP: f64 = 1e-3;
+
+/// How sure a fit is of θ, linearised at the solution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertainty {
+    /// How the covariance was computed.
+    pub method: Method,
+    /// Whose correlations these are: where runs are few, of another method.
+    pub correlated_by: Method,
+    /// The interval of each component of θ; a condition of stability that holds with equality takes its direction out.
+    pub intervals: Vec<Interval>,
+    /// Covariance of θ.
+    pub covariance: DMatrix<f64>,
+    /// Correlations of θ.
+    pub correlations: DMatrix<f64>,
+    /// Degrees of freedom of Student's t for each component.
+    pub degrees: Vec<f64>,
+    /// Cramér–Rao bounds `2√(H⁻¹)ᵢᵢ` relative to θ \[%\].
+    pub cramer_rao: Vec<f64>,
+    /// Insensitivities `√(1/Hᵢᵢ)` relative to θ \[%\].
+    pub insensitivity: Vec<f64>,
+    /// Conditions on θ that hold with equality.
+    pub held: usize,
+    /// Directions that the data leave open.
+    pub open: Vec<Direction>,
+}
+
+impl Uncertainty {
+    /// At a solution of the paper's problem; none where its derivatives or its noise are not known.
+    pub(super) fn of(problem: &Collocation, at: &Iterate, options: &FitOptions) -> Option<Self> {
+        let found = Sensitivities::new(problem, at)?;
+        let runs = found.runs.iter().enumerate();
+        let data = Data {
+            runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
+            prior: DMatrix::zeros(0, problem.n_parameters()),
+            active: found.parameters.clone(),
+            scales: DVector::from_column_slice(&problem.model.scales.parameters),
+            is_scaled: false,
+        };
+        let inference = Inference::new(&data).ok()?;
+        let covariance = inference.covariance(options.covariance);
+        // What was asked for may not be: then the default says so by its name.
+        let covariance = covariance.or_else(|_| inference.covariance(None)).ok()?;
+        let theta = problem.physical_theta(&at.z);
+        let percent = |(value, theta): (f64, &f64)| 100.0 * value / theta.abs();
+        let percents = |all: Vec<f64>| all.into_iter().zip(&theta).map(percent).collect();
+        let sd = covariance.deviations();
+        let open = [f64::NEG_INFINITY, f64::INFINITY];
+        let interval = |k: usize| {
+            let sd = if inference.flat[k] {
+                f64::INFINITY
+            } else {
+                sd[k]
+            };
+            Interval::new(theta[k], sd, covariance.degrees[k], open, None)
+        };
+        Some(Self {
+            method: covariance.method,
+            correlated_by: covariance.correlated_by,
+            intervals: (0..theta.len()).map(interval).collect(),
+            correlations: covariance.correlations(),
+            cramer_rao: percents(inference.cramer_rao()),
+            insensitivity: percents(inference.insensitivity()),
+            held: found.active.len(),
+            open: inference.directions.clone(),
+            covariance: covariance.matrix,
+            degrees: covariance.degrees,
+        })
+    }
+
+    /// The interval of a number that follows from θ, such as a margin or the real part of a pole (delta method, by
+    /// central differences of the function).
+    pub fn derived(&self, theta: &[f64], of: impl Fn(&[f64]) -> f64) -> Interval {
+        let sd: Vec<f64> = self
+            .covariance
+            .diagonal()
+            .iter()
+            .map(|v| v.sqrt())
+            .collect();
+        let slope = |k: usize, _| {
+            let h = STEP * sd[k];
+            let moved = |by: f64| {
+                let mut theta = theta.to_vec();
+                theta[k] += by;
+                of(&theta)
+            };
+            if h > 0.0 {
+                (moved(h) - moved(-h)) / (2.0 * h)
+            } else {
+                0.0
+            }
+        };
+        let gradient = DVector::from_fn(theta.len(), slope);
+        let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+        let degrees = self.degrees.iter().copied().fold(f64::INFINITY, f64::min);
+        let sd = if self.open.is_empty() {
+            variance.sqrt()
+        } else {
+            f64::INFINITY
+        };
+        Interval::new(
+            of(theta),
+            sd,
+            degrees,
+            [f64::NEG_INFINITY, f64::INFINITY],
+            None,
+        )
+    }
+
+    /// What one must know of it, in words.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.held > 0 {
+            notes.push(format!(
+                "{} of the conditions for stability hold with equality: intervals are along what they leave free",
+                self.held
+            ));
+        }
+        for Direction(parts) in &self.open {
+            let parts = parts.iter().enumerate().filter(|(_, part)| **part != 0.0);
+            let sum: Vec<String> = parts
+                .map(|(k, part)| format!("{part:.3} θ{}", k + 1))
+                .collect();
+            notes.push(format!(
+                "nothing that is recorded changes along {}",
+                sum.join(" + ")
+            ));
+        }
+        notes
+    }
+}
+
+/// A run's residuals and their derivatives.
+fn run(
+    problem: &Collocation,
+    at: &Iterate,
+    j: usize,
+    own: &pilotage_collocation::Sensitivity,
+) -> Run {
+    let recording = &problem.runs[j].measured[0];
+    let outputs = problem.outputs_at_samples(&at.z, j);
+    let pairs = recording.values.iter().zip(&outputs[0]).enumerate();
+    let there = pairs.filter(|(_, (y, _))| y.is_finite());
+    let rows: Vec<(usize, Row)> = there
+        .map(|(k, (y, h))| (k, Row::new(Noise::Normal, y - h, recording.weight)))
+        .collect();
+    let width = own.outputs[0].ncols();
+    let all = DMatrix::from_fn(rows.len(), width, |i, c| {
+        rows[i].1.location_scale * own.outputs[0][(rows[i].0, c)]
+    });
+    let p = problem.n_parameters();
+    let residuals = DVector::from_iterator(rows.len(), rows.iter().map(|(_, row)| row.location));
+    Run {
+        own: all.columns(p, width - p).into_owned(),
+        active: own.active.clone(),
+        ..Run::of(all.columns(0, p).into_owned(), residuals)
+    }
+}

@@ -1,0 +1,79 @@
+//! Residuals and their Jacobian, run by run.
+
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+/// A run's part of a least-squares problem at its solution, linearised.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Derivatives of the predictions by the shared parameters, a row for each residual.
+    pub shared: DMatrix<f64>,
+    /// The same by the run's own unknowns.
+    pub own: DMatrix<f64>,
+    /// Observed minus predicted, in standard deviations, times the root of the weight.
+    pub residuals: DVector<f64>,
+    /// The rows of each signal, in the order of time; each run has the same signals.
+    pub signals: Vec<Range<usize>>,
+    /// Rows of what is known of the run's own unknowns beforehand, with unit variance.
+    pub prior: Range<usize>,
+    /// Gradients of active constraints over `[shared; own]`, one each row.
+    pub active: DMatrix<f64>,
+}
+
+impl Run {
+    /// A run without unknowns of its own, one signal.
+    pub fn of(shared: DMatrix<f64>, residuals: DVector<f64>) -> Self {
+        let (n, p) = shared.shape();
+        Self {
+            own: DMatrix::zeros(n, 0),
+            signals: std::iter::once(0..n).collect(),
+            prior: n..n,
+            active: DMatrix::zeros(0, p),
+            shared,
+            residuals,
+        }
+    }
+}
+
+/// A least-squares problem at its solution.
+#[derive(Debug, Clone)]
+pub struct Data {
+    /// The runs; they share no noise.
+    pub runs: Vec<Run>,
+    /// Rows of what is known of the shared parameters beforehand, each a gradient over its standard deviation.
+    pub prior: DMatrix<f64>,
+    /// Gradients of active constraints on the shared parameters, one each row.
+    pub active: DMatrix<f64>,
+    /// Typical magnitudes of the shared parameters: one that changes nothing by this much has no effect.
+    pub scales: DVector<f64>,
+    /// The noise level is among the unknowns, so that residuals have unit variance.
+    pub is_scaled: bool,
+}
+
+impl Data {
+    /// Runs alone: no prior, no active constraint, parameters of the order of one.
+    ///
+    /// # Panics
+    /// Without runs.
+    pub fn of(runs: Vec<Run>) -> Self {
+        let p = runs[0].shared.ncols();
+        Self {
+            runs,
+            prior: DMatrix::zeros(0, p),
+            active: DMatrix::zeros(0, p),
+            scales: DVector::from_element(p, 1.0),
+            is_scaled: false,
+        }
+    }
+
+    /// Number of shared parameters.
+    pub fn parameters(&self) -> usize {
+        self.scales.len()
+    }
+
+    /// Residuals of all runs; without what is known beforehand.
+    pub fn residuals(&self) -> usize {
+        let of = |run: &Run| run.signals.iter().map(Range::len).sum::<usize>();
+        self.runs.iter().map(of).sum()
+    }
+}

@@ -1,0 +1,190 @@
+//! Active constraints and the runs' own unknowns, taken out of a linearised least-squares problem.
+
+use crate::data::{Data, Run};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// A vector shorter than this part of its length before is within the span of others.
+const DEPENDENT: f64 = 1e-8;
+
+/// A run whose unknowns are `θ = D Z φ` and `μ = N ν + M φ`, with constraints held for all φ and ν.
+#[derive(Debug, Clone)]
+pub struct Eliminated {
+    /// `∂r/∂φ`, n × d.
+    pub shared: DMatrix<f64>,
+    /// The same with the run's own unknowns projected out.
+    pub projected: DMatrix<f64>,
+    /// Orthonormal columns that span what the run's own unknowns change.
+    pub basis: DMatrix<f64>,
+    /// `N B⁺`: what the own unknowns make of residuals, m × n.
+    pub inverse: DMatrix<f64>,
+    /// `M`: what constraints make of φ in the own unknowns, m × d.
+    pub follows: DMatrix<f64>,
+    /// Own unknowns that the residuals do not tell.
+    pub flat: Vec<bool>,
+}
+
+/// All runs over the same free coordinates φ.
+#[derive(Debug, Clone)]
+pub struct Elimination {
+    /// The runs.
+    pub runs: Vec<Eliminated>,
+    /// Rows of what is known beforehand over φ.
+    pub prior: DMatrix<f64>,
+    /// `D Z`: θ of φ, p × d.
+    pub free: DMatrix<f64>,
+}
+
+impl Elimination {
+    /// With parameters in these units. Constraints on the shared ones are held, or else φ is θ in its units.
+    pub fn new(data: &Data, units: &DVector<f64>, holds_shared: bool) -> Self {
+        let held: Vec<Held> = data.runs.iter().map(|run| Held::new(run, units)).collect();
+        let mut rows: Vec<DVector<f64>> = held.iter().flat_map(|own| own.rest.clone()).collect();
+        let of_parameters = data.active.row_iter();
+        rows.extend(of_parameters.map(|row| row.transpose().component_mul(units)));
+        if !holds_shared {
+            rows.clear();
+        }
+        let z = null_space(&rows, units.len());
+        let scaled = DMatrix::from_diagonal(units);
+        let runs = data.runs.iter().zip(held);
+        Self {
+            runs: runs.map(|(run, held)| held.eliminated(run, &z)).collect(),
+            prior: &data.prior * &scaled * &z,
+            free: scaled * z,
+        }
+    }
+
+    /// The same over other coordinates ψ, with φ = Eψ.
+    pub fn within(mut self, e: &DMatrix<f64>) -> Self {
+        for run in &mut self.runs {
+            run.shared = &run.shared * e;
+            run.projected = &run.projected * e;
+            run.follows = &run.follows * e;
+        }
+        self.prior *= e;
+        self.free *= e;
+        self
+    }
+
+    /// `Σ J_gᵀ J_g`, without what is known beforehand.
+    pub fn information(&self) -> DMatrix<f64> {
+        let d = self.free.ncols();
+        let squares = self.runs.iter().map(Eliminated::information);
+        squares.fold(DMatrix::zeros(d, d), |sum, own| sum + own)
+    }
+}
+
+impl Eliminated {
+    /// `J_gᵀ J_g`.
+    pub fn information(&self) -> DMatrix<f64> {
+        self.projected.tr_mul(&self.projected)
+    }
+}
+
+/// A run in scaled parameters θ' on which its active constraints are held: `μ = N ν + M θ'`.
+struct Held {
+    shared: DMatrix<f64>,
+    own: DMatrix<f64>,
+    null: DMatrix<f64>,
+    follows: DMatrix<f64>,
+    /// Constraints that are left on θ' alone.
+    rest: Vec<DVector<f64>>,
+}
+
+impl Held {
+    fn new(run: &Run, units: &DVector<f64>) -> Self {
+        let (p, m) = (units.len(), run.own.ncols());
+        let scaled = DMatrix::from_diagonal(units);
+        let shared = &run.shared * &scaled;
+        let by_shared = run.active.columns(0, p) * &scaled;
+        let by_own = run.active.columns(p, m).into_owned();
+        let rows: Vec<DVector<f64>> = by_own.row_iter().map(|row| row.transpose()).collect();
+        let null = null_space(&rows, m);
+        let inverse = pseudo_inverse(&by_own);
+        let follows = -&inverse * &by_shared;
+        // What no own unknown can balance.
+        let rest = &by_shared + &by_own * &follows;
+        let is_left = |row: &DVector<f64>, all: &DVector<f64>| row.norm() > DEPENDENT * all.norm();
+        let pairs = rest.row_iter().zip(by_shared.row_iter());
+        let pairs = pairs.map(|(row, all)| (row.transpose(), all.transpose()));
+        Self {
+            shared: shared + &run.own * &follows,
+            own: &run.own * &null,
+            null,
+            follows,
+            rest: pairs
+                .filter(|(row, all)| is_left(row, all))
+                .map(|(row, _)| row)
+                .collect(),
+        }
+    }
+
+    fn eliminated(self, run: &Run, z: &DMatrix<f64>) -> Eliminated {
+        let shared = &self.shared * z;
+        let basis = basis(&self.own);
+        let inside = &basis * basis.tr_mul(&shared);
+        let within = pseudo_inverse(&basis.tr_mul(&self.own));
+        // A free direction of the own unknowns that changes no residual.
+        let seen = &self.null * &within * basis.tr_mul(&self.own) * self.null.transpose();
+        let free = &self.null * self.null.transpose();
+        let is_flat = |i: usize| free[(i, i)] - seen[(i, i)] > 1e-6;
+        Eliminated {
+            projected: &shared - inside,
+            inverse: &self.null * within * basis.transpose(),
+            follows: &self.follows * z,
+            flat: (0..run.own.ncols()).map(is_flat).collect(),
+            basis,
+            shared,
+        }
+    }
+}
+
+/// Orthonormal columns with the span of a matrix's columns: Gram and Schmidt, twice (Giraud, Langou & Rozložník, *The
+/// loss of orthogonality in the Gram–Schmidt orthogonalization process*, Comput. Math. Appl. 50, 2005).
+pub fn basis(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for column in matrix.column_iter() {
+        let mut rest = column.into_owned();
+        for _ in 0..2 {
+            for known in &columns {
+                let along = known.dot(&rest);
+                rest.axpy(-along, known, 1.0);
+            }
+        }
+        if rest.norm() > DEPENDENT * column.norm() {
+            columns.push(rest.normalize());
+        }
+    }
+    match columns.is_empty() {
+        true => DMatrix::zeros(matrix.nrows(), 0),
+        false => DMatrix::from_columns(&columns),
+    }
+}
+
+/// Orthonormal columns that are orthogonal to all rows of length n.
+fn null_space(rows: &[DVector<f64>], n: usize) -> DMatrix<f64> {
+    if rows.is_empty() || n == 0 {
+        return DMatrix::identity(n, n);
+    }
+    let range = basis(&DMatrix::from_columns(rows));
+    let eigen = SymmetricEigen::new(DMatrix::identity(n, n) - &range * range.transpose());
+    let kept = (0..n).filter(|k| eigen.eigenvalues[*k] > 0.5);
+    let kept: Vec<DVector<f64>> = kept
+        .map(|k| eigen.eigenvectors.column(k).into_owned())
+        .collect();
+    match kept.is_empty() {
+        true => DMatrix::zeros(n, 0),
+        false => DMatrix::from_columns(&kept),
+    }
+}
+
+fn pseudo_inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let (rows, columns) = matrix.shape();
+    if rows == 0 || columns == 0 {
+        return DMatrix::zeros(columns, rows);
+    }
+    let svd = matrix.clone().svd(true, true);
+    let tolerance = DEPENDENT * svd.singular_values.max();
+    svd.pseudo_inverse(tolerance)
+        .unwrap_or_else(|_| DMatrix::zeros(columns, rows))
+}

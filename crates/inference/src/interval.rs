@@ -1,0 +1,131 @@
+//! Intervals of one parameter.
+
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
+/// Probability of an interval.
+pub const LEVEL: f64 = 0.95;
+
+/// Degrees of freedom beyond which Student's t is the normal distribution to three digits.
+const MANY: f64 = 1e4;
+
+/// What an interval says of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Class {
+    /// Both ends are the data's.
+    Finite,
+    /// One end is that of its range: the data do not exclude it.
+    OneSided,
+    /// The data say nothing of it, by itself or within its range.
+    Flat,
+    /// The estimate lies on an end of its range; the other end is the data's.
+    OnBound,
+}
+
+impl Class {
+    /// One word, for scripts.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Finite => "finite",
+            Self::OneSided => "one-sided",
+            Self::Flat => "flat",
+            Self::OnBound => "on-bound",
+        }
+    }
+}
+
+/// A 95 % confidence interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Standard deviation, with the bound on which the estimate lies let go; infinite where the data leave it open.
+    pub sd: f64,
+    /// Lower end; -∞ where there is none.
+    pub low: f64,
+    /// Upper end; ∞ where there is none.
+    pub high: f64,
+    /// What it says.
+    pub class: Class,
+}
+
+impl Interval {
+    /// Around an estimate with this standard deviation, infinite where it is flat, within a range of the parameter; on
+    /// that end of its range, where it lies on one.
+    pub fn new(value: f64, sd: f64, degrees: f64, range: [f64; 2], bound: Option<f64>) -> Self {
+        let half = match sd.is_finite() {
+            true => quantile(LEVEL, degrees) * sd,
+            false => f64::INFINITY,
+        };
+        let [low, high] = [(value - half).max(range[0]), (value + half).min(range[1])];
+        let own = |low, high, class| Self {
+            sd,
+            low,
+            high,
+            class,
+        };
+        let is_low =
+            bound.is_some_and(|bound| (bound - range[0]).abs() <= (bound - range[1]).abs());
+        match (bound.is_some(), is_low) {
+            (true, true) => return own(range[0], high, Class::OnBound),
+            (true, false) => return own(low, range[1], Class::OnBound),
+            _ => {}
+        }
+        let ends = [value - half <= range[0], value + half >= range[1]];
+        let class = match ends {
+            _ if half.is_infinite() => Class::Flat,
+            [true, true] => Class::Flat,
+            [false, false] => Class::Finite,
+            _ => Class::OneSided,
+        };
+        own(low, high, class)
+    }
+}
+
+/// Half width, in standard deviations, of an interval that holds the truth with this probability, with Student's t.
+pub fn quantile(level: f64, degrees: f64) -> f64 {
+    let (probability, degrees) = (0.5 * (1.0 + level), degrees.max(1.0));
+    if degrees > MANY {
+        return Normal::standard().inverse_cdf(probability);
+    }
+    let student = StudentsT::new(0.0, 1.0, degrees);
+    student.map_or(f64::NAN, |own| own.inverse_cdf(probability))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Abramowitz & Stegun, table 26.10.
+    #[test]
+    fn quantiles_are_those_of_tables() {
+        let table = [
+            (1.0, 12.706),
+            (2.0, 4.303),
+            (3.0, 3.182),
+            (5.0, 2.571),
+            (60.0, 2.000),
+            (9999.0, 1.960),
+            (1e9, 1.960),
+        ];
+        for (degrees, t) in table {
+            assert!(
+                (quantile(0.95, degrees) - t).abs() < 6e-4,
+                "{degrees}: {}",
+                quantile(0.95, degrees)
+            );
+        }
+    }
+
+    #[test]
+    fn classes_say_which_ends_are_the_datas() {
+        let open = [f64::NEG_INFINITY, f64::INFINITY];
+        let of = |sd, range, bound| Interval::new(1.0, sd, 1e9, range, bound);
+        assert_eq!(of(0.1, open, None).class, Class::Finite);
+        assert_eq!(of(0.1, [0.9, 9.0], None).class, Class::OneSided);
+        assert_eq!(of(0.1, [0.9, 1.1], None).class, Class::Flat);
+        assert_eq!(of(f64::INFINITY, open, None).class, Class::Flat);
+        let on = of(0.1, [1.0, 9.0], Some(1.0));
+        assert_eq!((on.class, on.low), (Class::OnBound, 1.0));
+        assert!((on.high - 1.196).abs() < 1e-3);
+        let on = of(f64::INFINITY, [1.0, f64::INFINITY], Some(1.0));
+        assert_eq!((on.low, on.high), (1.0, f64::INFINITY));
+    }
+}

@@ -1,0 +1,123 @@
+//! How sure a fit of a problem is, for people and for scripts.
+
+use crate::cli::fit::summary::{how, reals};
+use crate::estimation::Fit;
+use crate::estimation::result::Found;
+use crate::estimation::uncertainty::Uncertainty;
+use crate::inference::{Class, Interval, LEVEL};
+use crate::report::significant;
+use serde_json::{Map, Value, json};
+
+/// The intervals of a fit's values, parameter by parameter; none where they are not known.
+pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
+    let known = fit.uncertainty.as_ref().ok();
+    let parameters = fit.parameters.iter().enumerate();
+    parameters.map(move |(k, found)| (found, known.map(|own| own.intervals[k].as_slice())))
+}
+
+/// A field of an interval.
+type Field = fn(&Interval) -> Value;
+
+/// The fields `sd`, `low`, `high` and `class` of a parameter.
+pub fn add_to(entry: &mut Map<String, Value>, found: &Found, intervals: &[Interval]) {
+    let fields: [(&str, Field); 4] = [
+        ("sd", |own| json!(own.sd)),
+        ("low", |own| json!(own.low)),
+        ("high", |own| json!(own.high)),
+        ("class", |own| json!(own.class.as_str())),
+    ];
+    for (name, field) in fields {
+        let value = match (found.values.as_slice(), intervals) {
+            ([(None, _)], [one]) => field(one),
+            (values, all) => {
+                let pairs = values.iter().zip(all);
+                let all =
+                    pairs.map(|((label, _), own)| (label.clone().unwrap_or_default(), field(own)));
+                Value::Object(all.collect())
+            }
+        };
+        entry.insert(name.into(), value);
+    }
+}
+
+/// All else.
+pub fn to_json(fit: &Fit) -> Value {
+    let own = match &fit.uncertainty {
+        Ok(own) => own,
+        Err(reason) => return json!({ "reason": reason.to_string() }),
+    };
+    let covariance = &own.covariance;
+    json!({
+        "method": own.method.as_str(),
+        "level": LEVEL,
+        "penalised": own.is_penalised,
+        "degrees_of_freedom": covariance.degrees,
+        "noise": own.noise,
+        "parameters": own.names,
+        "covariance": reals(&covariance.matrix),
+        "correlations": reals(&own.correlations),
+        "correlated_by": own.correlated_by.as_str(),
+        "cramer_rao_percent": own.cramer_rao,
+        "insensitivity_percent": own.insensitivity,
+        "mesh_error": own.mesh_errors,
+        "notes": own.notes,
+    })
+}
+
+/// Standard deviation, lower and upper end, and what they mean, as cells; empty where they are not known.
+pub fn cells(interval: Option<&Interval>) -> [String; 4] {
+    let Some(own) = interval else {
+        return Default::default();
+    };
+    let end = |value: f64| match value.is_finite() {
+        true => significant(value, 5),
+        false => "-".to_owned(),
+    };
+    let remark = match own.class {
+        Class::Finite => "",
+        Class::OneSided => "one-sided: the data do not exclude the end of its range",
+        Class::Flat => "flat: the data do not tell it",
+        Class::OnBound => "one-sided, on its bound",
+    };
+    let sd = match own.sd.is_finite() {
+        true => significant(own.sd, 3),
+        false => "-".to_owned(),
+    };
+    [sd, end(own.low), end(own.high), remark.to_owned()]
+}
+
+/// Cramér–Rao bound and insensitivity of a shared parameter \[%\], as cells.
+pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
+    let known = fit.uncertainty.as_ref().ok().and_then(|own| {
+        let place = own
+            .names
+            .iter()
+            .position(|own| own.trim_start_matches("ln ") == name)?;
+        Some([own.cramer_rao[place], own.insensitivity[place]])
+    });
+    known.map_or_else(Default::default, |own| {
+        own.map(|percent| match percent.is_finite() {
+            true => significant(percent, 3),
+            false => "-".to_owned(),
+        })
+    })
+}
+
+/// What stands below the parameters.
+pub fn to_text(fit: &Fit) -> String {
+    let own = match &fit.uncertainty {
+        Ok(own) => own,
+        Err(reason) => return format!("no intervals: {reason}\n"),
+    };
+    let mut text = format!("{}\n", method(own));
+    for note in &own.notes {
+        text += &format!("note: {note}\n");
+    }
+    text
+}
+
+/// What the intervals are, in a line.
+fn method(own: &Uncertainty) -> String {
+    let penalised = if own.is_penalised { "penalised " } else { "" };
+    format!("{penalised}{}", how(own.method))
+}
