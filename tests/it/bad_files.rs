@@ -295,7 +295,7 @@ fn vehicles() {
 fn pilots() {
     let export = ["export", "pilot"];
     let good = "converged = true\nstick_limit = 1.0\n\n[theta]\ntheta1 = 1.0\ntheta2 = 2.0\n";
-    let known = "known are tool, status, converged, stick_limit, theta, pole, closed_loop, doubt, fit, vehicle, data";
+    let known = "known are tool, status, converged, stick_limit, theta, uncertainty, pole, closed_loop, doubt, fit, vehicle, data";
     let cases: &[(&str, String, String)] = &[
         ("not TOML", good.replace("[theta]", "[theta"), "p.toml:4:7: not TOML: unclosed table, expected `]`".into()),
         ("unknown field", good.replace("converged", "convergd"), format!("p.toml:1:1: unknown field `convergd`; did you mean `converged`?; {known}")),
