@@ -235,3 +235,52 @@ fn a_tied_parameter_keeps_its_models_range() {
     let checked = folder.pilotage(&["model", "check", "tank-fitted.toml"]);
     assert_eq!(checked.code, 0, "{checked:?}");
 }
+
+const DECAY: &str = r#"[model]
+name = "d"
+[parameters]
+k = 1
+[states]
+x = { start = 1, der = "-k * x" }
+"#;
+
+/// A decay with four samples, and what is known beforehand of its rate.
+fn decay(prior: &str) -> Folder {
+    let problem = format!(
+        "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n[parameters]\n\
+         \"m.k\" = {{ prior = {{ normal = {prior} }} }}\n[[run]]\nfile = \"run.csv\"\n"
+    );
+    let folder = Folder::new();
+    folder.write("m.toml", DECAY);
+    folder.write("run.csv", "time,x\n0,1\n0.5,0.8\n1,0.4\n2,0.13\n");
+    folder.write("problem.toml", problem);
+    folder
+}
+
+/// Where the decay is over at the second sample: `0.8² + 0.4² + 0.13²`.
+const OVER: f64 = 0.8169;
+
+#[test]
+fn no_start_is_lower_than_what_the_refined_mesh_has() {
+    let json = decay("[1e6, 1e-9]").pilotage(&["fit", "problem.toml", "--json"]);
+    let json = json.json();
+    assert!((json["objective"].as_f64().expect("a number") - OVER).abs() < 1e-4);
+    let doubts = json["doubts"].as_array().expect("a list");
+    assert!(
+        doubts.iter().all(|own| own["code"] != "lower-start"),
+        "{doubts:?}"
+    );
+}
+
+#[test]
+fn an_objective_that_no_simulation_has_is_doubted_whatever_ended_the_fit() {
+    let json = decay("[100, 1e-3]").pilotage(&["fit", "problem.toml", "--json"]);
+    let json = json.json();
+    let objective = json["objective"].as_f64();
+    let is_true = objective.is_none_or(|own| (own - OVER).abs() < 1e-2);
+    let doubts = json["doubts"].as_array().expect("a list");
+    assert!(
+        is_true || doubts.iter().any(|own| own["code"] == "simulation"),
+        "{json}"
+    );
+}

@@ -201,6 +201,18 @@ fn what_the_problem_says_itself_is_no_flag() {
     let folder = folder();
     for (words, hint) in [
         (vec!["fit", "problem.toml", "--order", "2"], "--order"),
+        (
+            vec!["fit", "problem.toml", "--max-iterations", "1"],
+            "--max-iterations",
+        ),
+        (
+            vec!["fit", "problem.toml", "--tolerance", "1e-2"],
+            "--tolerance",
+        ),
+        (
+            vec!["fit", "problem.toml", "--column", "time=t"],
+            "--column",
+        ),
         (vec!["fit", "problem.toml", "run.csv"], "alone"),
         (vec!["fit", "run.csv", "--evaluate"], "problem file"),
     ] {

@@ -322,7 +322,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         objective: fit.objective,
         simulated: fit.simulated_objective,
     };
-    let is_known = fit.status == Status::Converged && fit.cut.is_none();
+    let is_known = fit.is_met() && fit.cut.is_none();
     all.extend((is_known && !fit.agrees()).then_some(simulated));
     all
 }

@@ -203,14 +203,21 @@ fn shown(number: f64) -> String {
     }
 }
 
-/// A tolerance that numbers can resolve.
+/// A tolerance that numbers can resolve, and that means something: what it bounds is scaled to the order of one.
 fn tolerance(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
     const LEAST: f64 = 1e-14;
+    const MOST: f64 = 1.0;
     match positive(table, field)? {
         Some(number) if number < LEAST => {
             let number = shown(number);
             let fault =
                 format!("`{field} = {number}` is finer than numbers are; write {LEAST:?} or more");
+            Err(at(table, field, fault))
+        }
+        Some(number) if number > MOST => {
+            let number = shown(number);
+            let fault =
+                format!("`{field} = {number}` would let anything pass; write {MOST:?} or less");
             Err(at(table, field, fault))
         }
         other => Ok(other),

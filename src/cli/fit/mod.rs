@@ -266,6 +266,13 @@ impl Args {
             ("--vehicle", self.vehicle.is_some()),
             ("--order", usize::from(self.order) != default.pilot.order),
             ("--log", self.log.is_some()),
+            (
+                "--max-iterations",
+                self.max_iterations != default.max_iterations,
+            ),
+            ("--tolerance", self.tolerance != default.tolerance),
+            ("--stick-limit", self.stick_limit != default.stick_limit),
+            ("--column", self.columns.is_given()),
         ];
         given
             .into_iter()

@@ -92,11 +92,12 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let mut found = Fit {
         trouble,
         starts: ends,
-        lower,
         simulated_objective: simulated.as_ref().map(|own| own.objective),
         refinement,
         ..Fit::of(posed, &last)
     };
+    // On a mesh that was refined since, the objective may have fallen below.
+    found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
     found.cut = cut(&found, &watch);
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);

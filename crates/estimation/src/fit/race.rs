@@ -47,7 +47,13 @@ pub(super) fn raced(
     let mut solved: Vec<Option<Solved>> = starts.par_iter().enumerate().map(heat).collect();
     if is_race {
         let open = finalists(&solved);
-        go_on(posed, &mut solved, open, watch);
+        go_on(posed, &mut solved, open.clone(), watch);
+        let left = (0..starts.len()).filter(|k| !open.contains(k) && is_unfinished(&solved[*k]));
+        let left: Vec<usize> = left.collect();
+        match has_answer(&solved) {
+            true => left.iter().for_each(|k| leave(&mut solved[*k])),
+            false => go_on(posed, &mut solved, left, watch),
+        }
     }
     for _ in 0..EXTENSIONS {
         let Some(better) = better(&solved) else {
@@ -56,6 +62,19 @@ pub(super) fn raced(
         go_on(posed, &mut solved, vec![better], watch);
     }
     solved
+}
+
+/// Whether the iteration limit ended a start.
+fn is_unfinished(solved: &Option<Solved>) -> bool {
+    let status = solved.as_ref().map(|own| own.solution.status);
+    status == Some(Status::IterationLimit)
+}
+
+/// It was no limit of the user's that ended this start: it was behind.
+fn leave(solved: &mut Option<Solved>) {
+    if let Some(own) = solved {
+        own.solution.status = Status::Stopped;
+    }
 }
 
 /// Solves these on, each from where it is.
