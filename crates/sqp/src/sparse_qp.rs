@@ -12,7 +12,7 @@ use super::convex::{ConvexQp, ConvexSolution};
 use super::curvature::{Cone, Curvature, MAX_SIZE, activities, null_space};
 use super::iterate::violation;
 use super::problem::Pattern;
-use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step};
+use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step, vector};
 use nalgebra::{DMatrix, DVector};
 
 /// Ladder of ρ, relative to the largest entry of the Hessian.
@@ -251,12 +251,7 @@ impl SparseQp {
 
     fn write_step(&self, solution: ConvexSolution, step: &mut Step) {
         let wd = self.qp.w_times(&solution.x);
-        step.slope = self
-            .gradient
-            .iter()
-            .zip(&solution.x)
-            .map(|(g, d)| g * d)
-            .sum();
+        step.slope = vector::dot(&self.gradient, &solution.x);
         step.curvature = wd.iter().zip(&solution.x).map(|(w, d)| w * d).sum();
         let m = self.c.len();
         step.residual.clear();

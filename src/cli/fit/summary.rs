@@ -6,7 +6,7 @@ use crate::identification::{
     ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
     pilot_file,
 };
-use crate::inference::{LEVEL, Method};
+use crate::inference::{Interval, LEVEL, Method};
 use crate::report::significant;
 use crate::vehicle::Mode;
 use nalgebra::DMatrix;
@@ -78,10 +78,9 @@ fn parameters(fit: &Fit, options: &FitOptions) -> Value {
     let all = all.enumerate().map(|(i, (value, unit))| {
         let mut entry = json!({ "value": value, "unit": unit });
         if let Some(own) = fit.uncertainty.as_ref().map(|own| own.intervals[i]) {
-            entry["sd"] = json!(own.sd);
-            entry["low"] = json!(own.low);
-            entry["high"] = json!(own.high);
-            entry["class"] = json!(own.class.as_str());
+            for (name, field) in FIELDS {
+                entry[name] = field(&own);
+            }
         }
         (format!("theta{}", i + 1), entry)
     });
@@ -127,6 +126,17 @@ fn sureness(fit: &Fit) -> String {
     }
     text
 }
+
+/// A field of an interval.
+type Field = fn(&Interval) -> Value;
+
+/// What scripts read of an interval.
+pub const FIELDS: [(&str, Field); 4] = [
+    ("sd", |own| json!(own.sd)),
+    ("low", |own| json!(own.low)),
+    ("high", |own| json!(own.high)),
+    ("class", |own| json!(own.class.as_str())),
+];
 
 /// What intervals of a method are.
 pub fn how(method: Method) -> &'static str {

@@ -1,6 +1,6 @@
 //! How sure a fit of a problem is, for people and for scripts.
 
-use crate::cli::fit::summary::{how, reals};
+use crate::cli::fit::summary::{FIELDS, how, reals};
 use crate::estimation::Fit;
 use crate::estimation::result::Found;
 use crate::estimation::uncertainty::Uncertainty;
@@ -15,18 +15,9 @@ pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
     parameters.map(move |(k, found)| (found, known.map(|own| own.intervals[k].as_slice())))
 }
 
-/// A field of an interval.
-type Field = fn(&Interval) -> Value;
-
 /// The fields `sd`, `low`, `high` and `class` of a parameter.
 pub fn add_to(entry: &mut Map<String, Value>, found: &Found, intervals: &[Interval]) {
-    let fields: [(&str, Field); 4] = [
-        ("sd", |own| json!(own.sd)),
-        ("low", |own| json!(own.low)),
-        ("high", |own| json!(own.high)),
-        ("class", |own| json!(own.class.as_str())),
-    ];
-    for (name, field) in fields {
+    for (name, field) in FIELDS {
         let value = match (found.values.as_slice(), intervals) {
             ([(None, _)], [one]) => field(one),
             (values, all) => {
@@ -69,21 +60,22 @@ pub fn cells(interval: Option<&Interval>) -> [String; 4] {
     let Some(own) = interval else {
         return Default::default();
     };
-    let end = |value: f64| match value.is_finite() {
-        true => significant(value, 5),
-        false => "-".to_owned(),
-    };
     let remark = match own.class {
         Class::Finite => "",
         Class::OneSided => "one-sided: the data do not exclude the end of its range",
         Class::Flat => "flat: the data do not tell it",
         Class::OnBound => "one-sided, on its bound",
     };
-    let sd = match own.sd.is_finite() {
-        true => significant(own.sd, 3),
+    let [low, high] = [own.low, own.high].map(|end| cell(end, 5));
+    [cell(own.sd, 3), low, high, remark.to_owned()]
+}
+
+/// A number with so many digits; a dash where it is not finite.
+fn cell(value: f64, digits: usize) -> String {
+    match value.is_finite() {
+        true => significant(value, digits),
         false => "-".to_owned(),
-    };
-    [sd, end(own.low), end(own.high), remark.to_owned()]
+    }
 }
 
 /// Cramér–Rao bound and insensitivity of a shared parameter \[%\], as cells.
@@ -95,12 +87,7 @@ pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
             .position(|own| own.trim_start_matches("ln ") == name)?;
         Some([own.cramer_rao[place], own.insensitivity[place]])
     });
-    known.map_or_else(Default::default, |own| {
-        own.map(|percent| match percent.is_finite() {
-            true => significant(percent, 3),
-            false => "-".to_owned(),
-        })
-    })
+    known.map_or_else(Default::default, |own| own.map(|percent| cell(percent, 3)))
 }
 
 /// What stands below the parameters.
