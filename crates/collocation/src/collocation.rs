@@ -2,7 +2,7 @@
 
 use super::bound::Bound;
 use super::constraints::ParameterConstraints;
-use super::grid::{Grid, PointState};
+use super::grid::{Grid, PointState, Samples};
 use super::layout::Layout;
 use super::loss::Loss;
 use super::mesh::Run;
@@ -130,7 +130,7 @@ impl Collocation {
 
     /// States of run `j` at its samples, in their units, by the scheme's interpolant.
     pub fn states_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
-        let values = self.evaluate_points(z, j, |_, _, _| {});
+        let values = self.evaluate_points(z, j, |_, _| {});
         let grid = &self.grids[j];
         let v = self.coefficients(z, j);
         let state = |&i: &usize| {
@@ -144,7 +144,7 @@ impl Collocation {
     /// Run `j` wherever the scheme takes the equations, and at its samples, by time: time \[s\], states in their units,
     /// inputs.
     pub fn along(&self, z: &[f64], j: usize) -> Vec<(f64, Vec<f64>, Vec<f64>)> {
-        let values = self.evaluate_points(z, j, |_, _, _| {});
+        let values = self.evaluate_points(z, j, |_, _| {});
         let grid = &self.grids[j];
         let v = self.coefficients(z, j);
         let inputs = grid.inputs.len() / grid.points.len().max(1) - 1;
@@ -162,11 +162,11 @@ impl Collocation {
 
     /// Outputs of run `j` at its samples, each output by itself.
     pub fn outputs_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
-        let samples = self.runs[j].time.len();
-        let mut all = vec![vec![f64::NAN; samples]; self.model.n_outputs()];
-        self.evaluate_points(z, j, |sample, outputs, lane| {
+        let count = self.runs[j].time.len();
+        let mut all = vec![vec![f64::NAN; count]; self.model.n_outputs()];
+        self.evaluate_points(z, j, |samples, outputs| {
             for (own, output) in all.iter_mut().zip(outputs) {
-                own[sample as usize] = output[lane];
+                write_samples(samples, *output, own);
             }
         });
         all
@@ -184,13 +184,12 @@ impl Collocation {
         recordings.all(|own| own.loss == Loss::Square)
     }
 
-    /// The model at every point of run `j`; calls `observe` with each observed point's sample, its group's
-    /// outputs and its lane among them.
+    /// The model at every point of run `j`; calls `observe` with the samples of each group of points and its outputs.
     pub(super) fn evaluate_points(
         &self,
         z: &[f64],
         j: usize,
-        observe: impl FnMut(u32, &[Lanes], usize),
+        observe: impl FnMut(Samples, &[Lanes]),
     ) -> PointValues {
         simd::vectorised(Evaluate {
             problem: self,
@@ -210,7 +209,7 @@ impl Collocation {
     pub(super) fn point_states(&self, z: &[f64], j: usize) -> PointValues {
         match self.grids[j].combinations {
             0 => PointValues::default(),
-            _ => self.evaluate_points(z, j, |_, _, _| {}),
+            _ => self.evaluate_points(z, j, |_, _| {}),
         }
     }
 
@@ -224,16 +223,15 @@ impl Collocation {
         for ((i, value), c) in known.zip(first) {
             *c = v[i] - value / self.model.scales.states[i];
         }
-        let samples = run.time.len();
+        let count = run.time.len();
         let mut costs = Sum::default();
-        let values = self.evaluate_points(z, j, |sample, outputs, lane| {
-            for (k, own) in run.measured.iter().enumerate() {
-                if let Some(recorded) = self.recorded(j, k, sample) {
-                    costs.add(own.weight * own.loss.value(recorded, outputs[k][lane]));
-                }
+        let values = self.evaluate_points(z, j, |samples, outputs| {
+            for (own, output) in run.measured.iter().zip(outputs) {
+                costs.add(own.costs(samples, *output));
             }
-            for (k, output) in outputs[self.measured..].iter().enumerate() {
-                g[k * samples + sample as usize] = output[lane];
+            let bounded = g.chunks_exact_mut(count);
+            for (g, output) in bounded.zip(&outputs[self.measured..]) {
+                write_samples(samples, *output, g);
             }
         });
         simd::vectorised(Defects {
@@ -281,29 +279,42 @@ impl Collocation {
     }
 }
 
+/// Writes the numbers of a group of points where their samples stand.
+#[inline(always)]
+fn write_samples(samples: Samples, values: Lanes, out: &mut [f64]) {
+    for (sample, value) in samples.into_iter().zip(values) {
+        if let Some(sample) = sample {
+            out[sample as usize] = value;
+        }
+    }
+}
+
 /// A sum whose rounding does not grow with the number of its terms, so that a line search sees what a step gains
-/// (Neumaier, *Rundungsfehleranalyse einiger Verfahren zur Summation endlicher Summen*, ZAMM 54, 1974).
+/// (Ogita, Rump & Oishi, *Accurate sum and dot product*, SIAM J. Sci. Comput. 26, 2005), of the terms of each lane.
 #[derive(Default)]
 struct Sum {
-    sum: f64,
-    lost: f64,
+    sum: Lanes,
+    lost: Lanes,
 }
 
 impl Sum {
-    fn add(&mut self, term: f64) {
-        let sum = self.sum + term;
-        self.lost += match self.sum.abs() >= term.abs() {
-            true => (self.sum - sum) + term,
-            false => (term - sum) + self.sum,
-        };
-        self.sum = sum;
+    #[inline(always)]
+    fn add(&mut self, terms: Lanes) {
+        for (lane, term) in terms.into_iter().enumerate() {
+            let (before, lost) = (self.sum[lane], &mut self.lost[lane]);
+            let sum = before + term;
+            let added = sum - before;
+            *lost += (before - (sum - added)) + (term - added);
+            self.sum[lane] = sum;
+        }
     }
 
     /// Where a term was infinite, what is lost is not a number.
     fn value(&self) -> f64 {
-        match self.sum.is_finite() {
-            true => self.sum + self.lost,
-            false => self.sum,
+        let sum: f64 = self.sum.iter().sum();
+        match sum.is_finite() {
+            true => sum + self.lost.iter().sum::<f64>(),
+            false => sum,
         }
     }
 }
@@ -365,7 +376,7 @@ struct Evaluate<'a, F> {
     observe: F,
 }
 
-impl<F: FnMut(u32, &[Lanes], usize)> Task for Evaluate<'_, F> {
+impl<F: FnMut(Samples, &[Lanes])> Task for Evaluate<'_, F> {
     type Output = PointValues;
 
     #[inline(always)]
@@ -393,12 +404,10 @@ impl<F: FnMut(u32, &[Lanes], usize)> Task for Evaluate<'_, F> {
             let input = members.map(|i| problem.inputs_at(j, i));
             model.evaluate(x, input, &mut f, &mut outputs);
             let own = values.f[first * n..].chunks_exact_mut(n);
-            for ((lane, i), own) in members[..count].iter().enumerate().zip(own) {
+            for (lane, own) in own.take(count).enumerate() {
                 own.iter_mut().zip(&f).for_each(|(own, f)| *own = f[lane]);
-                if let Some(sample) = grid.points[*i].sample {
-                    observe(sample, &outputs, lane);
-                }
             }
+            observe(grid.samples(members, count), &outputs);
         }
         values
     }

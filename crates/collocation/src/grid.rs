@@ -12,6 +12,7 @@
 //! the point at their common boundary.
 
 use super::mesh::Run;
+use super::simd::LANES;
 use super::tableau::{Row, Scheme, Tableau, Value};
 use std::sync::Arc;
 
@@ -51,6 +52,9 @@ pub enum PointState {
     /// A combination.
     Combination(Box<Combination>),
 }
+
+/// The sample of each of a group of points; None where there is none, and for lanes beyond the group.
+pub type Samples = [Option<u32>; LANES];
 
 impl PointState {
     /// The point's part of a quantity that has `size` numbers for each of the run's unknowns, `nodes`, and
@@ -123,6 +127,13 @@ impl Grid {
             grid.inputs[first..first + n_inputs].copy_from_slice(&run.inputs[sample]);
         }
         grid
+    }
+
+    /// The samples of a group of points, of which `count` count.
+    #[inline(always)]
+    pub fn samples(&self, members: [usize; LANES], count: usize) -> Samples {
+        let of = |lane: usize| self.points[members[lane]].sample;
+        std::array::from_fn(|lane| if lane < count { of(lane) } else { None })
     }
 
     /// Number of coefficient vectors.

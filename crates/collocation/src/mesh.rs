@@ -1,6 +1,8 @@
 //! One run: what is known of it, and the mesh on which it is solved.
 
+use super::grid::Samples;
 use super::loss::Loss;
+use super::simd::{LANES, Lanes};
 
 /// A run as the transcription needs it.
 ///
@@ -29,6 +31,32 @@ pub struct Recording {
     pub weight: f64,
     /// What its residuals cost.
     pub loss: Loss,
+}
+
+impl Recording {
+    /// What was recorded at these samples; NaN where nothing was.
+    #[inline(always)]
+    pub(super) fn at(&self, samples: Samples) -> Lanes {
+        samples.map(|sample| sample.map_or(f64::NAN, |sample| self.values[sample as usize]))
+    }
+
+    /// Terms of the objective at these samples, for outputs of the model; zero where nothing was recorded.
+    #[inline(always)]
+    pub(super) fn costs(&self, samples: Samples, outputs: Lanes) -> Lanes {
+        let recorded = self.at(samples);
+        let mut costs = [0.0; LANES];
+        for lane in 0..LANES {
+            let term = match self.loss {
+                Loss::Square => (recorded[lane] - outputs[lane]).powi(2),
+                loss => loss.value(recorded[lane], outputs[lane]),
+            };
+            costs[lane] = match recorded[lane].is_nan() {
+                true => 0.0,
+                false => self.weight * term,
+            };
+        }
+        costs
+    }
 }
 
 impl Run {

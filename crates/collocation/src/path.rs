@@ -22,7 +22,7 @@ impl<'a> Path<'a> {
         Self {
             grid,
             v: problem.coefficients(z, j),
-            values: problem.evaluate_points(z, j, |_, _, _| {}),
+            values: problem.evaluate_points(z, j, |_, _| {}),
             scales: &problem.model.scales.states,
             starts: grid.elements.iter().map(|e| grid.times[e.first]).collect(),
         }

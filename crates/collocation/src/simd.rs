@@ -102,6 +102,12 @@ pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     out
 }
 
+/// `a` in the lanes where something holds, else `b`.
+#[inline(always)]
+pub fn select(holds: [bool; LANES], a: Lanes, b: Lanes) -> Lanes {
+    std::array::from_fn(|l| if holds[l] { a[l] } else { b[l] })
+}
+
 /// A computation on rows whose width is a constant, so that the inner loops have a length that the
 /// compiler knows. What is to gain by vector instructions must be inlined into `run`.
 pub trait Kernel {

@@ -97,7 +97,7 @@ impl Collocation {
     /// nothing cancels.
     fn run_derivatives(&self, z: Option<&[f64]>, j: usize) -> RunDerivatives {
         let (n, p, grid) = (self.n_states(), self.n_parameters(), &self.grids[j]);
-        let values = z.map(|z| self.evaluate_points(z, j, |_, _, _| {}));
+        let values = z.map(|z| self.evaluate_points(z, j, |_, _| {}));
         let weight = |v: f64| if z.is_some() { v } else { v.abs() };
         let mut tangents: Vec<Tangent> = Vec::new();
         let mut points: Vec<PointDerivatives> = Vec::new();
@@ -449,7 +449,7 @@ impl SparseProblem for Collocation {
             };
             let omega = self.derivative_weights(j, &run, lambda, &outputs);
             let grid = &self.grids[j];
-            let states = self.evaluate_points(z, j, |_, _, _| {});
+            let states = self.evaluate_points(z, j, |_, _| {});
             for (i, point) in grid.points.iter().enumerate() {
                 let mut w = DMatrix::zeros(v, v);
                 let mut used = self.curvature_pattern();

@@ -6,6 +6,7 @@ use super::opaque::{Call, Partial};
 use super::operation::{Function, Operation, Operator};
 use num_dual::DualNum;
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What one instruction does with the registers that it names. Sums of a product are one instruction.
@@ -161,6 +162,7 @@ impl Tape {
         let all: Vec<Node> = lists.concat();
         let needed = graph.ancestors(&all);
         writer.stage(|k| needed[k] && !late[k]);
+        writer.reciprocals(|k| needed[k] && late[k]);
         for list in lists {
             let needed = graph.ancestors(list);
             writer.stage(|k| needed[k]);
@@ -211,15 +213,18 @@ impl Tape {
         let first = stage.checked_sub(1).map_or(0, |before| self.ends[before]);
         let instructions = &self.instructions[first..self.ends[stage]];
         let begin = self.variables + self.constants.len() + first;
+        assert_eq!(registers.values.len(), self.size(), "the tape's registers");
         for (instruction, at) in instructions.iter().zip(begin..) {
-            let (known, rest) = registers.values.split_at_mut(at);
+            // SAFETY: the list is as long as the tape's, and `at` is the register of one of its instructions.
+            let (known, rest) = unsafe { registers.values.split_at_mut_unchecked(at) };
             match instruction.code {
                 Code::Call => {
                     let call = &self.calls[instruction.a as usize];
                     call.fill(known, &mut rest[..call.wanted.len()]);
                 }
                 Code::Filled => {}
-                _ => step(*instruction, &self.curves, known, &mut rest[0]),
+                // SAFETY: the instruction's own register is behind those before.
+                _ => step(*instruction, &self.curves, known, unsafe { rest.get_unchecked_mut(0) }),
             }
         }
     }
@@ -341,7 +346,11 @@ fn step<const B: usize>(
     out: &mut [f64; B],
 ) {
     let Instruction { code, a, b, c } = instruction;
-    let of = |register: u32| &known[register as usize];
+    let of = |register: u32| {
+        debug_assert!((register as usize) < known.len(), "a register of the tape");
+        // SAFETY: `Writer` alone makes instructions, and names registers that were filled before, which are `known`.
+        unsafe { known.get_unchecked(register as usize) }
+    };
     match code {
         Code::Operator(Operator::Add) => two(of(a), of(b), out, |a, b| a + b),
         Code::Operator(Operator::Subtract) => two(of(a), of(b), out, |a, b| a - b),
@@ -407,6 +416,8 @@ struct Writer<'a> {
     /// How many nodes take each one, and lists.
     uses: Vec<u32>,
     registers: Vec<Option<u32>>,
+    /// For each node that later stages divide by and that the first has, the register of its reciprocal.
+    reciprocals: BTreeMap<Node, u32>,
     tape: Tape,
 }
 
@@ -423,6 +434,7 @@ impl<'a> Writer<'a> {
             graph,
             uses,
             registers: vec![None; needed.len()],
+            reciprocals: BTreeMap::new(),
             tape: Tape {
                 variables,
                 ..Tape::default()
@@ -465,12 +477,35 @@ impl<'a> Writer<'a> {
                     Some((_, instruction)) => instruction,
                     None => self.plain(k),
                 };
-                let base = self.tape.variables + self.tape.constants.len();
-                self.registers[k] = Some((base + self.tape.instructions.len()) as u32);
-                self.tape.instructions.push(instruction);
+                self.registers[k] = Some(self.push(instruction));
             }
         }
         self.tape.ends.push(self.tape.instructions.len());
+    }
+
+    /// Adds an instruction; returns its register.
+    fn push(&mut self, instruction: Instruction) -> u32 {
+        let register = self.tape.size() as u32;
+        self.tape.instructions.push(instruction);
+        register
+    }
+
+    /// Adds the reciprocals of what these nodes divide by to the stage written last, where that has it already: a
+    /// division takes as long as several products, and is made at every point.
+    fn reciprocals(&mut self, wanted: impl Fn(usize) -> bool) {
+        for (k, operation) in self.graph.operations().iter().enumerate() {
+            let Operation::Binary(Operator::Divide, _, by) = *operation else {
+                continue;
+            };
+            let known = self.registers[by.index()];
+            if let (true, Some(a), None) = (wanted(k), known, self.reciprocals.get(&by)) {
+                let code = Code::Function(Function::Reciprocal);
+                let register = self.push(Instruction { code, a, b: a, c: a });
+                self.reciprocals.insert(by, register);
+            }
+        }
+        let end = self.tape.ends.last_mut();
+        *end.expect("a stage is written") = self.tape.instructions.len();
     }
 
     /// A sum or difference with a product that nothing else takes: the product's place, and the instruction for
@@ -549,6 +584,10 @@ impl<'a> Writer<'a> {
         let of = |node: Node| self.registers[node.index()].expect("arguments stand before");
         let (code, a, b, c) = match self.graph.operations()[k] {
             Operation::Unary(function, a) => (Code::Function(function), of(a), of(a), of(a)),
+            Operation::Binary(Operator::Divide, a, b) if self.reciprocals.contains_key(&b) => {
+                let product = Code::Operator(Operator::Multiply);
+                (product, of(a), self.reciprocals[&b], of(a))
+            }
             Operation::Binary(operator, a, b) => (Code::Operator(operator), of(a), of(b), of(a)),
             Operation::Select(a, b, c) => (Code::Select, of(a), of(b), of(c)),
             Operation::Lookup(curve, a) => (Code::Lookup, of(a), curve, of(a)),

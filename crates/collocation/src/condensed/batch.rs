@@ -146,6 +146,10 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
             rows.push(s);
         }
         let defects = members.map(|k| &own.equalities(k, c)[n - own.runs[k].free.len()..]);
+        let mut extents = [Extent::<W>::default(); B];
+        for (k, extent) in extents.iter_mut().enumerate() {
+            at.iter().for_each(|row| extent.take(&row[k]));
+        }
         let mut last = n;
         let grid = &own.problem.grids[own.first];
         for (span, lane) in own.runs[0].elements() {
@@ -173,13 +177,58 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
             factors.solve(x);
             for (k, rows) in rows.iter_mut().enumerate() {
                 let s = &mut rows.as_chunks_mut::<W>().0[first + n..first + n + size];
-                s.iter_mut().zip(&*x).for_each(|(s, x)| *s = x[k]);
+                let extent = &mut extents[k];
+                for (s, x) in s.iter_mut().zip(&*x) {
+                    *s = x[k];
+                    extent.take(&x[k]);
+                }
             }
             std::mem::swap(&mut work, &mut before);
             last = size;
         }
         let runs = own.runs.iter_mut().zip(rows);
-        runs.for_each(|(run, s)| run.nodes.s = s);
+        for ((run, s), extent) in runs.zip(extents) {
+            run.nodes.s = s;
+            (run.growth, run.is_finite) = extent.of(r);
+        }
+    }
+}
+
+/// The largest magnitude in each column of rows, and whether all numbers are finite.
+#[derive(Debug, Clone, Copy)]
+struct Extent<const W: usize> {
+    largest: [f64; W],
+    /// Zero times infinity or NaN is NaN.
+    zeros: [f64; W],
+}
+
+impl<const W: usize> Default for Extent<W> {
+    fn default() -> Self {
+        Self {
+            largest: [0.0; W],
+            zeros: [0.0; W],
+        }
+    }
+}
+
+impl<const W: usize> Extent<W> {
+    #[inline(always)]
+    fn take(&mut self, row: &[f64; W]) {
+        let own = self.largest.iter_mut().zip(&mut self.zeros);
+        for (v, (largest, zero)) in row.iter().zip(own) {
+            *largest = if v.abs() > *largest {
+                v.abs()
+            } else {
+                *largest
+            };
+            *zero = 0.0f64.mul_add(*v, *zero);
+        }
+    }
+
+    /// The largest in the first `r` columns, and whether all are finite.
+    fn of(&self, r: usize) -> (f64, bool) {
+        let growth = self.largest[..r].iter().copied().fold(0.0, f64::max);
+        (growth, self.zeros.iter().all(|zero| *zero == 0.0))
     }
 }
 

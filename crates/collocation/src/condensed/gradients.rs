@@ -5,7 +5,7 @@ use super::run::{Place, RunSweep};
 use crate::Collocation;
 use crate::collocation::PointValues;
 use crate::node::{NodeModel, pull_back};
-use crate::simd::{self, LANES, Lanes, Task, plus, side_by_side, times};
+use crate::simd::{self, LANES, Lanes, Task, plus, select, side_by_side, times};
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
@@ -35,27 +35,29 @@ impl RunSweep {
     /// the Lagrangian: pulled by the residuals, pushed by the multipliers `eta`.
     #[inline(always)]
     fn weigh(&mut self, at: Place<'_>, points: &Points<'_>, eta: &[f64], outputs: &mut [Lanes]) {
-        let samples = at.problem.layout.runs[at.j].samples;
+        let count = at.problem.layout.runs[at.j].samples;
+        let samples = points.samples_of();
         let (measured, bounded) = outputs.split_at_mut(at.problem.measured);
         for (k, output) in measured.iter_mut().enumerate() {
-            let residual = &mut self.residual.group_mut(points.number)[k];
-            let weight = &mut self.weight.group_mut(points.number)[k];
             let own = &at.problem.runs[at.j].measured[k];
-            let twice = 2.0 * own.weight;
-            for (lane, sample) in points.samples() {
-                let recorded = at.problem.recorded(at.j, k, sample as u32);
-                residual[lane] = recorded.map_or(0.0, |value| value - output[lane]);
-                let half = own.loss.halved(residual[lane]);
-                weight[lane] = recorded.map_or(0.0, |_| twice * half.weight);
-                if let Some(beyond) = &mut self.beyond {
-                    let beyond = &mut beyond.group_mut(points.number)[2 * k..];
-                    beyond[0][lane] = recorded.map_or(0.0, |_| twice * half.slope);
-                    beyond[1][lane] = recorded.map_or(0.0, |_| twice * half.curvature);
-                }
+            let recorded = own.at(samples);
+            let is_missing = recorded.map(f64::is_nan);
+            let differences = plus(recorded, [-1.0; LANES], *output);
+            let residual = select(is_missing, [0.0; LANES], differences);
+            self.residual.group_mut(points.number)[k] = residual;
+            let twice = select(is_missing, [0.0; LANES], [2.0 * own.weight; LANES]);
+            let weight = &mut self.weight.group_mut(points.number)[k];
+            *weight = twice;
+            if let Some(beyond) = &mut self.beyond {
+                let halves = residual.map(|r| own.loss.halved(r));
+                *weight = times(twice, halves.map(|half| half.weight));
+                let beyond = &mut beyond.group_mut(points.number)[2 * k..];
+                beyond[0] = times(twice, halves.map(|half| half.slope));
+                beyond[1] = times(twice, halves.map(|half| half.curvature));
             }
             *output = self.pull(points.number, k);
         }
-        for (output, eta) in bounded.iter_mut().zip(eta.chunks_exact(samples)) {
+        for (output, eta) in bounded.iter_mut().zip(eta.chunks_exact(count)) {
             *output = points.of_samples(eta);
         }
     }
@@ -204,7 +206,11 @@ impl Task for Differentiate<'_> {
             derivatives.jacobian(jacobian);
             for lanes in points.turns(nested) {
                 side_by_side(points.members.map(|i| &own.omega[i * n..]), &mut weights);
-                full.copy_from_slice(&outputs);
+                if nested {
+                    full.copy_from_slice(&outputs);
+                } else {
+                    std::mem::swap(&mut full, &mut outputs);
+                }
                 pull_back(&model.entries, jacobian, |l| weights[l], &mut full);
                 points.add_parameters(lanes.clone(), &full[n..n + p], &mut own.theta_lagrangian);
                 points.distribute(lanes, &full[..n], lagrangian, &mut own.omega);
@@ -275,11 +281,13 @@ impl Task for StepGradient<'_> {
                 }
             }
             for lanes in points.turns(nested) {
-                full[..n].copy_from_slice(&outputs[..n]);
+                let mut gradients = &outputs;
                 if nested {
+                    full[..n].copy_from_slice(&outputs[..n]);
                     own.pull_back(&points, &model.entries[..model.state_entries], &mut full);
+                    gradients = &full;
                 }
-                points.distribute(lanes, &full[..n], right, &mut own.omega);
+                points.distribute(lanes, &gradients[..n], right, &mut own.omega);
             }
         }
         [slope, curvature]

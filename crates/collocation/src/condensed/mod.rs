@@ -164,7 +164,8 @@ impl Condensed {
             }
             batch.sensitivities(c);
             for (k, run) in batch.runs.iter_mut().enumerate() {
-                *regular &= run.complete(at(k));
+                *regular &= run.is_finite;
+                run.complete(at(k));
                 reduced.push(run.reduce(at(k), exact));
             }
         });

@@ -1,7 +1,7 @@
 //! A run's points, a group of them at once.
 
 use super::run::RunSweep;
-use crate::grid::{Combination, Grid, PointState};
+use crate::grid::{Combination, Grid, PointState, Samples};
 use crate::simd::{self, LANES, Lanes, plus, side_by_side};
 use std::ops::Range;
 
@@ -45,6 +45,12 @@ impl<'a> Points<'a> {
     pub fn states_of(&self) -> [&'a PointState; LANES] {
         let grid = self.grid;
         self.members.map(|i| &grid.points[i].state)
+    }
+
+    /// The sample of each.
+    #[inline(always)]
+    pub fn samples_of(&self) -> Samples {
+        self.grid.samples(self.members, self.count)
     }
 
     /// The sample of each, with its lane.

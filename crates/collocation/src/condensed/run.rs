@@ -47,6 +47,8 @@ pub struct RunSweep {
     pub(super) work: Work,
     /// Largest sensitivity of an unknown to a reduced variable.
     pub(super) growth: f64,
+    /// Whether all sensitivities are finite.
+    pub(super) is_finite: bool,
     /// This run's part of the Lagrangian's gradient with respect to θ.
     pub theta_lagrangian: Vec<f64>,
     /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
@@ -135,6 +137,7 @@ impl RunSweep {
                 ..Work::default()
             },
             growth: 0.0,
+            is_finite: true,
             theta_lagrangian: vec![0.0; p],
             omega: vec![0.0; points * n],
             right: vec![0.0; grid.nodes() * n],

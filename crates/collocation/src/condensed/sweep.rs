@@ -6,7 +6,7 @@ use super::element::{ElementJacobian, Group, Order};
 use super::elements::ElementJacobians;
 use super::run::{Place, RunSweep};
 use crate::grid::{Grid, PointState};
-use crate::simd::{self, Grouped, Kernel, LANES, Task};
+use crate::simd::{self, Grouped, LANES, Task};
 use std::ops::Range;
 
 /// A group of elements of one kind that follow each other: their matrices stand side by side.
@@ -37,22 +37,13 @@ impl RunSweep {
         })
     }
 
-    /// What follows from the sensitivities of the unknowns: those of combinations, and the growth. False when
-    /// something is not finite.
-    pub fn complete(&mut self, at: Place<'_>) -> bool {
-        let (r, w) = (self.r(), self.w);
+    /// Sensitivities of the points that are combinations, from those of the unknowns.
+    pub fn complete(&mut self, at: Place<'_>) {
         if at.problem.grids[at.j].combinations > 0 {
             let (nodes, mut combined) = (&self.nodes.s, std::mem::take(&mut self.combined.s));
             self.combine(at, nodes, &mut combined);
             self.combined.s = combined;
         }
-        let extent = Extent {
-            s: &self.nodes.s,
-            r,
-        };
-        let (growth, is_finite) = simd::run(w, extent);
-        self.growth = growth;
-        is_finite
     }
 
     /// Divides the elements into groups at the first use: the orders of their kinds never change.
@@ -173,35 +164,6 @@ impl Task for Factor<'_> {
         }
         own.work = work;
         regular
-    }
-}
-
-/// The largest magnitude in the first `r` columns of rows, and whether all numbers are finite.
-struct Extent<'a> {
-    s: &'a [f64],
-    r: usize,
-}
-
-impl Kernel for Extent<'_> {
-    type Output = (f64, bool);
-
-    #[inline(always)]
-    fn run<const W: usize>(self) -> (f64, bool) {
-        let (rows, _) = self.s.as_chunks::<W>();
-        let (mut largest, mut sums) = ([0.0_f64; W], [0.0; W]);
-        for row in rows {
-            for ((v, largest), sum) in row.iter().zip(&mut largest).zip(&mut sums) {
-                *largest = if v.abs() > *largest {
-                    v.abs()
-                } else {
-                    *largest
-                };
-                // Zero times infinity or NaN is NaN.
-                *sum += 0.0 * v;
-            }
-        }
-        let growth = largest[..self.r].iter().copied().fold(0.0, f64::max);
-        (growth, sums.iter().all(|sum| *sum == 0.0))
     }
 }
 
