@@ -2,6 +2,7 @@
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+mod compare;
 mod cosim;
 mod demo;
 mod export;
@@ -51,6 +52,8 @@ enum Command {
     Init(init::Args),
     /// Identify the pilot from recorded flights, or whatever a problem file says.
     Fit(Box<fit::Args>),
+    /// Choose between problem files on the same runs: by runs that are left out, AICc and BIC.
+    Compare(compare::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
     /// List the built-in pilots and vehicles, or print one.
@@ -81,6 +84,7 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(args),
         Command::Init(args) => init::run(args),
         Command::Fit(args) => fit::run(*args),
+        Command::Compare(args) => compare::run(&args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Models(args) => models::run(args),
         Command::Model(args) => model::run(args),

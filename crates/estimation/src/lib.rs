@@ -45,10 +45,12 @@
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | [`result`], `active`, `begun`, `likelihood`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], `trouble` | what was found, on which constraints, with what the runs began, what speaks against it, runs that were not fitted, how sure it is, what is not finite |
+//! | [`comparison`] | several problems on the same data |
 
 mod active;
 mod assembly;
 mod begun;
+pub mod comparison;
 pub mod data;
 pub mod diagnostics;
 pub mod error;

@@ -7,6 +7,7 @@ use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
+use pilotage_inference::residuals::Explained;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
 
@@ -124,6 +125,24 @@ impl RunFit {
         samples
             .map(|((y, h), sd)| noise.residual(*y, *h, *sd))
             .collect()
+    }
+}
+
+impl RunFit {
+    /// How much of a measured signal the model explains.
+    pub fn explained(&self, k: usize) -> Option<Explained> {
+        Explained::of(&self.recorded[k], &self.predicted[k])
+    }
+
+    /// −2 log likelihood of all that was recorded; not a number where the model gives none.
+    pub fn surprise(&self, noises: &[Noise]) -> f64 {
+        let of = |k: usize| {
+            let samples = self.recorded[k].iter().zip(&self.predicted[k]);
+            let samples = samples.zip(&self.deviations[k]);
+            let known = samples.filter(|((y, _), _)| y.is_finite());
+            known.map(move |((y, h), sd)| noises[k].surprise(*y, *h, *sd))
+        };
+        (0..noises.len()).flat_map(of).sum()
     }
 }
 

@@ -224,7 +224,9 @@ impl Tape {
                 }
                 Code::Filled => {}
                 // SAFETY: the instruction's own register is behind those before.
-                _ => step(*instruction, &self.curves, known, unsafe { rest.get_unchecked_mut(0) }),
+                _ => step(*instruction, &self.curves, known, unsafe {
+                    rest.get_unchecked_mut(0)
+                }),
             }
         }
     }
@@ -500,7 +502,12 @@ impl<'a> Writer<'a> {
             let known = self.registers[by.index()];
             if let (true, Some(a), None) = (wanted(k), known, self.reciprocals.get(&by)) {
                 let code = Code::Function(Function::Reciprocal);
-                let register = self.push(Instruction { code, a, b: a, c: a });
+                let register = self.push(Instruction {
+                    code,
+                    a,
+                    b: a,
+                    c: a,
+                });
                 self.reciprocals.insert(by, register);
             }
         }

@@ -30,14 +30,17 @@
 //! | [`inference`] | information, what the data leave open |
 //! | [`covariance`], `meat`, `autoregression` | the methods |
 //! | [`interval`] | intervals with Student's t |
+//! | [`residuals`], [`choice`] | what residuals say of a model; which of several models |
 
 mod autoregression;
+pub mod choice;
 pub mod covariance;
 pub mod data;
 mod elimination;
 pub mod inference;
 pub mod interval;
 mod meat;
+pub mod residuals;
 mod row;
 
 pub use covariance::{Covariance, Joint, Method};

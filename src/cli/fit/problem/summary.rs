@@ -6,6 +6,7 @@ use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::{Fit, Posed};
 use crate::inference::Interval;
+use crate::inference::residuals::LjungBox;
 use crate::report::significant;
 use crate::sqp::Status;
 use serde_json::{Map, Value, json};
@@ -124,9 +125,21 @@ fn measured(outcomes: &Outcomes<'_>, run: &RunFit, usage: &str) -> Value {
     let mut all = Map::new();
     for (k, measured) in outcomes.posed.file.measured.iter().enumerate() {
         let (residual, relative) = outcomes.rms(run, usage, k).unzip();
+        let is_told = outcomes.has_figures(usage);
+        let explained = run.explained(k).filter(|_| is_told);
+        let residuals = run.residuals(k, measured.noise);
+        let white = LjungBox::of(&residuals).filter(|_| is_told);
         all.insert(
             measured.column.value.clone(),
-            json!({ "rms_residual": residual, "rms_per_sd": relative }),
+            json!({
+                "rms_residual": residual,
+                "rms_per_sd": relative,
+                "vaf": explained.map(|own| own.vaf),
+                "fit": explained.map(|own| own.fit),
+                "ljung_box": white.map(|own| {
+                    json!({ "lags": own.lags, "statistic": own.statistic, "p": own.p })
+                }),
+            }),
         );
     }
     Value::Object(all)

@@ -1,0 +1,171 @@
+//! Which of several models of the same data: the smallest that none predicts better.
+//!
+//! Criteria of information believe that residuals are white, and take too large a model where they are not. What a model
+//! says of a run that it was not fitted to needs no such belief: runs share no noise. So a larger model is taken where it
+//! predicts runs better that were left out, by Student's test on the differences from run to run.
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// Probability with which a larger model is taken though it is no better.
+pub const SIZE: f64 = 0.05;
+
+/// Fewest runs for a test.
+pub const FEWEST_RUNS: usize = 3;
+
+/// A model's figures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contender {
+    /// Number of unknowns.
+    pub unknowns: usize,
+    /// Number of measured values.
+    pub samples: usize,
+    /// −2 log likelihood of the fit.
+    pub surprise: f64,
+    /// The same of each run by a fit to the others; NaN where there is none.
+    pub held_out: Vec<f64>,
+}
+
+impl Contender {
+    /// Akaike's criterion with the correction for few samples (Hurvich & Tsai, Biometrika 76, 1989); infinite where there
+    /// are no more samples than unknowns.
+    pub fn aicc(&self) -> f64 {
+        let (n, k) = (self.samples as f64, self.unknowns as f64);
+        match n > k + 1.0 {
+            true => self.surprise + 2.0 * k * n / (n - k - 1.0),
+            false => f64::INFINITY,
+        }
+    }
+
+    /// Schwarz's criterion (Ann. Stat. 6, 1978).
+    pub fn bic(&self) -> f64 {
+        self.surprise + self.unknowns as f64 * (self.samples as f64).ln()
+    }
+}
+
+/// A larger model against the one that was taken before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// The one before.
+    pub before: usize,
+    /// The larger one, or the later of the same size.
+    pub after: usize,
+    /// By how much the one before is more surprised by a run that was left out, in the mean.
+    pub gain: f64,
+    /// Probability of such a gain or a larger one where both predict as well.
+    pub p: f64,
+    /// Whether the larger one is taken.
+    pub is_taken: bool,
+}
+
+/// Which model, and by which comparisons; none where there are too few runs that all of them predict.
+///
+/// From the smallest model on, each larger one is held against the one that was taken last. With m models the
+/// probability of a comparison is [`SIZE`]`/(m - 1)` (Bonferroni), so that a model that is too large is taken with `SIZE` at
+/// most.
+pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    order.sort_by_key(|k| all[*k].unknowns);
+    let (first, larger) = order.split_first()?;
+    let (mut taken, mut comparisons) = (*first, Vec::new());
+    for after in larger {
+        let both = || all[taken].held_out.iter().zip(&all[*after].held_out);
+        let gains = both().map(|(before, after)| before - after);
+        let gains: Vec<f64> = gains.filter(|gain| gain.is_finite()).collect();
+        if gains.len() < FEWEST_RUNS {
+            return None;
+        }
+        let (gain, mut p) = one_sided(&gains);
+        if both().any(|(before, after)| before.is_finite() && !after.is_finite()) {
+            // It fails at a run that the one before predicts.
+            p = 1.0;
+        }
+        let is_taken = p < SIZE / larger.len() as f64;
+        comparisons.push(Comparison {
+            before: taken,
+            after: *after,
+            gain,
+            p,
+            is_taken,
+        });
+        if is_taken {
+            taken = *after;
+        }
+    }
+    Some((taken, comparisons))
+}
+
+/// Mean, and probability of one as large or larger where the truth is 0 (Student's test).
+fn one_sided(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let t = mean / (variance / n).sqrt();
+    match StudentsT::new(0.0, 1.0, n - 1.0) {
+        Ok(law) if t.is_finite() => (mean, law.sf(t)),
+        // All the same: 0, or without doubt.
+        _ if mean > 0.0 => (mean, 0.0),
+        _ => (mean, 1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn contender(unknowns: usize, held_out: Vec<f64>) -> Contender {
+        Contender {
+            unknowns,
+            samples: 100,
+            surprise: 50.0,
+            held_out,
+        }
+    }
+
+    #[test]
+    fn criteria_are_their_formulas() {
+        let own = contender(3, Vec::new());
+        assert!((own.aicc() - (50.0 + 6.0 + 24.0 / 96.0)).abs() < 1e-12);
+        assert!((own.bic() - (50.0 + 3.0 * 100_f64.ln())).abs() < 1e-12);
+        let crowded = Contender { samples: 4, ..own };
+        assert_eq!(crowded.aicc(), f64::INFINITY);
+    }
+
+    /// Differences 1, 2, 3: t = 2 √3 with two degrees of freedom, whose law is 1/2 - t/(2 √(2 + t²)).
+    #[test]
+    fn a_larger_model_is_taken_by_students_test() {
+        let all = [
+            contender(2, vec![4.0, 5.0, 7.0]),
+            contender(1, vec![5.0, 7.0, 10.0]),
+        ];
+        let (taken, comparisons) = choose(&all).expect("three runs");
+        let t = 2.0 * 3_f64.sqrt();
+        let p = 0.5 - 0.5 * t / (2.0 + t * t).sqrt();
+        assert_eq!((comparisons[0].before, comparisons[0].after), (1, 0));
+        assert!((comparisons[0].p - p).abs() < 1e-12);
+        assert_eq!(taken, 0, "{p}");
+        assert_eq!(
+            choose(&[contender(1, vec![1.0; 2]), contender(2, vec![0.0; 2])]),
+            None
+        );
+    }
+
+    /// Where no model is better, the smallest is taken in 95 of 100 cases at least.
+    #[test]
+    fn no_larger_model_is_taken_for_nothing() {
+        let mut generator = ChaCha8Rng::seed_from_u64(7);
+        let mut draw = || {
+            let values = (0..6).map(|_| StandardNormal.sample(&mut generator));
+            values.collect::<Vec<f64>>()
+        };
+        let sets = 2_000;
+        let wrong = (0..sets).filter(|_| {
+            let all: Vec<Contender> = (1..=4).map(|k| contender(k, draw())).collect();
+            choose(&all).expect("six runs").0 != 0
+        });
+        let share = wrong.count() as f64 / f64::from(sets);
+        assert!(share < SIZE + 0.01, "{share}");
+    }
+}

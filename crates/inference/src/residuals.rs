@@ -1,0 +1,133 @@
+//! What residuals say of a model: how much it explains, and whether something is left in them.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Autocorrelations of a series at lags 0 to `most`; missing values are NaN, and their products left out. Empty where
+/// nothing varies.
+pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
+    let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    let centred: Vec<f64> = (values.iter())
+        .map(|v| if v.is_finite() { v - mean } else { 0.0 })
+        .collect();
+    let product = |lag: usize| -> f64 {
+        let pairs = centred.iter().zip(centred.iter().skip(lag));
+        pairs.map(|(a, b)| a * b).sum()
+    };
+    let size = product(0);
+    match size > 0.0 {
+        true => (0..=most.min(values.len() - 1))
+            .map(|lag| product(lag) / size)
+            .collect(),
+        false => Vec::new(),
+    }
+}
+
+/// The test of Ljung & Box (*On a measure of lack of fit in time series models*, Biometrika 65, 1978): are the first
+/// autocorrelations those of white noise?
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LjungBox {
+    /// Number of lags.
+    pub lags: usize,
+    /// `Q = n (n + 2) Σ r_k²/(n - k)`.
+    pub statistic: f64,
+    /// Probability of a Q as large or larger where the residuals are white.
+    pub p: f64,
+}
+
+impl LjungBox {
+    /// Of residuals, NaN where one is missing, over ten lags or a fifth of their number. None where they are too few, or
+    /// do not vary.
+    pub fn of(residuals: &[f64]) -> Option<Self> {
+        let n = residuals.iter().filter(|v| v.is_finite()).count();
+        let lags = MOST_LAGS.min(n / 5);
+        let r = autocorrelation(residuals, lags);
+        if lags == 0 || r.len() <= lags {
+            return None;
+        }
+        let n = n as f64;
+        let terms = (1..=lags).map(|k| r[k] * r[k] / (n - k as f64));
+        let statistic = n * (n + 2.0) * terms.sum::<f64>();
+        let law = ChiSquared::new(lags as f64).ok()?;
+        Some(Self {
+            lags,
+            statistic,
+            p: law.sf(statistic),
+        })
+    }
+}
+
+/// Lags of a test (Hyndman & Athanasopoulos, *Forecasting: Principles and Practice*, section 5.4).
+const MOST_LAGS: usize = 10;
+
+/// How much of what was recorded a model explains, in percent; both are 100 of a perfect model and may be negative.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Explained {
+    /// Variance accounted for, `1 - var(y - h)/var(y)`.
+    pub vaf: f64,
+    /// Normalised root mean square, `1 - |y - h|/|y - ȳ|`.
+    pub fit: f64,
+}
+
+impl Explained {
+    /// Of recorded values, NaN where one is missing, and a model's. None where fewer than two were recorded, or they do not
+    /// vary.
+    pub fn of(recorded: &[f64], predicted: &[f64]) -> Option<Self> {
+        let pairs = recorded.iter().zip(predicted);
+        let pairs: Vec<(f64, f64)> = pairs
+            .filter(|(y, _)| y.is_finite())
+            .map(|(y, h)| (*y, y - h))
+            .collect();
+        let n = pairs.len() as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (level, bias) = (mean(|p| p.0), mean(|p| p.1));
+        let squares = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(|p| of(p).powi(2)).sum();
+        let total: f64 = squares(&|p| p.0 - level);
+        let (around, left): (f64, f64) = (squares(&|p| p.1 - bias), squares(&|p| p.1));
+        (n > 1.0 && total > 0.0).then(|| Self {
+            vaf: 100.0 * (1.0 - around / total),
+            fit: 100.0 * (1.0 - (left / total).sqrt()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_statistic_is_the_formula() {
+        let values = [1.0, -1.0, 2.0, 0.0, 1.0, -2.0, 0.5, 1.5, -1.0, 0.0];
+        let test = LjungBox::of(&values).expect("enough");
+        let mean = values.iter().sum::<f64>() / 10.0;
+        let c = |k: usize| -> f64 {
+            (k..10)
+                .map(|i| (values[i] - mean) * (values[i - k] - mean))
+                .sum()
+        };
+        let (r1, r2) = (c(1) / c(0), c(2) / c(0));
+        let q = 10.0 * 12.0 * (r1 * r1 / 9.0 + r2 * r2 / 8.0);
+        assert_eq!(test.lags, 2);
+        assert!((test.statistic - q).abs() < 1e-12);
+        // With two degrees of freedom the law is exponential.
+        assert!((test.p - (-0.5 * q).exp()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn missing_values_are_left_out() {
+        let r = autocorrelation(&[1.0, f64::NAN, -1.0, 1.0, -1.0], 1);
+        assert!((r[1] + 0.5).abs() < 1e-12, "{r:?}");
+        assert!(autocorrelation(&[2.0; 5], 2).is_empty());
+        assert_eq!(LjungBox::of(&[1.0, 2.0]), None);
+    }
+
+    #[test]
+    fn a_perfect_model_explains_all_and_a_bias_no_variance() {
+        let y = [1.0, 2.0, f64::NAN, 4.0];
+        let all = Explained::of(&y, &[1.0, 2.0, 3.0, 4.0]).expect("varies");
+        assert_eq!((all.vaf, all.fit), (100.0, 100.0));
+        let biased = Explained::of(&y, &[2.0, 3.0, 0.0, 5.0]).expect("varies");
+        assert!((biased.vaf - 100.0).abs() < 1e-12 && biased.fit < 100.0);
+        assert_eq!(Explained::of(&[3.0, 3.0], &[3.0, 3.0]), None);
+    }
+}

@@ -1,0 +1,240 @@
+//! `pilotage compare`: which of several problems on the same data.
+
+use super::format::aligned;
+use super::progress::Spinner;
+use super::{Failure, Outcome, interrupt, terminal};
+use crate::estimation::comparison::{Candidate, Compared, compare};
+use crate::estimation::{ProblemFile, part};
+use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
+use crate::inference::residuals::{LjungBox, autocorrelation};
+use crate::report::significant;
+use crate::sqp::Status;
+use serde_json::{Map, Value, json};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Examples:
+  # Has the pilot a delay? Two problem files that differ in the pilot alone.
+  pilotage compare without_delay.toml with_delay.toml
+
+  # For scripts: unknowns, AICc, BIC, what each run says when it is left out, and what is taken.
+  pilotage compare order1.toml order2.toml order3.toml --json
+
+Each problem is fitted to all of its runs, and to all but one, for each run. Taken is the problem with
+the fewest unknowns that no larger one beats at the runs that were left out (Student's test over runs,
+5 % for all comparisons together). AICc and BIC stand beside it: they believe that residuals are white.
+Exit codes: 0 done, 1 a problem has no answer or there are fewer than three runs, 2 bad use or input.";
+
+/// Arguments of `pilotage compare`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Problem files with the same runs and measured columns: docs/problems.md.
+    #[arg(value_name = "PROBLEM", num_args = 2.., required = true)]
+    problems: Vec<PathBuf>,
+    /// End after this time [s].
+    #[arg(long, value_name = "SECONDS", value_parser = super::number::positive, allow_hyphen_values = true)]
+    time_limit: Option<f64>,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let files = args.problems.iter().map(|path| ProblemFile::read(path));
+    let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
+    interrupt::listen("stopping")?;
+    let (begin, spinner) = (Instant::now(), Mutex::new(Spinner::new()));
+    let compared = compare(&files, &part::open, &|| {
+        if let Ok(mut spinner) = spinner.try_lock() {
+            spinner.show(format!(
+                "fitting {} problems, and without each run",
+                files.len()
+            ));
+        }
+        let seconds = begin.elapsed().as_secs_f64();
+        if interrupt::is_asked() {
+            ControlFlow::Break(Status::Interrupted)
+        } else if args.time_limit.is_some_and(|limit| seconds > limit) {
+            ControlFlow::Break(Status::TimeLimit)
+        } else {
+            ControlFlow::Continue(())
+        }
+    })?;
+    spinner.lock().unwrap_or_else(|e| e.into_inner()).clear();
+    let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", to_json(&names, &compared)),
+        false => to_text(&names, &compared),
+    })?;
+    Ok(match compared.choice {
+        Some(_) => Outcome::Done,
+        None => Outcome::No,
+    })
+}
+
+fn to_text(names: &[&str], compared: &Compared) -> String {
+    let all = &compared.candidates;
+    let mut rows =
+        vec![["problem", "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
+    rows.extend(names.iter().zip(all).map(|(name, own)| {
+        let figures = &own.figures;
+        [
+            (*name).to_owned(),
+            own.fit.ending().to_owned(),
+            figures.unknowns.to_string(),
+            told(own, figures.aicc()),
+            told(own, figures.bic()),
+            told(own, figures.held_out.iter().sum()),
+        ]
+    }));
+    let mut text = format!(
+        "{} problems on {} runs, {} values. Left out: −2 log likelihood of the runs by fits to the others.\n\n",
+        names.len(),
+        compared.runs.len(),
+        all[0].figures.samples
+    );
+    text += &aligned(&rows);
+    text += "\n";
+    for (name, own) in names.iter().zip(all) {
+        let missing = compared.runs.iter().zip(&own.figures.held_out);
+        let missing = missing.filter(|(_, surprise)| !surprise.is_finite());
+        for (run, _) in missing {
+            text += &format!("{name}: no fit without {run} predicts it\n");
+        }
+        let doubts = own.fit.diagnostics.iter();
+        doubts.for_each(|doubt| text += &format!("{name}: {doubt}\n"));
+    }
+    match &compared.choice {
+        None => text + &refusal(names, compared),
+        Some((taken, comparisons)) => {
+            for own in comparisons {
+                text += &sentence(names, own);
+            }
+            text + &verdict(names, all, *taken)
+        }
+    }
+}
+
+/// A figure of a fit that has one.
+fn told(own: &Candidate, figure: f64) -> String {
+    match own.fit.is_met() && figure.is_finite() {
+        true => significant(figure, 7),
+        false => "–".to_owned(),
+    }
+}
+
+fn refusal(names: &[&str], compared: &Compared) -> String {
+    let all = names.iter().zip(&compared.candidates);
+    let open: Vec<&str> = all
+        .filter(|(_, own)| !own.fit.is_answer())
+        .map(|(name, _)| *name)
+        .collect();
+    match open.is_empty() {
+        true => format!(
+            "none is taken: fewer than {FEWEST_RUNS} runs are predicted by all when left out; record more, or cut runs in parts\n"
+        ),
+        false => format!(
+            "none is taken: {} has no answer; see `pilotage fit` on it\n",
+            open.join(", ")
+        ),
+    }
+}
+
+/// A comparison in a sentence.
+fn sentence(names: &[&str], own: &Comparison) -> String {
+    let (before, after) = (names[own.before], names[own.after]);
+    let gain = significant(own.gain, 3);
+    let p = significant(own.p, 2);
+    match own.is_taken {
+        true => format!("{after} predicts runs better than {before}: by {gain} a run, p = {p}\n"),
+        false => format!(
+            "{after} predicts runs no better than {before}: a gain of {gain} a run, p = {p}\n"
+        ),
+    }
+}
+
+/// What is taken, and what criteria of information say beside.
+fn verdict(names: &[&str], all: &[Candidate], taken: usize) -> String {
+    let best = |of: fn(&Contender) -> f64| {
+        let figures = all.iter().map(|own| of(&own.figures)).enumerate();
+        figures
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(0, |(k, _)| k)
+    };
+    let (aicc, bic) = (best(Contender::aicc), best(Contender::bic));
+    let mut text = format!(
+        "\ntaken: {}, the smallest that no larger one predicts better (at {} % for all comparisons)\n",
+        names[taken],
+        100.0 * SIZE
+    );
+    let others: Vec<String> = [("AICc", aicc), ("BIC", bic)]
+        .into_iter()
+        .filter(|(_, k)| *k != taken)
+        .map(|(criterion, k)| format!("{criterion} takes {}", names[k]))
+        .collect();
+    if !others.is_empty() {
+        text += &others.join(", ");
+        text += &match colour(&all[taken]) {
+            Some(correlation) => format!(
+                "; it believes that residuals are white, and the next is correlated with the last by {}\n",
+                significant(correlation, 2)
+            ),
+            None => "; the runs do not tell that\n".to_owned(),
+        };
+    }
+    text
+}
+
+/// The largest correlation of neighbouring residuals in a run whose residuals are not white; none where all may be.
+fn colour(own: &Candidate) -> Option<f64> {
+    let residuals = own.fit.runs.iter().flat_map(|run| {
+        let signals = run.recorded.iter().zip(&run.predicted);
+        signals.map(|(y, h)| y.iter().zip(h).map(|(y, h)| y - h).collect::<Vec<f64>>())
+    });
+    let coloured = residuals.filter(|r| LjungBox::of(r).is_some_and(|test| test.p < COLOURED));
+    let lags = coloured.filter_map(|r| autocorrelation(&r, 1).get(1).copied());
+    lags.max_by(|a, b| a.abs().total_cmp(&b.abs()))
+}
+
+/// Probability below which residuals are not white.
+const COLOURED: f64 = 0.01;
+
+fn to_json(names: &[&str], compared: &Compared) -> Value {
+    let problem = |(name, own): (&&str, &Candidate)| {
+        let figures = &own.figures;
+        let runs = compared.runs.iter().zip(&figures.held_out);
+        let held_out: Map<String, Value> = runs.map(|(run, s)| (run.clone(), json!(s))).collect();
+        json!({
+            "file": name,
+            "status": own.fit.ending(),
+            "converged": own.fit.is_answer(),
+            "unknowns": figures.unknowns,
+            "samples": figures.samples,
+            "nllh": 0.5 * figures.surprise,
+            "aicc": figures.aicc(),
+            "bic": figures.bic(),
+            "held_out": held_out,
+            "doubts": own.fit.diagnostics.iter().map(|own| own.code()).collect::<Vec<_>>(),
+        })
+    };
+    let comparisons = compared.choice.iter().flat_map(|(_, all)| all);
+    let comparisons = comparisons.map(|own| {
+        json!({
+            "before": names[own.before],
+            "after": names[own.after],
+            "gain": own.gain,
+            "p": own.p,
+            "taken": own.is_taken,
+        })
+    });
+    json!({
+        "problems": names.iter().zip(&compared.candidates).map(problem).collect::<Vec<_>>(),
+        "comparisons": comparisons.collect::<Vec<_>>(),
+        "taken": compared.choice.as_ref().map(|(taken, _)| names[*taken]),
+    })
+}
