@@ -268,6 +268,26 @@ fn fmus_without_equations_are_refused() {
     );
 }
 
+/// An FMU that lists no derivatives is a map without states, unless a variable says that it is the derivative of one.
+#[test]
+fn an_fmu_whose_states_are_not_listed_is_refused() {
+    let folder = Folder::new();
+    let problem = alone(&folder, "counter", 0, "offset = \"free\"");
+    folder.write("problem.toml", problem.replace("own.x0", "own.y"));
+    let run = || folder.pilotage(&["fit", "problem.toml", "--evaluate"]);
+    folder.write("own.fmu", foreign::model_exchange("stateless", 0, 0));
+    let ended = run();
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let hidden = r#"<ScalarVariable name="level" valueReference="0" causality="local"><Real/></ScalarVariable>
+<ScalarVariable name="der(level)" valueReference="10" causality="local"><Real derivative="5"/></ScalarVariable>"#;
+    let fmu = foreign::model_exchange_with("stateless", 0, 0, hidden);
+    folder.write("own.fmu", fmu);
+    let ended = run();
+    let why = "error: problem.toml:2:9: own.fmu: its ModelStructure lists no derivatives of states, and `der(level)` is \
+               that of `level`: a fit needs model exchange with all states and derivatives declared\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, why));
+}
+
 /// Parameters that a fit does not take are told with their type, ranges beyond the FMU's with both.
 #[test]
 fn parameters_that_an_fmu_does_not_offer_are_refused() {
