@@ -186,6 +186,55 @@ fn events_of_fmus_are_named_with_their_time() {
     assert_eq!(event("0.6"), None);
 }
 
+/// An indicator that is zero but for rounding has no sign; one that rises from zero has an event there (FMI 2.0.4,
+/// section 3.1: from `z <= 0` to `z > 0`).
+#[test]
+fn an_event_begins_at_zero_and_rounding_is_none() {
+    let folder = Folder::new();
+    let event = |model: &str| {
+        let free = "offset = \"free\"\n[initial]\n\"own.x0\" = \"free\"";
+        let problem = alone(&folder, model, 1, free);
+        doubt(&fitted(&folder, &problem), "event")
+    };
+    assert_eq!(event("flicker"), None);
+    let words = event("riser").unwrap();
+    assert!(words.contains("has an event up to 0.25 s"), "{words}");
+}
+
+/// Of many event indicators each is looked at once, and a limit of time ends the look.
+#[test]
+fn many_event_indicators_keep_to_the_time_limit() {
+    let folder = Folder::new();
+    let start = "[parameters]\n\"own.p\" = { start = 0.4 }\n[fit]\nmesh_step = 0.001\nstarts = 1";
+    folder.write("problem.toml", alone(&folder, "decay@0.4", 100_000, start));
+    let fit = ["fit", "problem.toml", "--json", "--time-limit", "1"];
+    let ended = folder.pilotage(&fit);
+    let json = ended.json();
+    assert_eq!(
+        (ended.code, &json["status"]),
+        (1, &"time-limit".into()),
+        "{json}"
+    );
+    let words = doubt(&json, "cut").unwrap();
+    let undone = "the look for events were done: what stands here is the best so far";
+    assert!(words.ends_with(undone), "{words}");
+}
+
+/// The FMU has an error for each value out of its range, and the best one lies there.
+#[test]
+fn an_fmu_is_called_within_its_ranges_alone() {
+    let folder = Folder::new();
+    for (name, end) in [("own.p", 1.2), ("own.u", 0.0)] {
+        let sought = format!("[parameters]\n\"{name}\" = {{}}");
+        let found = fitted(&folder, &alone(&folder, "ranged@1", 0, &sought));
+        assert!((value(&found, name) - end).abs() < 1e-6, "{found}");
+        assert!(doubt(&found, "at-bound").is_some(), "{found}");
+        assert_eq!(doubt(&found, "fmu-failed"), None);
+        let evaluated = folder.pilotage(&["fit", "problem.toml", "--evaluate", "--json"]);
+        assert_eq!(evaluated.code, 0, "{evaluated:?}");
+    }
+}
+
 /// After a fatal error no call is made; the fit says which it was.
 #[test]
 fn a_fatal_call_ends_a_fit_by_its_name() {

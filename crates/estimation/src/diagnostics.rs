@@ -1,7 +1,7 @@
 //! What speaks against taking a result at its word.
 
 use crate::active::{on_stability_bound, violated};
-use crate::events::{Event, events};
+use crate::events::Event;
 use crate::file::Mesh;
 use crate::fit::Solved;
 use crate::part::FmuPart;
@@ -48,6 +48,8 @@ pub enum Diagnostic {
         error: f64,
         /// What was asked for.
         tolerance: f64,
+        /// Whether the iteration limit ended the refinement.
+        is_limited: bool,
     },
     /// The states' estimated relative error is large on a mesh that the problem gives.
     CoarseMesh(f64),
@@ -66,6 +68,8 @@ pub enum Diagnostic {
         starts: usize,
         /// Whether the mesh was still to be refined.
         refinement: bool,
+        /// Whether events of FMUs were still to be looked for.
+        events: bool,
     },
     /// A start was better than what was found, and did not converge.
     LowerStart {
@@ -177,9 +181,17 @@ impl fmt::Display for Diagnostic {
                 "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
                  as much: leave `mesh` and `mesh_step` out, or lower the step"
             ),
-            Self::MeshError { error, tolerance } => write!(
+            Self::MeshError {
+                error,
+                tolerance,
+                is_limited,
+            } => write!(
                 f,
-                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for"
+                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for{}",
+                match is_limited {
+                    true => ", since a solve on a finer mesh was ended by max_iterations: raise it",
+                    false => "",
+                }
             ),
             Self::MeshMoves(change) => write!(
                 f,
@@ -206,17 +218,12 @@ impl fmt::Display for Diagnostic {
                 status,
                 starts,
                 refinement,
-            } => {
-                let mesh = if *refinement {
-                    " and the refinement of the mesh"
-                } else {
-                    ""
-                };
-                write!(
-                    f,
-                    "{status} ended the fit before {starts} starts{mesh} were done: what stands here is the best so far"
-                )
-            }
+                events,
+            } => write!(
+                f,
+                "{status} ended the fit before {} were done: what stands here is the best so far",
+                undone(*starts, *refinement, *events)
+            ),
             Self::LowerStart {
                 start,
                 status,
@@ -249,6 +256,24 @@ impl fmt::Display for Diagnostic {
     }
 }
 
+/// What a fit that was cut had still to do.
+fn undone(starts: usize, refinement: bool, events: bool) -> String {
+    let starts = match starts {
+        0 => None,
+        1 => Some("1 start".to_owned()),
+        more => Some(format!("{more} starts")),
+    };
+    let others = [
+        (refinement, "the refinement of the mesh"),
+        (events, "the look for events"),
+    ];
+    let others = others.into_iter().filter(|(is_undone, _)| *is_undone);
+    let all = starts
+        .into_iter()
+        .chain(others.map(|(_, what)| what.to_owned()));
+    all.collect::<Vec<_>>().join(" and ")
+}
+
 /// All that speaks against a result, the heaviest first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
@@ -258,6 +283,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             status,
             starts: fit.starts.iter().filter(|own| own.0 == status).count(),
             refinement: !fit.refinement.is_done,
+            events: !fit.events.is_whole,
         });
     } else if fit.status != Status::Converged && !dead.is_empty() {
         all.push(Diagnostic::NotConverged(fit.status));
@@ -291,9 +317,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         let kept = on_stability_bound(posed, solved).into_iter();
         all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
-    if fit.is_met() {
-        all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
-    }
+    all.extend(fit.events.found.iter().cloned().map(Diagnostic::Event));
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
@@ -378,7 +402,11 @@ fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     };
     let change = refinement.changes.iter().copied().fold(0.0, f64::max);
     if error > tolerance {
-        return Some(Diagnostic::MeshError { error, tolerance });
+        return Some(Diagnostic::MeshError {
+            error,
+            tolerance,
+            is_limited: refinement.is_limited,
+        });
     }
     (change > MOVES).then_some(Diagnostic::MeshMoves(change))
 }

@@ -1,6 +1,7 @@
 //! What a fit has found.
 
 use crate::diagnostics::{Diagnostic, SAME};
+use crate::events::Events;
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
 use crate::posed::{Posed, Stands};
@@ -50,6 +51,8 @@ pub struct Fit {
     pub lower: Option<usize>,
     /// What ended the fit before all starts and refinements were done.
     pub cut: Option<Status>,
+    /// Events of FMUs in its runs.
+    pub events: Events,
     /// What speaks against it.
     pub diagnostics: Vec<Diagnostic>,
     /// Difference of objectives that is of no importance.
@@ -181,6 +184,7 @@ impl Fit {
             lower: None,
             cut: None,
             simulated_objective: None,
+            events: Events::default(),
             diagnostics: Vec::new(),
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
@@ -195,12 +199,13 @@ impl Fit {
         self.status == Status::Converged || self.kkt.primal <= MET
     }
 
-    /// Whether it is done: the solver converged, nothing was cut, and the mesh is fine enough, or at least a simulation
-    /// with what was found agrees.
+    /// Whether it is done: the solver converged, nothing was cut, no iteration limit ended the refinement of the mesh, and
+    /// the mesh is fine enough, or at least a simulation with what was found agrees.
     pub fn is_answer(&self) -> bool {
         let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
-        self.status == Status::Converged && self.cut.is_none() && has_mesh
+        let is_limited = self.cut.is_some() || self.refinement.is_limited;
+        self.status == Status::Converged && !is_limited && has_mesh
     }
 
     /// Whether a simulation with what was found has the same objective: up to a thousandth, or up to a hundredth of a
@@ -215,6 +220,9 @@ impl Fit {
     pub fn ending(&self) -> &'static str {
         match (self.cut, self.status) {
             (Some(cut), _) => cut.as_str(),
+            (None, Status::Converged) if self.refinement.is_limited => {
+                Status::IterationLimit.as_str()
+            }
             (None, Status::Converged) if !self.is_answer() => "mesh-error",
             (None, status) => status.as_str(),
         }

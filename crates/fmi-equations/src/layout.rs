@@ -30,6 +30,18 @@ pub struct Variable {
     pub(crate) is_computed: bool,
 }
 
+impl Variable {
+    /// Least value, negative infinity where none is declared.
+    pub(crate) fn least(&self) -> f64 {
+        self.min.unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// Greatest value, infinity where none is declared.
+    pub(crate) fn most(&self) -> f64 {
+        self.max.unwrap_or(f64::INFINITY)
+    }
+}
+
 /// The variables, and what depends on what.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
