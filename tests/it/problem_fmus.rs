@@ -397,6 +397,13 @@ fn a_local_of_an_fmu_is_measured() {
         let found = fitted(&folder, &tripled);
         assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
     }
+    let misspelt = folder
+        .read("problem.toml")
+        .replace("own.tripled", "own.trippled");
+    folder.write("problem.toml", misspelt);
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    let why = "did you mean `own.tripled`?; there are own.y, own.x0, own.u, own.tripled\n";
+    assert!(ended.stderr.ends_with(why), "{ended:?}");
 }
 
 /// `ẋ = -rate x`, of pilotage's own making: its start value is a parameter, which is no part of `own.*`.

@@ -10,6 +10,7 @@ use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
 use pilotage_expression::Node;
 use pilotage_sqp::Status;
+use pilotage_text::counted;
 use std::fmt;
 
 /// What speaks against a result.
@@ -25,6 +26,8 @@ pub enum Diagnostic {
         name: String,
         /// The end.
         bound: f64,
+        /// Whether it follows from others.
+        is_tied: bool,
     },
     /// A constraint that a solve which did not converge violates.
     Violated {
@@ -112,6 +115,9 @@ const GROWTH: f64 = 1e-6;
 const MOVES: f64 = 1e-3;
 /// Smallest scaled curvature that counts as one.
 const FLAT: f64 = 1e-9;
+/// What is undefined where all that stands in the problem is finite at its samples.
+const SUM: &str = "the objective: its terms are finite at all samples, and their sum, a derivative or a value between \
+                   samples is not";
 /// Objectives that differ by less than this part are of one optimum.
 pub const SAME: f64 = 1e-3;
 
@@ -154,9 +160,17 @@ impl fmt::Display for Diagnostic {
                 "the states that were found do not fulfil the equations and constraints (largest scaled violation \
                  {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
             ),
-            Self::AtBound { name, bound } => write!(
+            Self::AtBound {
+                name,
+                bound,
+                is_tied,
+            } => write!(
                 f,
-                "`{name}` lies on the end {bound} of its range: widen the range, or fix the parameter"
+                "`{name}` lies on the end {bound} of its range: widen the range, or {}",
+                match is_tied {
+                    true => "tie it otherwise: it keeps what it follows from",
+                    false => "fix the parameter",
+                }
             ),
             Self::Violated { name, by } => write!(
                 f,
@@ -258,11 +272,7 @@ impl fmt::Display for Diagnostic {
 
 /// What a fit that was cut had still to do.
 fn undone(starts: usize, refinement: bool, events: bool) -> String {
-    let starts = match starts {
-        0 => None,
-        1 => Some("1 start".to_owned()),
-        more => Some(format!("{more} starts")),
-    };
+    let starts = (starts > 0).then(|| counted(starts, "start"));
     let others = [
         (refinement, "the refinement of the mesh"),
         (events, "the look for events"),
@@ -291,7 +301,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         all.push(Diagnostic::NotConverged(fit.status));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
         if fit.trouble.is_none() {
-            all.extend(failed(posed, |fmu| fmu.function.trouble()));
+            let failed = failed(posed, |fmu| fmu.function.trouble());
+            let is_unknown = failed.is_empty() && fit.status == Status::UndefinedStart;
+            all.extend(is_unknown.then(|| Diagnostic::Undefined(SUM.to_owned())));
+            all.extend(failed);
         }
     }
     all.extend(dead);
@@ -322,6 +335,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
             bound,
+            is_tied: found.is_tied,
         })
     };
     all.extend(fit.parameters.iter().filter_map(at_bound));

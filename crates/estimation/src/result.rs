@@ -4,6 +4,7 @@ use crate::diagnostics::{Diagnostic, SAME};
 use crate::events::Events;
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
+use crate::part::About;
 use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
@@ -324,15 +325,15 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
                 .map(|(run, states)| (Some(run.name()), found(states[0][*k])))
                 .collect(),
         };
-        let near = |end: &f64| {
-            values.iter().any(|(_, value)| {
-                (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(unknown.start.abs()))
-            })
-        };
+        let range = [unknown.min, unknown.max];
         all.push(Found {
             name: unknown.name.clone(),
             unit: unknown.unit.clone(),
-            bound: [unknown.min, unknown.max].into_iter().flatten().find(near),
+            bound: reached(
+                range,
+                &values,
+                [unknown.start, unknown.nominal.unwrap_or(1.0)],
+            ),
             values,
             is_tied: false,
         });
@@ -349,18 +350,36 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             .iter()
             .zip(&values)
             .map(|(run, value)| (Some(run.name()), *value));
+        let values = match is_one {
+            true => vec![(None, values[0])],
+            false => labelled.collect(),
+        };
+        let about = posed.joint.variables.get(name);
+        let none = About::default();
+        let about = about.unwrap_or(&none);
+        let sizes = [about.start, about.nominal.unwrap_or(1.0)];
         all.push(Found {
             name: name.clone(),
             unit: posed.joint.unit(name).map(str::to_owned),
-            values: match is_one {
-                true => vec![(None, values[0])],
-                false => labelled.collect(),
-            },
+            bound: reached([about.min, about.max], &values, sizes),
+            values,
             is_tied: true,
-            bound: None,
         });
     }
     all
+}
+
+/// The end of a range on which one of these values lies, up to the solver's tolerance for a parameter of the size of its
+/// start, or of its nominal value where it starts at 0.
+fn reached(
+    range: [Option<f64>; 2],
+    values: &[(Option<String>, f64)],
+    [start, nominal]: [f64; 2],
+) -> Option<f64> {
+    let size = if start == 0.0 { nominal } else { start.abs() };
+    let is_near = |value: f64, end: f64| (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(size));
+    let is_reached = |end: &f64| values.iter().any(|(_, value)| is_near(*value, *end));
+    range.into_iter().flatten().find(is_reached)
 }
 
 /// Eigenvalues of the joint system's Jacobian, at the end of the first run.
