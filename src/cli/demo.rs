@@ -14,6 +14,7 @@ use crate::models::Model;
 use crate::report::{self, ClosedLoop, Report, significant};
 use crate::series::Series;
 use crate::vehicle;
+use pilotage_text::counted;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -120,9 +121,9 @@ impl Demo {
         say(
             "fit",
             &format!(
-                "{verdict}: {} unknowns, {} iterations, {} s; rms residual {} m",
-                fitted.unknowns,
-                fitted.iterations,
+                "{verdict}: {}, {}, {} s; rms residual {} m",
+                counted(fitted.unknowns, "unknown"),
+                counted(fitted.iterations, "iteration"),
                 significant(fitted.seconds, 3),
                 significant(residual, 3)
             ),

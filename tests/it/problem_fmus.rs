@@ -186,6 +186,55 @@ fn events_of_fmus_are_named_with_their_time() {
     assert_eq!(event("0.6"), None);
 }
 
+/// An indicator that is zero but for rounding has no sign; one that rises from zero has an event there (FMI 2.0.4,
+/// section 3.1: from `z <= 0` to `z > 0`).
+#[test]
+fn an_event_begins_at_zero_and_rounding_is_none() {
+    let folder = Folder::new();
+    let event = |model: &str| {
+        let free = "offset = \"free\"\n[initial]\n\"own.x0\" = \"free\"";
+        let problem = alone(&folder, model, 1, free);
+        doubt(&fitted(&folder, &problem), "event")
+    };
+    assert_eq!(event("flicker"), None);
+    let words = event("riser").unwrap();
+    assert!(words.contains("has an event up to 0.25 s"), "{words}");
+}
+
+/// Of many event indicators each is looked at once, and a limit of time ends the look.
+#[test]
+fn many_event_indicators_keep_to_the_time_limit() {
+    let folder = Folder::new();
+    let start = "[parameters]\n\"own.p\" = { start = 0.4 }\n[fit]\nmesh_step = 0.001\nstarts = 1";
+    folder.write("problem.toml", alone(&folder, "decay@0.4", 100_000, start));
+    let fit = ["fit", "problem.toml", "--json", "--time-limit", "1"];
+    let ended = folder.pilotage(&fit);
+    let json = ended.json();
+    assert_eq!(
+        (ended.code, &json["status"]),
+        (1, &"time-limit".into()),
+        "{json}"
+    );
+    let words = doubt(&json, "cut").unwrap();
+    let undone = "the look for events were done: what stands here is the best so far";
+    assert!(words.ends_with(undone), "{words}");
+}
+
+/// The FMU has an error for each value out of its range, and the best one lies there.
+#[test]
+fn an_fmu_is_called_within_its_ranges_alone() {
+    let folder = Folder::new();
+    for (name, end) in [("own.p", 1.2), ("own.u", 0.0)] {
+        let sought = format!("[parameters]\n\"{name}\" = {{}}");
+        let found = fitted(&folder, &alone(&folder, "ranged@1", 0, &sought));
+        assert!((value(&found, name) - end).abs() < 1e-6, "{found}");
+        assert!(doubt(&found, "at-bound").is_some(), "{found}");
+        assert_eq!(doubt(&found, "fmu-failed"), None);
+        let evaluated = folder.pilotage(&["fit", "problem.toml", "--evaluate", "--json"]);
+        assert_eq!(evaluated.code, 0, "{evaluated:?}");
+    }
+}
+
 /// After a fatal error no call is made; the fit says which it was.
 #[test]
 fn a_fatal_call_ends_a_fit_by_its_name() {
@@ -268,6 +317,26 @@ fn fmus_without_equations_are_refused() {
     );
 }
 
+/// An FMU that lists no derivatives is a map without states, unless a variable says that it is the derivative of one.
+#[test]
+fn an_fmu_whose_states_are_not_listed_is_refused() {
+    let folder = Folder::new();
+    let problem = alone(&folder, "counter", 0, "offset = \"free\"");
+    folder.write("problem.toml", problem.replace("own.x0", "own.y"));
+    let run = || folder.pilotage(&["fit", "problem.toml", "--evaluate"]);
+    folder.write("own.fmu", foreign::model_exchange("stateless", 0, 0));
+    let ended = run();
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let hidden = r#"<ScalarVariable name="level" valueReference="0" causality="local"><Real/></ScalarVariable>
+<ScalarVariable name="der(level)" valueReference="10" causality="local"><Real derivative="5"/></ScalarVariable>"#;
+    let fmu = foreign::model_exchange_with("stateless", 0, 0, hidden);
+    folder.write("own.fmu", fmu);
+    let ended = run();
+    let why = "error: problem.toml:2:9: own.fmu: its ModelStructure lists no derivatives of states, and `der(level)` is \
+               that of `level`: a fit needs model exchange with all states and derivatives declared\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, why));
+}
+
 /// Parameters that a fit does not take are told with their type, ranges beyond the FMU's with both.
 #[test]
 fn parameters_that_an_fmu_does_not_offer_are_refused() {
@@ -328,6 +397,13 @@ fn a_local_of_an_fmu_is_measured() {
         let found = fitted(&folder, &tripled);
         assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
     }
+    let misspelt = folder
+        .read("problem.toml")
+        .replace("own.tripled", "own.trippled");
+    folder.write("problem.toml", misspelt);
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    let why = "did you mean `own.tripled`?; there are own.y, own.x0, own.u, own.tripled\n";
+    assert!(ended.stderr.ends_with(why), "{ended:?}");
 }
 
 /// `ẋ = -rate x`, of pilotage's own making: its start value is a parameter, which is no part of `own.*`.

@@ -1,7 +1,7 @@
 //! What speaks against taking a result at its word.
 
 use crate::active::{on_stability_bound, violated};
-use crate::events::{Event, events};
+use crate::events::Event;
 use crate::file::Mesh;
 use crate::fit::Solved;
 use crate::part::FmuPart;
@@ -10,6 +10,7 @@ use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
 use pilotage_expression::Node;
 use pilotage_sqp::Status;
+use pilotage_text::counted;
 use std::fmt;
 
 /// What speaks against a result.
@@ -25,6 +26,8 @@ pub enum Diagnostic {
         name: String,
         /// The end.
         bound: f64,
+        /// Whether it follows from others.
+        is_tied: bool,
     },
     /// A constraint that a solve which did not converge violates.
     Violated {
@@ -48,6 +51,8 @@ pub enum Diagnostic {
         error: f64,
         /// What was asked for.
         tolerance: f64,
+        /// Whether the iteration limit ended the refinement.
+        is_limited: bool,
     },
     /// The states' estimated relative error is large on a mesh that the problem gives.
     CoarseMesh(f64),
@@ -66,6 +71,8 @@ pub enum Diagnostic {
         starts: usize,
         /// Whether the mesh was still to be refined.
         refinement: bool,
+        /// Whether events of FMUs were still to be looked for.
+        events: bool,
     },
     /// A start was better than what was found, and did not converge.
     LowerStart {
@@ -108,6 +115,9 @@ const GROWTH: f64 = 1e-6;
 const MOVES: f64 = 1e-3;
 /// Smallest scaled curvature that counts as one.
 const FLAT: f64 = 1e-9;
+/// What is undefined where all that stands in the problem is finite at its samples.
+const SUM: &str = "the objective: its terms are finite at all samples, and their sum, a derivative or a value between \
+                   samples is not";
 /// Objectives that differ by less than this part are of one optimum.
 pub const SAME: f64 = 1e-3;
 
@@ -150,9 +160,17 @@ impl fmt::Display for Diagnostic {
                 "the states that were found do not fulfil the equations and constraints (largest scaled violation \
                  {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
             ),
-            Self::AtBound { name, bound } => write!(
+            Self::AtBound {
+                name,
+                bound,
+                is_tied,
+            } => write!(
                 f,
-                "`{name}` lies on the end {bound} of its range: widen the range, or fix the parameter"
+                "`{name}` lies on the end {bound} of its range: widen the range, or {}",
+                match is_tied {
+                    true => "tie it otherwise: it keeps what it follows from",
+                    false => "fix the parameter",
+                }
             ),
             Self::Violated { name, by } => write!(
                 f,
@@ -177,9 +195,17 @@ impl fmt::Display for Diagnostic {
                 "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
                  as much: leave `mesh` and `mesh_step` out, or lower the step"
             ),
-            Self::MeshError { error, tolerance } => write!(
+            Self::MeshError {
+                error,
+                tolerance,
+                is_limited,
+            } => write!(
                 f,
-                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for"
+                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for{}",
+                match is_limited {
+                    true => ", since a solve on a finer mesh was ended by max_iterations: raise it",
+                    false => "",
+                }
             ),
             Self::MeshMoves(change) => write!(
                 f,
@@ -206,17 +232,12 @@ impl fmt::Display for Diagnostic {
                 status,
                 starts,
                 refinement,
-            } => {
-                let mesh = if *refinement {
-                    " and the refinement of the mesh"
-                } else {
-                    ""
-                };
-                write!(
-                    f,
-                    "{status} ended the fit before {starts} starts{mesh} were done: what stands here is the best so far"
-                )
-            }
+                events,
+            } => write!(
+                f,
+                "{status} ended the fit before {} were done: what stands here is the best so far",
+                undone(*starts, *refinement, *events)
+            ),
             Self::LowerStart {
                 start,
                 status,
@@ -249,6 +270,20 @@ impl fmt::Display for Diagnostic {
     }
 }
 
+/// What a fit that was cut had still to do.
+fn undone(starts: usize, refinement: bool, events: bool) -> String {
+    let starts = (starts > 0).then(|| counted(starts, "start"));
+    let others = [
+        (refinement, "the refinement of the mesh"),
+        (events, "the look for events"),
+    ];
+    let others = others.into_iter().filter(|(is_undone, _)| *is_undone);
+    let all = starts
+        .into_iter()
+        .chain(others.map(|(_, what)| what.to_owned()));
+    all.collect::<Vec<_>>().join(" and ")
+}
+
 /// All that speaks against a result, the heaviest first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
@@ -258,6 +293,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             status,
             starts: fit.starts.iter().filter(|own| own.0 == status).count(),
             refinement: !fit.refinement.is_done,
+            events: !fit.events.is_whole,
         });
     } else if fit.status != Status::Converged && !dead.is_empty() {
         all.push(Diagnostic::NotConverged(fit.status));
@@ -265,7 +301,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         all.push(Diagnostic::NotConverged(fit.status));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
         if fit.trouble.is_none() {
-            all.extend(failed(posed, |fmu| fmu.function.trouble()));
+            let failed = failed(posed, |fmu| fmu.function.trouble());
+            let is_unknown = failed.is_empty() && fit.status == Status::UndefinedStart;
+            all.extend(is_unknown.then(|| Diagnostic::Undefined(SUM.to_owned())));
+            all.extend(failed);
         }
     }
     all.extend(dead);
@@ -291,13 +330,12 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         let kept = on_stability_bound(posed, solved).into_iter();
         all.extend(kept.map(Diagnostic::OnStabilityBound));
     }
-    if fit.is_met() {
-        all.extend(events(posed, solved).into_iter().map(Diagnostic::Event));
-    }
+    all.extend(fit.events.found.iter().cloned().map(Diagnostic::Event));
     let at_bound = |found: &Found| {
         found.bound.map(|bound| Diagnostic::AtBound {
             name: found.name.clone(),
             bound,
+            is_tied: found.is_tied,
         })
     };
     all.extend(fit.parameters.iter().filter_map(at_bound));
@@ -378,7 +416,11 @@ fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     };
     let change = refinement.changes.iter().copied().fold(0.0, f64::max);
     if error > tolerance {
-        return Some(Diagnostic::MeshError { error, tolerance });
+        return Some(Diagnostic::MeshError {
+            error,
+            tolerance,
+            is_limited: refinement.is_limited,
+        });
     }
     (change > MOVES).then_some(Diagnostic::MeshMoves(change))
 }

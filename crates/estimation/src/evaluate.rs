@@ -12,7 +12,8 @@ use pilotage_sqp::Problem;
 pub struct Evaluation {
     /// The objective.
     pub objective: f64,
-    /// Its derivative by each sought parameter, as the search sees it, by central differences.
+    /// Its derivative by each sought parameter, as the search sees it, by central differences that stay in its
+    /// range.
     pub gradient: Vec<(String, f64)>,
     /// For each run and measured signal, the residual at each sample in standard deviations, with log-normal noise that
     /// of the logarithms; NaN where nothing was measured.
@@ -29,16 +30,20 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     for (unknown, stands) in &posed.unknowns {
         let size = unknown.searched_nominal().unwrap_or(1.0) * STEP;
         for (k, place) in posed.places(stands).into_iter().enumerate() {
-            let moved = |by: f64| {
+            let own = start.parameters[place];
+            let [least, most] = unknown.searched_range();
+            let moved = |value: f64| {
                 let mut theta = start.clone();
-                theta.parameters[place] += by;
+                theta.parameters[place] = value;
                 objective(posed, &begin(posed, &theta, &|| false))
             };
+            // At an end of its range, from there inwards.
+            let (up, down) = ((own + size).min(most), (own - size).max(least));
             let name = match stands {
                 Stands::Subjects(all) => format!("{} ({})", unknown.name, all[k].0),
                 Stands::Shared(_) | Stands::State(_) => unknown.name.clone(),
             };
-            gradient.push((name, (moved(size) - moved(-size)) / (2.0 * size)));
+            gradient.push((name, (moved(up) - moved(down)) / (up - down)));
         }
     }
     let at_start = begin(posed, &start, &|| false);

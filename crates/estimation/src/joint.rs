@@ -96,6 +96,18 @@ impl Joint {
         names
     }
 
+    /// The same with the locals of FMUs, which may be measured too.
+    pub fn measurable(&self) -> Vec<String> {
+        let mut names = self.signals();
+        for (instance, part) in &self.parts {
+            let locals = part.fmu.iter().flat_map(|fmu| &fmu.locals);
+            let locals = locals.map(|name| format!("{instance}.{name}"));
+            let others: Vec<String> = locals.filter(|name| !names.contains(name)).collect();
+            names.extend(others);
+        }
+        names
+    }
+
     /// What messages call the model of a variable's instance.
     pub fn source_of(&self, name: &str) -> String {
         let own = self.part_of(name).map(|(part, _)| part);

@@ -1,8 +1,10 @@
 //! What a fit has found.
 
 use crate::diagnostics::{Diagnostic, SAME};
+use crate::events::Events;
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
+use crate::part::About;
 use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
@@ -51,6 +53,8 @@ pub struct Fit {
     pub lower: Option<usize>,
     /// What ended the fit before all starts and refinements were done.
     pub cut: Option<Status>,
+    /// Events of FMUs in its runs.
+    pub events: Events,
     /// What speaks against it.
     pub diagnostics: Vec<Diagnostic>,
     /// Difference of objectives that is of no importance.
@@ -200,6 +204,7 @@ impl Fit {
             lower: None,
             cut: None,
             simulated_objective: None,
+            events: Events::default(),
             diagnostics: Vec::new(),
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
@@ -214,12 +219,13 @@ impl Fit {
         self.status == Status::Converged || self.kkt.primal <= MET
     }
 
-    /// Whether it is done: the solver converged, nothing was cut, and the mesh is fine enough, or at least a simulation
-    /// with what was found agrees.
+    /// Whether it is done: the solver converged, nothing was cut, no iteration limit ended the refinement of the mesh, and
+    /// the mesh is fine enough, or at least a simulation with what was found agrees.
     pub fn is_answer(&self) -> bool {
         let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
-        self.status == Status::Converged && self.cut.is_none() && has_mesh
+        let is_limited = self.cut.is_some() || self.refinement.is_limited;
+        self.status == Status::Converged && !is_limited && has_mesh
     }
 
     /// Whether a simulation with what was found has the same objective: up to a thousandth, or up to a hundredth of a
@@ -234,6 +240,9 @@ impl Fit {
     pub fn ending(&self) -> &'static str {
         match (self.cut, self.status) {
             (Some(cut), _) => cut.as_str(),
+            (None, Status::Converged) if self.refinement.is_limited => {
+                Status::IterationLimit.as_str()
+            }
             (None, Status::Converged) if !self.is_answer() => "mesh-error",
             (None, status) => status.as_str(),
         }
@@ -335,15 +344,15 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
                 .map(|(run, states)| (Some(run.name()), found(states[0][*k])))
                 .collect(),
         };
-        let near = |end: &f64| {
-            values.iter().any(|(_, value)| {
-                (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(unknown.start.abs()))
-            })
-        };
+        let range = [unknown.min, unknown.max];
         all.push(Found {
             name: unknown.name.clone(),
             unit: unknown.unit.clone(),
-            bound: [unknown.min, unknown.max].into_iter().flatten().find(near),
+            bound: reached(
+                range,
+                &values,
+                [unknown.start, unknown.nominal.unwrap_or(1.0)],
+            ),
             values,
             is_tied: false,
         });
@@ -360,18 +369,36 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             .iter()
             .zip(&values)
             .map(|(run, value)| (Some(run.name()), *value));
+        let values = match is_one {
+            true => vec![(None, values[0])],
+            false => labelled.collect(),
+        };
+        let about = posed.joint.variables.get(name);
+        let none = About::default();
+        let about = about.unwrap_or(&none);
+        let sizes = [about.start, about.nominal.unwrap_or(1.0)];
         all.push(Found {
             name: name.clone(),
             unit: posed.joint.unit(name).map(str::to_owned),
-            values: match is_one {
-                true => vec![(None, values[0])],
-                false => labelled.collect(),
-            },
+            bound: reached([about.min, about.max], &values, sizes),
+            values,
             is_tied: true,
-            bound: None,
         });
     }
     all
+}
+
+/// The end of a range on which one of these values lies, up to the solver's tolerance for a parameter of the size of its
+/// start, or of its nominal value where it starts at 0.
+fn reached(
+    range: [Option<f64>; 2],
+    values: &[(Option<String>, f64)],
+    [start, nominal]: [f64; 2],
+) -> Option<f64> {
+    let size = if start == 0.0 { nominal } else { start.abs() };
+    let is_near = |value: f64, end: f64| (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(size));
+    let is_reached = |end: &f64| values.iter().any(|(_, value)| is_near(*value, *end));
+    range.into_iter().flatten().find(is_reached)
 }
 
 /// Eigenvalues of the joint system's Jacobian, at the end of the first run.

@@ -7,6 +7,7 @@ use crate::error::ProblemError;
 use crate::file::ProblemFile;
 use crate::joint::{Joint, unknown};
 use pilotage_expression::{Graph, Model, Node};
+use pilotage_text::counted;
 use std::collections::HashMap;
 
 /// The slowest decay of an instance that counts as stable \[1/s\].
@@ -74,7 +75,8 @@ fn of_model(
     let n = model.states.len();
     if n == 0 || n > MOST_STATES {
         return Err(format!(
-            "has {n} states; stability is kept of 1 to {MOST_STATES}"
+            "has {}; stability is kept of 1 to {MOST_STATES}",
+            counted(n, "state")
         ));
     }
     let mut own = model.system.graph.clone();

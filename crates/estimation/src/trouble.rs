@@ -1,5 +1,6 @@
 //! Where a problem stops being finite at its start.
 
+use crate::file::Noise;
 use crate::fit::begin;
 use crate::joint::Joint;
 use crate::part::FmuPart;
@@ -17,10 +18,39 @@ pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
         let states = problem.states_at_samples(&z, j);
         let mut samples = states.iter().enumerate();
         samples.find_map(|(sample, x)| {
-            let found = at_sample(posed, &variables(posed, j, sample, x, &theta))?;
+            let at = variables(posed, j, sample, x, &theta);
+            let found = at_sample(posed, &at).or_else(|| of_residuals(posed, (j, sample), &at))?;
             let time = posed.runs[j].time[sample];
             Some(format!("{} at {time} s: {found}", posed.data[j].name()))
         })
+    })
+}
+
+/// What was recorded at a sample, a run and its number, whose term of the objective is no finite number.
+fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> Option<String> {
+    let (told, values) = (&posed.told, posed.model.system.graph.values(at));
+    let mut measured = posed.file.measured.iter().enumerate();
+    measured.find_map(|(k, own)| {
+        let recorded = told.recorded[k][j][sample];
+        let [predicted, sd] =
+            [told.predicted[k], told.deviations[k]].map(|node| values[node.index()]);
+        let square = own.noise.residual(recorded, predicted, sd).powi(2);
+        let term = square * posed.data[j].line.weight;
+        if recorded.is_nan() || term.is_finite() {
+            return None;
+        }
+        let column = &own.column.value;
+        let why = match own.noise {
+            Noise::LogNormal if predicted <= 0.0 => {
+                "log-normal noise has values above 0".to_owned()
+            }
+            _ => {
+                format!("with the standard deviation {sd} the residual is too large to be squared")
+            }
+        };
+        Some(format!(
+            "the column `{column}` has {recorded:?} where {predicted:?} is predicted; {why}"
+        ))
     })
 }
 

@@ -52,7 +52,7 @@ fn around(rates: &Rates, k: usize) -> Vec<f64> {
     }
     for (place, value) in point.iter_mut().enumerate().take(known).skip(1) {
         let part = ((place + 7 * k) as f64 * GOLDEN).fract() - 0.5;
-        *value += part * rates.size(place);
+        *value = rates.within(*value + part * rates.size(place), *value, place);
     }
     point
 }
@@ -114,7 +114,11 @@ fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<
     let is_same = |a: f64, b: f64| (a - b).abs() <= SAME * size.max(a.abs()).max(1e-6);
     let sides = [true, false].map(|up| rates.one_sided(point, place, step, up));
     let has_kink = |row: usize| match &sides {
-        [Ok(above), Ok(below)] => !is_same(above[row], below[row]),
+        [Ok(above), Ok(below)] => {
+            // At an end of a range there is one side.
+            let are_two = above[row].is_finite() && below[row].is_finite();
+            are_two && !is_same(above[row], below[row])
+        }
         _ => false,
     };
     let mut is_wrong = false;
@@ -171,7 +175,11 @@ fn find_curved(rates: &Rates, point: &[f64], curved: &mut [Vec<bool>]) {
     let here = columns(point);
     for second in 1..known {
         let mut moved = point.to_vec();
-        moved[second] += 0.3 * rates.size(second);
+        let [up, down] = [0.3, -0.3].map(|part| {
+            let to = point[second] + part * rates.size(second);
+            rates.within(to, point[second], second)
+        });
+        moved[second] = if up > point[second] { up } else { down };
         let there = columns(&moved);
         for first in 1..=second {
             let is_same = match (&here[first - 1], &there[first - 1]) {

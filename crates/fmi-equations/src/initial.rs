@@ -38,17 +38,17 @@ impl InitialStates {
     fn value(&self, at: &[f64], partial: Partial) -> Result<f64, PointError> {
         let rates = &self.0;
         let state = partial.value as usize;
+        let parameters = rates.layout.parameter_arguments();
+        let all = rates.kept(&[&rates.start[..parameters.start], at].concat());
         let value = |at: &[f64]| {
             rates
                 .pool
                 .with(&rates.layout, at, 0.0, |held| Ok(held.initial[state]))
         };
         let Some(place) = partial.arguments().next() else {
-            return value(at);
+            return value(&all[parameters]);
         };
-        let parameters = rates.layout.parameter_arguments();
         let argument = parameters.start + place;
-        let all = [&rates.start[..parameters.start], at].concat();
         let ends = rates.ends(&all, argument, rates.steps[argument]);
         let ends = ends.map(|end| end[parameters.clone()].to_vec());
         Ok((value(&ends[0])? - value(&ends[1])?) / (ends[0][place] - ends[1][place]))

@@ -30,6 +30,18 @@ pub struct Variable {
     pub(crate) is_computed: bool,
 }
 
+impl Variable {
+    /// Least value, negative infinity where none is declared.
+    pub(crate) fn least(&self) -> f64 {
+        self.min.unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// Greatest value, infinity where none is declared.
+    pub(crate) fn most(&self) -> f64 {
+        self.max.unwrap_or(f64::INFINITY)
+    }
+}
+
 /// The variables, and what depends on what.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
@@ -119,6 +131,7 @@ impl Layout {
             }
         }
         own.check_names()?;
+        own.check_states(description)?;
         own.input_references = own.inputs.iter().map(|input| input.reference).collect();
         own.output_references = own.outputs.iter().map(|output| output.reference).collect();
         own.unknown_references = [&own.rates[..], &own.output_references[..outputs]].concat();
@@ -148,6 +161,26 @@ impl Layout {
         {
             Some(own) => Err(EquationsError::Same {
                 name: own.name.clone(),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses an FMU that lists no state and yet has derivatives that would define one: its states would be constants.
+    /// That of an input defines none (FMI 2.0.4, section 2.2.7).
+    fn check_states(&self, description: &ModelDescription) -> Result<(), EquationsError> {
+        let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
+        let unlisted = description.variables.iter().find_map(|own| {
+            let VariableKind::Real(real) = &own.kind else {
+                return None;
+            };
+            let state = variable(real.derivative?)?;
+            (state.causality != Causality::Input).then_some((own, state))
+        });
+        match unlisted.filter(|_| self.states.is_empty()) {
+            Some((derivative, state)) => Err(EquationsError::Unlisted {
+                derivative: derivative.name.clone(),
+                state: state.name.clone(),
             }),
             None => Ok(()),
         }

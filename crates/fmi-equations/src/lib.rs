@@ -72,6 +72,18 @@ pub enum EquationsError {
         /// Index of the variable, from 1.
         index: u32,
     },
+    /// A derivative that would define a state, of an FMU that lists no state (FMI 2.0.4, section 2.2.8; FMI 3.0, section
+    /// 2.4.8).
+    #[error(
+        "its ModelStructure lists no derivatives of states, and `{derivative}` is that of `{state}`: a fit needs model \
+         exchange with all states and derivatives declared"
+    )]
+    Unlisted {
+        /// The derivative.
+        derivative: String,
+        /// What it is the derivative of.
+        state: String,
+    },
     /// Two variables of one name.
     #[error(
         "its description has two variables called `{name}`, or lists the derivative of that state twice"

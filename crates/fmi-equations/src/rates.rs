@@ -70,9 +70,10 @@ impl Rates {
     }
 
     fn fill(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) -> Result<(), PointError> {
+        let at = &self.kept(at);
         let mut point = Point {
             rates: self,
-            at: at.to_vec(),
+            at: at.clone(),
             columns: HashMap::new(),
             pairs: HashMap::new(),
         };
@@ -152,7 +153,7 @@ impl Rates {
         }
     }
 
-    /// The same by differences of fourth order, at an end of a parameter's range of second order inwards.
+    /// The same by differences of fourth order, at an end of a range of second order inwards.
     pub(crate) fn differences(
         &self,
         at: &[f64],
@@ -164,7 +165,7 @@ impl Rates {
                 let ends = [[step, -step], [0.5 * step, -0.5 * step]];
                 self.extrapolated(at, place, ends, 1.0 / 3.0)
             }
-            (up, _) => self.one_sided(at, place, step, up),
+            _ => self.one_sided(at, place, step, self.is_more_above(at[place], place)),
         }
     }
 
@@ -207,28 +208,55 @@ impl Rates {
             .collect())
     }
 
-    /// A point moved along an argument, by a part of its size.
-    fn moved(&self, at: &[f64], place: usize, step: f64) -> Vec<f64> {
+    /// A point moved along an argument, by a part of its size, or less if that is the end of its range.
+    pub(crate) fn moved(&self, at: &[f64], place: usize, step: f64) -> Vec<f64> {
         let mut moved = at.to_vec();
-        moved[place] += step * self.size(place).max(at[place].abs());
+        let by = step * self.size(place).max(at[place].abs());
+        moved[place] = self.within(at[place] + by, at[place], place);
         moved
     }
 
-    /// Whether a parameter's range has room for a step up, and down.
+    /// What is nearest to a value in the range of an argument that stands at another.
+    pub(crate) fn within(&self, value: f64, from: f64, place: usize) -> f64 {
+        let [least, most] = self.range(from, place);
+        value.clamp(least, most)
+    }
+
+    /// A point moved up and down along an argument.
+    pub(crate) fn ends(&self, at: &[f64], place: usize, step: f64) -> [Vec<f64>; 2] {
+        [step, -step].map(|step| self.moved(at, place, step))
+    }
+
+    /// A point whose parameters are in their ranges: a search is out of them by its tolerance, and an FMU need not take
+    /// what lies there.
+    pub(crate) fn kept(&self, at: &[f64]) -> Vec<f64> {
+        let mut kept = at.to_vec();
+        let places = self.layout.parameter_arguments();
+        for (value, own) in kept[places].iter_mut().zip(&self.layout.parameters) {
+            *value = value.max(own.least()).min(own.most());
+        }
+        kept
+    }
+
+    /// Between which values an argument is moved: its range, or any where it stands outside.
+    fn range(&self, value: f64, place: usize) -> [f64; 2] {
+        let own = self.layout.argument(place);
+        let range = own.map(|own| [own.least(), own.most()]);
+        let known = range.filter(|[least, most]| (*least..=*most).contains(&value));
+        known.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
+    }
+
+    /// Whether an argument's range has room for a step up, and down.
     fn room(&self, value: f64, place: usize, step: f64) -> (bool, bool) {
-        let is_parameter = self.layout.parameter_arguments().contains(&place);
-        let own = self.layout.argument(place).filter(|_| is_parameter);
-        let most = own.and_then(|own| own.max).unwrap_or(f64::INFINITY);
-        let least = own.and_then(|own| own.min).unwrap_or(f64::NEG_INFINITY);
+        let [least, most] = self.range(value, place);
         let size = step * self.size(place).max(value.abs());
         (value + size <= most, value - size >= least)
     }
 
-    /// A point moved up and down along an argument; parameters stay in their ranges.
-    pub(crate) fn ends(&self, at: &[f64], place: usize, step: f64) -> [Vec<f64>; 2] {
-        let (up, down) = self.room(at[place], place, step);
-        [if up { step } else { 0.0 }, if down { -step } else { 0.0 }]
-            .map(|step| self.moved(at, place, step))
+    /// Whether an argument's range goes on above for longer than below.
+    fn is_more_above(&self, value: f64, place: usize) -> bool {
+        let [least, most] = self.range(value, place);
+        most - value > value - least
     }
 
     /// Typical magnitude of an argument.
@@ -295,7 +323,9 @@ impl Point<'_> {
         let (rates, at) = (self.rates, &self.at);
         let step = |place: usize| 0.5 * rates.steps[place];
         let rooms = [first, second].map(|place| rates.room(at[place], place, 2.0 * step(place)));
-        let signs = rooms.map(|(up, _)| if up { 1.0 } else { -1.0 });
+        let above = [first, second].map(|place| rates.is_more_above(at[place], place));
+        let is_up = |k: usize| rooms[k].0 || above[k];
+        let signs = [0, 1].map(|k| if is_up(k) { 1.0 } else { -1.0 });
         let value = |a: f64, b: f64| {
             let moved = rates.moved(at, first, a * signs[0] * step(first));
             rates.values(&rates.moved(&moved, second, b * signs[1] * step(second)))

@@ -5,6 +5,7 @@ use crate::file::ModelFile;
 use crate::scope::Scope;
 use crate::syntax::Term;
 use pilotage_expression::Curve;
+use pilotage_text::counted;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -92,8 +93,8 @@ fn parse(name: &str, text: String) -> Result<TableFile, Fault> {
         .map_err(|error| fault(1, error.to_string()))?;
     if header.len() != 2 {
         let reason = format!(
-            "{} columns; expected two: `speed [m/s],drag [N]`",
-            header.len()
+            "{}; expected two: `speed [m/s],drag [N]`",
+            counted(header.len(), "column")
         );
         return Err(fault(1, reason));
     }

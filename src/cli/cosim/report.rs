@@ -1,6 +1,7 @@
 //! The report of a co-simulation, in words and for machines.
 
 use crate::cosim::{ConnectionReport, Divergence, Report};
+use pilotage_text::counted;
 use serde_json::{Value, json};
 
 /// As JSON.
@@ -92,7 +93,10 @@ pub fn warnings(report: &Report) -> Vec<String> {
             )
         }),
         (steps.over_tolerance, &|n| {
-            format!("the error of {n} steps is larger than the tolerance")
+            format!(
+                "the error of {} is larger than the tolerance",
+                counted(n as usize, "step")
+            )
         }),
         (steps.unsettled, &|n| {
             format!(
@@ -179,9 +183,10 @@ fn brief(report: &Report) -> String {
         let calls = &instance.calls;
         let others = calls.sets + calls.gets + calls.saves + calls.restores;
         text += &format!(
-            "  {}: {} steps, {others} other calls, {:.0} % of the time\n",
+            "  {}: {}, {}, {:.0} % of the time\n",
             instance.name,
-            calls.steps,
+            counted(calls.steps as usize, "step"),
+            counted(others as usize, "other call"),
             part(instance.seconds)
         );
     }

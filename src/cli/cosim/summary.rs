@@ -8,6 +8,7 @@ use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, Run};
 use crate::report::{Simulation, significant, simulation_page};
 use crate::series::{Series, SeriesError};
+use pilotage_text::counted;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -65,14 +66,14 @@ impl Summary<'_> {
             Algorithm::GaussSeidel => format!(", in the order {}", self.run.order.join(", ")),
         };
         let mut text = format!(
-            "{} steps of {} s from {} s to {} s ({}{order})\n{} rows of {} signals in {}\n",
-            self.run.steps,
+            "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
+            counted(self.run.steps as usize, "step"),
             self.args.step,
             self.args.start_time,
             self.run.time,
             self.algorithm,
-            self.rows,
-            self.signals.len(),
+            counted(self.rows as usize, "row"),
+            counted(self.signals.len(), "signal"),
             self.args.output.display()
         );
         for note in self.notes() {

@@ -10,6 +10,7 @@ use crate::inference::{Interval, LEVEL, Method};
 use crate::report::significant;
 use crate::vehicle::Mode;
 use nalgebra::DMatrix;
+use pilotage_text::counted;
 use serde_json::{Value, json};
 
 /// The rows of a matrix, for `--json`.
@@ -190,13 +191,14 @@ pub fn to_text(found: &Identification) -> String {
     let (verdict, feasible) = (verdict(fit), fit.is_feasible());
     let count = residuals().filter(|residual| residual.is_finite()).count();
     let mut text = format!(
-        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}{}\n{}{} runs, {count} samples: {}\n",
-        fit.iterations,
+        "{verdict}: {}, {} s, scaled KKT residual {:.1e}{}\n{}{}, {}: {}\n",
+        counted(fit.iterations, "iteration"),
         significant(fit.seconds, 3),
         fit.kkt,
         curvature(fit),
         skipped(fit),
-        fit.runs.len(),
+        counted(fit.runs.len(), "run"),
+        counted(count, "sample"),
         match feasible {
             true => format!(
                 "rms residual {}{unit}, sum of squares {}{squared}",

@@ -1,5 +1,6 @@
 //! `pilotage init`: a problem file for runs and models that are there.
 
+mod accepted;
 mod instance;
 
 use super::overwrite::{self, OutputKind, Overwrite};
@@ -71,6 +72,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         .map(|file| Series::read_table(file))
         .collect::<Result<_, _>>()?;
     let text = args.text(&instances, &runs)?;
+    let path = args.output.as_deref().unwrap_or(Path::new("problem.toml"));
+    let text = accepted::accepted(text, path)?;
     let Some(output) = &args.output else {
         terminal::print(&text)?;
         return Ok(Outcome::Done);
@@ -130,7 +133,8 @@ impl Args {
 
     fn write_system(&self, text: &mut String, instances: &[Instance]) {
         for own in instances {
-            let is_file = Path::new(&own.given).is_file();
+            let path = Path::new(&own.given);
+            let is_file = path.is_file() || path.join("modelDescription.xml").is_file();
             let model = match is_file {
                 true => self.beside(Path::new(&own.given)),
                 false => own.given.clone(),

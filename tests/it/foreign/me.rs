@@ -56,7 +56,7 @@ impl Fmu {
             "ball" | "zeno" if self.is_resting => [0.0, 0.0],
             "ball" | "zeno" => [b, -G],
             // dx/dt = p (u - x)
-            "decay" | "decay-by-differences" | "decay-wrongly" => [self.p * (self.u - a), 0.0],
+            "decay" | "decay-by-differences" | "decay-wrongly" | "ranged" => [self.p * (self.u - a), 0.0],
             "fatal" => [-self.p * a, 0.0],
             // A table whose knot is where the state starts.
             "decay-kinked" => [-self.p * (a + 2.0 * (a - 1.0).max(0.0)), 0.0],
@@ -244,6 +244,9 @@ unsafe extern "C" fn fmi2GetEventIndicators(c: *mut c_void, z: *mut f64, n: usiz
         "ball" | "zeno" => fmu.x[0],
         // Positive for a twentieth of a second around 0.5, by the state and by the time.
         "pulse" => 0.025 - (fmu.x[0] - 0.5).abs(),
+        // Zero but for rounding, and what rises from zero.
+        "flicker" => 1e-17 * (40.0 * fmu.t + 1.0).cos(),
+        "riser" => fmu.t,
         "timer" => (fmu.t - 0.25) * (0.75 - fmu.t),
         _ => 1.0,
     };
@@ -275,6 +278,9 @@ unsafe extern "C" fn fmi2SetReal(c: *mut c_void, vr: *const c_uint, n: usize, fr
         let value = unsafe { *from.add(i) };
         match unsafe { *vr.add(i) } {
             k @ 0..=1 => of(c).x[k as usize] = value,
+            // It refuses what is out of the ranges that it declares.
+            20 if of(c).model == "ranged" && value > 1.2 => return ERROR,
+            21 if of(c).model == "ranged" && value < 0.0 => return ERROR,
             20 => of(c).p = value,
             21 => of(c).u = value,
             _ => return ERROR,

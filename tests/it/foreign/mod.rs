@@ -193,6 +193,10 @@ pub fn model_exchange_with(model: &str, states: usize, indicators: usize, more: 
             i + 1
         )
     };
+    let [of_p, of_u] = match model.starts_with("ranged") {
+        true => [" max=\"1.2\"", " min=\"0\""],
+        false => [""; 2],
+    };
     let all: String = (0..states)
         .map(state)
         .chain((0..states).map(derivative))
@@ -214,8 +218,8 @@ pub fn model_exchange_with(model: &str, states: usize, indicators: usize, more: 
   <ModelExchange modelIdentifier="foreign" providesDirectionalDerivative="{has_jacobian}"/>
   <ModelVariables>
     {all}
-    <ScalarVariable name="p" valueReference="20" causality="parameter" variability="fixed"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="u" valueReference="21" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="p" valueReference="20" causality="parameter" variability="fixed"><Real start="1"{of_p}/></ScalarVariable>
+    <ScalarVariable name="u" valueReference="21" causality="input"><Real start="0"{of_u}/></ScalarVariable>
     <ScalarVariable name="y" valueReference="22" causality="output"><Real/></ScalarVariable>
     <ScalarVariable name="events" valueReference="0" causality="output" variability="discrete"><Integer/></ScalarVariable>
     {more}

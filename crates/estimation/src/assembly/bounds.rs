@@ -1,7 +1,7 @@
 //! Bounds on expressions along the runs, and constraints on the shared parameters.
 
 use super::inputs::Span;
-use super::{Assembly, Done};
+use super::{Assembly, Done, Known};
 use crate::data::Rows;
 use crate::file::{Holds, Initial};
 use crate::interval::{ALL, Interval};
@@ -112,6 +112,7 @@ impl Assembly<'_> {
         &mut self,
         signals: &[Node],
         rows: &[Rows],
+        known: &Known,
     ) -> Done<Vec<(Node, String)>> {
         let mut on_parameters = Vec::new();
         let zero = self.graph.constant(0.0);
@@ -119,6 +120,7 @@ impl Assembly<'_> {
         let all: Vec<Of> = all.map(Of::Constraint).collect();
         let nodes = self.of_signals(&all, signals, zero);
         self.check_constraints(&nodes, rows)?;
+        self.check_begins(&nodes, rows, known)?;
         for (line, node) in self.file.constraints.iter().zip(nodes) {
             let range = [line.min, line.max];
             let name = format!("the constraint on `{}`", line.formula.expression.text);

@@ -1,6 +1,6 @@
 //! What is refused before the solve, beyond what single lines of the file say.
 
-use super::{Assembly, Done, Made};
+use super::{Assembly, Done, Known, Made};
 use crate::data::Rows;
 use crate::error::ProblemError;
 use crate::file::{Constraint, Deviation, Holds, Mesh};
@@ -10,6 +10,9 @@ use crate::posed::Told;
 use crate::ranges::check_range;
 use pilotage_cosim::description::Said;
 use pilotage_expression::Node;
+
+/// A constraint that is missed by less, relative to its value, is met up to rounding and the solver's tolerance.
+const MET: f64 = 1e-6;
 
 impl Assembly<'_> {
     /// Refuses a step by which the mesh has more intervals than a solve can hold.
@@ -119,7 +122,38 @@ impl Assembly<'_> {
             for found in &mut found[places] {
                 let own = &mut found[node.index()];
                 let both = shared(*own, [line.min, line.max]);
-                *own = both.ok_or_else(|| contradiction(line, *own))?;
+                *own = both.ok_or_else(|| contradiction(line, *own, ""))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses constraints that do not hold where a run begins, whatever is sought, by what its initial states are known
+    /// to be.
+    pub(super) fn check_begins(&self, nodes: &[Node], rows: &[Rows], known: &Known) -> Done<()> {
+        let lines = self.file.constraints.iter().zip(nodes);
+        let lines = lines.filter(|(line, _)| matches!(line.at, Holds::Start | Holds::Samples));
+        let lines: Vec<(&Constraint, &Node)> = lines.collect();
+        for ((run, rows), initial) in self.data.iter().zip(rows).zip(known) {
+            if lines.is_empty() {
+                break;
+            }
+            let mut ranges = self.ranges(std::slice::from_ref(rows));
+            let inputs = self.input_variables().zip(&rows.inputs[0]);
+            let states = (1..).zip(initial.iter().copied());
+            let states = states.filter_map(|(variable, x)| Some((variable, x?)));
+            let inputs = inputs.map(|(variable, value)| (variable, *value));
+            for (variable, value) in [(0, rows.time[0])].into_iter().chain(inputs).chain(states) {
+                ranges[variable] = [value; 2];
+            }
+            let found = intervals(&self.graph, &ranges);
+            for (line, node) in &lines {
+                let own = found[node.index()];
+                let slack = MET * own.map(f64::abs).into_iter().fold(1.0, f64::max);
+                if shared(own, [line.min - slack, line.max + slack]).is_none() {
+                    let place = format!(" where {} begins", run.name());
+                    return Err(contradiction(line, own, &place));
+                }
             }
         }
         Ok(())
@@ -127,11 +161,11 @@ impl Assembly<'_> {
 }
 
 /// A constraint on what is known to lie elsewhere.
-fn contradiction(line: &Constraint, [low, high]: Interval) -> ProblemError {
+fn contradiction(line: &Constraint, [low, high]: Interval, place: &str) -> ProblemError {
     let shown = &line.formula.expression.text;
     let is = match low == high {
-        true => format!("always {low}"),
-        false => format!("from {low} to {high} by what else is said"),
+        true => format!("always {low}{place}"),
+        false => format!("from {low} to {high}{place} by what else is said"),
     };
     let (min, max) = (line.min, line.max);
     let fault = format!("`{shown}` is {is}, never from {min} to {max}; change one of them");

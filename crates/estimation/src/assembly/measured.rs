@@ -67,7 +67,7 @@ impl Assembly<'_> {
             Quantity::Signal(name) => {
                 let place = self.named.signals.iter().position(|own| own == name);
                 let place = place.ok_or_else(|| {
-                    let fault = unknown("signal", name, &self.named.signals);
+                    let fault = unknown("signal", name, &self.joint.measurable());
                     ProblemError::at(&measured.place, fault)
                 })?;
                 signals[place]

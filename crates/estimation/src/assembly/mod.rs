@@ -137,7 +137,7 @@ impl<'a> Assembly<'a> {
         self.hold_steady(&derivatives);
         let mut on_parameters = self.bound_unknowns();
         on_parameters.extend(self.bound_expressions());
-        on_parameters.extend(self.constrain(&signals, &rows)?);
+        on_parameters.extend(self.constrain(&signals, &rows, &known)?);
         self.expect_priors(&rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;
         let runs = self.runs(rows, known);

@@ -24,6 +24,7 @@ pub use solve::{SeeIterates, Solved, solve};
 pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;
+use crate::events::{Events, events};
 use crate::posed::Posed;
 use crate::result::Fit;
 use crate::starts::starts;
@@ -98,6 +99,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     };
     // On a mesh that was refined since, the objective may have fallen below.
     found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
+    found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
@@ -106,6 +108,18 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
     found
+}
+
+/// The events of a solution whose states fulfil the equations.
+fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, '_>) -> Events {
+    let clock = Instant::now();
+    match fit.is_met() {
+        true => events(posed, solved, &|| watch.is_late(clock)),
+        false => Events {
+            is_whole: true,
+            ..Events::default()
+        },
+    }
 }
 
 /// How a start ended, and its objective; not a number where its states do not nearly fulfil the equations.
@@ -126,6 +140,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (St
 fn cut(fit: &Fit, watch: &Watch<'_, '_>) -> Option<Status> {
     let status = watch.over()?;
     let is_undone = |own: &(Status, f64)| own.0 == status;
-    let is_cut = fit.starts.iter().any(is_undone) || !fit.refinement.is_done;
+    let is_whole = fit.refinement.is_done && fit.events.is_whole;
+    let is_cut = fit.starts.iter().any(is_undone) || !is_whole;
     is_cut.then_some(status)
 }

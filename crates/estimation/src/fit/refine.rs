@@ -27,8 +27,10 @@ pub struct Refinement {
     pub iterations: usize,
     /// The scheme at the end.
     pub scheme: Scheme,
-    /// Whether it came to its end: neither a limit nor the user ended it.
+    /// Whether it came to its end: neither a limit of time nor the user ended it.
     pub is_done: bool,
+    /// Whether the iteration limit ended the solve on a finer mesh.
+    pub is_limited: bool,
 }
 
 /// A solution, and the local errors of its mesh where they are known.
@@ -60,6 +62,7 @@ pub(super) fn refine(
             let see = |iteration: &_| watch.see(start, told.rounds + 1, iteration);
             let next = solve(posed, from, posed.file.options.max_iterations, &see);
             told.iterations += next.solution.work.iterations;
+            told.is_limited |= next.solution.status == Status::IterationLimit;
             (next.solution.status == Status::Converged).then_some(next)
         };
         let next = finer(&solved, &errors, tolerance).and_then(&mut solve_from);
@@ -68,6 +71,7 @@ pub(super) fn refine(
         let Some(next) = next else {
             return (solved, told);
         };
+        told.is_limited = false;
         told.changes = changes(&solved, &next);
         told.rounds += 1;
         solved = next;
@@ -90,6 +94,7 @@ impl Refinement {
             iterations: solved.solution.work.iterations,
             scheme: solved.problem.scheme,
             is_done: false,
+            is_limited: false,
         }
     }
 

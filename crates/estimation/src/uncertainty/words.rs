@@ -5,6 +5,7 @@ use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use pilotage_collocation::Sensitivities;
 use pilotage_inference::Direction;
+use pilotage_text::counted;
 
 /// A direction in which the data do not change, over parameters with these names.
 pub(super) fn direction(direction: &Direction, names: &[String]) -> String {
@@ -52,7 +53,7 @@ pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
         .iter()
         .any(|(_, stands)| matches!(stands, Stands::State(_)));
     if samples > 0 && !own {
-        held.push(format!("limits at {samples} samples"));
+        held.push(format!("limits at {}", counted(samples, "sample")));
     }
     match held.is_empty() {
         true => Vec::new(),

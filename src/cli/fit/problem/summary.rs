@@ -9,6 +9,7 @@ use crate::inference::Interval;
 use crate::inference::residuals::LjungBox;
 use crate::report::significant;
 use crate::sqp::Status;
+use pilotage_text::counted;
 use serde_json::{Map, Value, json};
 
 /// A fit, and the runs that were kept out of it.
@@ -162,12 +163,12 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
     let mut text = format!(
-        "{verdict}: {} iterations, {} s, scaled KKT residual {:.1e}\n{} runs, {} measured values: {}\n\n",
-        fit.refinement.iterations,
+        "{verdict}: {}, {} s, scaled KKT residual {:.1e}\n{}, {}: {}\n\n",
+        counted(fit.refinement.iterations, "iteration"),
         significant(fit.seconds, 3),
         fit.kkt.residual(),
-        fit.runs.len(),
-        fit.samples,
+        counted(fit.runs.len(), "run"),
+        counted(fit.samples, "measured value"),
         objective(fit),
     );
     text += &aligned(&parameter_rows(fit));
@@ -220,8 +221,10 @@ fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
         false => format!("estimated error {:.1e}", refinement.error),
     };
     format!(
-        "\nmesh: {} intervals of {}{stiff} after {} refinements, {error}\n",
-        refinement.intervals, refinement.scheme, refinement.rounds
+        "\nmesh: {} of {}{stiff} after {}, {error}\n",
+        counted(refinement.intervals, "interval"),
+        refinement.scheme,
+        counted(refinement.rounds, "refinement")
     )
 }
 
@@ -230,7 +233,8 @@ fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
     let mut rows = vec![header.map(str::to_owned)];
     for (found, intervals) in sure::of(fit) {
         let remark = match (found.is_tied, found.bound) {
-            (true, _) => "tied".to_owned(),
+            (true, Some(bound)) => format!("tied, at its bound {bound}"),
+            (true, None) => "tied".to_owned(),
             (false, Some(bound)) => format!("at its bound {bound}"),
             (false, None) => String::new(),
         };

@@ -1,0 +1,124 @@
+//! What `pilotage init` writes is what `pilotage fit` takes.
+
+use crate::command::{Folder, example};
+use crate::foreign;
+use pilotage::models::library;
+use pilotage_expression::Model;
+use pilotage_language::Compiled;
+
+/// A run with columns for all inputs, outputs and states of a model, of small numbers that are not all the same.
+fn run_of(model: &Model) -> String {
+    let mut names: Vec<&String> = Vec::new();
+    for name in model
+        .inputs
+        .iter()
+        .chain(&model.outputs)
+        .chain(&model.states)
+    {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let names: Vec<&str> = names.into_iter().map(String::as_str).collect();
+    let row = |k: usize| {
+        let time = 0.1 * k as f64;
+        let cells = (0..names.len()).map(|c| format!(",{}", 0.01 * ((k + c) % 5) as f64));
+        format!("{time}{}\n", cells.collect::<String>())
+    };
+    format!("time,{}\n", names.join(",")) + &(0..6).map(row).collect::<String>()
+}
+
+/// Writes a problem for a run and a model, and has it read.
+fn is_taken(folder: &Folder, words: &[&str]) -> String {
+    let to = ["-o", "problem.toml", "--force"];
+    let ended = folder.pilotage(&[&["init"], words, &to].concat());
+    assert_eq!(ended.code, 0, "{words:?}: {ended:?}");
+    let read = folder.pilotage(&["fit", "problem.toml", "--evaluate"]);
+    let text = folder.read("problem.toml");
+    assert_ne!(read.code, 2, "{words:?}: {read:?}\n{text}");
+    text
+}
+
+/// The same for a model file, and for the FMU that it becomes.
+fn are_taken(folder: &Folder, given: &str, model: &Model) {
+    folder.write("run.csv", run_of(model));
+    is_taken(folder, &["run.csv", "--model", given]);
+    let exported = folder.pilotage(&["export", given, "-o", "own.fmu", "--force"]);
+    assert_eq!(exported.code, 0, "{given}: {exported:?}");
+    is_taken(folder, &["run.csv", "--model", "own.fmu"]);
+}
+
+#[test]
+fn every_model_that_is_shipped_and_its_fmu_are_taken() {
+    let folder = Folder::new();
+    for model in library::all() {
+        let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+        let compiled: Compiled = pilotage_language::parse(model.text, model.name, &none).unwrap();
+        are_taken(&folder, model.name, &compiled.model);
+    }
+    for entry in std::fs::read_dir(example("models")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|end| end == "toml") {
+            let compiled = pilotage_language::read(&path).unwrap();
+            are_taken(&folder, &path.display().to_string(), &compiled.model);
+        }
+    }
+}
+
+#[test]
+fn every_pilot_and_vehicle_that_is_shipped_is_taken_in_a_loop() {
+    let folder = Folder::new();
+    let run = example("trials").join("10m-run1.csv").display().to_string();
+    for model in library::all() {
+        let role = match model.kind {
+            library::Kind::Pilot => "--pilot",
+            _ => "--vehicle",
+        };
+        is_taken(&folder, &[&run, role, model.name]);
+    }
+}
+
+const TANK: &str = "[model]\nname = \"tank\"\n[parameters]\nrate = 1\nidle = 2\n[states]\n\
+                    x = { start = 1, unit = \"m\", der = \"-rate * x\" }\n\
+                    [outputs]\nx = {}\ndouble = { value = \"2 * x\", unit = \"m\" }\n";
+
+#[test]
+fn what_a_fit_refuses_is_a_comment() {
+    let folder = Folder::new();
+    folder.write("tank.toml", TANK);
+    folder.write(
+        "run.csv",
+        "time,x [kg],double [cm]\n0,1,200\n1,0.5,100\n2,0.2,40\n",
+    );
+    let text = is_taken(&folder, &["run.csv", "--model", "tank.toml"]);
+    for lines in [
+        "# run.csv: the column `x` is in kg; expected a unit of m:\n# [[measured]]\n# signal = \"model.x\"\n",
+        "\n[[measured]]\nsignal = \"model.double\"\n",
+        "# no measured signal depends on `model.idle`; leave it out, or write fixed = true:\n# \"model.idle\" = ",
+        "\n\"model.rate\" = ",
+    ] {
+        assert!(text.contains(lines), "{lines}\n{text}");
+    }
+    folder.write("run.csv", "time,x [kg]\n0,1\n1,0.5\n");
+    let ended = folder.pilotage(&["init", "run.csv", "--model", "tank.toml"]);
+    let why = "error: run.csv: the column `x` is in kg; expected a unit of m\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, why));
+}
+
+#[test]
+fn an_fmu_that_a_fit_refuses_is_refused() {
+    let folder = Folder::new();
+    folder.write("run.csv", "time,x0,y\n0,1,1\n1,0.5,0.5\n");
+    for (fmu, why) in [
+        (foreign::fmu("good"), "it is not for model exchange"),
+        (
+            foreign::model_exchange("endless", 0, 0),
+            "it gives no values at its start",
+        ),
+    ] {
+        folder.write("own.fmu", fmu);
+        let ended = folder.pilotage(&["init", "run.csv", "--model", "own.fmu"]);
+        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""), "{ended:?}");
+        assert!(ended.stderr.contains(why), "{ended:?}");
+    }
+}

@@ -1,0 +1,131 @@
+//! What a fit of a problem says where its answer is none, or where there can be none.
+
+use crate::command::{Ended, Folder};
+use serde_json::Value;
+
+/// `ẋ = -k x + b`, with a tied parameter, from a given initial state.
+const MODEL: &str = "[model]\nname = \"m\"\n[parameters]\nk = 1\nb = { start = 0, max = 0.5 }\n[states]\n\
+                     x = { start = 1, der = \"b - k * x\" }\n";
+
+/// A problem of the model, whose first sections are these, with one run.
+fn problem(measured: &str, rest: &str, run: &str) -> Folder {
+    let folder = Folder::new();
+    folder.write("m.toml", MODEL);
+    folder.write("run.csv", run);
+    folder.write(
+        "problem.toml",
+        format!(
+            "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n{measured}\n{rest}\n\
+             [[run]]\nfile = \"run.csv\"\n"
+        ),
+    );
+    folder
+}
+
+const RUN: &str = "time,x\n0,1\n0.5,0.8\n1,0.7\n2,0.9\n4,1.2\n";
+
+fn fit(folder: &Folder) -> Ended {
+    folder.pilotage(&["fit", "problem.toml", "--json", "--force"])
+}
+
+/// The words of the doubt of that code.
+fn words(json: &Value, code: &str) -> Option<String> {
+    let mut doubts = json["doubts"].as_array().unwrap().iter();
+    let found = doubts.find(|own| own["code"] == code)?;
+    found["words"].as_str().map(str::to_owned)
+}
+
+/// Four iterations solve a start in two goes, and no finer mesh; five solve both.
+#[test]
+fn a_refinement_that_the_iteration_limit_ended_has_not_converged() {
+    let folder = Folder::new();
+    let swung = MODEL.replace("b - k * x", "sin(w * time) - k * x^3");
+    let swung = swung.replace("k = 1\n", "k = 1\nw = { start = 6, unit = \"rad/s\" }\n");
+    folder.write("m.toml", swung);
+    folder.write("run.csv", "time,x\n0,1\n1,0.5\n2,0.4\n4,0.13\n8,0.2\n");
+    let ended = |limit: usize| {
+        let text = format!(
+            "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n[parameters]\n\"m.k\" = {{}}\n\
+             [[run]]\nfile = \"run.csv\"\n[fit]\nmax_iterations = {limit}\nmesh_tolerance = 1e-10\n"
+        );
+        folder.write("problem.toml", text);
+        fit(&folder)
+    };
+    let short = ended(4);
+    let json = short.json();
+    assert_eq!(
+        (short.code, &json["status"]),
+        (1, &"iteration-limit".into())
+    );
+    let why = words(&json, "mesh-error").unwrap();
+    assert!(why.contains("ended by max_iterations"), "{why}");
+    assert_eq!(ended(20).code, 0);
+}
+
+/// The data ask for `b` about 1.
+#[test]
+fn a_bound_that_a_tie_reaches_is_told() {
+    let tied =
+        "[parameters]\n\"m.k\" = {}\nhalf = { start = 0.1 }\n\"m.b\" = { value = \"2 * half\" }";
+    let json = fit(&problem("", tied, RUN)).json();
+    let half = json["parameters"]["half"]["value"].as_f64().unwrap();
+    assert!((half - 0.25).abs() < 1e-6, "{json}");
+    let why = words(&json, "at-bound").unwrap();
+    assert!(
+        why.starts_with("`m.b` lies on the end 0.5 of its range"),
+        "{why}"
+    );
+}
+
+/// Whatever is sought, the run begins at 1.
+#[test]
+fn a_constraint_that_no_given_begin_fulfils_is_refused() {
+    let refused = |limits: &str, why: &str| {
+        let rest = format!(
+            "[parameters]\n\"m.k\" = {{}}\n[[constraint]]\nexpression = \"m.x + 1\"\n{limits}"
+        );
+        let ended = fit(&problem("", &rest, RUN));
+        let expected = format!(
+            "error: problem.toml:10:14: `m.x + 1` is always 2 where run.csv begins, {why}; change one of them\n"
+        );
+        assert_eq!((ended.code, ended.stderr), (2, expected));
+    };
+    refused("min = 2.5\nat = \"start\"", "never from 2.5 to inf");
+    refused("max = 1.5", "never from -inf to 1.5");
+    let free = "[parameters]\n\"m.k\" = {}\n[initial]\n\"m.x\" = \"free\"\n[[constraint]]\nexpression = \"m.x + 1\"\n\
+                min = 2.5\nat = \"start\"";
+    let ended = fit(&problem("", free, RUN));
+    assert_eq!(ended.code, 0, "{ended:?}");
+    // On the limit, up to rounding.
+    let on = "[parameters]\n\"m.k\" = {}\n[[constraint]]\nexpression = \"0.1 * m.x + 0.2\"\nmax = 0.3\nat = \"start\"";
+    assert_eq!(fit(&problem("", on, RUN)).code, 0);
+}
+
+#[test]
+fn what_is_undefined_is_named() {
+    let sought = "[parameters]\n\"m.k\" = {}";
+    let huge = RUN.replace("1,0.7", "1,1e300");
+    let json = fit(&problem("", sought, &huge)).json();
+    assert_eq!(json["status"], "undefined-start");
+    let why = words(&json, "undefined").unwrap();
+    let expected = "where the search begins, in run.csv at 1 s: the column `x` has 1e300 where 1.0 is predicted; with the standard deviation 1 the residual is too large";
+    assert!(why.starts_with(expected), "{why}");
+    let negative = "offset = -2\nnoise = \"log-normal\"";
+    let json = fit(&problem(negative, sought, RUN)).json();
+    let why = words(&json, "undefined").unwrap();
+    assert_eq!(
+        why,
+        "where the search begins, in run.csv at 0 s: the column `x` has 1.0 where -1.0 is predicted; log-normal noise has \
+         values above 0"
+    );
+}
+
+/// One thing is no plural.
+#[test]
+fn one_run_is_one_run() {
+    let ended = problem("", "[parameters]\n\"m.k\" = {}", RUN).pilotage(&["fit", "problem.toml"]);
+    assert!(
+        ended.stdout.contains("\n1 run, 5 measured values: "),
+        "{ended:?}"
+    );
+}
