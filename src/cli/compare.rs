@@ -49,12 +49,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
     interrupt::listen("stopping")?;
     let (begin, spinner) = (Instant::now(), Mutex::new(Spinner::new()));
-    let compared = compare(&files, &part::open, &|| {
+    let compared = compare(&files, &part::open, &|done, all| {
         if let Ok(mut spinner) = spinner.try_lock() {
-            spinner.show(format!(
-                "fitting {} problems, and without each run",
-                files.len()
-            ));
+            spinner.show(format!("{done} of {all} fits"));
         }
         let seconds = begin.elapsed().as_secs_f64();
         if interrupt::is_asked() {

@@ -13,6 +13,7 @@ mod bad_fmus;
 mod casadi;
 mod closed_loop;
 mod command;
+mod compare;
 mod condensed;
 mod cosim;
 mod cosim_command;

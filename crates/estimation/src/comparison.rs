@@ -12,6 +12,7 @@ use pilotage_inference::choice::{Comparison, Contender, choose};
 use pilotage_sqp::Status;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A problem among others.
 #[derive(Debug)]
@@ -39,9 +40,9 @@ pub type OpenInParallel<'o> =
     &'o (dyn Fn(&InstanceDescription) -> Result<Part, ProblemError> + Sync);
 
 /// Asked again and again whether to go on.
-pub type Ask<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
+pub type Ask<'a> = dyn Fn(usize, usize) -> ControlFlow<Status> + Sync + 'a;
 
-/// Fits each problem to all runs, and to all but one, for each run.
+/// Fits each problem to all runs, and to all but one, for each run. `ask` is told how many fits are done, and of how many.
 ///
 /// # Errors
 /// When a problem cannot be posed, or has other data than the first.
@@ -56,11 +57,24 @@ pub fn compare(
     let fitted: Vec<usize> = (0..files[0].runs.len())
         .filter(|k| files[0].runs[*k].fits)
         .collect();
-    let whole = files.par_iter().map(|file| whole(file, open, ask));
+    let (done, all) = (AtomicUsize::new(0), files.len() * (1 + fitted.len()));
+    let ask = &|| ask(done.load(Ordering::Relaxed), all);
+    let whole = files.par_iter().map(|file| {
+        let fitted = whole(file, open, ask);
+        done.fetch_add(1, Ordering::Relaxed);
+        fitted
+    });
     let whole: Vec<(Fit, usize)> = whole.collect::<Result<_, _>>()?;
     let folds = (0..files.len()).flat_map(|file| fitted.iter().map(move |run| (file, *run)));
     let folds: Vec<(usize, usize)> = folds.collect();
-    let surprises = (folds.par_iter()).map(|(file, run)| held_out(&files[*file], *run, open, ask));
+    let surprises = folds.par_iter().map(|(file, run)| {
+        let surprise = match whole[*file].0.is_answer() {
+            true => held_out((&files[*file], &whole[*file].0), *run, open, ask),
+            false => Ok(f64::NAN),
+        };
+        done.fetch_add(1, Ordering::Relaxed);
+        surprise
+    });
     let surprises: Vec<f64> = surprises.collect::<Result<_, _>>()?;
     let candidates = whole.into_iter().zip(surprises.chunks(fitted.len().max(1)));
     let candidates = candidates.map(|((fit, unknowns), held_out)| Candidate {
@@ -83,11 +97,14 @@ pub fn compare(
     })
 }
 
+/// Whether to go on.
+type GoesOn<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
+
 /// The fit to all runs, and the number of its unknowns: shared parameters, those of runs, and free initial states.
 fn whole(
     file: &ProblemFile,
     open: OpenInParallel<'_>,
-    ask: &Ask<'_>,
+    ask: &GoesOn<'_>,
 ) -> Result<(Fit, usize), ProblemError> {
     let posed = Posed::new(file, open)?;
     let free = posed.runs.iter().flat_map(|run| &run.initial);
@@ -95,12 +112,13 @@ fn whole(
     Ok((asked(&posed, ask), unknowns))
 }
 
-/// −2 log likelihood of a run by a fit to the others; not a number where there is no such fit.
+/// −2 log likelihood of a run by a fit to the others, which begins where that to all runs ended; not a number where there
+/// is no such fit.
 fn held_out(
-    file: &ProblemFile,
+    (file, whole): (&ProblemFile, &Fit),
     run: usize,
     open: OpenInParallel<'_>,
-    ask: &Ask<'_>,
+    ask: &GoesOn<'_>,
 ) -> Result<f64, ProblemError> {
     let mut file = file.clone();
     let mut place = 0..;
@@ -113,7 +131,13 @@ fn held_out(
     if file.runs.iter().all(|line| !line.fits) {
         return Ok(f64::NAN);
     }
-    let posed = Posed::new(&file, open)?;
+    file.options.starts = 1;
+    let mut posed = Posed::new(&file, open)?;
+    for (unknown, _) in &mut posed.unknowns {
+        if let Some(found) = whole.parameters.iter().find(|own| own.name == unknown.name) {
+            unknown.start = found.mean();
+        }
+    }
     let fit = asked(&posed, ask);
     if !fit.is_answer() {
         return Ok(f64::NAN);
@@ -123,7 +147,7 @@ fn held_out(
     Ok(judged.iter().map(|run| run.surprise(&noises)).sum())
 }
 
-fn asked(posed: &Posed<'_>, ask: &Ask<'_>) -> Fit {
+fn asked(posed: &Posed<'_>, ask: &GoesOn<'_>) -> Fit {
     let observer: &mut Observer<'_> = &mut |_| ask();
     fit(posed, observer)
 }

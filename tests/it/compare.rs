@@ -1,0 +1,148 @@
+//! `pilotage compare`: which of several models of the same runs.
+
+use crate::command::Folder;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::PI;
+
+/// What is recorded follows the input through one lag, or through two.
+const ONE: &str = r#"[model]
+name = "one"
+[inputs]
+u = {}
+[parameters]
+fast = { start = 1, min = 0.01, max = 100 }
+[states]
+x = { der = "fast * (u - x)" }
+[outputs]
+y = "x"
+"#;
+
+const TWO: &str = r#"[model]
+name = "two"
+[inputs]
+u = {}
+[parameters]
+fast = { start = 1, min = 0.01, max = 100 }
+slow = { start = 5, min = 0.01, max = 1000 }
+[states]
+x = { der = "fast * (u - x)" }
+z = { der = "slow * (x - z)" }
+[outputs]
+y = "z"
+"#;
+
+const RUNS: usize = 6;
+
+fn problem(model: &str, runs: usize) -> String {
+    let lines = (1..=runs).map(|k| format!("[[run]]\nfile = \"run{k}.csv\"\n"));
+    format!(
+        "[system.m]\nmodel = \"{model}.toml\"\n[inputs]\n\"m.u\" = \"u\"\n[[measured]]\nsignal = \"m.y\"\n\
+         column = \"y\"\nsd = 0.05\n[parameters]\n\"m.*\" = {{}}\n[initial]\n\"m.*\" = 0\n{}[fit]\nstarts = 1\n",
+        lines.collect::<String>()
+    )
+}
+
+/// Runs of one lag, or of two, with noise as coloured as that of flights: AR(1) 0.9.
+fn flights(lags: usize, seed: u64) -> Folder {
+    let folder = Folder::new();
+    folder.write("one.toml", ONE);
+    folder.write("two.toml", TWO);
+    folder.write("first.toml", problem("one", RUNS));
+    folder.write("second.toml", problem("two", RUNS));
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    for k in 1..=RUNS {
+        let (mut x, mut z, mut noise) = (0.0, 0.0, 0.0);
+        let mut text = String::from("time,u,y\n");
+        for i in 0..=200 {
+            let t = 0.05 * f64::from(i);
+            let draw: f64 = StandardNormal.sample(&mut generator);
+            noise = 0.9 * noise + 0.05 * (1.0_f64 - 0.81).sqrt() * draw;
+            let y: f64 = [x, z][lags - 1];
+            text += &format!("{t},1,{}\n", y + noise);
+            // The input is 1 throughout: the step of each lag is exact enough in parts of a thousandth.
+            for _ in 0..50 {
+                x += 0.001 * 1.5 * (1.0 - x);
+                z += 0.001 * 3.0 * (x - z);
+            }
+        }
+        folder.write(&format!("run{k}.csv"), text);
+    }
+    folder
+}
+
+#[test]
+fn the_smaller_model_is_taken_where_the_larger_predicts_no_better() {
+    let folder = flights(1, 3);
+    let json = folder
+        .pilotage(&["compare", "second.toml", "first.toml", "--json"])
+        .json();
+    assert_eq!(json["taken"], "first.toml");
+    let ended = folder.pilotage(&["compare", "second.toml", "first.toml"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    assert!(
+        ended.stdout.contains("taken: first.toml"),
+        "{}",
+        ended.stdout
+    );
+}
+
+#[test]
+fn the_larger_model_is_taken_where_it_predicts_better() {
+    let folder = flights(2, 4);
+    let json = folder
+        .pilotage(&["compare", "first.toml", "second.toml", "--json"])
+        .json();
+    assert_eq!(json["taken"], "second.toml");
+    assert!(json["comparisons"][0]["p"].as_f64().unwrap() < 0.05);
+}
+
+/// What a run says when it is left out is what `fit` says of it as a validation run, and the criteria are their formulas.
+#[test]
+fn figures_are_those_of_fits() {
+    let folder = flights(1, 5);
+    let json = folder
+        .pilotage(&["compare", "first.toml", "second.toml", "--json"])
+        .json();
+    let own = &json["problems"][0];
+    let without =
+        problem("one", RUNS).replace("run2.csv\"\n", "run2.csv\"\nuse = \"validation\"\n");
+    folder.write("without.toml", without);
+    let fit = folder.pilotage(&["fit", "without.toml", "--json"]).json();
+    let run = &fit["runs"][RUNS - 1];
+    assert_eq!(run["name"], "run2.csv");
+    let rms = run["measured"]["y"]["rms_per_sd"].as_f64().unwrap();
+    let surprise = 201.0 * (rms * rms + (2.0 * PI * 0.05 * 0.05).ln());
+    let held_out = own["held_out"]["run2.csv"].as_f64().unwrap();
+    assert!((held_out - surprise).abs() < 1e-3, "{held_out} {surprise}");
+    let (nllh, n) = (own["nllh"].as_f64().unwrap(), 201.0 * RUNS as f64);
+    assert_eq!(own["unknowns"], 1);
+    assert!((own["aicc"].as_f64().unwrap() - (2.0 * nllh + 2.0 * n / (n - 2.0))).abs() < 1e-9);
+    assert!((own["bic"].as_f64().unwrap() - (2.0 * nllh + n.ln())).abs() < 1e-9);
+    // The noise is coloured, and nothing beyond it is left.
+    assert!(run["measured"]["y"]["ljung_box"]["p"].as_f64().unwrap() < 1e-3);
+    assert!(run["measured"]["y"]["vaf"].as_f64().unwrap() > 90.0);
+}
+
+#[test]
+fn other_data_and_too_few_runs_are_told() {
+    let folder = flights(1, 6);
+    folder.write("fewer.toml", problem("two", 2));
+    folder.write("few.toml", problem("one", 2));
+    let ended = folder.pilotage(&["compare", "first.toml", "fewer.toml"]);
+    assert_eq!(ended.code, 2);
+    assert!(
+        ended.stderr.contains("fewer.toml: other runs are fitted"),
+        "{}",
+        ended.stderr
+    );
+    let ended = folder.pilotage(&["compare", "few.toml", "fewer.toml"]);
+    assert_eq!(ended.code, 1);
+    assert!(
+        ended.stdout.contains("fewer than 3 runs"),
+        "{}",
+        ended.stdout
+    );
+    assert_eq!(folder.pilotage(&["compare", "first.toml"]).code, 2);
+}
