@@ -206,6 +206,7 @@ fn numbers(report: &Report) -> String {
     section("Parameters", &tables::theta(fit, options.pilot))
         + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
         + &section("Poles of the closed loop", &tables::closed_loop(fit))
+        + &section("Margins of the closed loop", &tables::derived(report.found))
         + &section("Runs", &tables::runs(report.found))
         + &section("Solve", &tables::solve(fit, options))
         + &section("Vehicle", &tables::vehicle(options))

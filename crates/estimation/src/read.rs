@@ -12,12 +12,13 @@ use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_inference::Method;
 use pilotage_language::file::{Formula, LONGEST, formula};
 use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
+use pilotage_text::is_identifier;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
 use std::path::Path;
 
 /// The tables of a problem file.
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 11] = [
     "system",
     "connect",
     "inputs",
@@ -25,13 +26,21 @@ const KEYS: [&str; 10] = [
     "parameters",
     "initial",
     "constraint",
+    "derived",
     "stability",
     "run",
     "fit",
 ];
 
 /// Tables of a problem file that no other kind of file has.
-pub const OWN_KEYS: [&str; 5] = ["measured", "fit", "constraint", "initial", "stability"];
+pub const OWN_KEYS: [&str; 6] = [
+    "measured",
+    "fit",
+    "constraint",
+    "derived",
+    "initial",
+    "stability",
+];
 
 type Read<T> = Result<T, ProblemError>;
 
@@ -80,6 +89,7 @@ impl ProblemFile {
             parameters: reader.parameters(root)?,
             initial: reader.initial(root)?,
             constraints: reader.constraints(root)?,
+            derived: reader.derived(root)?,
             stability: stability(root)?,
             runs: reader.runs(root)?,
             options: options(root)?,
@@ -554,6 +564,27 @@ impl Reader<'_> {
                 }
             };
             all.push((name, initial));
+        }
+        Ok(all)
+    }
+
+    fn derived(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Formula)>> {
+        let mut all = Vec::new();
+        let Some(table) = root.table("derived")? else {
+            return Ok(all);
+        };
+        for field in table.names() {
+            if !is_identifier(field) || ["time", "pi", "y"].contains(&field) {
+                let fault =
+                    format!("`{field}` cannot be a name; take another of letters, digits and _");
+                return Err(at(table, field, fault));
+            }
+            let formula = self.formula(table, field)?;
+            let name = Said {
+                value: field.to_owned(),
+                place: table.key_place(field),
+            };
+            all.push((name, table.required(field, formula)?));
         }
         Ok(all)
     }

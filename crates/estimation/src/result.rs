@@ -7,6 +7,7 @@ use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
+use pilotage_expression::Node;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
 
@@ -32,6 +33,9 @@ pub struct Fit {
     pub samples: usize,
     /// What was sought, and what is tied to it.
     pub parameters: Vec<Found>,
+    /// What the file derives from parameters; then, where the instances close one loop, its figures at the end of the first
+    /// run ([`pilotage_linear::LoopFigures::named`]).
+    pub derived: Vec<Found>,
     /// The runs.
     pub runs: Vec<RunFit>,
     /// Iterations of the solver.
@@ -171,6 +175,7 @@ impl Fit {
             nllh: 0.5 * surprise,
             samples,
             parameters: parameters(posed, &states, &theta),
+            derived: expressed(posed, &states, &theta, &posed.told.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
             poles: poles(posed, &runs, &states, &theta),
@@ -329,11 +334,22 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             is_tied: false,
         });
     }
+    all.extend(expressed(posed, states, theta, &posed.told.tied));
+    all
+}
+
+/// Expressions of parameters, where the runs begin.
+fn expressed(
+    posed: &Posed<'_>,
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+    all: &[(String, Node)],
+) -> Vec<Found> {
     let graph = &posed.model.system.graph;
     let of_runs: Vec<Vec<f64>> = (states.iter().enumerate())
         .map(|(j, states)| graph.values(&variables(posed, j, 0, &states[0], theta)))
         .collect();
-    for (name, node) in &posed.told.tied {
+    let found = |(name, node): &(String, Node)| {
         let values: Vec<f64> = of_runs.iter().map(|values| values[node.index()]).collect();
         let is_one = values.windows(2).all(|pair| pair[0] == pair[1]);
         let labelled = posed
@@ -341,7 +357,7 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             .iter()
             .zip(&values)
             .map(|(run, value)| (Some(run.name()), *value));
-        all.push(Found {
+        Found {
             name: name.clone(),
             unit: posed.joint.unit(name).map(str::to_owned),
             values: match is_one {
@@ -350,9 +366,9 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             },
             is_tied: true,
             bound: None,
-        });
-    }
-    all
+        }
+    };
+    all.iter().map(found).collect()
 }
 
 /// Eigenvalues of the joint system's Jacobian, at the end of the first run.

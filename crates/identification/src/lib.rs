@@ -3,6 +3,7 @@
 
 pub mod closed_loop;
 pub mod constraints;
+pub mod derived;
 pub mod diagnostics;
 pub mod identification;
 pub mod joint;

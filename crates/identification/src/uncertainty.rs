@@ -78,43 +78,36 @@ impl Uncertainty {
         })
     }
 
-    /// The interval of a number that follows from θ, such as a margin or the real part of a pole (delta method, by
-    /// central differences of the function).
-    pub fn derived(&self, theta: &[f64], of: impl Fn(&[f64]) -> f64) -> Interval {
-        let sd: Vec<f64> = self
-            .covariance
-            .diagonal()
-            .iter()
-            .map(|v| v.sqrt())
-            .collect();
-        let slope = |k: usize, _| {
-            let h = STEP * sd[k];
+    /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
+    /// by central differences of `of`). One that depends on a direction which the data leave open is flat.
+    pub fn derived(
+        &self,
+        theta: &[f64],
+        values: &[f64],
+        of: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Vec<Interval> {
+        let steps = self.covariance.diagonal().map(|v| STEP * v.sqrt());
+        let mut slopes = DMatrix::zeros(values.len(), theta.len());
+        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
             let moved = |by: f64| {
                 let mut theta = theta.to_vec();
                 theta[k] += by;
-                of(&theta)
+                DVector::from_vec(of(&theta))
             };
-            if h > 0.0 {
-                (moved(h) - moved(-h)) / (2.0 * h)
-            } else {
-                0.0
-            }
-        };
-        let gradient = DVector::from_fn(theta.len(), slope);
-        let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+            slopes.set_column(k, &((moved(*step) - moved(-step)) / (2.0 * step)));
+        }
         let degrees = self.degrees.iter().copied().fold(f64::INFINITY, f64::min);
-        let sd = if self.open.is_empty() {
-            variance.sqrt()
-        } else {
-            f64::INFINITY
+        let interval = |(i, value): (usize, &f64)| {
+            let gradient = slopes.row(i).transpose();
+            let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+            let sd = match self.open.is_empty() {
+                true => variance.sqrt(),
+                false => f64::INFINITY,
+            };
+            let open = [f64::NEG_INFINITY, f64::INFINITY];
+            Interval::new(*value, sd, degrees, open, None)
         };
-        Interval::new(
-            of(theta),
-            sd,
-            degrees,
-            [f64::NEG_INFINITY, f64::INFINITY],
-            None,
-        )
+        values.iter().enumerate().map(interval).collect()
     }
 
     /// What one must know of it, in words.

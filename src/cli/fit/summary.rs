@@ -7,6 +7,7 @@ use crate::identification::{
     pilot_file,
 };
 use crate::inference::{Interval, LEVEL, Method};
+use crate::linear::Figure;
 use crate::report::significant;
 use crate::vehicle::Mode;
 use nalgebra::DMatrix;
@@ -55,6 +56,7 @@ pub fn to_json(found: &Identification) -> Value {
         "parameters": parameters(fit, options),
         "uncertainty": fit.uncertainty.as_ref().map(uncertainty),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
+        "derived": derived(found),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,
@@ -87,6 +89,38 @@ fn parameters(fit: &Fit, options: &FitOptions) -> Value {
     Value::Object(all.collect())
 }
 
+/// The figures of the closed loop, by name.
+fn derived(found: &Identification) -> Value {
+    let all = found.derived.iter().map(|(figure, interval)| {
+        let mut entry = json!({ "value": figure.value, "unit": figure.unit });
+        for (name, field) in FIELDS {
+            entry[name] = field(interval);
+        }
+        (figure.name.clone(), entry)
+    });
+    Value::Object(all.collect())
+}
+
+/// The figures of the closed loop but its poles, with their intervals.
+fn figures(found: &Identification) -> String {
+    let all = found.derived.iter();
+    let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
+    let line = |(figure, own): &(Figure, Interval)| {
+        format!(
+            "  {:<20} {:>10}  {:<6}{}\n",
+            figure.name.replace('_', " "),
+            significant(figure.value, 4),
+            figure.unit,
+            told(own)
+        )
+    };
+    let text: String = all.map(line).collect();
+    match text.is_empty() {
+        true => text,
+        false => format!("\n{text}"),
+    }
+}
+
 fn uncertainty(own: &Uncertainty) -> Value {
     json!({
         "method": own.method.as_str(),
@@ -103,15 +137,19 @@ fn uncertainty(own: &Uncertainty) -> Value {
 
 /// How sure each component of θ is, in a line: its interval; empty where that is not known.
 fn interval(fit: &Fit, component: usize) -> String {
-    match fit.uncertainty.as_ref().map(|own| own.intervals[component]) {
-        Some(own) if own.sd.is_finite() => format!(
+    let own = fit.uncertainty.as_ref().map(|own| own.intervals[component]);
+    own.map_or_else(String::new, |own| told(&own))
+}
+
+fn told(own: &Interval) -> String {
+    match own.sd.is_finite() {
+        true => format!(
             "  sd {:<9} {:>10} to {}",
             significant(own.sd, 3),
             significant(own.low, 4),
             significant(own.high, 4)
         ),
-        Some(_) => "  not told by the data".to_owned(),
-        None => String::new(),
+        false => "  not told by the data".to_owned(),
     }
 }
 
@@ -229,7 +267,7 @@ pub fn to_text(found: &Identification) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &loop_poles(fit) + &runs(found) + &agreement(fit) + &carried(found)
+    text + &loop_poles(fit) + &figures(found) + &runs(found) + &agreement(fit) + &carried(found)
 }
 
 /// The modes of the closed loop.

@@ -39,6 +39,7 @@ impl Assembly<'_> {
             deviations: Vec::new(),
             joint,
             tied: Vec::new(),
+            derived: Vec::new(),
             recorded: Vec::new(),
         };
         for k in 0..self.file.measured.len() {
@@ -56,6 +57,11 @@ impl Assembly<'_> {
                 told.tied.push((name.clone(), self.values[0][name]));
             }
         }
+        let names = self.file.derived.iter().map(|(name, _)| &name.value);
+        let of: Vec<Of> = names.clone().cloned().map(Of::Derived).collect();
+        let values = self.values[0].clone();
+        let nodes = self.expressions(&of, None, &values);
+        told.derived = names.cloned().zip(nodes).collect();
         Ok(told)
     }
 

@@ -8,18 +8,22 @@ mod linearised;
 mod words;
 
 use crate::fit::Solved;
+use crate::loops::Looped;
 use crate::posed::{Posed, Stands};
 use crate::result::{Fit, Found, variables};
 use crate::unknowns::Unknown;
 use linearised::{linearised, residuals};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
+use pilotage_expression::Node;
 use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run};
 
 use std::cell::OnceCell;
 
 /// Entries of a constraint's gradient beside one that count as zero.
 const ALONE: f64 = 1e-9;
+/// Step of differences, per scale of a parameter.
+const STEP: f64 = 1e-5;
 /// Distance from the end of a range, per size, within which a parameter lies on it.
 const NEAR: f64 = 1e-4;
 
@@ -48,6 +52,11 @@ pub struct Uncertainty {
     pub correlated_by: Method,
     /// For each of [`Fit::parameters`](crate::Fit::parameters) the intervals of its values.
     pub intervals: Vec<Vec<Interval>>,
+    /// For each of [`Fit::derived`](crate::Fit::derived) the same.
+    pub derived: Vec<Vec<Interval>>,
+    /// For each state of [`Fit::initial`](crate::Fit::initial) the interval of its initial value in each run; none in runs
+    /// where it is known.
+    pub initial: Vec<Vec<Option<Interval>>>,
     /// The shared parameters, with their subjects, as the search sees them: `ln name` where it goes along the logarithm.
     pub names: Vec<String>,
     /// Correlations of these.
@@ -75,6 +84,7 @@ pub(crate) fn uncertainty(
     solved: &Solved,
     fit: &Fit,
     simulated: Option<&(Collocation, Vec<f64>)>,
+    looped: Option<&Looped<'_>>,
 ) -> Result<Uncertainty, Unsure> {
     let (problem, at) = (&solved.problem, &solved.solution.iterate);
     let linear = linearised(posed, problem, at).ok_or(Unsure::NoDerivatives)?;
@@ -116,6 +126,8 @@ pub(crate) fn uncertainty(
     let has_prior = |(unknown, _): &(Unknown, Stands)| unknown.prior.is_some();
     let mut found = Uncertainty {
         intervals: sure.intervals(&fit.parameters),
+        derived: sure.derived(&fit.derived, looped),
+        initial: sure.initial(),
         notes: (inference.directions.iter())
             .map(|own| words::direction(own, &names))
             .collect(),
@@ -187,15 +199,82 @@ impl Sure<'_> {
             all.push(own.map(|at| self.of_unknown(unknown, at)).collect());
         }
         let tied = parameters.iter().filter(|found| found.is_tied);
-        for (found, (_, node)) in tied.zip(&self.posed.told.tied) {
-            let of_run = |(j, (_, value)): (usize, &(Option<String>, f64))| {
-                let sd = self.deviation_of(*node, j);
-                let open = [f64::NEG_INFINITY, f64::INFINITY];
-                Interval::new(*value, sd.0, sd.1, open, None)
-            };
-            all.push(found.values.iter().enumerate().map(of_run).collect());
+        let tied = tied.zip(&self.posed.told.tied);
+        all.extend(tied.map(|(found, (_, node))| self.of_expression(found, *node)));
+        all
+    }
+
+    /// Of an expression of parameters, for each of its values.
+    fn of_expression(&self, found: &Found, node: Node) -> Vec<Interval> {
+        let of_run = |(j, (_, value)): (usize, &(Option<String>, f64))| {
+            open_interval(*value, self.deviation_of(node, j))
+        };
+        found.values.iter().enumerate().map(of_run).collect()
+    }
+
+    /// Of what the file derives, and of the figures of the loop behind that.
+    fn derived(&self, found: &[Found], looped: Option<&Looped<'_>>) -> Vec<Vec<Interval>> {
+        let told = &self.posed.told.derived;
+        let pairs = found.iter().zip(told);
+        let mut all: Vec<Vec<Interval>> = pairs
+            .map(|(found, (_, node))| self.of_expression(found, *node))
+            .collect();
+        if let Some(looped) = looped {
+            let slopes = self.slopes(looped);
+            let figures = found[told.len()..].iter().enumerate();
+            all.extend(figures.map(|(i, found)| {
+                let sd = self.along(&slopes.row(i).transpose(), 0);
+                vec![open_interval(found.values[0].1, sd)]
+            }));
         }
         all
+    }
+
+    /// Derivatives of the figures of the loop by the shared parameters and the first run's own unknowns, by central
+    /// differences.
+    fn slopes(&self, looped: &Looped<'_>) -> DMatrix<f64> {
+        let posed = self.posed;
+        let free = &self.sensitivities.runs[0].free;
+        let count = looped.found().len();
+        let mut slopes = DMatrix::zeros(count, posed.shared + free.len());
+        let mut set = |column: usize, size: f64, of: &dyn Fn(f64) -> Vec<f64>| {
+            let step = STEP * size;
+            let change = DVector::from_vec(of(step)) - DVector::from_vec(of(-step));
+            slopes.set_column(column, &(change / (2.0 * step)));
+        };
+        for k in 0..posed.shared {
+            let moved = |by: f64| {
+                let mut theta = self.theta.clone();
+                theta[k] += by;
+                looped.moved(&theta, (0, 0.0))
+            };
+            set(k, self.data.scales[k], &moved);
+        }
+        let own = free.iter().enumerate();
+        for (k, state) in own.filter(|(_, state)| **state >= posed.joint.model.states.len()) {
+            let size = self.states[0][*state].abs().max(STEP);
+            set(posed.shared + k, size, &|by| {
+                looped.moved(&self.theta, (*state, by))
+            });
+        }
+        slopes
+    }
+
+    /// Of the initial states of the runs.
+    fn initial(&self) -> Vec<Vec<Option<Interval>>> {
+        let runs = || self.sensitivities.runs.iter().enumerate();
+        let states = 0..self.posed.joint.model.states.len();
+        let of_run = |j: usize, state: usize| {
+            let place = self.sensitivities.runs[j]
+                .free
+                .iter()
+                .position(|own| *own == state)?;
+            let at = Coordinate::Own(j, place);
+            Some(open_interval(self.value(at), self.deviation(at)))
+        };
+        let free = states.filter(|k| self.posed.runs.iter().any(|run| run.initial[*k].is_none()));
+        free.map(|k| runs().map(|(j, _)| of_run(j, k)).collect())
+            .collect()
     }
 
     fn coordinates(&self, stands: &Stands) -> Vec<Coordinate> {
@@ -290,7 +369,7 @@ impl Sure<'_> {
     }
 
     /// Of an expression of parameters at the begin of a run (delta method).
-    fn deviation_of(&self, node: pilotage_expression::Node, j: usize) -> (f64, f64) {
+    fn deviation_of(&self, node: Node, j: usize) -> (f64, f64) {
         let (posed, system) = (self.posed, &self.posed.model.system);
         let mut graph = system.graph.clone();
         let free = &self.sensitivities.runs[j].free;
@@ -302,7 +381,12 @@ impl Sure<'_> {
         let slopes = graph.gradient(node, &nodes);
         let values = graph.values(&variables(posed, j, 0, &self.states[j], &self.theta));
         let slope = |k: usize| values[slopes[k].index()];
-        let gradient = DVector::from_fn(places.len(), |k, _| slope(k));
+        self.along(&DVector::from_fn(places.len(), |k, _| slope(k)), j)
+    }
+
+    /// Of what has this gradient over the shared parameters and the own unknowns of a run (delta method).
+    fn along(&self, gradient: &DVector<f64>, j: usize) -> (f64, f64) {
+        let posed = self.posed;
         let (shared, own) = (
             gradient.rows(0, posed.shared).into_owned(),
             gradient.rows_range(posed.shared..),
@@ -314,10 +398,16 @@ impl Sure<'_> {
         }
         let (variance, degrees) = match own.iter().all(|slope| *slope == 0.0) {
             true => self.covariance.along(&shared),
-            false => self.joint(j).along(&gradient),
+            false => self.joint(j).along(gradient),
         };
         (variance.sqrt(), degrees)
     }
+}
+
+/// An interval without a range, from a standard deviation and its degrees of freedom.
+fn open_interval(value: f64, (sd, degrees): (f64, f64)) -> Interval {
+    let open = [f64::NEG_INFINITY, f64::INFINITY];
+    Interval::new(value, sd, degrees, open, None)
 }
 
 fn deviation<J: std::borrow::Borrow<Joint>>(

@@ -37,7 +37,7 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
 
 fn parameters(fit: &Fit) -> Parameters {
     let mut rows = Vec::new();
-    for (found, intervals) in sure::of(fit) {
+    for (found, intervals) in sure::of(fit).chain(sure::derived(fit)) {
         for (k, (name, value)) in found.named().enumerate() {
             let unit = found.unit.clone().unwrap_or_default();
             let [sd, low, high, meaning] = sure::cells(intervals.and_then(|all| all.get(k)));

@@ -62,9 +62,11 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "nllh": told(fit.nllh),
         "violation": fit.kkt.primal,
         "samples": fit.samples,
-        "parameters": Value::Object(sure::of(fit).map(parameter).collect()),
+        "parameters": Value::Object(sure::of(fit).map(sought).collect()),
+        "derived": Value::Object(sure::derived(fit).map(parameter).collect()),
         "uncertainty": sure::to_json(fit),
         "initial": initial(posed, fit),
+        "initial_intervals": sure::initial(posed, fit),
         "closed_loop": {
             "stable": fit.is_stable(),
             "poles": fit.poles,
@@ -85,6 +87,14 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     })
 }
 
+fn sought(own: (&Found, Option<&[Interval]>)) -> (String, Value) {
+    let (name, mut entry) = parameter(own);
+    if own.0.is_tied {
+        entry["tied"] = json!(true);
+    }
+    (name, entry)
+}
+
 fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Value) {
     let mut entry = Map::new();
     match found.values.as_slice() {
@@ -102,9 +112,6 @@ fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Valu
     }
     if let Some(intervals) = intervals {
         sure::add_to(&mut entry, found, intervals);
-    }
-    if found.is_tied {
-        entry.insert("tied".into(), json!(true));
     }
     (found.name.clone(), Value::Object(entry))
 }
@@ -157,12 +164,18 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         fit.samples,
         objective(fit),
     );
-    text += &aligned(&parameter_rows(fit));
+    text += &aligned(&parameter_rows("parameter", sure::of(fit)));
     text += &sure::to_text(fit);
+    let is_short = |(found, _): &(&Found, _)| !found.name.starts_with("pole");
+    let derived: Vec<_> = sure::derived(fit).filter(is_short).collect();
+    if !derived.is_empty() {
+        text += "\n";
+        text += &aligned(&parameter_rows("derived", derived.into_iter()));
+    }
     text += "\n";
     let initial = fit.initial(posed);
     if !initial.is_empty() {
-        text += &aligned(&initial_rows(&initial));
+        text += &aligned(&initial_rows(&initial, fit));
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
@@ -212,12 +225,16 @@ fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
     )
 }
 
-fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
-    let header = ["parameter", "value", "sd", "low", "high", "unit", ""];
+fn parameter_rows<'f>(
+    what: &str,
+    all: impl Iterator<Item = (&'f Found, Option<&'f [Interval]>)>,
+) -> Vec<[String; 7]> {
+    let header = [what, "value", "sd", "low", "high", "unit", ""];
     let mut rows = vec![header.map(str::to_owned)];
-    for (found, intervals) in sure::of(fit) {
+    for (found, intervals) in all {
         let remark = match (found.is_tied, found.bound) {
-            (true, _) => "tied".to_owned(),
+            (true, _) if what == "parameter" => "tied".to_owned(),
+            (true, _) => String::new(),
             (false, Some(bound)) => format!("at its bound {bound}"),
             (false, None) => String::new(),
         };
@@ -234,12 +251,16 @@ fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
     rows
 }
 
-fn initial_rows(all: &[Found]) -> Vec<[String; 3]> {
-    let mut rows = vec![["initial state", "value", "unit"].map(str::to_owned)];
-    for found in all {
-        for (name, value) in found.named() {
+fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
+    let header = ["initial state", "value", "sd", "low", "high", "unit"];
+    let mut rows = vec![header.map(str::to_owned)];
+    let known = fit.uncertainty.as_ref().ok();
+    for (k, found) in all.iter().enumerate() {
+        for (j, (name, value)) in found.named().enumerate() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([name, significant(value, 7), unit]);
+            let interval = known.and_then(|own| own.initial[k][j].as_ref());
+            let [sd, low, high, _] = sure::cells(interval);
+            rows.push([name, significant(value, 7), sd, low, high, unit]);
         }
     }
     rows
