@@ -149,6 +149,15 @@ impl<'p> Looped<'p> {
         found.collect()
     }
 
+    /// The same figures with shared parameters that may be far away.
+    pub fn again(&self, theta: &[f64]) -> Vec<f64> {
+        let found = self.cut.at(&self.x, theta);
+        let found = found.map(|own| own.figures_with(&self.figures.poles).named());
+        let found = found.unwrap_or_default();
+        let figures = self.figures.named();
+        figures.iter().map(|own| own.value_in(&found)).collect()
+    }
+
     /// The same figures with other shared parameters, and a change of a state: that of a run's own parameter, which is the
     /// same all along the run. Not numbers where they are gone.
     pub fn moved(&self, theta: &[f64], (state, by): (usize, f64)) -> Vec<f64> {

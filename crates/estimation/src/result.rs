@@ -10,6 +10,7 @@ use pilotage_collocation::Collocation;
 use pilotage_expression::Node;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
+use std::sync::Arc;
 
 /// A mean square of the residuals that is none, per variance of the samples or the noise.
 const EXACT: f64 = 1e-6;
@@ -62,6 +63,8 @@ pub struct Fit {
     pub seconds: f64,
     /// How sure it is.
     pub uncertainty: Result<Uncertainty, Unsure>,
+    /// The solution itself.
+    pub solved: Option<Arc<Solved>>,
     /// Which expression is no finite number where the search begins, where a solve ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
@@ -190,6 +193,7 @@ impl Fit {
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
             uncertainty: Err(Unsure::NotConverged),
+            solved: None,
             trouble: None,
         }
     }

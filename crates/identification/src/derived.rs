@@ -6,6 +6,7 @@ use nalgebra::Complex;
 use pilotage_inference::Interval;
 use pilotage_linear::{Figure, LoopFigures, OpenLoop};
 use pilotage_models::{Pilot, Quadcopter};
+use pilotage_refits::study::Derive;
 
 /// The loop of a pilot and a vehicle at hover, cut open at the stick.
 pub fn open_loop(
@@ -42,4 +43,33 @@ pub fn derived(fit: &Fit, options: &FitOptions) -> Vec<(Figure, Interval)> {
     };
     let intervals = sure.derived(&fit.theta, &values, moved);
     named.into_iter().zip(intervals).collect()
+}
+
+/// The names of the figures.
+pub(super) fn names(fit: &Fit, options: &FitOptions) -> Vec<String> {
+    derived(fit, options)
+        .into_iter()
+        .map(|(figure, _)| figure.name)
+        .collect()
+}
+
+/// The same figures of the pilots of refits.
+pub(super) fn again(fit: &Fit, options: &FitOptions) -> Box<Derive<'static>> {
+    let (named, pilot) = (derived(fit, options), options.pilot);
+    let Some(vehicle) = options.loop_vehicle().copied() else {
+        return Box::new(|_| Vec::new());
+    };
+    let poles = fit
+        .closed_loop
+        .as_ref()
+        .map_or(Vec::new(), |own| own.poles.clone());
+    Box::new(move |theta| {
+        let found = open_loop(vehicle, pilot, theta)
+            .figures_with(&poles)
+            .named();
+        named
+            .iter()
+            .map(|(figure, _)| figure.value_in(&found))
+            .collect()
+    })
 }

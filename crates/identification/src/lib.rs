@@ -16,6 +16,7 @@ pub mod problem;
 mod projection;
 mod race;
 pub mod random_starts;
+pub mod refits;
 pub mod result;
 pub mod simulate;
 pub mod solve;

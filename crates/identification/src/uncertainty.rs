@@ -38,15 +38,7 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// At a solution of the paper's problem; none where its derivatives or its noise are not known.
     pub(super) fn of(problem: &Collocation, at: &Iterate, options: &FitOptions) -> Option<Self> {
-        let found = Sensitivities::new(problem, at)?;
-        let runs = found.runs.iter().enumerate();
-        let data = Data {
-            runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
-            prior: DMatrix::zeros(0, problem.n_parameters()),
-            active: found.parameters.clone(),
-            scales: DVector::from_column_slice(&problem.model.scales.parameters),
-            is_scaled: false,
-        };
+        let data = data(problem, at)?;
         let inference = Inference::new(&data).ok()?;
         let covariance = inference.covariance(options.covariance);
         // What was asked for may not be: then the default says so by its name.
@@ -71,7 +63,7 @@ impl Uncertainty {
             correlations: covariance.correlations(),
             cramer_rao: percents(inference.cramer_rao()),
             insensitivity: percents(inference.insensitivity()),
-            held: found.active.len(),
+            held: data.active.nrows(),
             open: inference.directions.clone(),
             covariance: covariance.matrix,
             degrees: covariance.degrees,
@@ -131,6 +123,19 @@ impl Uncertainty {
         }
         notes
     }
+}
+
+/// The least-squares problem of a solution; none where its derivatives are not known.
+pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
+    let found = Sensitivities::new(problem, at)?;
+    let runs = found.runs.iter().enumerate();
+    Some(Data {
+        runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
+        prior: DMatrix::zeros(0, problem.n_parameters()),
+        active: found.parameters.clone(),
+        scales: DVector::from_column_slice(&problem.model.scales.parameters),
+        is_scaled: false,
+    })
 }
 
 /// A run's residuals and their derivatives.

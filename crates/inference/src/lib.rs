@@ -40,6 +40,7 @@ pub mod interval;
 mod meat;
 mod row;
 
+pub use autoregression::Autoregression;
 pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};

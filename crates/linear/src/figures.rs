@@ -38,6 +38,15 @@ impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
         }
     }
 
+    /// Its figures, with the poles in the order of those to which each is nearest.
+    pub fn figures_with(&self, poles: &[Complex<f64>]) -> LoopFigures {
+        let own = self.figures();
+        LoopFigures {
+            poles: matched(poles, own.poles),
+            ..own
+        }
+    }
+
     /// What the figures of a loop that is nearly this one have become: its crossings and poles nearest to those. None
     /// where a crossing is gone.
     pub fn figures_near(&self, before: &LoopFigures) -> LoopFigures {

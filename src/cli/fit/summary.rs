@@ -1,5 +1,6 @@
 //! What a fit gave, for people and for scripts.
 
+use super::refits::Refitted;
 use crate::cli::format;
 use crate::identification::statistics::rms;
 use crate::identification::{
@@ -20,7 +21,7 @@ pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// The one object of `--json`.
-pub fn to_json(found: &Identification) -> Value {
+pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
     let Identification { fit, options, .. } = found;
     let modes = Mode::of_poles(&options.pilot.poles(&fit.theta));
     let runs: Vec<Value> = (found.outcomes())
@@ -53,10 +54,10 @@ pub fn to_json(found: &Identification) -> Value {
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
-        "parameters": parameters(fit, options),
-        "uncertainty": fit.uncertainty.as_ref().map(uncertainty),
+        "parameters": parameters(fit, options, refitted),
+        "uncertainty": fit.uncertainty.as_ref().map(|own| uncertainty(own, refitted)),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
-        "derived": derived(found),
+        "derived": derived(found, refitted),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,
@@ -75,7 +76,7 @@ pub fn to_json(found: &Identification) -> Value {
 }
 
 /// Value and unit of each parameter, by name.
-fn parameters(fit: &Fit, options: &FitOptions) -> Value {
+fn parameters(fit: &Fit, options: &FitOptions, refitted: Option<&Refitted>) -> Value {
     let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
     let all = all.enumerate().map(|(i, (value, unit))| {
         let mut entry = json!({ "value": value, "unit": unit });
@@ -84,17 +85,24 @@ fn parameters(fit: &Fit, options: &FitOptions) -> Value {
                 entry[name] = field(&own);
             }
         }
-        (format!("theta{}", i + 1), entry)
+        let name = format!("theta{}", i + 1);
+        if let (Some(refitted), Some(entry)) = (refitted, entry.as_object_mut()) {
+            refitted.add_to(&name, entry);
+        }
+        (name, entry)
     });
     Value::Object(all.collect())
 }
 
 /// The figures of the closed loop, by name.
-fn derived(found: &Identification) -> Value {
+fn derived(found: &Identification, refitted: Option<&Refitted>) -> Value {
     let all = found.derived.iter().map(|(figure, interval)| {
         let mut entry = json!({ "value": figure.value, "unit": figure.unit });
         for (name, field) in FIELDS {
             entry[name] = field(interval);
+        }
+        if let (Some(refitted), Some(entry)) = (refitted, entry.as_object_mut()) {
+            refitted.add_to(&figure.name, entry);
         }
         (figure.name.clone(), entry)
     });
@@ -121,8 +129,8 @@ fn figures(found: &Identification) -> String {
     }
 }
 
-fn uncertainty(own: &Uncertainty) -> Value {
-    json!({
+fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
+    let mut told = json!({
         "method": own.method.as_str(),
         "level": LEVEL,
         "degrees_of_freedom": own.degrees,
@@ -132,7 +140,11 @@ fn uncertainty(own: &Uncertainty) -> Value {
         "cramer_rao_percent": own.cramer_rao,
         "insensitivity_percent": own.insensitivity,
         "notes": own.notes(),
-    })
+    });
+    if let Some(refitted) = refitted {
+        refitted.add_methods(&mut told);
+    }
+    told
 }
 
 /// How sure each component of θ is, in a line: its interval; empty where that is not known.

@@ -20,6 +20,7 @@ mod watch;
 
 pub use begin::{begin, factor};
 pub use refine::Refinement;
+pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, Solved, solve};
 pub use unfinished::MET;
 
@@ -34,6 +35,7 @@ use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 use unfinished::best_met;
 use watch::Watch;
@@ -109,6 +111,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
+    found.solved = Some(Arc::new(last));
     found
 }
 

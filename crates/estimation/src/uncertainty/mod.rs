@@ -12,7 +12,8 @@ use crate::loops::Looped;
 use crate::posed::{Posed, Stands};
 use crate::result::{Fit, Found, variables};
 use crate::unknowns::Unknown;
-use linearised::{linearised, residuals};
+use linearised::residuals;
+pub(crate) use linearised::{Linearised, linearised};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_expression::Node;
@@ -88,7 +89,11 @@ pub(crate) fn uncertainty(
 ) -> Result<Uncertainty, Unsure> {
     let (problem, at) = (&solved.problem, &solved.solution.iterate);
     let linear = linearised(posed, problem, at).ok_or(Unsure::NoDerivatives)?;
-    let (data, sensitivities) = &linear;
+    let Linearised {
+        data,
+        sensitivities,
+        ..
+    } = &linear;
     let inference = Inference::new(data)?;
     let covariance = inference.covariance(posed.file.options.covariance)?;
     let names = names(posed);

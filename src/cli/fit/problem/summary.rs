@@ -1,6 +1,7 @@
 //! What a fit of a problem gave, for people and for scripts.
 
 use super::sure;
+use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
@@ -19,6 +20,8 @@ pub struct Outcomes<'a> {
     pub fit: &'a Fit,
     /// The validation runs, simulated with what was found.
     pub judged: &'a [RunFit],
+    /// The fit, solved again.
+    pub refitted: Option<&'a Refitted>,
 }
 
 impl<'a> Outcomes<'a> {
@@ -62,9 +65,9 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "nllh": told(fit.nllh),
         "violation": fit.kkt.primal,
         "samples": fit.samples,
-        "parameters": Value::Object(sure::of(fit).map(sought).collect()),
-        "derived": Value::Object(sure::derived(fit).map(parameter).collect()),
-        "uncertainty": sure::to_json(fit),
+        "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
+        "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
+        "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
         "initial_intervals": sure::initial(posed, fit),
         "closed_loop": {
@@ -87,12 +90,28 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     })
 }
 
-fn sought(own: (&Found, Option<&[Interval]>)) -> (String, Value) {
+fn sought(own: (&Found, Option<&[Interval]>), outcomes: &Outcomes<'_>) -> (String, Value) {
     let (name, mut entry) = parameter(own);
     if own.0.is_tied {
         entry["tied"] = json!(true);
     }
+    refitted((name, entry), outcomes)
+}
+
+/// With what refits gave of it.
+fn refitted((name, mut entry): (String, Value), outcomes: &Outcomes<'_>) -> (String, Value) {
+    if let (Some(refitted), Some(entry)) = (outcomes.refitted, entry.as_object_mut()) {
+        refitted.add_to(&name, entry);
+    }
     (name, entry)
+}
+
+fn uncertainty(outcomes: &Outcomes<'_>) -> Value {
+    let mut told = sure::to_json(outcomes.fit);
+    if let Some(refitted) = outcomes.refitted {
+        refitted.add_methods(&mut told);
+    }
+    told
 }
 
 fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Value) {
@@ -172,6 +191,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += "\n";
         text += &aligned(&parameter_rows("derived", derived.into_iter()));
     }
+    text += &outcomes.refitted.map_or(String::new(), Refitted::to_text);
     text += "\n";
     let initial = fit.initial(posed);
     if !initial.is_empty() {
