@@ -51,13 +51,16 @@ fn below(end: u64, random: &mut ChaCha8Rng) -> u64 {
     }
 }
 
+/// What is told of a refit: of its sample, its problem and its variables.
+pub type Values<'a> = dyn Fn(&Sample, &Collocation, &[f64]) -> Vec<f64> + Sync + 'a;
+
 /// Refits with these numbers to what `draw` gives each, in parallel: the same for any number of threads. `see` gets each
 /// as soon as it is there, in any order. Stopped ones are left out.
 pub fn resampled(
     solved: &Solved,
     numbers: &[u64],
     draw: &(dyn Fn(u64) -> Sample + Sync),
-    values: &(dyn Fn(&Sample, &Collocation, &[f64]) -> Vec<f64> + Sync),
+    values: &Values<'_>,
     (see, watch): (&(dyn Fn(&Replicate) + Sync), &Watch<'_>),
 ) -> Vec<Replicate> {
     let replicate = |number: &u64| {
