@@ -1,7 +1,7 @@
 //! A solved collocation problem, solved again a little changed: profile likelihoods and bootstraps.
 //!
 //! Intervals from a covariance are those of a linear model. Where a parameter's interval is wide against its value they
-//! are not the data's; then a profile, which solves again with the parameter fixed ([`profile`]), and a bootstrap, which
+//! are not the data's; then a profile, which solves again with the parameter fixed ([`profile()`]), and a bootstrap, which
 //! solves again with other data ([`bootstrap`]), tell more. Each refit begins at its neighbour's solution, on the mesh of
 //! the first one, and is a few steps of the SQP.
 //!
