@@ -71,7 +71,8 @@ pub use {
     pilotage_fmi_check as fmi_check, pilotage_identification as identification,
     pilotage_identification::{synthetic, vehicle},
     pilotage_inference as inference, pilotage_linear as linear, pilotage_models as models,
-    pilotage_ode as integrate, pilotage_series as series, pilotage_sqp as sqp,
+    pilotage_ode as integrate, pilotage_refits as refits, pilotage_series as series,
+    pilotage_sqp as sqp,
     pilotage_text::{document, error_chain, suggestion},
 };
 

@@ -225,6 +225,7 @@ impl Demo {
             .collect();
         let page = report::page(&Report {
             found,
+            refits: None,
             loops: &loops,
             made: &made(),
         });

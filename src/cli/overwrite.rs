@@ -1,7 +1,7 @@
 //! What the commands write, told from what else may stand in its place.
 
 use super::Failure;
-use super::fit::FITTED;
+use super::fit::{FITTED, REFITS};
 use crate::atomic_file::{self, Planned, Refusal};
 use crate::cosim::description::HEADER;
 use std::fs::File;
@@ -39,6 +39,8 @@ pub enum OutputKind {
     Problem,
     /// A model file with fitted parameters.
     Fitted,
+    /// Refits of a bootstrap, which are read again.
+    Refits,
 }
 
 impl Overwrite {
@@ -102,6 +104,10 @@ impl OutputKind {
             Self::Problem => ("the unchanged problem file", |_| false),
             Self::Fitted => ("a fitted model", |path| {
                 first_line(path).starts_with(FITTED)
+            }),
+            Self::Refits => ("a file of bootstrap refits", |path| {
+                let line = first_line(path);
+                line.is_empty() || line.starts_with(REFITS)
             }),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Matrices => ("a table of matrices", |path| {

@@ -98,3 +98,38 @@ impl Spinner {
         self.bar.finish_and_clear();
     }
 }
+
+/// How much of countable work is done, from several threads.
+pub struct Counter {
+    begin: Instant,
+    bar: ProgressBar,
+    what: &'static str,
+}
+
+impl Counter {
+    /// Of so much work, called so.
+    pub fn new(what: &'static str, count: u64) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
+        let style = ProgressStyle::with_template("{bar:20} {pos} of {len} {msg}, {eta} left");
+        Self {
+            begin: Instant::now(),
+            bar: bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
+            what,
+        }
+    }
+
+    /// Another part is done.
+    pub fn count(&self) {
+        self.bar.inc(1);
+        if self.bar.is_hidden() && self.begin.elapsed() > PATIENCE {
+            self.bar
+                .set_draw_target(ProgressDrawTarget::stderr_with_hz(5));
+            self.bar.set_message(self.what);
+        }
+    }
+
+    /// Wipes it.
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}

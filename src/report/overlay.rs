@@ -29,11 +29,27 @@ pub struct Parameters {
     pub notes: Vec<String>,
 }
 
-/// A page with a table of the parameters and a figure for each signal.
+/// The section of a fit that was solved again; nothing where it was not.
+pub(super) fn refits(table: Option<&Parameters>) -> String {
+    table.map_or(String::new(), |own| {
+        html::section("Profiles and bootstrap", &own.html())
+    })
+}
+
+impl Parameters {
+    /// The table, and what is said below.
+    fn html(&self) -> String {
+        let notes = self.notes.iter();
+        let notes = notes.map(|note| format!("<p>{}</p>", html::escape(note)));
+        html::table(&self.header, &self.numeric, &self.rows) + &notes.collect::<String>()
+    }
+}
+
+/// A page with a table of the parameters, one of refits where there are any, and a figure for each signal.
 pub fn overlay_page(
     title: &str,
     verdict: &str,
-    parameters: &Parameters,
+    (parameters, refits): (&Parameters, Option<&Parameters>),
     figures: &[Overlay<'_>],
     made: &Made,
 ) -> String {
@@ -41,18 +57,11 @@ pub fn overlay_page(
         "converged" => "good",
         _ => "bad",
     };
-    let Parameters {
-        header,
-        numeric,
-        rows,
-        notes,
-    } = parameters;
-    let notes = notes
-        .iter()
-        .map(|note| format!("<p>{}</p>", html::escape(note)));
-    let table = html::table(header, numeric, rows) + &notes.collect::<String>();
     let drawn: String = figures.iter().map(figure).collect();
-    let body = html::header(title, class, verdict) + &html::section("Parameters", &table) + &drawn;
+    let body = html::header(title, class, verdict)
+        + &html::section("Parameters", &parameters.html())
+        + &self::refits(refits)
+        + &drawn;
     html::whole(title, &body, made)
 }
 

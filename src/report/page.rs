@@ -3,6 +3,7 @@
 use super::figures::{self, ClosedLoop, Targets};
 use super::html::{Made, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
+use super::overlay::{self, Parameters};
 use super::tables;
 use crate::identification::statistics::rms;
 use crate::identification::{Diagnostic, Fit, Identification, Objective, RunFit};
@@ -13,6 +14,8 @@ use crate::models::Pilot;
 pub struct Report<'a> {
     /// The fit, and all that belongs to it.
     pub found: &'a Identification,
+    /// What refits gave; none where nothing was solved again.
+    pub refits: Option<Parameters>,
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
     /// What made it.
@@ -204,8 +207,10 @@ fn numbers(report: &Report) -> String {
     let trials = &report.found.trials.fit;
     let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
     section("Parameters", &tables::theta(fit, options.pilot))
+        + &overlay::refits(report.refits.as_ref())
         + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
         + &section("Poles of the closed loop", &tables::closed_loop(fit))
+        + &section("Margins of the closed loop", &tables::derived(report.found))
         + &section("Runs", &tables::runs(report.found))
         + &section("Solve", &tables::solve(fit, options))
         + &section("Vehicle", &tables::vehicle(options))
@@ -282,6 +287,7 @@ mod tests {
         let found = Identification::of(fit, options, trials);
         let report = Report {
             found: &found,
+            refits: None,
             loops: &loops,
             made: &Made {
                 command: "pilotage fit <x>".into(),

@@ -96,6 +96,33 @@ pub fn closed_loop(fit: &Fit) -> String {
     }
 }
 
+/// The figures of the closed loop but its poles, with their intervals.
+pub fn derived(found: &Identification) -> String {
+    let all = found.derived.iter();
+    let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
+    let rows: Vec<_> = all
+        .map(|(figure, own)| {
+            let cell = |value: f64, digits| match value.is_finite() {
+                true => number::html(value, digits),
+                false => "–".to_owned(),
+            };
+            vec![
+                figure.name.replace('_', " "),
+                cell(figure.value, 4),
+                cell(own.sd, 3),
+                cell(own.low, 4),
+                cell(own.high, 4),
+                figure.unit.to_owned(),
+            ]
+        })
+        .collect();
+    let header = ["", "value", "sd", "95 % low", "95 % high", "unit"];
+    match rows.is_empty() {
+        true => "<p>Not known.</p>".into(),
+        false => table(&header, &[1, 2, 3, 4], &rows),
+    }
+}
+
 /// Poles, or pairs of them.
 pub fn modes(modes: &[Mode]) -> String {
     let rows: Vec<_> = (modes.iter())

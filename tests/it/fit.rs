@@ -108,7 +108,13 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
     ] {
         assert!(ended.stdout.contains(unit), "{unit}{}", ended.stdout);
     }
-    assert_eq!(ended.stdout.matches("  sd ").count(), 6, "{}", ended.stdout);
+    // Six parameters, and four figures of the loop.
+    assert_eq!(
+        ended.stdout.matches("  sd ").count(),
+        10,
+        "{}",
+        ended.stdout
+    );
     let method = "\n  95 % intervals (cr3: by leaving out one run at a time)\n";
     assert!(ended.stdout.contains(method), "{}", ended.stdout);
     let next = "\nwrote pilot.toml\nnext: pilotage export pilot pilot.toml -o pilot.fmu\n";

@@ -47,6 +47,7 @@ mod problem_outcomes;
 mod problems;
 mod random_collocation;
 mod recovery;
+mod refits;
 mod schemes;
 mod shipped;
 mod sqp_problems;

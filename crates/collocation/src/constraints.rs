@@ -8,6 +8,8 @@ use pilotage_expression::{Graph, Node, Obstacle, Tape, Traced, trace};
 pub struct ParameterConstraints {
     tape: Tape,
     count: usize,
+    /// Parameters that are known, by their places among all, ascending.
+    known: Vec<(usize, f64)>,
 }
 
 impl ParameterConstraints {
@@ -28,7 +30,19 @@ impl ParameterConstraints {
         Self {
             tape: Tape::new(graph, parameters, |_| true, &[values]),
             count: values.len(),
+            known: Vec::new(),
         }
+    }
+
+    /// The same with one of the parameters known.
+    pub fn with_parameter(&self, parameter: usize, value: f64) -> Self {
+        let mut own = self.clone();
+        // Its place among all of them.
+        let place =
+            (self.known.iter()).fold(parameter, |at, (known, _)| at + usize::from(*known <= at));
+        own.known.push((place, value));
+        own.known.sort_by_key(|(place, _)| *place);
+        own
     }
 
     /// Number of constraints.
@@ -38,9 +52,15 @@ impl ParameterConstraints {
 
     /// Their values; each must be at least zero.
     pub fn values<T: DualNum<Primitive = f64> + Copy>(&self, theta: &[T]) -> Vec<T> {
-        match self.count {
-            0 => Vec::new(),
-            _ => self.tape.evaluate(theta),
+        match (self.count, self.known.is_empty()) {
+            (0, _) => Vec::new(),
+            (_, true) => self.tape.evaluate(theta),
+            (_, false) => {
+                let mut all = theta.to_vec();
+                let known = self.known.iter();
+                known.for_each(|(place, value)| all.insert(*place, T::from(*value)));
+                self.tape.evaluate(&all)
+            }
         }
     }
 }

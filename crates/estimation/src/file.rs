@@ -30,6 +30,8 @@ pub struct ProblemFile {
     pub initial: Vec<(Said<String>, Initial)>,
     /// Constraints on signals and parameters.
     pub constraints: Vec<Constraint>,
+    /// What is told beside the parameters: expressions of them.
+    pub derived: Vec<(Said<String>, Formula)>,
     /// What is to be stable.
     pub stability: Stability,
     /// The runs.

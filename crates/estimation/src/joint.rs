@@ -211,7 +211,10 @@ pub fn unknown(what: &str, name: &str, known: &[String]) -> String {
 }
 
 /// How the values of a wire change their unit.
-fn conversion(variables: &HashMap<String, About>, wire: &Wire) -> Result<Conversion, ProblemError> {
+pub(crate) fn conversion(
+    variables: &HashMap<String, About>,
+    wire: &Wire,
+) -> Result<Conversion, ProblemError> {
     let unit = |name: &str| variables.get(name)?.unit.as_deref();
     let (Some(from), Some(to)) = (unit(&wire.from.value), unit(&wire.to.value)) else {
         return Ok(Conversion::NONE);

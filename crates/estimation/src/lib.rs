@@ -44,7 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `active`, `begun`, `likelihood`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], `trouble` | what was found, on which constraints, with what the runs began, what speaks against it, runs that were not fitted, how sure it is, what is not finite |
+//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
 //! | [`comparison`] | several problems on the same data |
 
 mod active;
@@ -62,11 +62,13 @@ mod followed;
 mod interval;
 pub mod joint;
 mod likelihood;
+mod loops;
 mod names;
 pub mod part;
 pub mod posed;
 mod ranges;
 mod read;
+pub mod refits;
 pub mod result;
 mod runs;
 mod stability;

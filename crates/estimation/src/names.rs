@@ -47,6 +47,8 @@ pub enum Of {
     Initial(usize, String),
     /// A constraint, by its number.
     Constraint(usize),
+    /// A derived quantity.
+    Derived(String),
     /// What a run sets: the parameter and the expression as it is written.
     Set(String, String),
 }
@@ -223,6 +225,14 @@ fn add_all(
             .then_some("a constraint at the parameters");
         builder.add(file, Of::Constraint(k), None, &constraint.formula, constant)?;
     }
+    for (name, formula) in &file.derived {
+        if parameters.names.contains(&name.value) {
+            let fault = format!("`{}` is a parameter; take another name", name.value);
+            return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+        }
+        let of = Of::Derived(name.value.clone());
+        builder.add(file, of, None, formula, Some("a derived quantity"))?;
+    }
     for run in &file.runs {
         for set in run.sets() {
             let name = &set.name.value;
@@ -273,6 +283,7 @@ impl Of {
             Self::Offset(_) => "the offset".into(),
             Self::Initial(_, state) => format!("the initial value of `{state}`"),
             Self::Constraint(_) => "the constraint".into(),
+            Self::Derived(name) => name.clone(),
             Self::Set(name, _) => format!("the value of `{name}`"),
         }
     }

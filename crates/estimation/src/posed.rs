@@ -124,6 +124,10 @@ pub struct Told {
     pub joint: Vec<Node>,
     /// Parameters that are tied to others.
     pub tied: Vec<(String, Node)>,
+    /// What the file derives from parameters.
+    pub derived: Vec<(String, Node)>,
+    /// For each measured signal, the input that is what was recorded, where its residual is an expression of that.
+    pub seen: Vec<Option<usize>>,
     /// For each measured signal, the recorded values of each run's samples, in the unit of the signal.
     pub recorded: Vec<Vec<Vec<f64>>>,
 }

@@ -9,9 +9,11 @@ use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
 use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
+use pilotage_expression::Node;
 use pilotage_inference::residuals::Explained;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
+use std::sync::Arc;
 
 /// A mean square of the residuals that is none, per variance of the samples or the noise.
 const EXACT: f64 = 1e-6;
@@ -35,6 +37,9 @@ pub struct Fit {
     pub samples: usize,
     /// What was sought, and what is tied to it.
     pub parameters: Vec<Found>,
+    /// What the file derives from parameters; then, where the instances close one loop, its figures at the end of the first
+    /// run ([`pilotage_linear::LoopFigures::named`]).
+    pub derived: Vec<Found>,
     /// The runs.
     pub runs: Vec<RunFit>,
     /// Iterations of the solver.
@@ -63,6 +68,8 @@ pub struct Fit {
     pub seconds: f64,
     /// How sure it is.
     pub uncertainty: Result<Uncertainty, Unsure>,
+    /// The solution itself.
+    pub solved: Option<Arc<Solved>>,
     /// Which expression is no finite number where the search begins, where a solve ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
@@ -194,6 +201,7 @@ impl Fit {
             nllh: 0.5 * surprise,
             samples,
             parameters: parameters(posed, &states, &theta),
+            derived: expressed(posed, &states, &theta, &posed.told.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
             poles: poles(posed, &runs, &states, &theta),
@@ -209,6 +217,7 @@ impl Fit {
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
             uncertainty: Err(Unsure::NotConverged),
+            solved: None,
             trouble: None,
         }
     }
@@ -357,11 +366,22 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             is_tied: false,
         });
     }
+    all.extend(expressed(posed, states, theta, &posed.told.tied));
+    all
+}
+
+/// Expressions of parameters, where the runs begin.
+fn expressed(
+    posed: &Posed<'_>,
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+    all: &[(String, Node)],
+) -> Vec<Found> {
     let graph = &posed.model.system.graph;
     let of_runs: Vec<Vec<f64>> = (states.iter().enumerate())
         .map(|(j, states)| graph.values(&variables(posed, j, 0, &states[0], theta)))
         .collect();
-    for (name, node) in &posed.told.tied {
+    let found = |(name, node): &(String, Node)| {
         let values: Vec<f64> = of_runs.iter().map(|values| values[node.index()]).collect();
         let is_one = values.windows(2).all(|pair| pair[0] == pair[1]);
         let labelled = posed
@@ -377,15 +397,15 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
         let none = About::default();
         let about = about.unwrap_or(&none);
         let sizes = [about.start, about.nominal.unwrap_or(1.0)];
-        all.push(Found {
+        Found {
             name: name.clone(),
             unit: posed.joint.unit(name).map(str::to_owned),
             bound: reached([about.min, about.max], &values, sizes),
             values,
             is_tied: true,
-        });
-    }
-    all
+        }
+    };
+    all.iter().map(found).collect()
 }
 
 /// The end of a range on which one of these values lies, up to the solver's tolerance for a parameter of the size of its

@@ -89,6 +89,33 @@ impl System {
         }
     }
 
+    /// The same with a parameter as another input, behind the others.
+    ///
+    /// # Panics
+    /// Where there is no such parameter.
+    pub fn with_input(&self, parameter: usize) -> Self {
+        assert!(parameter < self.parameters, "a parameter");
+        let moved = self.parameter(parameter);
+        let mut graph = Graph::default();
+        let all: Vec<Node> = (0..self.variables()).map(|k| graph.variable(k)).collect();
+        // Behind the inputs is where the first parameter was.
+        let first = self.parameter(0);
+        let place = |variable: usize| match variable {
+            _ if variable == moved => first,
+            _ if variable >= first && variable < moved => variable + 1,
+            _ => variable,
+        };
+        let variables: Vec<Node> = (0..self.variables()).map(|k| all[place(k)]).collect();
+        Self {
+            derivatives: graph.import(&self.graph, &self.derivatives, &variables),
+            outputs: graph.import(&self.graph, &self.outputs, &variables),
+            graph,
+            inputs: self.inputs + 1,
+            parameters: self.parameters - 1,
+            ..*self
+        }
+    }
+
     /// Number of variables.
     pub fn variables(&self) -> usize {
         1 + self.states + self.inputs + self.parameters

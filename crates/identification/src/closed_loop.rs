@@ -6,6 +6,7 @@ use super::linearised::Linear;
 use nalgebra::Complex;
 use pilotage_collocation::Differentiated;
 use pilotage_linear::eigenvalues;
+use pilotage_models::pilot::roots;
 use pilotage_models::{Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
 
 /// Slowest decay of a closed loop that a fit may have [1/s]: each pole's real part is at most minus this.
@@ -60,6 +61,7 @@ impl ClosedLoop {
 pub struct LinearVehicle {
     gain: f64,
     pitch: [f64; 3],
+    lag: f64,
 }
 
 impl LinearVehicle {
@@ -69,7 +71,34 @@ impl LinearVehicle {
         Self {
             gain: vehicle.gravity * vehicle.max_pitch * pitch[0],
             pitch,
+            lag: vehicle.propeller_lag,
         }
+    }
+
+    /// Its poles [1/s], without that of the sum of the rotor speeds.
+    pub fn poles(&self) -> Vec<Complex<f64>> {
+        let zeros = [Complex::new(0.0, 0.0); 2];
+        [&zeros[..], &roots(&self.pitch)].concat()
+    }
+
+    /// Poles of the closed loop with a pilot [1/s], that of the sum of the rotor speeds among them.
+    pub fn closed_poles(&self, pilot: Pilot, theta: &[f64]) -> Vec<Complex<f64>> {
+        let polynomial = self.characteristic(pilot, theta);
+        let mut poles = roots(&polynomial[..self.degree(pilot)]);
+        poles.push(Complex::new(-self.lag, 0.0));
+        poles
+    }
+
+    /// `L(s)` of the loop with a pilot `N/D`, cut at the stick: `-gain N / (D s² P)`, so that `1 + L = 0` is the closed
+    /// loop.
+    pub fn loop_at(&self, pilot: Pilot, theta: &[f64], s: Complex<f64>) -> Complex<f64> {
+        let value = |p: &[f64]| {
+            let zero = Complex::new(0.0, 0.0);
+            p.iter().rev().fold(zero, |sum, c| sum * s + c)
+        };
+        let monic = |p: &[f64]| value(&[p, &[1.0]].concat());
+        let (denominator, numerator) = theta.split_at(pilot.order);
+        -self.gain * value(numerator) / (monic(denominator) * s * s * monic(&self.pitch))
     }
 
     /// Degree of the closed loop's characteristic polynomial with a pilot.

@@ -5,7 +5,9 @@ use super::simulate::{LONGEST, at_rest};
 use super::solve::Observer;
 use super::statistics::rms;
 use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
-use super::{fit, simulate, simulate_from};
+use super::{derived, fit, simulate, simulate_from};
+use pilotage_inference::Interval;
+use pilotage_linear::Figure;
 
 /// A pilot identified from trials.
 #[derive(Debug, Clone)]
@@ -16,6 +18,8 @@ pub struct Identification {
     pub options: FitOptions,
     /// The trials that it was fitted to, and those that it was not.
     pub trials: TrialSet,
+    /// The figures of its closed loop, each with its interval ([`derived`](derived::derived)).
+    pub derived: Vec<(Figure, Interval)>,
     /// All trials as the pilot flies them alone, from rest where the solution begins, in the order of
     /// [`TrialSet::all`]: none where nobody said which vehicle was flown, where a trial is longer than
     /// [`LONGEST`], or where the pilot is too fast to be simulated.
@@ -63,6 +67,7 @@ impl Identification {
             .map(|(trial, solution)| fly(&fit, &options, trial, solution))
             .collect();
         Self {
+            derived: derived::derived(&fit, &options),
             fit,
             options,
             trials,

@@ -3,6 +3,7 @@
 
 pub mod closed_loop;
 pub mod constraints;
+pub mod derived;
 pub mod diagnostics;
 pub mod identification;
 pub mod joint;
@@ -15,6 +16,7 @@ pub mod problem;
 mod projection;
 mod race;
 pub mod random_starts;
+pub mod refits;
 pub mod result;
 pub mod simulate;
 pub mod solve;

@@ -2,7 +2,7 @@
 
 use super::race::{Race, TIE};
 use super::result::{FEASIBLE, StartReport, agree};
-use super::solve::{Iterate, Observer, Progress, SHORT_STEP};
+use super::solve::{Iterate, Observer, Progress, sqp_options};
 use super::{Fit, FitOptions, RunFit, Uncertainty, tumbles};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::{Iteration, Solution, Status};
@@ -267,10 +267,8 @@ impl Record {
             }
         };
         let sqp_options = pilotage_sqp::SqpOptions {
-            tolerance: options.tolerance,
             max_iterations: limit,
-            short_step: SHORT_STEP,
-            ..pilotage_sqp::SqpOptions::default()
+            ..sqp_options(options)
         };
         let solution = pilotage_collocation::solve(problem, z, &sqp_options, &mut watch);
         self.iterations += solution.work.iterations;

@@ -9,7 +9,7 @@ use super::{
 };
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::Pilot;
-use pilotage_sqp::{Iteration, Status};
+use pilotage_sqp::{Iteration, SqpOptions, Status};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -316,6 +316,28 @@ fn begin(
     let problem = posed.discretised(options, Scales::of(&states, &start.theta));
     let z = problem.variables(&states, &start.theta);
     (problem, z)
+}
+
+/// The discretised problem of a fit, and its variables where that has ended.
+pub(super) fn again(fit: &Fit, trials: &[Trial], options: &FitOptions) -> (Collocation, Vec<f64>) {
+    let posed = match options.objective {
+        Objective::Response => problem::pose_response(trials, options),
+        Objective::Stick => problem::pose_stick(trials, options),
+    };
+    let states: Vec<_> = fit.runs.iter().map(|run| run.states.clone()).collect();
+    let problem = posed.discretised(options, Scales::of(&states, &fit.theta));
+    let z = problem.variables(&states, &fit.theta);
+    (problem, z)
+}
+
+/// Options of one solve.
+pub(super) fn sqp_options(options: &FitOptions) -> SqpOptions {
+    SqpOptions {
+        tolerance: options.tolerance,
+        max_iterations: options.max_iterations,
+        short_step: SHORT_STEP,
+        ..SqpOptions::default()
+    }
 }
 
 /// True where initial states make many optima.

@@ -38,15 +38,7 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// At a solution of the paper's problem; none where its derivatives or its noise are not known.
     pub(super) fn of(problem: &Collocation, at: &Iterate, options: &FitOptions) -> Option<Self> {
-        let found = Sensitivities::new(problem, at)?;
-        let runs = found.runs.iter().enumerate();
-        let data = Data {
-            runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
-            prior: DMatrix::zeros(0, problem.n_parameters()),
-            active: found.parameters.clone(),
-            scales: DVector::from_column_slice(&problem.model.scales.parameters),
-            is_scaled: false,
-        };
+        let data = data(problem, at)?;
         let inference = Inference::new(&data).ok()?;
         let covariance = inference.covariance(options.covariance);
         // What was asked for may not be: then the default says so by its name.
@@ -71,50 +63,43 @@ impl Uncertainty {
             correlations: covariance.correlations(),
             cramer_rao: percents(inference.cramer_rao()),
             insensitivity: percents(inference.insensitivity()),
-            held: found.active.len(),
+            held: data.active.nrows(),
             open: inference.directions.clone(),
             covariance: covariance.matrix,
             degrees: covariance.degrees,
         })
     }
 
-    /// The interval of a number that follows from θ, such as a margin or the real part of a pole (delta method, by
-    /// central differences of the function).
-    pub fn derived(&self, theta: &[f64], of: impl Fn(&[f64]) -> f64) -> Interval {
-        let sd: Vec<f64> = self
-            .covariance
-            .diagonal()
-            .iter()
-            .map(|v| v.sqrt())
-            .collect();
-        let slope = |k: usize, _| {
-            let h = STEP * sd[k];
+    /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
+    /// by central differences of `of`). One that depends on a direction which the data leave open is flat.
+    pub fn derived(
+        &self,
+        theta: &[f64],
+        values: &[f64],
+        of: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Vec<Interval> {
+        let steps = self.covariance.diagonal().map(|v| STEP * v.sqrt());
+        let mut slopes = DMatrix::zeros(values.len(), theta.len());
+        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
             let moved = |by: f64| {
                 let mut theta = theta.to_vec();
                 theta[k] += by;
-                of(&theta)
+                DVector::from_vec(of(&theta))
             };
-            if h > 0.0 {
-                (moved(h) - moved(-h)) / (2.0 * h)
-            } else {
-                0.0
-            }
-        };
-        let gradient = DVector::from_fn(theta.len(), slope);
-        let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+            slopes.set_column(k, &((moved(*step) - moved(-step)) / (2.0 * step)));
+        }
         let degrees = self.degrees.iter().copied().fold(f64::INFINITY, f64::min);
-        let sd = if self.open.is_empty() {
-            variance.sqrt()
-        } else {
-            f64::INFINITY
+        let interval = |(i, value): (usize, &f64)| {
+            let gradient = slopes.row(i).transpose();
+            let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+            let sd = match self.open.is_empty() {
+                true => variance.sqrt(),
+                false => f64::INFINITY,
+            };
+            let open = [f64::NEG_INFINITY, f64::INFINITY];
+            Interval::new(*value, sd, degrees, open, None)
         };
-        Interval::new(
-            of(theta),
-            sd,
-            degrees,
-            [f64::NEG_INFINITY, f64::INFINITY],
-            None,
-        )
+        values.iter().enumerate().map(interval).collect()
     }
 
     /// What one must know of it, in words.
@@ -138,6 +123,19 @@ impl Uncertainty {
         }
         notes
     }
+}
+
+/// The least-squares problem of a solution; none where its derivatives are not known.
+pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
+    let found = Sensitivities::new(problem, at)?;
+    let runs = found.runs.iter().enumerate();
+    Some(Data {
+        runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
+        prior: DMatrix::zeros(0, problem.n_parameters()),
+        active: found.parameters.clone(),
+        scales: DVector::from_column_slice(&problem.model.scales.parameters),
+        is_scaled: false,
+    })
 }
 
 /// A run's residuals and their derivatives.

@@ -104,6 +104,20 @@ impl Autoregression {
         out
     }
 
+    /// So many values of the process, from innovations of unit variance: stationary from the first on.
+    pub fn simulated(&self, count: usize, mut innovation: impl FnMut() -> f64) -> Vec<f64> {
+        let order = self.predictors.len() - 1;
+        let mut values: Vec<f64> = Vec::with_capacity(count);
+        for t in 0..count {
+            let predictor = &self.predictors[t.min(order)];
+            let before = predictor.iter().zip(values.iter().rev());
+            let expected: f64 = before.map(|(a, x)| a * x).sum();
+            let sd = (self.variance * self.left[t.min(order)]).sqrt();
+            values.push(expected + sd * innovation());
+        }
+        values
+    }
+
     /// White noise with the variance of this process.
     pub fn white(&self) -> Self {
         Self {
@@ -304,6 +318,26 @@ mod tests {
         let coloured = process.coloured(&rows);
         let expected = rows.transpose() * sigma * &rows;
         assert!((coloured.tr_mul(&coloured) - &expected).amax() < 1e-10 * expected.amax());
+    }
+
+    /// The covariance of simulated values is that of the process, since they are linear in the innovations.
+    #[test]
+    fn simulated_values_have_the_covariance_of_the_process() {
+        let (a, b, n) = (1.5, -0.7, 12);
+        let process = Autoregression::new(&[a / (1.0 - b), b]);
+        let r = autocovariances(a, b, n);
+        let column = |k: usize| {
+            let mut t = 0;
+            let unit = || {
+                t += 1;
+                f64::from(u8::from(t == k + 1))
+            };
+            DVector::from_vec(process.simulated(n, unit))
+        };
+        let columns: Vec<DVector<f64>> = (0..n).map(column).collect();
+        let factor = DMatrix::from_columns(&columns);
+        let expected = DMatrix::from_fn(n, n, |i, j| r[i.abs_diff(j)]);
+        assert!((&factor * factor.transpose() - &expected).amax() < 1e-10 * expected.amax());
     }
 
     /// The restricted likelihood, written out with dense matrices.

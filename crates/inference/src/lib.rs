@@ -43,6 +43,7 @@ mod meat;
 pub mod residuals;
 mod row;
 
+pub use autoregression::Autoregression;
 pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};

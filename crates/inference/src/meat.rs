@@ -22,8 +22,8 @@ impl Inference<'_> {
         vec![process; self.signals()]
     }
 
-    /// A process for each signal.
-    pub(crate) fn coloured(&self) -> Processes {
+    /// An autoregressive process for each signal, in standard deviations times the root of the weight, as residuals are.
+    pub fn coloured(&self) -> Processes {
         let of_signal = |k: usize| {
             let runs = self.data.runs.iter().zip(&self.all.runs);
             let segments = runs.filter_map(|(run, own)| {

@@ -39,6 +39,7 @@
 //! ```
 
 mod discrete;
+mod figures;
 mod margins;
 mod modes;
 mod realization;
@@ -47,6 +48,7 @@ mod state_space;
 mod tests;
 
 pub use discrete::Sampled;
+pub use figures::{Figure, LoopFigures, OpenLoop};
 pub use margins::{GainCrossing, Margins, PhaseCrossing, Response};
 pub use modes::{Mode, eigenvalues};
 pub use realization::{Realization, RealizationError, realize, steps_needed};

@@ -145,15 +145,10 @@ impl Margins {
             (omega, evaluate(omega))
         };
         let gain_crossings = (sign_changes(&response.value, excess_gain).into_iter())
-            .map(|ends| crossing(ends, excess_gain))
-            .map(|(omega, value)| gain_crossing(omega, value));
+            .map(|ends| GainCrossing::at(crossing(ends, excess_gain)));
         let phase_crossings = (sign_changes(&response.value, clear_sine).into_iter())
             .filter(|ends| ends.iter().all(|&i| response.value[i].re < 0.0))
-            .map(|ends| crossing(ends, |value| value.im))
-            .map(|(frequency, value)| PhaseCrossing {
-                frequency,
-                gain_margin: 1.0 / value.norm(),
-            });
+            .map(|ends| PhaseCrossing::at(crossing(ends, |value| value.im)));
         Self {
             gain_crossings: gain_crossings.collect(),
             phase_crossings: phase_crossings.collect(),
@@ -217,14 +212,27 @@ fn root(ends: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-fn gain_crossing(frequency: f64, value: Complex<f64>) -> GainCrossing {
-    // arg(-L) is 180° + arg L, brought to between -180° and 180°.
-    let phase_margin = (-value).arg();
-    GainCrossing {
-        frequency,
-        phase_margin,
-        delay_margin: phase_margin.rem_euclid(2.0 * PI) / frequency,
-        effective_delay: (PI / 2.0 - phase_margin) / frequency,
+impl GainCrossing {
+    /// The crossing at a frequency where `L` has this value.
+    pub(super) fn at((frequency, value): (f64, Complex<f64>)) -> Self {
+        // arg(-L) is 180° + arg L, brought to between -180° and 180°.
+        let phase_margin = (-value).arg();
+        Self {
+            frequency,
+            phase_margin,
+            delay_margin: phase_margin.rem_euclid(2.0 * PI) / frequency,
+            effective_delay: (PI / 2.0 - phase_margin) / frequency,
+        }
+    }
+}
+
+impl PhaseCrossing {
+    /// The same.
+    pub(super) fn at((frequency, value): (f64, Complex<f64>)) -> Self {
+        Self {
+            frequency,
+            gain_margin: 1.0 / value.norm(),
+        }
     }
 }
 

@@ -105,8 +105,8 @@ impl Both {
             })
         });
         json!({
-            "response": to_json(&self.response),
-            "stick": to_json(&self.stick),
+            "response": to_json(&self.response, None),
+            "stick": to_json(&self.stick, None),
             "flown_alone": flown.collect::<Vec<_>>(),
         })
     }
@@ -210,7 +210,7 @@ impl Both {
         overlay_page(
             "fits of response and stick",
             &verdict,
-            &parameters,
+            (&parameters, None),
             &figures,
             &made(),
         )

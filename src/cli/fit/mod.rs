@@ -4,6 +4,7 @@ mod both;
 mod log;
 mod next;
 mod problem;
+mod refits;
 pub mod summary;
 mod table;
 mod watch;
@@ -16,8 +17,8 @@ use super::{Failure, Outcome, interrupt, terminal, vehicle};
 use crate::atomic_file::AtomicFile;
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
-    FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme, TrialSet,
-    pilot_file,
+    self, FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme,
+    TrialSet, pilot_file,
 };
 use crate::inference::Method;
 use crate::models::Pilot;
@@ -25,7 +26,10 @@ use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
 pub use problem::FITTED;
+pub use refits::HEAD as REFITS;
+use refits::{Refits, Refitted};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 use summary::{to_json, to_text};
 use watch::Watch;
 
@@ -48,6 +52,12 @@ Examples:
   # Another pilot, another vehicle, other signals: a problem file.
   pilotage init run*.csv --pilot crossover -o problem.toml
   pilotage fit problem.toml
+
+  # Intervals where the covariance's may not do: by profiles of the objective, and by 200 replicates of the runs, kept
+  # in a file from which a killed command goes on.
+  pilotage fit run*.csv --profile
+  pilotage fit problem.toml --profile pilot.gain,pilot.delay
+  pilotage fit run*.csv --bootstrap 200 --seed 1 --resume refits.csv
 
   # At most ten seconds, and from where that ended.
   pilotage fit run*.csv --time-limit 10
@@ -137,6 +147,8 @@ pub struct Args {
     /// models them, `cr3` leaves out one run at a time [default: cr3 from four runs on, ar below].
     #[arg(long, value_name = "METHOD", value_parser = named(Method::ALL, Method::as_str))]
     covariance: Option<Method>,
+    #[command(flatten)]
+    refits: Refits,
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
@@ -195,6 +207,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             Failure::new("--evaluate takes a problem file").hint("`pilotage init` writes one")
         );
     }
+    if let (Compared::Both, Some(flag)) = (args.objective, args.refits.flag()) {
+        let message = format!("{flag} takes one fit, and --objective both are two");
+        return Err(Failure::new(message).hint("fit one after the other"));
+    }
     if args.objective == Compared::Both && args.log.is_some() {
         return Err(
             Failure::new("--log writes one fit, and --objective both are two")
@@ -211,6 +227,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(note);
     }
     args.check_outputs(&set)?;
+    let sought = identification::refits::sought(&options).into_iter();
+    let sought: Vec<_> = sought.map(|name| (name, None)).collect();
+    let plan = args.refits.plan(&sought, set.fit.len())?;
+    let begin = Instant::now();
     if args.objective == Compared::Both {
         interrupt::listen("stopping at the next iteration")?;
         return both::run(&args, set, &options);
@@ -224,12 +244,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
     let log = watch.end();
     let found = found?;
+    let refitted = match &plan {
+        Some(plan) => args.refitted(plan, &found, begin)?,
+        None => None,
+    };
 
     save(pilot_output, args.output(), &pilot_file::to_toml(&found))?;
     if let (Some(output), Some(path)) = (report_output, &args.report) {
-        save(output, path, &page(&found))?;
+        save(output, path, &page(&found, refitted.as_ref()))?;
     }
-    args.tell(&found)?;
+    args.tell(&found, refitted.as_ref())?;
     if let Some(log) = log {
         log.close(&found.fit)?;
     }
@@ -318,15 +342,36 @@ impl Args {
             .chain(stick)
             .chain(self.report.as_deref().map(|path| (path, OutputKind::Page)))
             .chain(log.map(|path| (path, OutputKind::Log)))
+            .chain(self.refits.output())
             .collect();
         self.overwrite.check(&inputs, &outputs)
     }
 
+    /// A fit, solved again; none where that cannot be.
+    fn refitted(
+        &self,
+        plan: &refits::Plan,
+        found: &Identification,
+        begin: Instant,
+    ) -> Result<Option<Refitted>, Failure> {
+        let study = identification::refits::study(&found.fit, &found.trials.fit, &found.options);
+        match study {
+            Some(study) => Ok(Some(plan.run(&study, (begin, self.time_limit))?)),
+            None => {
+                terminal::note(refits::NOTHING);
+                Ok(None)
+            }
+        }
+    }
+
     /// The summary, away from the log.
-    fn tell(&self, found: &Identification) -> Result<(), Failure> {
+    fn tell(&self, found: &Identification, refitted: Option<&Refitted>) -> Result<(), Failure> {
         let text = match self.json {
-            true => format!("{:#}\n", to_json(found)),
-            false => to_text(found) + &self.next(found),
+            true => format!("{:#}\n", to_json(found, refitted)),
+            false => {
+                let refits = refitted.map_or(String::new(), Refitted::to_text);
+                to_text(found) + &refits + &self.next(found)
+            }
         };
         match self.logs_to_stdout() {
             true => terminal::tell(&text),
@@ -341,9 +386,10 @@ impl Args {
 }
 
 /// The report page of a fit alone.
-fn page(found: &Identification) -> String {
+fn page(found: &Identification, refitted: Option<&Refitted>) -> String {
     report::page(&Report {
         found,
+        refits: refitted.map(Refitted::table),
         loops: &[],
         made: &made(),
     })

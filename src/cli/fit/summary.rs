@@ -1,5 +1,6 @@
 //! What a fit gave, for people and for scripts.
 
+use super::refits::Refitted;
 use crate::cli::format;
 use crate::identification::statistics::rms;
 use crate::identification::{
@@ -7,6 +8,7 @@ use crate::identification::{
     pilot_file,
 };
 use crate::inference::{Interval, LEVEL, Method};
+use crate::linear::Figure;
 use crate::report::significant;
 use crate::vehicle::Mode;
 use nalgebra::DMatrix;
@@ -20,7 +22,7 @@ pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// The one object of `--json`.
-pub fn to_json(found: &Identification) -> Value {
+pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
     let Identification { fit, options, .. } = found;
     let modes = Mode::of_poles(&options.pilot.poles(&fit.theta));
     let runs: Vec<Value> = (found.outcomes())
@@ -53,9 +55,10 @@ pub fn to_json(found: &Identification) -> Value {
         "converged": fit.converged,
         "objective": fit.objective,
         "theta": fit.theta,
-        "parameters": parameters(fit, options),
-        "uncertainty": fit.uncertainty.as_ref().map(uncertainty),
+        "parameters": parameters(fit, options, refitted),
+        "uncertainty": fit.uncertainty.as_ref().map(|own| uncertainty(own, refitted)),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
+        "derived": derived(found, refitted),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,
@@ -74,7 +77,7 @@ pub fn to_json(found: &Identification) -> Value {
 }
 
 /// Value and unit of each parameter, by name.
-fn parameters(fit: &Fit, options: &FitOptions) -> Value {
+fn parameters(fit: &Fit, options: &FitOptions, refitted: Option<&Refitted>) -> Value {
     let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
     let all = all.enumerate().map(|(i, (value, unit))| {
         let mut entry = json!({ "value": value, "unit": unit });
@@ -83,13 +86,52 @@ fn parameters(fit: &Fit, options: &FitOptions) -> Value {
                 entry[name] = field(&own);
             }
         }
-        (format!("theta{}", i + 1), entry)
+        let name = format!("theta{}", i + 1);
+        if let (Some(refitted), Some(entry)) = (refitted, entry.as_object_mut()) {
+            refitted.add_to(&name, entry);
+        }
+        (name, entry)
     });
     Value::Object(all.collect())
 }
 
-fn uncertainty(own: &Uncertainty) -> Value {
-    json!({
+/// The figures of the closed loop, by name.
+fn derived(found: &Identification, refitted: Option<&Refitted>) -> Value {
+    let all = found.derived.iter().map(|(figure, interval)| {
+        let mut entry = json!({ "value": figure.value, "unit": figure.unit });
+        for (name, field) in FIELDS {
+            entry[name] = field(interval);
+        }
+        if let (Some(refitted), Some(entry)) = (refitted, entry.as_object_mut()) {
+            refitted.add_to(&figure.name, entry);
+        }
+        (figure.name.clone(), entry)
+    });
+    Value::Object(all.collect())
+}
+
+/// The figures of the closed loop but its poles, with their intervals.
+fn figures(found: &Identification) -> String {
+    let all = found.derived.iter();
+    let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
+    let line = |(figure, own): &(Figure, Interval)| {
+        format!(
+            "  {:<20} {:>10}  {:<6}{}\n",
+            figure.name.replace('_', " "),
+            significant(figure.value, 4),
+            figure.unit,
+            told(own)
+        )
+    };
+    let text: String = all.map(line).collect();
+    match text.is_empty() {
+        true => text,
+        false => format!("\n{text}"),
+    }
+}
+
+fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
+    let mut told = json!({
         "method": own.method.as_str(),
         "level": LEVEL,
         "degrees_of_freedom": own.degrees,
@@ -99,20 +141,28 @@ fn uncertainty(own: &Uncertainty) -> Value {
         "cramer_rao_percent": own.cramer_rao,
         "insensitivity_percent": own.insensitivity,
         "notes": own.notes(),
-    })
+    });
+    if let Some(refitted) = refitted {
+        refitted.add_methods(&mut told);
+    }
+    told
 }
 
 /// How sure each component of θ is, in a line: its interval; empty where that is not known.
 fn interval(fit: &Fit, component: usize) -> String {
-    match fit.uncertainty.as_ref().map(|own| own.intervals[component]) {
-        Some(own) if own.sd.is_finite() => format!(
+    let own = fit.uncertainty.as_ref().map(|own| own.intervals[component]);
+    own.map_or_else(String::new, |own| told(&own))
+}
+
+fn told(own: &Interval) -> String {
+    match own.sd.is_finite() {
+        true => format!(
             "  sd {:<9} {:>10} to {}",
             significant(own.sd, 3),
             significant(own.low, 4),
             significant(own.high, 4)
         ),
-        Some(_) => "  not told by the data".to_owned(),
-        None => String::new(),
+        false => "  not told by the data".to_owned(),
     }
 }
 
@@ -231,7 +281,7 @@ pub fn to_text(found: &Identification) -> String {
     for mode in Mode::of_poles(&options.pilot.poles(&fit.theta)) {
         text += &format::mode(&mode);
     }
-    text + &loop_poles(fit) + &runs(found) + &agreement(fit) + &carried(found)
+    text + &loop_poles(fit) + &figures(found) + &runs(found) + &agreement(fit) + &carried(found)
 }
 
 /// The modes of the closed loop.

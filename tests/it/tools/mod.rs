@@ -5,6 +5,7 @@ mod examples;
 mod fmpy;
 mod guidance;
 mod library;
+mod margins;
 mod masters;
 mod model_fmus;
 mod modes;

@@ -39,6 +39,8 @@ impl Assembly<'_> {
             deviations: Vec::new(),
             joint,
             tied: Vec::new(),
+            derived: Vec::new(),
+            seen: Vec::new(),
             recorded: Vec::new(),
         };
         for k in 0..self.file.measured.len() {
@@ -46,7 +48,8 @@ impl Assembly<'_> {
             let deviation = self.deviation(k, signals, predicted);
             let recorded = self.recorded(k, rows)?;
             self.check_deviation(k, deviation, &recorded, rows)?;
-            self.add_residual(k, predicted, deviation, &recorded);
+            let seen = self.add_residual(k, predicted, deviation, &recorded);
+            told.seen.push(seen);
             told.predicted.push(predicted);
             told.deviations.push(deviation);
             told.recorded.push(recorded);
@@ -56,6 +59,11 @@ impl Assembly<'_> {
                 told.tied.push((name.clone(), self.values[0][name]));
             }
         }
+        let names = self.file.derived.iter().map(|(name, _)| &name.value);
+        let of: Vec<Of> = names.clone().cloned().map(Of::Derived).collect();
+        let values = self.values[0].clone();
+        let nodes = self.expressions(&of, None, &values);
+        told.derived = names.cloned().zip(nodes).collect();
         Ok(told)
     }
 
@@ -124,8 +132,15 @@ impl Assembly<'_> {
         }
     }
 
-    /// The negative logarithm of a recording's likelihood.
-    fn add_residual(&mut self, k: usize, predicted: Node, deviation: Node, recorded: &[Vec<f64>]) {
+    /// The negative logarithm of a recording's likelihood. Returns the input that is the recorded value, where there is
+    /// such.
+    fn add_residual(
+        &mut self,
+        k: usize,
+        predicted: Node,
+        deviation: Node,
+        recorded: &[Vec<f64>],
+    ) -> Option<usize> {
         if let (false, Some(sd)) = (self.is_scaled(k), self.graph.value(deviation)) {
             self.recordings.push(Measurement {
                 output: predicted,
@@ -134,7 +149,7 @@ impl Assembly<'_> {
                 weight: sd.powi(-2),
                 is_prior: false,
             });
-            return;
+            return None;
         }
         let [residual, deviation] = self.scaled_residual(k, predicted, deviation);
         let there = |value: &f64| if value.is_finite() { 0.0 } else { f64::NAN };
@@ -156,6 +171,9 @@ impl Assembly<'_> {
             let twice = self.graph.scale(2.0, log);
             self.recordings.push(term(twice, Loss::Linear));
         }
+        self.sources
+            .iter()
+            .position(|(key, _)| *key == Key::Recorded(k))
     }
 
     /// The residual in standard deviations, and the standard deviation.

@@ -20,11 +20,13 @@ mod watch;
 
 pub use begin::{begin, factor};
 pub use refine::Refinement;
+pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, Solved, solve};
 pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
+use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
 use crate::starts::starts;
@@ -34,6 +36,7 @@ use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 use unfinished::best_met;
 use watch::Watch;
@@ -97,16 +100,20 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         refinement,
         ..Fit::of(posed, &last)
     };
+    let looped = looped(posed, &last);
+    let figures = looped.iter().flat_map(Looped::found);
+    found.derived.extend(figures);
     // On a mesh that was refined since, the objective may have fallen below.
     found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
-        found.uncertainty = uncertainty(posed, &last, &found, simulated);
+        found.uncertainty = uncertainty(posed, &last, &found, simulated, looped.as_ref());
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
+    found.solved = Some(Arc::new(last));
     found
 }
 
@@ -120,6 +127,13 @@ fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, 
             ..Events::default()
         },
     }
+}
+
+/// The loop that the instances close, at the end of the first run.
+fn looped<'p>(posed: &'p Posed<'p>, solved: &Solved) -> Option<Looped<'p>> {
+    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
+    let x = problem.states_at_samples(z, 0).pop()?;
+    Looped::new(posed, &x, &problem.physical_theta(z))
 }
 
 /// How a start ended, and its objective; not a number where its states do not nearly fulfil the equations.

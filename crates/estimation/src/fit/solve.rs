@@ -6,6 +6,7 @@ use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use std::ops::ControlFlow;
 
 /// A start, solved.
+#[derive(Debug)]
 pub struct Solved {
     /// The nonlinear program.
     pub problem: Collocation,
@@ -81,15 +82,20 @@ pub(super) fn once(
     limit: usize,
     see: &SeeIterates<'_>,
 ) -> Solved {
-    let options = SqpOptions {
+    let options = sqp_options(posed, limit);
+    let solution =
+        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
+    Solved { problem, solution }
+}
+
+/// Options of a solve with so many iterations at most.
+pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
+    SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: limit,
         short_step: SHORT_STEP,
         ..SqpOptions::default()
-    };
-    let solution =
-        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
-    Solved { problem, solution }
+    }
 }
 
 /// The same problem with scales of the size that states and parameters have now, and its variables there.

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `fields` | single fields |
 //! | `signals` | inputs and what was measured |
-//! | `parameters` | parameters and initial states |
+//! | `parameters` | parameters, initial states, and what follows from them |
 //! | `runs` | runs and constraints |
 //! | `options` | stability and options |
 
@@ -26,7 +26,7 @@ use pilotage_text::suggestion::suggestion;
 use std::path::Path;
 
 /// The tables of a problem file.
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 11] = [
     "system",
     "connect",
     "inputs",
@@ -34,13 +34,21 @@ const KEYS: [&str; 10] = [
     "parameters",
     "initial",
     "constraint",
+    "derived",
     "stability",
     "run",
     "fit",
 ];
 
 /// Tables of a problem file that no other kind of file has.
-pub const OWN_KEYS: [&str; 5] = ["measured", "fit", "constraint", "initial", "stability"];
+pub const OWN_KEYS: [&str; 6] = [
+    "measured",
+    "fit",
+    "constraint",
+    "derived",
+    "initial",
+    "stability",
+];
 
 type Read<T> = Result<T, ProblemError>;
 
@@ -89,6 +97,7 @@ impl ProblemFile {
             parameters: reader.parameters(root)?,
             initial: reader.initial(root)?,
             constraints: reader.constraints(root)?,
+            derived: reader.derived(root)?,
             stability: stability(root)?,
             runs: reader.runs(root)?,
             options: options(root)?,

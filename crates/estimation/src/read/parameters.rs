@@ -4,7 +4,9 @@ use super::fields::{at, finite, per, positive, range, unit, word};
 use super::{Entry, Read, Reader};
 use crate::file::{Initial, Per, Prior, Sought};
 use pilotage_cosim::description::Said;
+use pilotage_language::file::Formula;
 use pilotage_text::document::TomlTable;
+use pilotage_text::is_identifier;
 
 impl Reader<'_> {
     pub(super) fn parameters(&self, root: TomlTable<'_>) -> Read<Vec<Sought>> {
@@ -13,6 +15,28 @@ impl Reader<'_> {
             .into_iter()
             .map(|entry| self.sought(entry))
             .collect()
+    }
+
+    /// What follows from parameters: names and expressions.
+    pub(super) fn derived(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Formula)>> {
+        let mut all = Vec::new();
+        let Some(table) = root.table("derived")? else {
+            return Ok(all);
+        };
+        for field in table.names() {
+            if !is_identifier(field) || ["time", "pi", "y"].contains(&field) {
+                let fault =
+                    format!("`{field}` cannot be a name; take another of letters, digits and _");
+                return Err(at(table, field, fault));
+            }
+            let formula = self.formula(table, field)?;
+            let name = Said {
+                value: field.to_owned(),
+                place: table.key_place(field),
+            };
+            all.push((name, table.required(field, formula)?));
+        }
+        Ok(all)
     }
 
     fn sought(&self, (table, field, name): Entry<'_>) -> Read<Sought> {

@@ -14,15 +14,24 @@ struct Terms {
     level: Option<usize>,
 }
 
+/// The least-squares problem of a solution.
+pub(crate) struct Linearised {
+    pub data: Data,
+    pub sensitivities: Sensitivities,
+    /// The number of terms that are recorded, with their levels; those behind are what is known beforehand.
+    pub signals: usize,
+}
+
 /// The least-squares problem of a solution. None where its derivatives are not known: see [`Sensitivities::new`].
-pub(super) fn linearised(
+pub(crate) fn linearised(
     posed: &Posed<'_>,
     problem: &Collocation,
     at: &Iterate,
-) -> Option<(Data, Sensitivities)> {
+) -> Option<Linearised> {
     let found = Sensitivities::new(problem, at)?;
     let terms = terms(posed);
-    let priors = terms.iter().map(Terms::end).max().unwrap_or(0)..problem.measured;
+    let signals = terms.iter().map(Terms::end).max().unwrap_or(0);
+    let priors = signals..problem.measured;
     let (mut runs, mut shared_priors) = (Vec::new(), Vec::new());
     for (j, own) in found.runs.iter().enumerate() {
         let place = Place {
@@ -31,10 +40,10 @@ pub(super) fn linearised(
             sensitivity: own,
         };
         let mut rows = Rows::default();
-        let signals = terms.iter().flat_map(|terms| place.add(*terms, &mut rows));
-        let signals = signals.collect();
+        let of_signals = terms.iter().flat_map(|terms| place.add(*terms, &mut rows));
+        let of_signals = of_signals.collect();
         let prior = place.add_priors(priors.clone(), posed.shared, &mut rows, &mut shared_priors);
-        runs.push(rows.run(own, posed.shared, signals, prior));
+        runs.push(rows.run(own, posed.shared, of_signals, prior));
     }
     let prior = match shared_priors.is_empty() {
         true => DMatrix::zeros(0, posed.shared),
@@ -48,7 +57,11 @@ pub(super) fn linearised(
         scales,
         is_scaled: terms.iter().any(|own| own.level.is_some()),
     };
-    Some((data, found))
+    Some(Linearised {
+        data,
+        sensitivities: found,
+        signals,
+    })
 }
 
 /// For each run, the residuals of the measured signals at other variables of a problem of the same runs.

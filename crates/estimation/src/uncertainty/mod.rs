@@ -4,16 +4,20 @@
 //! interval is that of the logarithm. What a run alone tells (its own parameters) has the noise modelled, whatever the
 //! method is ([`pilotage_inference::Inference::joint`]).
 
+mod derived;
 mod linearised;
 mod words;
 
 use crate::fit::Solved;
+use crate::loops::Looped;
 use crate::posed::{Posed, Stands};
 use crate::result::{Fit, Found, variables};
 use crate::unknowns::Unknown;
-use linearised::{linearised, residuals};
+use linearised::residuals;
+pub(crate) use linearised::{Linearised, linearised};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
+use pilotage_expression::Node;
 use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run};
 
 use std::cell::OnceCell;
@@ -48,6 +52,11 @@ pub struct Uncertainty {
     pub correlated_by: Method,
     /// For each of [`Fit::parameters`](crate::Fit::parameters) the intervals of its values.
     pub intervals: Vec<Vec<Interval>>,
+    /// For each of [`Fit::derived`](crate::Fit::derived) the same.
+    pub derived: Vec<Vec<Interval>>,
+    /// For each state of [`Fit::initial`](crate::Fit::initial) the interval of its initial value in each run; none in runs
+    /// where it is known.
+    pub initial: Vec<Vec<Option<Interval>>>,
     /// The shared parameters, with their subjects, as the search sees them: `ln name` where it goes along the logarithm.
     pub names: Vec<String>,
     /// Correlations of these.
@@ -75,10 +84,15 @@ pub(crate) fn uncertainty(
     solved: &Solved,
     fit: &Fit,
     simulated: Option<&(Collocation, Vec<f64>)>,
+    looped: Option<&Looped<'_>>,
 ) -> Result<Uncertainty, Unsure> {
     let (problem, at) = (&solved.problem, &solved.solution.iterate);
     let linear = linearised(posed, problem, at).ok_or(Unsure::NoDerivatives)?;
-    let (data, sensitivities) = &linear;
+    let Linearised {
+        data,
+        sensitivities,
+        ..
+    } = &linear;
     let inference = Inference::new(data)?;
     let covariance = inference.covariance(posed.file.options.covariance)?;
     let names = names(posed);
@@ -116,6 +130,8 @@ pub(crate) fn uncertainty(
     let has_prior = |(unknown, _): &(Unknown, Stands)| unknown.prior.is_some();
     let mut found = Uncertainty {
         intervals: sure.intervals(&fit.parameters),
+        derived: sure.derived(&fit.derived, looped),
+        initial: sure.initial(),
         notes: (inference.directions.iter())
             .map(|own| words::direction(own, &names))
             .collect(),
@@ -187,15 +203,17 @@ impl Sure<'_> {
             all.push(own.map(|at| self.of_unknown(unknown, at)).collect());
         }
         let tied = parameters.iter().filter(|found| found.is_tied);
-        for (found, (_, node)) in tied.zip(&self.posed.told.tied) {
-            let of_run = |(j, (_, value)): (usize, &(Option<String>, f64))| {
-                let sd = self.deviation_of(*node, j);
-                let open = [f64::NEG_INFINITY, f64::INFINITY];
-                Interval::new(*value, sd.0, sd.1, open, None)
-            };
-            all.push(found.values.iter().enumerate().map(of_run).collect());
-        }
+        let tied = tied.zip(&self.posed.told.tied);
+        all.extend(tied.map(|(found, (_, node))| self.of_expression(found, *node)));
         all
+    }
+
+    /// Of an expression of parameters, for each of its values.
+    fn of_expression(&self, found: &Found, node: Node) -> Vec<Interval> {
+        let of_run = |(j, (_, value)): (usize, &(Option<String>, f64))| {
+            open_interval(*value, self.deviation_of(node, j))
+        };
+        found.values.iter().enumerate().map(of_run).collect()
     }
 
     fn coordinates(&self, stands: &Stands) -> Vec<Coordinate> {
@@ -290,7 +308,7 @@ impl Sure<'_> {
     }
 
     /// Of an expression of parameters at the begin of a run (delta method).
-    fn deviation_of(&self, node: pilotage_expression::Node, j: usize) -> (f64, f64) {
+    fn deviation_of(&self, node: Node, j: usize) -> (f64, f64) {
         let (posed, system) = (self.posed, &self.posed.model.system);
         let mut graph = system.graph.clone();
         let free = &self.sensitivities.runs[j].free;
@@ -302,7 +320,12 @@ impl Sure<'_> {
         let slopes = graph.gradient(node, &nodes);
         let values = graph.values(&variables(posed, j, 0, &self.states[j], &self.theta));
         let slope = |k: usize| values[slopes[k].index()];
-        let gradient = DVector::from_fn(places.len(), |k, _| slope(k));
+        self.along(&DVector::from_fn(places.len(), |k, _| slope(k)), j)
+    }
+
+    /// Of what has this gradient over the shared parameters and the own unknowns of a run (delta method).
+    fn along(&self, gradient: &DVector<f64>, j: usize) -> (f64, f64) {
+        let posed = self.posed;
         let (shared, own) = (
             gradient.rows(0, posed.shared).into_owned(),
             gradient.rows_range(posed.shared..),
@@ -314,10 +337,16 @@ impl Sure<'_> {
         }
         let (variance, degrees) = match own.iter().all(|slope| *slope == 0.0) {
             true => self.covariance.along(&shared),
-            false => self.joint(j).along(&gradient),
+            false => self.joint(j).along(gradient),
         };
         (variance.sqrt(), degrees)
     }
+}
+
+/// An interval without a range, from a standard deviation and its degrees of freedom.
+fn open_interval(value: f64, (sd, degrees): (f64, f64)) -> Interval {
+    let open = [f64::NEG_INFINITY, f64::INFINITY];
+    Interval::new(value, sd, degrees, open, None)
 }
 
 fn deviation<J: std::borrow::Borrow<Joint>>(

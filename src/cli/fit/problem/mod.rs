@@ -7,13 +7,14 @@ mod summary;
 mod sure;
 
 use super::Args;
+use super::refits::{NOTHING, Plan, Refitted};
 use crate::cli::made::made;
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
-use crate::estimation::{Fit, Posed, ProblemFile, part};
+use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
 use crate::sqp::{Iteration, Status};
 use models::Fitted;
 pub use models::HEAD as FITTED;
@@ -47,18 +48,31 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let mut file = ProblemFile::read(path)?;
     file.options.covariance = args.covariance.or(file.options.covariance);
     let posed = Posed::new(&file, &part::open)?;
+    if let (true, Some(flag)) = (args.evaluate, args.refits.flag()) {
+        let message = format!("{flag} solves again, and --evaluate solves nothing");
+        return Err(Failure::new(message).hint("leave one of them out"));
+    }
     if args.evaluate {
         return evaluate::run(&posed, args.json);
     }
+    let plan = args
+        .refits
+        .plan(&refits::sought(&posed), posed.runs.len())?;
+    let begin = Instant::now();
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &posed, &fitted)?;
     interrupt::listen("stopping")?;
     let fit = solved(args, &posed);
     let judged = validated(&file, &fit, &part::open)?;
+    let refitted = match &plan {
+        Some(plan) => refitted(args, plan, &posed, &fit, begin)?,
+        None => None,
+    };
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
         judged: &judged,
+        refitted: refitted.as_ref(),
     };
     for own in &fitted {
         own.write(&posed, &fit, path)?;
@@ -74,6 +88,23 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => Outcome::Done,
         false => Outcome::No,
     })
+}
+
+/// A fit, solved again; none where that cannot be.
+fn refitted(
+    args: &Args,
+    plan: &Plan,
+    posed: &Posed<'_>,
+    fit: &Fit,
+    begin: Instant,
+) -> Result<Option<Refitted>, Failure> {
+    match refits::study(posed, fit) {
+        Ok(study) => Ok(Some(plan.run(&study, (begin, args.time_limit))?)),
+        Err(_) => {
+            terminal::note(NOTHING);
+            Ok(None)
+        }
+    }
 }
 
 fn check_outputs(
@@ -93,6 +124,7 @@ fn check_outputs(
             .map(|own| (own.path.as_path(), OutputKind::Fitted)),
     );
     outputs.extend(args.report.as_deref().map(|path| (path, OutputKind::Page)));
+    outputs.extend(args.refits.output());
     args.overwrite.check(&inputs, &outputs)
 }
 

@@ -2,6 +2,7 @@
 
 use super::summary::Outcomes;
 use super::sure;
+use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
 use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
 
@@ -32,12 +33,14 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
         }
     }
     let title = format!("fit of {}", posed.file.file);
-    overlay_page(&title, &fit.verdict(), &parameters(fit), &figures, made)
+    let refits = outcomes.refitted.map(Refitted::table);
+    let tables = (&parameters(fit), refits.as_ref());
+    overlay_page(&title, &fit.verdict(), tables, &figures, made)
 }
 
 fn parameters(fit: &Fit) -> Parameters {
     let mut rows = Vec::new();
-    for (found, intervals) in sure::of(fit) {
+    for (found, intervals) in sure::of(fit).chain(sure::derived(fit)) {
         for (k, (name, value)) in found.named().enumerate() {
             let unit = found.unit.clone().unwrap_or_default();
             let [sd, low, high, meaning] = sure::cells(intervals.and_then(|all| all.get(k)));

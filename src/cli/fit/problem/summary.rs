@@ -1,6 +1,7 @@
 //! What a fit of a problem gave, for people and for scripts.
 
 use super::sure;
+use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
@@ -21,6 +22,8 @@ pub struct Outcomes<'a> {
     pub fit: &'a Fit,
     /// The validation runs, simulated with what was found.
     pub judged: &'a [RunFit],
+    /// The fit, solved again.
+    pub refitted: Option<&'a Refitted>,
 }
 
 impl<'a> Outcomes<'a> {
@@ -64,9 +67,11 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "nllh": told(fit.nllh),
         "violation": fit.kkt.primal,
         "samples": fit.samples,
-        "parameters": Value::Object(sure::of(fit).map(parameter).collect()),
-        "uncertainty": sure::to_json(fit),
+        "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
+        "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
+        "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
+        "initial_intervals": sure::initial(posed, fit),
         "closed_loop": {
             "stable": fit.is_stable(),
             "poles": fit.poles,
@@ -87,6 +92,30 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     })
 }
 
+fn sought(own: (&Found, Option<&[Interval]>), outcomes: &Outcomes<'_>) -> (String, Value) {
+    let (name, mut entry) = parameter(own);
+    if own.0.is_tied {
+        entry["tied"] = json!(true);
+    }
+    refitted((name, entry), outcomes)
+}
+
+/// With what refits gave of it.
+fn refitted((name, mut entry): (String, Value), outcomes: &Outcomes<'_>) -> (String, Value) {
+    if let (Some(refitted), Some(entry)) = (outcomes.refitted, entry.as_object_mut()) {
+        refitted.add_to(&name, entry);
+    }
+    (name, entry)
+}
+
+fn uncertainty(outcomes: &Outcomes<'_>) -> Value {
+    let mut told = sure::to_json(outcomes.fit);
+    if let Some(refitted) = outcomes.refitted {
+        refitted.add_methods(&mut told);
+    }
+    told
+}
+
 fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Value) {
     let mut entry = Map::new();
     match found.values.as_slice() {
@@ -104,9 +133,6 @@ fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Valu
     }
     if let Some(intervals) = intervals {
         sure::add_to(&mut entry, found, intervals);
-    }
-    if found.is_tied {
-        entry.insert("tied".into(), json!(true));
     }
     (found.name.clone(), Value::Object(entry))
 }
@@ -171,12 +197,19 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         counted(fit.samples, "measured value"),
         objective(fit),
     );
-    text += &aligned(&parameter_rows(fit));
+    text += &aligned(&parameter_rows("parameter", sure::of(fit)));
     text += &sure::to_text(fit);
+    let is_short = |(found, _): &(&Found, _)| !found.name.starts_with("pole");
+    let derived: Vec<_> = sure::derived(fit).filter(is_short).collect();
+    if !derived.is_empty() {
+        text += "\n";
+        text += &aligned(&parameter_rows("derived", derived.into_iter()));
+    }
+    text += &outcomes.refitted.map_or(String::new(), Refitted::to_text);
     text += "\n";
     let initial = fit.initial(posed);
     if !initial.is_empty() {
-        text += &aligned(&initial_rows(&initial));
+        text += &aligned(&initial_rows(&initial, fit));
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
@@ -228,11 +261,15 @@ fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
     )
 }
 
-fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
-    let header = ["parameter", "value", "sd", "low", "high", "unit", ""];
+fn parameter_rows<'f>(
+    what: &str,
+    all: impl Iterator<Item = (&'f Found, Option<&'f [Interval]>)>,
+) -> Vec<[String; 7]> {
+    let header = [what, "value", "sd", "low", "high", "unit", ""];
     let mut rows = vec![header.map(str::to_owned)];
-    for (found, intervals) in sure::of(fit) {
+    for (found, intervals) in all {
         let remark = match (found.is_tied, found.bound) {
+            (true, _) if what != "parameter" => String::new(),
             (true, Some(bound)) => format!("tied, at its bound {bound}"),
             (true, None) => "tied".to_owned(),
             (false, Some(bound)) => format!("at its bound {bound}"),
@@ -251,12 +288,16 @@ fn parameter_rows(fit: &Fit) -> Vec<[String; 7]> {
     rows
 }
 
-fn initial_rows(all: &[Found]) -> Vec<[String; 3]> {
-    let mut rows = vec![["initial state", "value", "unit"].map(str::to_owned)];
-    for found in all {
-        for (name, value) in found.named() {
+fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
+    let header = ["initial state", "value", "sd", "low", "high", "unit"];
+    let mut rows = vec![header.map(str::to_owned)];
+    let known = fit.uncertainty.as_ref().ok();
+    for (k, found) in all.iter().enumerate() {
+        for (j, (name, value)) in found.named().enumerate() {
             let unit = found.unit.clone().unwrap_or_default();
-            rows.push([name, significant(value, 7), unit]);
+            let interval = known.and_then(|own| own.initial[k][j].as_ref());
+            let [sd, low, high, _] = sure::cells(interval);
+            rows.push([name, significant(value, 7), sd, low, high, unit]);
         }
     }
     rows

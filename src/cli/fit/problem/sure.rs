@@ -1,9 +1,9 @@
 //! How sure a fit of a problem is, for people and for scripts.
 
 use crate::cli::fit::summary::{FIELDS, how, reals};
-use crate::estimation::Fit;
-use crate::estimation::result::Found;
+use crate::estimation::result::{Found, RunFit};
 use crate::estimation::uncertainty::Uncertainty;
+use crate::estimation::{Fit, Posed};
 use crate::inference::{Class, Interval, LEVEL};
 use crate::report::significant;
 use serde_json::{Map, Value, json};
@@ -13,6 +13,35 @@ pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
     let known = fit.uncertainty.as_ref().ok();
     let parameters = fit.parameters.iter().enumerate();
     parameters.map(move |(k, found)| (found, known.map(|own| own.intervals[k].as_slice())))
+}
+
+/// The same of what follows from the parameters.
+pub fn derived(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
+    let known = fit.uncertainty.as_ref().ok();
+    let derived = fit.derived.iter().enumerate();
+    derived.map(move |(k, found)| (found, known.map(|own| own.derived[k].as_slice())))
+}
+
+/// For each state that is estimated at the begin, the interval in each run.
+pub fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
+    let known = fit.uncertainty.as_ref().ok();
+    let all = fit
+        .initial(posed)
+        .into_iter()
+        .enumerate()
+        .map(|(k, found)| {
+            let of_run = |(j, run): (usize, &RunFit)| {
+                let own = known.and_then(|known| known.initial[k][j].as_ref())?;
+                let fields = FIELDS.map(|(name, field)| (name.to_owned(), field(own)));
+                Some((
+                    run.name.clone(),
+                    Value::Object(fields.into_iter().collect()),
+                ))
+            };
+            let runs = fit.runs.iter().enumerate().filter_map(of_run);
+            (found.name, Value::Object(runs.collect()))
+        });
+    Value::Object(all.collect())
 }
 
 /// The fields `sd`, `low`, `high` and `class` of a parameter.

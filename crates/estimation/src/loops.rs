@@ -1,0 +1,250 @@
+//! The loop that the instances of a problem close, cut open at a wire, linear at the end of the first run.
+
+use crate::joint::{Joint, conversion};
+use crate::posed::Posed;
+use crate::result::{Found, variables};
+use nalgebra::{Complex, DMatrix};
+use pilotage_cosim::SystemDescription;
+use pilotage_expression::{Graph, Node};
+use pilotage_linear::{LoopFigures, OpenLoop, StateSpace, eigenvalues};
+use std::collections::HashMap;
+
+/// The joint equations without a wire that closes their only loop.
+pub(crate) struct Cut<'p> {
+    posed: &'p Posed<'p>,
+    /// Graph of the equations, and for each of its variables where the closed ones have it: none for the input that the
+    /// wire drove.
+    graph: Graph,
+    variables: Vec<Option<Node>>,
+    /// The signal at the wire's other end, in the unit of the input.
+    signal: Node,
+    /// Rows of `[A b; c d]`.
+    rows: Vec<Vec<Node>>,
+}
+
+impl<'p> Cut<'p> {
+    /// Of a problem whose instances close a loop that one wire opens; none of others, such as a task in two axes.
+    pub fn new(posed: &'p Posed<'p>) -> Option<Self> {
+        let description = &posed.file.system;
+        let cut = opening(description)?;
+        let mut open = description.clone();
+        let wire = open.connections.remove(cut);
+        let joint = Joint::new(&open, posed.joint.parts.clone()).ok()?;
+        let (closed, own) = (&posed.joint.model, &joint.model);
+        let told: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
+            .into_iter()
+            .flatten()
+            .zip(posed.told.joint[1..].iter().copied())
+            .collect();
+        let names = [&own.states, &own.inputs, &own.parameters];
+        let known = names
+            .into_iter()
+            .flatten()
+            .map(|name| told.get(name).copied());
+        let variables: Vec<Option<Node>> = std::iter::once(Some(posed.told.joint[0]))
+            .chain(known)
+            .collect();
+        let missing = |name: &&String| !told.contains_key(name);
+        if names.into_iter().flatten().filter(missing).count() != 1 {
+            return None;
+        }
+        let mut graph = own.system.graph.clone();
+        let signal = joint.signal(&wire.from.value)?;
+        let conversion = conversion(&joint.variables, &wire).ok()?;
+        let offset = graph.constant(conversion.offset);
+        let signal = graph.scale(conversion.factor, signal);
+        let signal = graph.add(signal, offset);
+        let input = 1 + variables[1..].iter().position(Option::is_none)?;
+        let columns = (0..own.states.len())
+            .map(|k| own.system.state(k))
+            .chain([input]);
+        let outputs = [&own.system.derivatives[..], &[signal]].concat();
+        let columns: Vec<Vec<Node>> = columns
+            .map(|variable| graph.derivatives(&outputs, variable))
+            .collect();
+        let row = |i: usize| columns.iter().map(|column| column[i]).collect();
+        Some(Self {
+            rows: (0..outputs.len()).map(row).collect(),
+            posed,
+            graph,
+            variables,
+            signal,
+        })
+    }
+
+    /// The loop with these shared parameters and these states at the end of the first run. None where a derivative is no
+    /// finite number.
+    pub fn at(
+        &self,
+        x: &[f64],
+        theta: &[f64],
+    ) -> Option<OpenLoop<impl Fn(f64) -> Complex<f64> + use<>>> {
+        let open = self.linear(x, theta);
+        open.check_finite().ok()?;
+        let returned = 1.0 + open.d[(0, 0)];
+        let closed = &open.a - &open.b * &open.c / returned;
+        Some(OpenLoop {
+            open: open.poles(),
+            closed: eigenvalues(&closed),
+            response: move |omega| open.transfer(0, 0, Complex::new(0.0, omega)),
+        })
+    }
+
+    /// `ẋ = A x + b w`, `L = -(c x + d w)`.
+    fn linear(&self, x: &[f64], theta: &[f64]) -> StateSpace {
+        let last = self.posed.runs[0].time.len() - 1;
+        let system = &self.posed.model.system.graph;
+        let told = system.values(&variables(self.posed, 0, last, x, theta));
+        let mut point: Vec<f64> = (self.variables.iter())
+            .map(|node| node.map_or(0.0, |node| told[node.index()]))
+            .collect();
+        let input = self.variables.iter().position(Option::is_none).unwrap_or(0);
+        // What the wire carries is there what comes out at its other end.
+        point[input] = self.graph.values(&point)[self.signal.index()];
+        let values = self.graph.values(&point);
+        let n = self.rows.len() - 1;
+        let entry = |i: usize, j: usize| values[self.rows[i][j].index()];
+        StateSpace {
+            a: DMatrix::from_fn(n, n, entry),
+            b: DMatrix::from_fn(n, 1, |i, _| entry(i, n)),
+            c: DMatrix::from_fn(1, n, |_, j| -entry(n, j)),
+            d: DMatrix::from_element(1, 1, -entry(n, n)),
+            states: self.posed.joint.model.states.clone(),
+            inputs: vec!["cut".to_owned()],
+            outputs: vec!["returned".to_owned()],
+        }
+    }
+}
+
+/// The loop of a solution, with its figures.
+pub(crate) struct Looped<'p> {
+    cut: Cut<'p>,
+    /// The states at the end of the first run.
+    x: Vec<f64>,
+    figures: LoopFigures,
+}
+
+impl<'p> Looped<'p> {
+    /// Of a problem with these states at the end of the first run, and shared parameters; none where [`Cut::new`] knows
+    /// none.
+    pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
+        let cut = Cut::new(posed)?;
+        Some(Self {
+            figures: cut.at(x, theta)?.figures(),
+            x: x.to_vec(),
+            cut,
+        })
+    }
+
+    /// The figures, as what is found.
+    pub fn found(&self) -> Vec<Found> {
+        let figures = self.figures.named().into_iter();
+        let found = figures.map(|figure| Found {
+            name: figure.name,
+            unit: Some(figure.unit.to_owned()),
+            values: vec![(None, figure.value)],
+            is_tied: true,
+            bound: None,
+        });
+        found.collect()
+    }
+
+    /// The same figures with shared parameters that may be far away.
+    pub fn again(&self, theta: &[f64]) -> Vec<f64> {
+        let found = self.cut.at(&self.x, theta);
+        let found = found.map(|own| own.figures_with(&self.figures.poles).named());
+        let found = found.unwrap_or_default();
+        let figures = self.figures.named();
+        figures.iter().map(|own| own.value_in(&found)).collect()
+    }
+
+    /// The same figures with other shared parameters, and a change of a state: that of a run's own parameter, which is the
+    /// same all along the run. Not numbers where they are gone.
+    pub fn moved(&self, theta: &[f64], (state, by): (usize, f64)) -> Vec<f64> {
+        let mut x = self.x.clone();
+        x[state] += by;
+        let moved = self
+            .cut
+            .at(&x, theta)
+            .map(|own| own.figures_near(&self.figures).named());
+        let moved = moved.unwrap_or_default();
+        let figures = self.figures.named();
+        figures.iter().map(|own| own.value_in(&moved)).collect()
+    }
+}
+
+/// The first wire without which no instance acts on itself, where with it one does.
+fn opening(description: &SystemDescription) -> Option<usize> {
+    let instance = |end: &str| {
+        let named = |own: &&str| {
+            end.strip_prefix(*own)
+                .is_some_and(|rest| rest.starts_with('.'))
+        };
+        let names = description.instances.iter().map(|own| own.name.as_str());
+        names
+            .filter(named)
+            .max_by_key(|name| name.len())
+            .unwrap_or_default()
+            .to_owned()
+    };
+    let wires = description.connections.iter();
+    let edges: Vec<[String; 2]> = wires
+        .map(|wire| [instance(&wire.from.value), instance(&wire.to.value)])
+        .collect();
+    let without = |cut: Option<usize>| {
+        let kept = edges
+            .iter()
+            .enumerate()
+            .filter(move |(k, _)| Some(*k) != cut);
+        kept.map(|(_, edge)| edge).collect::<Vec<_>>()
+    };
+    let is_open = |cut: &usize| !has_circle(&without(Some(*cut)));
+    (0..edges.len())
+        .filter(|_| has_circle(&without(None)))
+        .find(is_open)
+}
+
+/// Whether edges lead from anywhere back to it: what nothing leads to is taken away until nothing is left.
+fn has_circle(edges: &[&[String; 2]]) -> bool {
+    let mut left = edges.to_vec();
+    loop {
+        let ends: Vec<&String> = left.iter().map(|edge| &edge[1]).collect();
+        let kept: Vec<&[String; 2]> = left
+            .iter()
+            .copied()
+            .filter(|edge| ends.contains(&&edge[0]))
+            .collect();
+        if kept.len() == left.len() {
+            return !left.is_empty();
+        }
+        left = kept;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn circles_are_found() {
+        let edges = |all: &[(&str, &str)]| -> Vec<[String; 2]> {
+            all.iter()
+                .map(|(a, b)| [(*a).to_owned(), (*b).to_owned()])
+                .collect()
+        };
+        for (all, expected) in [
+            (vec![], false),
+            (vec![("a", "b"), ("b", "c"), ("a", "c")], false),
+            (vec![("a", "b"), ("b", "a")], true),
+            (vec![("x", "a"), ("a", "b"), ("b", "c"), ("c", "b")], true),
+            (vec![("a", "a")], true),
+        ] {
+            let all = edges(&all);
+            assert_eq!(
+                has_circle(&all.iter().collect::<Vec<_>>()),
+                expected,
+                "{all:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! What follows from parameters, with intervals that have a formula.
+
+use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage_inference::{Interval, quantile};
+use std::fmt::Write;
+use std::ops::ControlFlow;
+
+const SAMPLES: usize = 60;
+
+fn time(k: usize) -> f64 {
+    0.1 * k as f64
+}
+
+/// A value that is no solution: what is not told by the model is noise.
+fn recorded(j: usize, k: usize, x: f64) -> f64 {
+    let phase = (7 * k * k + 13 * j * k + 3 * j) as f64;
+    x + 0.05 * phase.sin()
+}
+
+/// The fit of a problem with files beside it, and with runs that follow `x`.
+fn fitted(files: &[(&str, &str)], problem: &str, runs: usize, x: impl Fn(f64) -> f64) -> Fit {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    files.iter().for_each(|(name, text)| write(name, text));
+    let mut text = problem.to_owned();
+    for j in 0..runs {
+        let mut rows = "time,x\n".to_owned();
+        for k in 0..SAMPLES {
+            writeln!(rows, "{},{}", time(k), recorded(j, k, x(time(k)))).unwrap();
+        }
+        write(&format!("run{j}.csv"), &rows);
+        write!(text, "[[run]]\nfile = \"run{j}.csv\"\n").unwrap();
+    }
+    let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).unwrap();
+    let posed = Posed::new(&file, &part::open).unwrap();
+    fit(&posed, &mut |_| ControlFlow::Continue(()))
+}
+
+fn derived(fit: &Fit, name: &str) -> (f64, Interval) {
+    let place = fit.derived.iter().position(|own| own.name == name).unwrap();
+    let sure = fit.uncertainty.as_ref().unwrap();
+    (fit.derived[place].values[0].1, sure.derived[place][0])
+}
+
+fn parameter(fit: &Fit, name: &str) -> (f64, Interval) {
+    let place = fit
+        .parameters
+        .iter()
+        .position(|own| own.name == name)
+        .unwrap();
+    let sure = fit.uncertainty.as_ref().unwrap();
+    (fit.parameters[place].values[0].1, sure.intervals[place][0])
+}
+
+#[track_caller]
+fn assert_near(found: f64, expected: f64, relative: f64) {
+    let distance = (found - expected).abs();
+    assert!(
+        distance < relative * expected.abs(),
+        "{found} is not {expected}"
+    );
+}
+
+const DECAY: &str = "[model]\nname = \"decay\"\n[parameters]\nrate = 0.5\n[states]\n\
+                     x = { start = 2, der = \"-rate * x\" }\n";
+const MEASURED: &str = "[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n";
+
+/// The half-life is `ln 2/rate`, and the initial state is told as a parameter would be: by `s² (JᵀJ)⁻¹`.
+#[test]
+fn half_lives_and_initial_states_have_the_intervals_of_formulas() {
+    let problem = format!(
+        "[system.m]\nmodel = \"decay.toml\"\n{MEASURED}[parameters]\n\"m.rate\" = {{}}\n[initial]\n\"m.x\" = \"free\"\n\
+         [derived]\nhalf_life = \"log(2) / m.rate\"\ntwice = \"2 * half_life\"\n[fit]\ncovariance = \"plain\"\n"
+    );
+    let fit = fitted(&[("decay.toml", DECAY)], &problem, 1, |t| {
+        3.0 * (-0.7 * t).exp()
+    });
+    let (rate, of_rate) = parameter(&fit, "m.rate");
+    let (half_life, own) = derived(&fit, "half_life");
+    assert_near(half_life, 2_f64.ln() / rate, 1e-12);
+    assert_near(own.sd, 2_f64.ln() / rate.powi(2) * of_rate.sd, 1e-9);
+    let degrees = SAMPLES as f64 - 2.0;
+    assert_near(own.high - half_life, quantile(0.95, degrees) * own.sd, 1e-9);
+    assert_near(derived(&fit, "twice").1.sd, 2.0 * own.sd, 1e-9);
+    let x0 = fit.runs[0].states[0][0];
+    let (mut information, mut squares) = ([[0.0; 2]; 2], 0.0);
+    for k in 0..SAMPLES {
+        let decayed = (-rate * time(k)).exp();
+        let row = [-time(k) * x0 * decayed, decayed];
+        squares += (fit.runs[0].recorded[0][k] - x0 * decayed).powi(2);
+        for i in 0..2 {
+            (0..2).for_each(|j| information[i][j] += row[i] * row[j]);
+        }
+    }
+    let [[a, b], [_, d]] = information;
+    let variance = squares / degrees * a / (a * d - b * b);
+    let initial = fit.uncertainty.as_ref().unwrap().initial[0][0].unwrap();
+    assert_near(initial.sd, variance.sqrt(), 1e-4);
+}
+
+const PILOT: &str = "[model]\nname = \"pilot\"\n[inputs]\ntarget = 1\nposition = 0\n[parameters]\ngain = 0.5\n\
+                     [outputs]\nstick = \"gain * (target - position)\"\n";
+const VEHICLE: &str = "[model]\nname = \"vehicle\"\n[inputs]\nstick = 0\n[parameters]\nrate = 2\n[states]\n\
+                       z = { der = \"rate * stick\" }\n";
+const LOOP: &str = "[system.pilot]\nmodel = \"pilot.toml\"\n[system.vehicle]\nmodel = \"vehicle.toml\"\n[connect]\n\
+                    \"pilot.stick\" = \"vehicle.stick\"\n\"vehicle.z\" = \"pilot.position\"\n\
+                    [[measured]]\nsignal = \"vehicle.z\"\ncolumn = \"x\"\n";
+
+/// `L = gain rate/s`: the crossover and the pole are at that frequency, the phase margin is 90°, and no delay is left.
+#[test]
+fn a_gain_before_an_integrator_has_the_figures_of_the_crossover_model() {
+    let files = [("pilot.toml", PILOT), ("vehicle.toml", VEHICLE)];
+    let problem = format!("{LOOP}[parameters]\n\"pilot.gain\" = {{}}\n");
+    let fit = fitted(&files, &problem, 2, |t| 1.0 - (-1.2 * t).exp());
+    let (gain, of_gain) = parameter(&fit, "pilot.gain");
+    for (name, value, sd) in [
+        ("crossover_frequency", 2.0 * gain, 2.0 * of_gain.sd),
+        ("pole1_re", -2.0 * gain, 2.0 * of_gain.sd),
+    ] {
+        let (found, own) = derived(&fit, name);
+        assert_near(found, value, 1e-9);
+        assert_near(own.sd, sd, 1e-6);
+    }
+    assert_near(derived(&fit, "phase_margin").0, 90.0, 1e-9);
+    assert!(derived(&fit, "effective_delay").0.abs() < 1e-9);
+    let names: Vec<&str> = fit.derived.iter().map(|own| own.name.as_str()).collect();
+    assert!(!names.contains(&"gain_margin"), "{names:?}");
+}
+
+/// With a gain of its own for each run the figures are those of the first, as sure as its gain is.
+#[test]
+fn a_loop_with_a_gain_for_each_run_is_that_of_the_first() {
+    let files = [("pilot.toml", PILOT), ("vehicle.toml", VEHICLE)];
+    let problem = format!("{LOOP}[parameters]\n\"pilot.gain\" = {{ per = \"run\" }}\n");
+    let fit = fitted(&files, &problem, 2, |t| 1.0 - (-1.2 * t).exp());
+    let (gain, of_gain) = parameter(&fit, "pilot.gain");
+    let (found, own) = derived(&fit, "crossover_frequency");
+    assert_near(found, 2.0 * gain, 1e-9);
+    assert_near(own.sd, 2.0 * of_gain.sd, 1e-6);
+}
+
+#[test]
+fn names_of_derived_quantities_are_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("decay.toml"), DECAY).unwrap();
+    std::fs::write(folder.path().join("run.csv"), "time,x\n0,2\n1,1\n2,0.5\n").unwrap();
+    for (line, expected) in [
+        ("pi = \"m.rate\"", "`pi` cannot be a name"),
+        ("k = \"m.rat\"", "m.rat"),
+        ("k = \"m.x\"", "a derived quantity"),
+        ("own = \"m.rate\"", "`own` is a parameter"),
+    ] {
+        let text = format!(
+            "[system.m]\nmodel = \"decay.toml\"\n{MEASURED}[parameters]\n\"m.rate\" = {{}}\nown = {{ start = 1, fixed = true }}\n\
+             [derived]\n{line}\n[[run]]\nfile = \"run.csv\"\n"
+        );
+        let file = ProblemFile::parse(&text, &folder.path().join("problem.toml"));
+        let posed = file.and_then(|file| Posed::new(&file, &part::open).map(|_| ()));
+        let error = posed.unwrap_err().to_string();
+        assert!(
+            error.contains(expected) && error.contains("problem.toml:10"),
+            "{line}: {error}"
+        );
+    }
+}

@@ -1,0 +1,151 @@
+//! The figures by which a loop is judged, and the same loop a little changed.
+
+use super::margins::{GainCrossing, Margins, PhaseCrossing, Response};
+use nalgebra::Complex;
+
+/// What the field tells of a closed loop: where it is near its limit, and its poles.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LoopFigures {
+    /// The crossover with the smallest phase margin; none where the gain is never 1.
+    pub crossover: Option<GainCrossing>,
+    /// The crossing of -180° whose gain margin is nearest to 1; none where there is none.
+    pub gain_margin: Option<PhaseCrossing>,
+    /// Poles of the closed loop [1/s].
+    pub poles: Vec<Complex<f64>>,
+}
+
+/// A loop that is cut open.
+#[derive(Debug, Clone)]
+pub struct OpenLoop<L> {
+    /// `L(jω)`, such that `1 + L = 0` is the closed loop.
+    pub response: L,
+    /// Poles of the open loop [1/s].
+    pub open: Vec<Complex<f64>>,
+    /// Poles of the closed loop [1/s].
+    pub closed: Vec<Complex<f64>>,
+}
+
+impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
+    /// Its figures.
+    pub fn figures(&self) -> LoopFigures {
+        let poles = [&self.open[..], &self.closed].concat();
+        let response = Response::of(&self.response, &poles, None);
+        let margins = Margins::of(&response, &self.response);
+        LoopFigures {
+            crossover: margins.phase_margin().copied(),
+            gain_margin: margins.gain_margin().copied(),
+            poles: self.closed.clone(),
+        }
+    }
+
+    /// Its figures, with the poles in the order of those to which each is nearest.
+    pub fn figures_with(&self, poles: &[Complex<f64>]) -> LoopFigures {
+        let own = self.figures();
+        LoopFigures {
+            poles: matched(poles, own.poles),
+            ..own
+        }
+    }
+
+    /// What the figures of a loop that is nearly this one have become: its crossings and poles nearest to those. None
+    /// where a crossing is gone.
+    pub fn figures_near(&self, before: &LoopFigures) -> LoopFigures {
+        let crossing = |from: f64, function: fn(Complex<f64>) -> f64| {
+            let omega = root_near(from, |omega| function((self.response)(omega)))?;
+            Some((omega, (self.response)(omega)))
+        };
+        let gain = |own: GainCrossing| crossing(own.frequency, |value| value.norm().ln());
+        // The phase from -180°, which is nearly 0 here.
+        let phase = |own: PhaseCrossing| crossing(own.frequency, |value| (-value).arg());
+        LoopFigures {
+            crossover: before.crossover.and_then(gain).map(GainCrossing::at),
+            gain_margin: before.gain_margin.and_then(phase).map(PhaseCrossing::at),
+            poles: matched(&before.poles, self.closed.clone()),
+        }
+    }
+}
+
+/// Where a function is 0, near a frequency where it nearly is: by secants.
+fn root_near(from: f64, function: impl Fn(f64) -> f64) -> Option<f64> {
+    const FIRST: f64 = 1e-4;
+    const CLOSE: f64 = 1e-13;
+    let mut last = (from * (1.0 + FIRST), function(from * (1.0 + FIRST)));
+    let mut own = (from, function(from));
+    for _ in 0..20 {
+        let slope = (own.1 - last.1) / (own.0 - last.0);
+        if own.1 == 0.0 || !slope.is_normal() {
+            break;
+        }
+        let next = own.0 - own.1 / slope;
+        last = own;
+        own = (next, function(next));
+        if (own.0 - last.0).abs() <= CLOSE * own.0.abs() {
+            break;
+        }
+    }
+    let is_root = own.1.abs() < 1e-9 && own.0 > 0.0;
+    is_root.then_some(own.0)
+}
+
+/// Poles in the order of those to which each is nearest.
+fn matched(before: &[Complex<f64>], mut poles: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
+    let mut found = Vec::new();
+    for old in before {
+        let distance = |k: usize| (poles[k] - old).norm();
+        let nearest = (0..poles.len()).min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+        found.extend(nearest.map(|k| poles.swap_remove(k)));
+    }
+    found
+}
+
+/// A figure of a loop by its name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// Its name: `crossover_frequency`, `phase_margin`, `effective_delay`, `gain_margin`, `pole1_re`, `pole1_im`.
+    pub name: String,
+    /// Name of its unit.
+    pub unit: &'static str,
+    /// Its value.
+    pub value: f64,
+}
+
+impl Figure {
+    /// The value of the figure of the same name; not a number where there is none.
+    pub fn value_in(&self, others: &[Self]) -> f64 {
+        let own = others.iter().find(|other| other.name == self.name);
+        own.map_or(f64::NAN, |own| own.value)
+    }
+}
+
+impl LoopFigures {
+    /// Each figure by its name: crossover frequency [rad/s], phase margin \[deg\], effective delay \[s\] (of McRuer's
+    /// crossover model, see [`GainCrossing::effective_delay`]), gain margin \[dB\], and the poles [1/s], of a pair the one
+    /// with the positive imaginary part.
+    pub fn named(&self) -> Vec<Figure> {
+        let figure = |name: &str, unit, value| Figure {
+            name: name.to_owned(),
+            unit,
+            value,
+        };
+        let mut all = Vec::new();
+        if let Some(own) = self.crossover {
+            all.extend([
+                figure("crossover_frequency", "rad/s", own.frequency),
+                figure("phase_margin", "deg", own.phase_margin.to_degrees()),
+                figure("effective_delay", "s", own.effective_delay),
+            ]);
+        }
+        if let Some(own) = self.gain_margin {
+            let decibels = 20.0 * own.gain_margin.log10();
+            all.push(figure("gain_margin", "dB", decibels));
+        }
+        let upper = self.poles.iter().filter(|pole| pole.im >= 0.0);
+        for (k, pole) in upper.enumerate() {
+            all.push(figure(&format!("pole{}_re", k + 1), "1/s", pole.re));
+            if pole.im > 0.0 {
+                all.push(figure(&format!("pole{}_im", k + 1), "1/s", pole.im));
+            }
+        }
+        all
+    }
+}

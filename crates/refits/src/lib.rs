@@ -1,0 +1,53 @@
+//! A solved collocation problem, solved again a little changed: profile likelihoods and bootstraps.
+//!
+//! Intervals from a covariance are those of a linear model. Where a parameter's interval is wide against its value they
+//! are not the data's; then a profile, which solves again with the parameter fixed ([`profile()`]), and a bootstrap, which
+//! solves again with other data ([`bootstrap`]), tell more. Each refit begins at its neighbour's solution, on the mesh of
+//! the first one, and is a few steps of the SQP.
+//!
+//! ```
+//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_expression::System;
+//! use pilotage_refits::{Coordinate, End, Solved, Sought, Threshold, Watch, profile};
+//! use pilotage_sqp::SqpOptions;
+//! use std::{ops::ControlFlow, sync::Arc};
+//!
+//! // ẋ = p, x(0) = 0: the mean of y/t. The objective is Σ (y - p t)², its profile a parabola.
+//! let line = System::trace([1, 0, 1], |at| [vec![at.p[0]], vec![at.x[0]]])?;
+//! let (time, values) = (vec![0.0, 1.0, 2.0], vec![0.0, 1.1, 1.9]);
+//! let measured = vec![Recording { values, weight: 1.0, loss: Loss::Square }];
+//! let (mesh, inputs, initial) = (time.clone(), vec![vec![]; 3], vec![Some(0.0)]);
+//! let run = Run { mesh, time, inputs, measured, initial };
+//! let scales = Scales { states: vec![1.0], parameters: vec![1.0] };
+//! let (model, free) = (Arc::new(Differentiated::new(&line)), ParameterConstraints::default());
+//! let problem = Collocation::new(model, free, Scheme::Trapezoid, vec![run], scales, &[]);
+//! let z = vec![0.0; 4];
+//! let solution = pilotage_collocation::solve(&problem, z, &SqpOptions::default(), &mut |_| ControlFlow::Continue(()));
+//! let solved = Solved { problem, at: solution.iterate, options: SqpOptions::default() };
+//! let slope = Sought { at: Coordinate::Shared(0), step: 0.1, range: [f64::NEG_INFINITY, f64::INFINITY] };
+//! let threshold = Threshold { noise: 1.0, root: 1.96 };
+//! let found = profile(&solved, &[slope], threshold, &Watch::default());
+//! // The information is Σ t² = 5.
+//! let End::Crossed(high) = found[0].ends[1] else { panic!("a parabola crosses every level") };
+//! assert!((high - (4.9 / 5.0 + 1.96 / 5.0_f64.sqrt())).abs() < 1e-6);
+//! # Ok::<(), pilotage_expression::Obstacle>(())
+//! ```
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | `solved` | the solution, and how it is solved again |
+//! | `fixed` | the same with a parameter or an initial state fixed |
+//! | [`mod@profile`] | profile likelihoods |
+//! | [`study`] | what a fit hands over: unknowns by their names, data, noise |
+//! | [`bootstrap`] | other data, and what refits to them spread over |
+
+pub mod bootstrap;
+mod fixed;
+pub mod profile;
+mod solved;
+pub mod study;
+
+pub use bootstrap::{Replicate, Sample, Spread, resampled, spread};
+pub use profile::{End, Point, Profile, Sought, Threshold, profile};
+pub use solved::{Coordinate, Solved, Watch};
+pub use study::{Kind, Study, Unknown};

@@ -1,0 +1,320 @@
+//! Profile likelihoods: the objective where one coordinate is fixed and all others are sought again.
+//!
+//! With the least objective f̂ and the variance s² of the residuals, ζ = ± √((f - f̂)/s²) of a linear model is
+//! `(p - p̂)/sd` (the profile t of Bates & Watts, *Nonlinear Regression Analysis and Its Applications*, 1988, section
+//! 6.1). The interval is where |ζ| is below a threshold: √χ²₁ where the noise is known, Student's t where s² is estimated
+//! (Venzon & Moolgavkar, J. R. Stat. Soc. C 37, 1988).
+
+use crate::fixed::Fixed;
+use crate::solved::{Coordinate, Solved, Watch, solve};
+use pilotage_collocation::{BoundAt, Collocation};
+use pilotage_sqp::Iterate;
+use rayon::prelude::*;
+
+/// Steps to the threshold on a side, about.
+const STEPS: f64 = 4.0;
+/// Refits of a side at most.
+const MOST: usize = 40;
+/// How far a side goes, in distances at which the threshold is expected.
+const FARTHEST: f64 = 1e3;
+/// How often a step is halved after a refit that did not converge.
+const HALVINGS: usize = 5;
+/// Distance from the threshold at which a refit lies on it, per threshold.
+const CLOSE: f64 = 1e-4;
+/// Refits that close in on the threshold.
+const CLOSING: usize = 8;
+/// Objective below the least one, per s² and squared threshold, from which on it is another optimum.
+const LOWER: f64 = 1e-5;
+
+/// A coordinate whose profile is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sought {
+    /// Which.
+    pub at: Coordinate,
+    /// Distance from the estimate at which the threshold is expected, above 0.
+    pub step: f64,
+    /// Its range.
+    pub range: [f64; 2],
+}
+
+/// Where an interval ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Threshold {
+    /// Variance s² of the residuals, in units of the objective.
+    pub noise: f64,
+    /// Greatest |ζ|.
+    pub root: f64,
+}
+
+/// A refit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Value of the coordinate.
+    pub value: f64,
+    /// The least objective with that.
+    pub objective: f64,
+    /// ζ.
+    pub root: f64,
+    /// Constraints on parameters that hold with equality.
+    pub constraints: Vec<usize>,
+    /// Bounds at the begin of a run that do.
+    pub bounds: Vec<usize>,
+}
+
+/// Where a side of a profile ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum End {
+    /// At the threshold.
+    Crossed(f64),
+    /// At the end of the range: the data do not exclude it.
+    Range(f64),
+    /// Far away, and the threshold is not reached.
+    Open(f64),
+    /// Beyond this value no refit converged.
+    Failed(f64),
+    /// It was stopped.
+    Stopped(f64),
+}
+
+/// The profile of a coordinate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// The refits, and the estimate itself, by value.
+    pub points: Vec<Point>,
+    /// Lower and upper end.
+    pub ends: [End; 2],
+    /// The point with the least objective, where that is below the estimate's: there is a better optimum.
+    pub lower: Option<usize>,
+}
+
+/// The profiles of these coordinates, in parallel over them and their sides. The same numbers for any number of threads.
+/// [`Watch::done`] is called twice for each.
+///
+/// # Panics
+/// Where a step is not above 0, or the threshold is not.
+pub fn profile(
+    solved: &Solved,
+    sought: &[Sought],
+    threshold: Threshold,
+    watch: &Watch<'_>,
+) -> Vec<Profile> {
+    assert!(threshold.noise > 0.0 && threshold.root > 0.0, "a threshold");
+    assert!(sought.iter().all(|own| own.step > 0.0), "steps");
+    let fixed: Vec<Fixed<'_>> = (sought.par_iter())
+        .map(|own| Fixed::new(solved, own.at))
+        .collect();
+    let tasks: Vec<(usize, f64)> = (0..sought.len())
+        .flat_map(|k| [(k, -1.0), (k, 1.0)])
+        .collect();
+    let side = |(k, sign): &(usize, f64)| {
+        let found = Side::new(solved, &fixed[*k], sought[*k], threshold, *sign, *watch).walked();
+        (watch.done)();
+        found
+    };
+    let sides: Vec<(Vec<Point>, End)> = tasks.par_iter().map(side).collect();
+    let pairs = sides.chunks_exact(2).zip(sought);
+    pairs
+        .map(|(sides, own)| joined(solved, own.at, sides, threshold))
+        .collect()
+}
+
+/// Both sides, and the estimate between them.
+fn joined(
+    solved: &Solved,
+    at: Coordinate,
+    sides: &[(Vec<Point>, End)],
+    threshold: Threshold,
+) -> Profile {
+    let estimate = Point {
+        value: at.value(&solved.problem, &solved.at.z),
+        objective: solved.at.f,
+        root: 0.0,
+        constraints: held_constraints(&solved.problem, &solved.at),
+        bounds: held_bounds(&solved.problem, &solved.at),
+    };
+    let mut points = vec![estimate];
+    sides
+        .iter()
+        .for_each(|(own, _)| points.extend_from_slice(own));
+    points.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let least =
+        (0..points.len()).min_by(|a, b| points[*a].objective.total_cmp(&points[*b].objective));
+    let margin = LOWER * threshold.noise * threshold.root.powi(2);
+    Profile {
+        lower: least.filter(|k| points[*k].objective < solved.at.f - margin),
+        ends: [sides[0].1, sides[1].1],
+        points,
+    }
+}
+
+/// A side of a profile on its way.
+struct Side<'a> {
+    solved: &'a Solved,
+    fixed: &'a Fixed<'a>,
+    sought: Sought,
+    threshold: Threshold,
+    sign: f64,
+    watch: Watch<'a>,
+    points: Vec<Point>,
+    /// Value, ζ along the side, and variables of the estimate and all points, in the order of their values.
+    path: Vec<(f64, f64, Vec<f64>)>,
+}
+
+impl<'a> Side<'a> {
+    fn new(
+        solved: &'a Solved,
+        fixed: &'a Fixed<'a>,
+        sought: Sought,
+        threshold: Threshold,
+        sign: f64,
+        watch: Watch<'a>,
+    ) -> Self {
+        let value = sought.at.value(&solved.problem, &solved.at.z);
+        Self {
+            path: vec![(value, 0.0, fixed.begin())],
+            points: Vec::new(),
+            solved,
+            fixed,
+            sought,
+            threshold,
+            sign,
+            watch,
+        }
+    }
+
+    /// Steps away from the estimate until the threshold is crossed, and closes in on it.
+    fn walked(mut self) -> (Vec<Point>, End) {
+        let end = self.sought.range[usize::from(self.sign > 0.0)];
+        let begin = self.path[0].0;
+        let (mut step, mut halvings) = (self.sought.step / STEPS, 0);
+        loop {
+            let last = self.path[self.path.len() - 1].0;
+            if (end - last) * self.sign <= 1e-9 * self.sought.step {
+                return (self.points, End::Range(end));
+            }
+            let is_far = (last - begin).abs() > FARTHEST * self.sought.step;
+            if is_far || self.points.len() >= MOST {
+                return (self.points, End::Open(last));
+            }
+            let next = last + self.sign * step;
+            let next = if (end - next) * self.sign < 0.0 {
+                end
+            } else {
+                next
+            };
+            if !self.add(next) {
+                if (self.watch.stops)() {
+                    return (self.points, End::Stopped(last));
+                }
+                halvings += 1;
+                if halvings > HALVINGS {
+                    return (self.points, End::Failed(last));
+                }
+                step *= 0.5;
+                continue;
+            }
+            if self.path[self.path.len() - 1].1 >= self.threshold.root {
+                let end = self.close_in();
+                return (self.points, end);
+            }
+            step = self.next_step();
+        }
+    }
+
+    /// The step that changes ζ by a part of the threshold, or crosses it.
+    fn next_step(&self) -> f64 {
+        let [a, b] = [2, 1].map(|back| &self.path[self.path.len() - back]);
+        let (run, rise) = ((b.0 - a.0).abs(), b.1 - a.1);
+        let (part, left) = (self.threshold.root / STEPS, self.threshold.root - b.1);
+        let wanted = if left < 1.5 * part { 1.05 * left } else { part };
+        match rise > 0.0 {
+            true => run * (wanted / rise).clamp(0.25, 4.0),
+            false => 4.0 * run,
+        }
+    }
+
+    /// Closes in on the threshold between the last two points (false position, with the weights of Illinois), until a
+    /// point lies on it.
+    fn close_in(&mut self) -> End {
+        let root = self.threshold.root;
+        let (mut weights, mut kept) = ([1.0, 1.0], None);
+        for _ in 0..CLOSING {
+            let k = self.path.partition_point(|own| own.1 < root).max(1);
+            let [below, above] = [k - 1, k].map(|k| (self.path[k].0, self.path[k].1 - root));
+            if above.1.min(-below.1) < CLOSE * root {
+                break;
+            }
+            let [a, b] = [below.1 * weights[0], above.1 * weights[1]];
+            let next = (below.0 * b - above.0 * a) / (b - a);
+            if !self.add(next) {
+                break;
+            }
+            let is_above = self.path.iter().any(|own| own.0 == next && own.1 >= root);
+            let stays = usize::from(!is_above);
+            weights = [1.0, 1.0];
+            if kept == Some(stays) {
+                weights[stays] = 0.5;
+            }
+            kept = Some(stays);
+        }
+        let k = self.path.partition_point(|own| own.1 < root).max(1);
+        let [(a, f, _), (b, g, _)] = [&self.path[k - 1], &self.path[k]];
+        End::Crossed(a + (b - a) * (root - f) / (g - f))
+    }
+
+    /// Adds the point with that value; false where it does not converge.
+    fn add(&mut self, value: f64) -> bool {
+        let problem = self.fixed.problem(value);
+        let z = self.predicted(value);
+        let Some(iterate) = solve(&problem, z, &self.solved.options, &self.watch) else {
+            return false;
+        };
+        let excess = (iterate.f - self.solved.at.f) / self.threshold.noise;
+        let root = excess.max(0.0).sqrt();
+        self.points.push(Point {
+            value,
+            objective: iterate.f,
+            root: self.sign * root,
+            constraints: held_constraints(&problem, &iterate),
+            bounds: held_bounds(&problem, &iterate),
+        });
+        let place = self
+            .path
+            .partition_point(|own| (own.0 - value) * self.sign < 0.0);
+        self.path.insert(place, (value, root, iterate.z));
+        true
+    }
+
+    /// The variables with that value, on the straight line through its neighbours.
+    fn predicted(&self, value: f64) -> Vec<f64> {
+        let place = self
+            .path
+            .partition_point(|own| (own.0 - value) * self.sign < 0.0);
+        let near = place.max(1).min(self.path.len() - 1);
+        let mut z = self.path[near].2.clone();
+        if near > 0 {
+            let [a, b] = [&self.path[near - 1], &self.path[near]];
+            let part = (value - b.0) / (b.0 - a.0);
+            let pairs = z.iter_mut().zip(&a.2);
+            pairs.for_each(|(own, before)| *own += part * (*own - before));
+        }
+        self.fixed.put(&mut z, value);
+        z
+    }
+}
+
+/// Constraints on parameters with a multiplier.
+fn held_constraints(problem: &Collocation, at: &Iterate) -> Vec<usize> {
+    let own = &at.eta[problem.layout.parameter_constraints..];
+    (0..own.len()).filter(|k| own[*k] != 0.0).collect()
+}
+
+/// Bounds with a multiplier at the begin of any run.
+fn held_bounds(problem: &Collocation, at: &Iterate) -> Vec<usize> {
+    let is_held = |k: &usize| {
+        let mut runs = problem.layout.runs.iter();
+        runs.any(|run| at.eta[run.g + k * run.samples] != 0.0)
+    };
+    let starts = (0..problem.bounds.len()).filter(|k| problem.bounds[*k].at == BoundAt::Start);
+    starts.filter(is_held).collect()
+}

@@ -1,0 +1,297 @@
+//! `--profile` and `--bootstrap`: a fit, solved again.
+
+mod resume;
+mod tell;
+
+use crate::cli::overwrite::OutputKind;
+use crate::cli::progress::Counter;
+use crate::cli::{Failure, interrupt, terminal};
+use crate::inference::LEVEL;
+use crate::refits::study::ENOUGH_RUNS;
+use crate::refits::{Kind, Profile, Replicate, Spread, Study, Watch, spread};
+use crate::suggestion::{did_you_mean, suggestion};
+use resume::Kept;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::Instant;
+pub use tell::HEAD;
+
+/// Arguments of what solves a fit again.
+#[derive(Debug, clap::Args)]
+pub struct Refits {
+    /// Fix each of these parameters (NAME,NAME; all unless named) to other values, seek the others again, and tell the
+    /// interval in which the objective is not significantly greater.
+    #[arg(long, value_name = "NAMES", num_args = 0..=1, default_missing_value = "all")]
+    profile: Option<String>,
+    /// Fit so many replicates of the data, and tell what the parameters spread over.
+    #[arg(long, value_name = "N", value_parser = replicates, allow_hyphen_values = true)]
+    bootstrap: Option<u64>,
+    /// What is drawn: whole `runs` with replacement, or `parametric` residuals by a model of the noise [default: runs from
+    /// four runs on, parametric below].
+    #[arg(long, value_name = "KIND", requires = "bootstrap",
+          value_parser = super::named(Kind::ALL, Kind::as_str))]
+    bootstrap_kind: Option<Kind>,
+    /// Seed of the bootstrap [default: 0].
+    #[arg(long, value_name = "SEED", requires = "bootstrap", value_parser = crate::cli::number::whole::<u64>,
+          allow_hyphen_values = true)]
+    seed: Option<u64>,
+    /// Keep the bootstrap's refits in this file as they end, and take those that are in it already.
+    #[arg(long, value_name = "FILE", requires = "bootstrap")]
+    resume: Option<PathBuf>,
+}
+
+fn replicates(text: &str) -> Result<u64, String> {
+    let value = text.parse().ok().filter(|count| *count >= 2);
+    value.ok_or_else(|| "expected a whole number from 2, such as 200".to_owned())
+}
+
+/// What is said where a fit cannot be solved again.
+pub const NOTHING: &str =
+    "the fit does not say how sure it is, so it is not solved again: no profile, no bootstrap";
+
+/// What is to be solved again.
+#[derive(Debug)]
+pub struct Plan {
+    /// The unknowns whose profiles are asked for.
+    profile: Vec<usize>,
+    /// Replicates, what is drawn, seed.
+    bootstrap: Option<(u64, Kind, u64)>,
+    resume: Option<PathBuf>,
+}
+
+/// What refits gave.
+pub struct Refitted {
+    /// Name and label of each unknown, and of what is derived behind them.
+    names: Vec<(String, Option<String>)>,
+    /// Number of unknowns.
+    unknowns: usize,
+    /// Names of constraints and bounds.
+    limits: [Vec<String>; 2],
+    /// What the solver's objective is, per unit of the problem's.
+    factor: f64,
+    /// Threshold, variance of the residuals and its degrees of freedom.
+    threshold: (f64, f64, Option<f64>),
+    profiles: Vec<(usize, Profile)>,
+    bootstrap: Option<Bootstrapped>,
+}
+
+/// What a bootstrap gave.
+struct Bootstrapped {
+    asked: u64,
+    kind: Kind,
+    seed: u64,
+    replicates: Vec<Replicate>,
+}
+
+impl Refits {
+    /// A flag that asks for refits.
+    pub fn flag(&self) -> Option<&'static str> {
+        let given = [
+            ("--profile", self.profile.is_some()),
+            ("--bootstrap", self.bootstrap.is_some()),
+        ];
+        given.into_iter().find(|own| own.1).map(|own| own.0)
+    }
+
+    /// The file that is written.
+    pub fn output(&self) -> Option<(&Path, OutputKind)> {
+        let path = self.resume.as_deref()?;
+        Some((path, OutputKind::Refits))
+    }
+
+    /// What is asked of a fit with these unknowns and so many runs; none where nothing is.
+    pub fn plan(
+        &self,
+        names: &[(String, Option<String>)],
+        runs: usize,
+    ) -> Result<Option<Plan>, Failure> {
+        if self.flag().is_none() {
+            return Ok(None);
+        }
+        let kind = self.bootstrap_kind.unwrap_or(Kind::of(runs));
+        if self.bootstrap.is_some() && kind == Kind::Runs && runs < ENOUGH_RUNS {
+            let message = format!(
+                "--bootstrap-kind runs draws whole runs, and of {runs} there are too few; it takes {ENOUGH_RUNS}"
+            );
+            return Err(Failure::new(message).hint("--bootstrap-kind parametric draws residuals"));
+        }
+        let seed = self.seed.unwrap_or(0);
+        Ok(Some(Plan {
+            profile: match &self.profile {
+                Some(said) => chosen(said, names)?,
+                None => Vec::new(),
+            },
+            bootstrap: self.bootstrap.map(|count| (count, kind, seed)),
+            resume: self.resume.clone(),
+        }))
+    }
+}
+
+/// The unknowns that a list means: by their names, with or without whose they are.
+fn chosen(said: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, Failure> {
+    if said == "all" {
+        return Ok((0..names.len()).collect());
+    }
+    let mut found = Vec::new();
+    for name in said.split(',').map(str::trim) {
+        let is_meant = |k: &usize| names[*k].0 == name || full_name(&names[*k]) == name;
+        let own: Vec<usize> = (0..names.len()).filter(is_meant).collect();
+        if own.is_empty() {
+            return Err(unknown(name, names));
+        }
+        found.extend(own);
+    }
+    found.sort_unstable();
+    found.dedup();
+    Ok(found)
+}
+
+fn unknown(name: &str, names: &[(String, Option<String>)]) -> Failure {
+    let mut known: Vec<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
+    known.dedup();
+    let near = did_you_mean(suggestion(name, known.iter().copied()));
+    let message = format!(
+        "--profile: nothing that is sought is called `{name}`{near}; there are {}",
+        known.join(", ")
+    );
+    match Path::new(name).exists() {
+        true => Failure::new(message).hint("write --profile=all, or --profile behind the files"),
+        false => Failure::new(message),
+    }
+}
+
+fn full_name((name, label): &(String, Option<String>)) -> String {
+    match label {
+        Some(label) => format!("{name} ({label})"),
+        None => name.clone(),
+    }
+}
+
+impl Plan {
+    /// Solves again what is asked for, until it is done, Ctrl-C or the limit on time [s] since then.
+    ///
+    /// # Errors
+    /// Where the file of refits is that of another fit, or cannot be written.
+    pub fn run(
+        &self,
+        study: &Study<'_>,
+        (begin, limit): (Instant, Option<f64>),
+    ) -> Result<Refitted, Failure> {
+        let is_late = || limit.is_some_and(|limit| begin.elapsed().as_secs_f64() > limit);
+        let stops = || interrupt::is_asked() || is_late();
+        let names = study.unknowns.iter();
+        let names = names.map(|own| (own.name.clone(), own.label.clone()));
+        let derived = study.derived.iter().map(|name| (name.clone(), None));
+        Ok(Refitted {
+            names: names.chain(derived).collect(),
+            unknowns: study.unknowns.len(),
+            limits: [study.constraints.clone(), study.bounds.clone()],
+            factor: study.factor,
+            threshold: (
+                study.threshold.root,
+                study.threshold.noise / study.factor,
+                study.degrees,
+            ),
+            profiles: self.profiles(study, &stops),
+            bootstrap: self.bootstrapped(study, &stops)?,
+        })
+    }
+
+    fn profiles(
+        &self,
+        study: &Study<'_>,
+        stops: &(dyn Fn() -> bool + Sync),
+    ) -> Vec<(usize, Profile)> {
+        let counter = Counter::new("sides of profiles", 2 * self.profile.len() as u64);
+        let done = || counter.count();
+        let watch = Watch { stops, done: &done };
+        let found = study.profiles(&self.profile, &watch);
+        counter.clear();
+        self.profile.iter().copied().zip(found).collect()
+    }
+
+    fn bootstrapped(
+        &self,
+        study: &Study<'_>,
+        stops: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Bootstrapped>, Failure> {
+        let Some((asked, kind, seed)) = self.bootstrap else {
+            return Ok(None);
+        };
+        let kept = self.resume.as_deref();
+        let kept = kept
+            .map(|path| Kept::open(path, study, kind, seed))
+            .transpose()?;
+        let (mut replicates, kept) =
+            kept.map_or((Vec::new(), None), |(read, own)| (read, Some(own)));
+        replicates.retain(|own| own.number < asked);
+        let missing = |number: &u64| replicates.iter().all(|own| own.number != *number);
+        let numbers: Vec<u64> = (0..asked).filter(missing).collect();
+        let counter = Counter::new("bootstrap refits", numbers.len() as u64);
+        let kept = Mutex::new((kept, Ok(())));
+        let has_failed = || kept.lock().is_ok_and(|own| own.1.is_err());
+        let see = |replicate: &Replicate| {
+            if let Ok(mut own) = kept.lock()
+                && let (Some(file), Ok(())) = &mut *own
+                && let Err(error) = file.add(replicate)
+            {
+                own.1 = Err(error);
+            }
+        };
+        let (stops, done) = (|| stops() || has_failed(), || counter.count());
+        let watch = Watch {
+            stops: &stops,
+            done: &done,
+        };
+        replicates.extend(study.bootstrap((kind, seed), &numbers, &see, &watch));
+        counter.clear();
+        if let Ok((_, Err(error))) = kept.into_inner() {
+            return Err(error);
+        }
+        replicates.sort_by_key(|own| own.number);
+        let found = Bootstrapped {
+            asked,
+            kind,
+            seed,
+            replicates,
+        };
+        if found.missing() > 0 {
+            terminal::note(&found.stopped(self.resume.as_deref()));
+        }
+        Ok(Some(found))
+    }
+}
+
+impl Bootstrapped {
+    /// What the values of an unknown spread over.
+    fn spread(&self, unknown: usize) -> Option<Spread> {
+        let all = self.replicates.iter();
+        spread(
+            all.filter_map(|own| Some(own.values.as_ref()?[unknown])),
+            LEVEL,
+        )
+    }
+
+    fn converged(&self) -> usize {
+        self.replicates
+            .iter()
+            .filter(|own| own.values.is_some())
+            .count()
+    }
+
+    fn missing(&self) -> u64 {
+        self.asked - self.replicates.len() as u64
+    }
+
+    fn stopped(&self, resume: Option<&Path>) -> String {
+        let next = match resume {
+            Some(path) => format!("; the same command goes on with {}", path.display()),
+            None => "; with --resume FILE it could go on from there".to_owned(),
+        };
+        format!(
+            "the bootstrap was stopped with {} of {} refits{next}",
+            self.replicates.len(),
+            self.asked
+        )
+    }
+}

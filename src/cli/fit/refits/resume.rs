@@ -1,0 +1,130 @@
+//! The file of a bootstrap: a line for each refit that has ended, so that a killed command can go on.
+
+use crate::cli::Failure;
+use crate::identification::trials::sha256;
+use crate::refits::{Kind, Replicate, Study};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// First words of such a file.
+pub const HEAD: &str = "# Bootstrap refits of pilotage";
+
+/// The file that refits are added to.
+pub struct Kept {
+    path: PathBuf,
+    file: File,
+}
+
+impl Kept {
+    /// Opens the file of a bootstrap, or makes it; with the refits that are in it. A line that was not written to its end
+    /// is cut off.
+    ///
+    /// # Errors
+    /// Where it cannot be read or written, is none, or that of another fit, or another process is writing it.
+    pub fn open(
+        path: &Path,
+        study: &Study<'_>,
+        kind: Kind,
+        seed: u64,
+    ) -> Result<(Vec<Replicate>, Self), Failure> {
+        let fail = |error: io::Error| Failure::cannot_write(path, &error);
+        let mut options = OpenOptions::new();
+        let options = options.read(true).write(true).create(true).truncate(false);
+        let mut file = options.open(path).map_err(fail)?;
+        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
+            let message = format!("{} is being written by another process", path.display());
+            return Err(Failure::new(message).hint("wait for it, or give --resume another file"));
+        }
+        let mut text = String::new();
+        file.read_to_string(&mut text).map_err(fail)?;
+        let head = head(study, kind, seed);
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let found = match text[..whole].strip_prefix(&head) {
+            Some(lines) => read(path, lines, study.unknowns.len() + study.derived.len())?,
+            // A kill may have come before the first line was there.
+            None if text.is_empty() || whole == 0 && head.starts_with(&text) => Vec::new(),
+            None => return Err(refused(path, &text)),
+        };
+        file.set_len(whole as u64).map_err(fail)?;
+        file.seek(SeekFrom::End(0)).map_err(fail)?;
+        if whole == 0 {
+            file.write_all(head.as_bytes()).map_err(fail)?;
+        }
+        let path = path.to_owned();
+        Ok((found, Self { path, file }))
+    }
+
+    /// Adds a refit.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn add(&mut self, replicate: &Replicate) -> Result<(), Failure> {
+        let values = match &replicate.values {
+            Some(values) => values.iter().map(|value| format!(",{value:?}")).collect(),
+            None => ",-".to_owned(),
+        };
+        let line = format!("{}{values}\n", replicate.number);
+        let written = self.file.write_all(line.as_bytes());
+        written.map_err(|error| Failure::cannot_write(&self.path, &error))
+    }
+}
+
+/// The first line: of what fit, drawn how.
+fn head(study: &Study<'_>, kind: Kind, seed: u64) -> String {
+    let solved = &study.solved;
+    let values = solved.at.z.iter().chain([&solved.at.f]);
+    let mut bytes: Vec<u8> = values.flat_map(|value| value.to_le_bytes()).collect();
+    study
+        .unknowns
+        .iter()
+        .for_each(|own| bytes.extend(own.full_name().bytes()));
+    study
+        .derived
+        .iter()
+        .for_each(|own| bytes.extend(own.bytes()));
+    let sum = sha256(&bytes);
+    let fit = &sum[..16];
+    format!("{HEAD}, kind {kind}, seed {seed}, of the fit {fit}\n")
+}
+
+/// The refits of whole lines.
+fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failure> {
+    let line = |(k, line): (usize, &str)| {
+        let replicate = replicate(line).filter(|own| {
+            let values = own.values.as_ref();
+            values.is_none_or(|values| values.len() == count)
+        });
+        replicate.ok_or_else(|| {
+            let message = format!("{}:{}: `{line}` is no refit", path.display(), k + 2);
+            Failure::new(message).hint("remove the line, or give --resume another file")
+        })
+    };
+    lines.lines().enumerate().map(line).collect()
+}
+
+fn replicate(line: &str) -> Option<Replicate> {
+    let (number, values) = line.split_once(',')?;
+    Some(Replicate {
+        number: number.parse().ok()?,
+        values: match values {
+            "-" => None,
+            values => Some(
+                values
+                    .split(',')
+                    .map(str::parse)
+                    .collect::<Result<_, _>>()
+                    .ok()?,
+            ),
+        },
+    })
+}
+
+fn refused(path: &Path, text: &str) -> Failure {
+    let what = match text.starts_with(HEAD) {
+        true => "holds refits of another fit, kind or seed",
+        false => "is there, and no file of bootstrap refits",
+    };
+    let message = format!("{} {what}", path.display());
+    Failure::new(message).hint("give --resume another file; it is made where it is not there")
+}
