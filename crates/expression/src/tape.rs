@@ -162,7 +162,7 @@ impl Tape {
         let all: Vec<Node> = lists.concat();
         let needed = graph.ancestors(&all);
         writer.stage(|k| needed[k] && !late[k]);
-        writer.reciprocals(|k| needed[k] && late[k]);
+        writer.reciprocals(|k, by| needed[k] && late[k] && !late[by]);
         for list in lists {
             let needed = graph.ancestors(list);
             writer.stage(|k| needed[k]);
@@ -492,15 +492,16 @@ impl<'a> Writer<'a> {
         register
     }
 
-    /// Adds the reciprocals of what these nodes divide by to the stage written last, where that has it already: a
-    /// division takes as long as several products, and is made at every point.
-    fn reciprocals(&mut self, wanted: impl Fn(usize) -> bool) {
+    /// Adds the reciprocals of what these nodes divide by to the stage written last: a division takes as long as
+    /// several products, and is made at every point.
+    fn reciprocals(&mut self, wanted: impl Fn(usize, usize) -> bool) {
         for (k, operation) in self.graph.operations().iter().enumerate() {
             let Operation::Binary(Operator::Divide, _, by) = *operation else {
                 continue;
             };
             let known = self.registers[by.index()];
-            if let (true, Some(a), None) = (wanted(k), known, self.reciprocals.get(&by)) {
+            if let (true, Some(a), None) = (wanted(k, by.index()), known, self.reciprocals.get(&by))
+            {
                 let code = Code::Function(Function::Reciprocal);
                 let register = self.push(Instruction {
                     code,

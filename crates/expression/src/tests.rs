@@ -74,6 +74,43 @@ fn config() -> ProptestConfig {
     }
 }
 
+/// A division by what is known early is a product, and by what is not a division, be it a variable or a result.
+#[test]
+fn a_tape_divides_by_what_is_known_early_and_by_what_is_not() {
+    let mut graph = Graph::default();
+    let [early, x, y] = [0, 1, 2].map(|k| graph.variable(k));
+    let (sum, late) = (graph.add(early, early), graph.add(x, y));
+    let pairs = [
+        (x, early),
+        (y, early),
+        (x, sum),
+        (early, x),
+        (x, y),
+        (early, late),
+        (late, sum),
+    ];
+    let nodes = pairs.map(|(a, b)| graph.divide(a, b));
+    let tape = Tape::new(&graph, 3, |variable| variable == 0, &[&nodes]);
+    let mut registers = tape.registers::<4>();
+    registers.set(0, [3.0; 4]);
+    tape.run(0, &mut registers);
+    registers.set(1, [5.0; 4]);
+    registers.set(2, [7.0; 4]);
+    tape.run(1, &mut registers);
+    let expected = [
+        5.0 / 3.0,
+        7.0 / 3.0,
+        5.0 / 6.0,
+        3.0 / 5.0,
+        5.0 / 7.0,
+        0.25,
+        2.0,
+    ];
+    for (register, expected) in tape.outputs(0).iter().zip(expected) {
+        assert!(near(registers.get(*register)[2], expected), "{expected}");
+    }
+}
+
 proptest! {
     #![proptest_config(config())]
 
