@@ -1,8 +1,9 @@
 //! The figures of a report.
 
-use super::plot::{Axes, Line, Plot, colour};
-use crate::identification::{Fit, Objective, RunFit, Trial};
-use crate::series::Series;
+use super::figure::{Axis, Figure, Look, Panel, Series};
+use super::palette::colour;
+use crate::identification::{Fit, RunFit, Trial};
+use crate::series;
 
 /// A co-simulation of pilot and vehicle, from rest to one target.
 #[derive(Debug, Clone)]
@@ -10,7 +11,7 @@ pub struct ClosedLoop<'a> {
     /// The target \[m\].
     pub target: f64,
     /// What the master recorded.
-    pub series: &'a Series,
+    pub series: &'a series::Series,
     /// Name of the column with the vehicle's position \[m\].
     pub position: &'a str,
     /// Name of the column with the stick.
@@ -33,7 +34,8 @@ impl Targets {
         Self(targets)
     }
 
-    fn class(&self, target: f64) -> String {
+    /// The colour of a target.
+    pub fn class(&self, target: f64) -> String {
         let index = self
             .0
             .iter()
@@ -48,91 +50,59 @@ fn last(values: &[f64]) -> f64 {
     values.last().copied().unwrap_or(f64::NAN)
 }
 
-/// A line; `run` names it under the pointer, with its label.
-fn line(run: &str, label: &str, class: impl Into<String>, x: &[f64], y: &[f64]) -> Line {
-    Line {
-        label: label.into(),
-        name: format!("{run}, {label}"),
-        class: class.into(),
-        x: x.to_vec(),
-        y: y.to_vec(),
-    }
-}
-
 /// The recorded positions and the goals.
-fn recorded(trials: &[Trial]) -> Vec<Line> {
-    let data =
-        (trials.iter()).map(|run| line(&run.name, "recorded", "data", &run.time, &run.position));
-    let goal = (trials.iter()).map(|run| line(&run.name, "goal", "goal", &run.time, &run.target));
-    data.chain(goal).collect()
+fn recorded(trials: &[Trial]) -> Vec<Series> {
+    let data = (trials.iter())
+        .map(|run| Series::line("recorded", "data", &run.time, &run.position).of(&run.name));
+    let goal = (trials.iter()).map(|run| {
+        let line = Series::line("goal", "goal", &run.time, &run.target);
+        line.of(&run.name).looks(Look::Dashed)
+    });
+    goal.chain(data).collect()
 }
 
-fn recorded_stick(trials: &[Trial]) -> Vec<Line> {
-    (trials.iter())
-        .filter_map(|run| {
-            let stick = run.stick.as_ref()?;
-            Some(line(&run.name, "recorded", "data", &run.time, stick))
-        })
-        .collect()
+fn recorded_stick(trials: &[Trial]) -> Vec<Series> {
+    let stick = |run: &Trial| {
+        let line = Series::line("recorded", "data", &run.time, run.stick.as_ref()?);
+        Some(line.of(&run.name))
+    };
+    trials.iter().filter_map(stick).collect()
 }
 
-/// One model line for each run, styled by its target.
-fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Line> {
+/// One model line for each run, coloured by its target.
+fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Series> {
     (runs.iter())
         .map(|run| {
             let target = last(&run.target);
             let label = format!("model, {target} m");
-            line(&run.name, &label, targets.class(target), &run.time, y(run))
+            Series::line(&label, targets.class(target), &run.time, y(run)).of(&run.name)
         })
         .collect()
 }
 
-fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> String {
-    let plot = Plot {
-        description: description.into(),
-        x_label: "time [s]".into(),
-        y_label: y_label.into(),
-        axes: Axes::Linear,
+fn panel(y: &str, height: f64, series: Vec<Series>) -> Panel {
+    Panel {
+        x: Axis::time(),
+        y: Axis::linear(y),
         height,
-        lines,
-        marks: Vec::new(),
-    };
-    plot.to_svg()
+        series,
+        ..Panel::default()
+    }
 }
 
-/// The paper's figure: recorded runs, goals, and the model's response.
-pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded(trials);
-    lines.extend(modelled(runs, targets, |run| &run.position));
-    plot(
-        "recorded positions, goals and the model's response over time",
-        "position [m]",
-        360.0,
-        lines,
-    )
+/// The paper's figure: recorded runs, goals, and the model's response; below it the stick.
+pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+    let mut positions = recorded(trials);
+    positions.extend(modelled(runs, targets, |run| &run.position));
+    let panel = panel("position [m]", 360.0, positions);
+    Figure::of("response", "Response", caption, panel)
 }
 
 /// The stick, recorded and modelled.
-pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded_stick(trials);
-    lines.extend(modelled(&fit.runs, targets, |run| &run.stick));
-    plot(
-        "recorded and modelled stick over time",
-        "stick [1]",
-        300.0,
-        lines,
-    )
-}
-
-/// Recorded minus modelled.
-pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
-    let label = format!("residual [{}]", objective.unit());
-    let mut lines = modelled(&fit.runs, targets, |run| &run.residual);
-    for line in &mut lines {
-        line.label = line.label.replace("model, ", "goal ");
-        line.name = line.name.replace("model, ", "goal ");
-    }
-    plot("recorded minus modelled over time", &label, 280.0, lines)
+pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+    let mut series = recorded_stick(trials);
+    series.extend(modelled(&fit.runs, targets, |run| &run.stick));
+    Figure::of("stick", "Stick", caption, panel("stick [1]", 280.0, series))
 }
 
 /// One line for each co-simulation, from the column that `column` names.
@@ -140,45 +110,30 @@ fn co_simulated(
     loops: &[ClosedLoop],
     targets: &Targets,
     column: impl Fn(&ClosedLoop) -> String,
-) -> Vec<Line> {
+) -> Vec<Series> {
     (loops.iter())
         .filter_map(|closed| {
             let values = &closed.series.column(&column(closed))?.values;
             let label = format!("FMUs, {} m", closed.target);
             let class = targets.class(closed.target);
-            Some(line(
-                "closed loop",
-                &label,
-                class,
-                &closed.series.time,
-                values,
-            ))
+            Some(Series::line(&label, class, &closed.series.time, values))
         })
         .collect()
 }
 
-/// The exported FMUs in closed loop, from rest: positions.
-pub fn loop_response(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded(trials);
-    lines.extend(co_simulated(loops, targets, |closed| {
-        closed.position.into()
-    }));
-    plot(
-        "recorded positions, goals and the co-simulated response over time",
-        "position [m]",
-        360.0,
-        lines,
-    )
-}
-
-/// The exported FMUs in closed loop, from rest: stick.
-pub fn loop_stick(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded_stick(trials);
-    lines.extend(co_simulated(loops, targets, |closed| closed.stick.into()));
-    plot(
-        "recorded and co-simulated stick over time",
-        "stick [1]",
-        300.0,
-        lines,
-    )
+/// The exported FMUs in closed loop, from rest: positions, and below them the stick.
+pub fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Figure {
+    let mut positions = recorded(trials);
+    positions.extend(co_simulated(loops, targets, |own| own.position.into()));
+    let mut sticks = recorded_stick(trials);
+    sticks.extend(co_simulated(loops, targets, |own| own.stick.into()));
+    let mut figure = Figure::of(
+        "closed-loop",
+        "The exported FMUs in closed loop",
+        "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: nothing is left of the \
+         optimiser here.",
+        panel("position [m]", 320.0, positions),
+    );
+    figure.panels.push(panel("stick [1]", 220.0, sticks));
+    figure
 }

@@ -1,12 +1,22 @@
 //! The report page.
 
+use super::certainty::{correlation_figure, waterfall_figure};
+use super::figure::Figure;
 use super::figures::{self, ClosedLoop, Targets};
-use super::html::{Made, escape, facts, figure, header, section, whole};
+use super::frequency::bode_figures;
+use super::html::{Made, choice, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
+use super::poles::pole_figure;
+use super::residuals::{Residuals, residual_figure};
 use super::tables;
 use crate::identification::statistics::rms;
 use crate::identification::{Diagnostic, Fit, Identification, Objective, RunFit};
 use crate::models::Pilot;
+use crate::sqp::Status;
+
+/// Cramér–Rao bound below which a parameter is well determined \[%\] (Tischler & Remple, *Aircraft and Rotorcraft System
+/// Identification*, 2nd ed., section 12.3).
+const WELL_DETERMINED: f64 = 20.0;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -21,41 +31,78 @@ pub struct Report<'a> {
 
 /// The report as one HTML file that needs nothing beside it.
 pub fn page(report: &Report) -> String {
-    let Identification { fit, options, .. } = report.found;
-    let trials = &report.found.trials.fit;
-    let targets = Targets::of(trials);
-    let mut body = head(report);
-    body += &response(report, &targets);
-    body += &figure(
-        "Stick",
-        match options.objective {
-            Objective::Response => {
-                "The stick is not what is fitted: the pilot is asked to bring the vehicle where the \
-                 human brought it, not to copy the hand."
-            }
-            Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
-        },
-        &figures::stick(fit, trials, &targets),
-    );
-    body += &figure(
-        "Residuals",
-        "Recorded minus modelled. What is left is what differs from run to run, and what no linear \
-         pilot of this order does.",
-        &figures::residuals(fit, &targets, options.objective),
-    );
-    body += &closed_loops(report, &targets);
+    let mut body = head(report) + choice();
+    body += &figures(report).iter().map(figure).collect::<String>();
     body += &numbers(report);
     whole("identified pilot", &body, report.made)
 }
 
-/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
-/// shown as it flies alone.
-fn response(report: &Report, targets: &Targets) -> String {
+/// The figures of a report, in the order of the page.
+fn figures(report: &Report) -> Vec<Figure> {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
-    if options.loop_vehicle().is_none() {
-        return String::new();
+    let targets = Targets::of(trials);
+    let mut all = Vec::new();
+    all.extend(response(report, &targets));
+    all.push(figures::stick(fit, trials, &targets, match options.objective {
+        Objective::Response => {
+            "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human brought it, not \
+             to copy the hand."
+        }
+        Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
+    }));
+    if !report.loops.is_empty() {
+        all.push(figures::closed_loops(report.loops, trials, &targets));
     }
+    all.extend(bode_figures(report.found));
+    all.push(pole_figure(report.found));
+    all.push(residuals(fit, &targets, options.objective));
+    if let Some(sure) = &fit.uncertainty {
+        let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
+        all.push(correlation_figure(&names, &sure.correlations));
+    }
+    let unit = if options.objective == Objective::Response {
+        "m2"
+    } else {
+        ""
+    };
+    let starts = fit
+        .starts
+        .iter()
+        .map(|start| (start.status == Status::Converged, start.objective));
+    all.push(waterfall_figure(unit, &starts.collect::<Vec<_>>()));
+    all
+}
+
+/// Recorded minus modelled.
+fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
+    let of = |run: &'_ RunFit| {
+        let target = run.target.last().copied().unwrap_or(f64::NAN);
+        (format!("goal {target} m"), targets.class(target))
+    };
+    let all: Vec<Residuals> = (fit.runs.iter())
+        .map(|run| {
+            let (label, colour) = of(run);
+            Residuals {
+                run: &run.name,
+                label,
+                colour,
+                time: &run.time,
+                values: run.residual.clone(),
+            }
+        })
+        .collect();
+    let caption = "Recorded minus modelled: over time, by lag and by frequency. What is left is what differs from run to \
+                   run, and what no linear pilot of this order does.";
+    residual_figure("residuals", "Residuals", caption, objective.unit(), &all)
+}
+
+/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
+/// shown as it flies alone.
+fn response(report: &Report, targets: &Targets) -> Option<Figure> {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    options.loop_vehicle()?;
     let alone = || -> Option<Vec<RunFit>> {
         let fitted = report.found.outcomes().take(trials.len());
         fitted.map(|run| run.alone.cloned()).collect()
@@ -63,20 +110,16 @@ fn response(report: &Report, targets: &Targets) -> String {
     let (runs, caption) = match options.objective {
         Objective::Response => (
             fit.runs.clone(),
-            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: \
-             one pilot θ for all of them.",
+            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one pilot θ for all of \
+             them.",
         ),
         Objective::Stick => (
             alone().unwrap_or_default(),
-            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it \
-             flies alone, from rest: it was fitted to the stick and may miss the goal.",
+            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it flies alone, from \
+             rest: it was fitted to the stick and may miss the goal.",
         ),
     };
-    figure(
-        "Response",
-        caption,
-        &figures::response(&runs, trials, targets),
-    )
+    Some(figures::response(&runs, trials, targets, caption))
 }
 
 /// Title, verdict, and the result in one formula and three numbers.
@@ -121,9 +164,33 @@ fn head(report: &Report) -> String {
                 false => "none: the last iterate violates the equations".into(),
             },
         ),
-        ("iterations", fit.iterations.to_string()),
+        (
+            "starts that agree",
+            format!("{} of {}", fit.agreeing(), fit.tried),
+        ),
     ]);
-    html
+    html + &format!("<p>{}</p>\n", sureness(fit))
+}
+
+/// How sure the fit is, in a sentence.
+fn sureness(fit: &Fit) -> String {
+    let Some(sure) = &fit.uncertainty else {
+        return "How sure it is is not known: see the diagnostics.".into();
+    };
+    escape(&well_determined(&sure.cramer_rao))
+}
+
+/// How many parameters with these Cramér–Rao bounds \[%\] are well determined, in a sentence.
+pub fn well_determined(cramer_rao: &[f64]) -> String {
+    let well = cramer_rao
+        .iter()
+        .filter(|bound| **bound < WELL_DETERMINED)
+        .count();
+    format!(
+        "{well} of {} parameters are well determined (Cramér–Rao bound below {WELL_DETERMINED} %; Tischler & Remple, \
+         section 12.3).",
+        cramer_rao.len()
+    )
 }
 
 /// What speaks against the result, before the result.
@@ -180,30 +247,12 @@ fn polynomial(c: &[f64]) -> String {
     html
 }
 
-fn closed_loops(report: &Report, targets: &Targets) -> String {
-    let trials = &report.found.trials.fit;
-    match report.loops.is_empty() {
-        true => String::new(),
-        false => {
-            figure(
-                "The exported FMUs in closed loop",
-                "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: \
-                 nothing is left of the optimiser here.",
-                &figures::loop_response(report.loops, trials, targets),
-            ) + &figure(
-                "Their stick",
-                "The same co-simulations, and the stick as it was recorded.",
-                &figures::loop_stick(report.loops, trials, targets),
-            )
-        }
-    }
-}
-
 fn numbers(report: &Report) -> String {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
     let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
     section("Parameters", &tables::theta(fit, options.pilot))
+        + &section("Active constraints", &tables::active(report.found))
         + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
         + &section("Poles of the closed loop", &tables::closed_loop(fit))
         + &section("Runs", &tables::runs(report.found))
@@ -289,7 +338,21 @@ mod tests {
             },
         };
         let html = page(&report);
-        assert_eq!(html.matches("<figure>").count(), 5);
+        let names: Vec<String> = super::super::html::figures(&html)
+            .into_iter()
+            .map(|figure| figure.name)
+            .collect();
+        let expected = [
+            "response",
+            "stick",
+            "closed-loop",
+            "bode",
+            "open-loop",
+            "poles",
+            "residuals",
+            "waterfall",
+        ];
+        assert_eq!(names, expected);
         assert_eq!(html.matches("<tr><td>θ").count(), 6);
         for part in [
             "not converged: iteration-limit",
@@ -297,14 +360,14 @@ mod tests {
             "model, 20 m",
             "FMUs, 10 m",
             "&lt;10m-run1&gt;.csv",
+            "The MIT License (MIT)",
             "2026-03-01 09:30 UTC",
             "pilotage fit &lt;x&gt;",
         ] {
             assert!(html.contains(part), "{part}");
         }
-        // The name of SVG's namespace is no address that a page would open.
-        let html = html.replace("http://www.w3.org/2000/svg", "");
-        for outside in ["http", "<script", "<10m", "NaN", "url("] {
+        // Nothing is fetched: uPlot names its home in a comment alone.
+        for outside in ["src=", "href=", "fetch(", "import(", "<10m", "NaN,", "url("] {
             assert!(!html.contains(outside), "{outside}");
         }
     }
