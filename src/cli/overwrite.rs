@@ -39,6 +39,8 @@ pub enum OutputKind {
     Problem,
     /// A model file with fitted parameters.
     Fitted,
+    /// A figure or a table of one.
+    Figure,
 }
 
 impl Overwrite {
@@ -102,6 +104,13 @@ impl OutputKind {
             Self::Problem => ("the unchanged problem file", |_| false),
             Self::Fitted => ("a fitted model", |path| {
                 first_line(path).starts_with(FITTED)
+            }),
+            Self::Figure => ("a figure", |path| {
+                let head = head(path);
+                let is_figure = |begin: &&str| head.starts_with(*begin);
+                ["<svg xmlns", "\u{fffd}PNG", "panel,run,series"]
+                    .iter()
+                    .any(is_figure)
             }),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Matrices => ("a table of matrices", |path| {

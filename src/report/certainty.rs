@@ -12,6 +12,8 @@ pub fn correlation_figure(names: &[String], correlations: &DMatrix<f64>) -> Figu
         names,
         ..Axis::default()
     };
+    let longest = names.iter().map(|name| name.chars().count()).max();
+    let turned = longest.filter(|longest| *longest > 6);
     // The first row is at the top, as in a matrix.
     let cells = Series {
         look: Look::Cells,
@@ -23,7 +25,8 @@ pub fn correlation_figure(names: &[String], correlations: &DMatrix<f64>) -> Figu
     let panel = Panel {
         x: axis(names.to_vec()),
         y: axis(names.iter().rev().cloned().collect()),
-        height: (36.0 * n as f64 + 60.0).clamp(150.0, 620.0),
+        height: (36.0 * n as f64 + 60.0).min(620.0)
+            + turned.map_or(0.0, |longest| 6.0 * longest as f64),
         series: vec![cells],
         ..Panel::default()
     };
@@ -45,17 +48,25 @@ pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
             .iter()
             .enumerate()
             .filter(|(_, (converged, _))| *converged == wanted);
-        let (x, y): (Vec<f64>, Vec<f64>) = own.map(|(k, (_, own))| ((k + 1) as f64, *own)).unzip();
+        let (x, y): (Vec<f64>, Vec<f64>) = own.map(|(k, (_, own))| (k as f64, *own)).unzip();
         Series::line(label, colour, &x, &y).looks(look)
     };
     let series = [
         of(true, "converged", "line-1", Look::Dots),
         of(false, "not converged", "line-2", Look::Crosses),
     ];
+    // Objectives of one sign that differ by more than a power of ten.
+    let (best, worst) = (sorted.first(), sorted.last());
+    let is_wide = best
+        .zip(worst)
+        .is_some_and(|(best, worst)| best.1 > 0.0 && worst.1 > 10.0 * best.1);
     let panel = Panel {
-        x: Axis::linear("start, best first"),
+        x: Axis {
+            names: (1..=sorted.len()).map(|k| k.to_string()).collect(),
+            ..Axis::linear("start, best first")
+        },
         y: Axis {
-            log: sorted.iter().all(|(_, own)| *own > 0.0),
+            log: is_wide,
             ..Axis::of("objective", unit)
         },
         height: 220.0,
@@ -96,8 +107,8 @@ mod tests {
         let series = &figure.panels[0].series;
         assert_eq!(
             (&series[0].x, &series[0].y),
-            (&vec![2.0, 3.0], &vec![2.0, 3.0])
+            (&vec![1.0, 2.0], &vec![2.0, 3.0])
         );
-        assert_eq!((&series[1].x, &series[1].y), (&vec![1.0], &vec![1.0]));
+        assert_eq!((&series[1].x, &series[1].y), (&vec![0.0], &vec![1.0]));
     }
 }

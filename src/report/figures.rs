@@ -102,7 +102,7 @@ pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &
 pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
     let mut series = recorded_stick(trials);
     series.extend(modelled(&fit.runs, targets, |run| &run.stick));
-    Figure::of("stick", "Stick", caption, panel("stick [1]", 280.0, series))
+    Figure::of("stick", "Stick", caption, panel("stick", 280.0, series))
 }
 
 /// One line for each co-simulation, from the column that `column` names.
@@ -134,6 +134,6 @@ pub fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -
          optimiser here.",
         panel("position [m]", 320.0, positions),
     );
-    figure.panels.push(panel("stick [1]", 220.0, sticks));
+    figure.panels.push(panel("stick", 220.0, sticks));
     figure
 }

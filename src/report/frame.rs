@@ -75,13 +75,33 @@ fn scale(panel: &Panel, axis: &Axis, values: Vec<f64>, margin: f64) -> Scale {
     Scale::covering(values.into_iter().chain(zero), margin)
 }
 
+/// Values along an axis. Bands and ellipses reach beyond lines and points by half of their range at most: what is not
+/// known at all must not hide what is.
+fn reach(panel: &Panel, along: impl Fn((f64, f64)) -> f64) -> Vec<f64> {
+    let of = |is_area: bool| -> Vec<f64> {
+        let series = panel
+            .series
+            .iter()
+            .filter(|own| (own.look == Look::Area) == is_area);
+        series.flat_map(|own| own.points()).map(&along).collect()
+    };
+    let mut values = of(false);
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = match low < high {
+        true => (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low),
+        false => (f64::NEG_INFINITY, f64::INFINITY),
+    };
+    values.extend(of(true).into_iter().map(|value| value.clamp(low, high)));
+    values
+}
+
 impl Frame {
     /// Of a panel, between that left margin, or as much as its labels need, and the given edges.
     pub fn new(panel: &Panel, left: f64, width: f64, [top, bottom]: [f64; 2]) -> Self {
-        let points = || panel.series.iter().flat_map(|series| series.points());
         let x_margin = if panel.equal { 0.05 } else { 0.0 };
-        let x = scale(panel, &panel.x, points().map(|p| p.0).collect(), x_margin);
-        let y = scale(panel, &panel.y, points().map(|p| p.1).collect(), 0.05);
+        let x = scale(panel, &panel.x, reach(panel, |point| point.0), x_margin);
+        let y = scale(panel, &panel.y, reach(panel, |point| point.1), 0.05);
         let ruler = |scale, axis: &Axis, ends| Ruler {
             scale,
             axis: axis.clone(),

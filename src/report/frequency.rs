@@ -2,10 +2,10 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::number::significant;
+use crate::identification::Uncertainty;
 use crate::identification::closed_loop::LinearVehicle;
-use crate::identification::{Identification, Uncertainty};
 use crate::linear::{Margins, Response};
-use crate::models::Pilot;
+use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;
 
 /// Frequencies that are shown.
@@ -15,6 +15,19 @@ const DECADES: f64 = 1.3;
 
 /// A response that depends on θ.
 type Curve<'a> = &'a dyn Fn(&[f64], f64) -> Complex<f64>;
+
+/// A pilot that was fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct Fitted<'a> {
+    /// Its form.
+    pub pilot: Pilot,
+    /// θ.
+    pub theta: &'a [f64],
+    /// The vehicle of its closed loop; none where nobody said what was flown.
+    pub vehicle: Option<&'a Quadcopter>,
+    /// How sure θ is, where that is known.
+    pub sure: Option<&'a Uncertainty>,
+}
 
 /// The value of a polynomial with ascending coefficients.
 fn polynomial(c: &[f64], s: Complex<f64>) -> Complex<f64> {
@@ -41,13 +54,17 @@ pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f6
 }
 
 /// Gain and phase of the pilot, and of the open loop where the vehicle is known.
-pub fn bode_figures(found: &Identification) -> Vec<Figure> {
-    let (theta, order) = (&found.fit.theta, found.options.pilot);
-    let sure = found.fit.uncertainty.as_ref();
+pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
+    let Fitted {
+        pilot: order,
+        theta,
+        vehicle,
+        sure,
+    } = *fitted;
     let of_pilot = |theta: &[f64], omega: f64| pilot(order, theta, omega);
     let mut figures = Vec::new();
     let mut middle = None;
-    if let Some(vehicle) = found.options.loop_vehicle() {
+    if let Some(vehicle) = vehicle {
         let vehicle = LinearVehicle::of(vehicle);
         let of_loop = |theta: &[f64], omega: f64| open_loop(&vehicle, order, theta, omega);
         middle = crossover(&of_loop, theta);
@@ -161,7 +178,7 @@ impl Bode<'_> {
         let at = (self.of)(self.theta, omega).arg().to_degrees() + 360.0 * turn.round();
         let words = [
             format!("{} rad/s", significant(omega, 3)),
-            format!("{at:.0}°"),
+            format!("{at:.0}°").replace('-', "\u{2212}"),
         ];
         for ((panel, y), words) in figure.panels.iter_mut().zip([0.0, at]).zip(words) {
             let dot = Series::line("crossover", "line-2", &[omega], &[y]).looks(Look::Dots);
@@ -223,7 +240,6 @@ fn panel(label: &str, omega: &[f64], values: &[f64], band: Option<[Vec<f64>; 2]>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::Quadcopter;
     use crate::models::pilot::PAPER_THETA;
 
     /// A pilot of first order, by hand; and the loop by the eigenvalues of the joint equations: where 1 + L is zero, the

@@ -94,14 +94,6 @@ pub fn figure(figure: &Figure) -> String {
     section(&escape(&figure.title), &content)
 }
 
-/// The figures of a page, read from it again; none where it is no page with figures.
-pub fn figures(page: &str) -> Vec<Figure> {
-    let parts = page.split("<script type=\"application/json\">").skip(1);
-    let json = parts.filter_map(|part| part.split("</script>").next());
-    json.filter_map(|json| serde_json::from_str(json).ok())
-        .collect()
-}
-
 /// A page that needs nothing beside it.
 pub fn whole(title: &str, body: &str, made: &Made) -> String {
     let has_figures = body.contains("<figure>");

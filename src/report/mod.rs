@@ -6,14 +6,16 @@ pub mod certainty;
 pub mod figure;
 mod figures;
 mod frame;
-mod frequency;
+pub mod frequency;
 mod html;
 mod loops;
 mod number;
 mod overlay;
 mod page;
 pub mod palette;
-mod poles;
+pub mod png;
+pub mod poles;
+pub mod read;
 pub mod residuals;
 mod simulation;
 mod steps;
@@ -23,7 +25,7 @@ mod thin;
 
 pub use figure::Figure;
 pub use figures::ClosedLoop;
-pub use html::{Made, figures as figures_of};
+pub use html::Made;
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use number::{short, significant};
 pub use overlay::{Overlay, Parameters, overlay_page};
@@ -33,11 +35,11 @@ pub use steps::{StepFigure, step_page};
 pub use tables::target_of;
 
 /// A table as text, with what holds commas or quotes in quotes (RFC 4180).
-fn csv<const N: usize>(rows: &[[String; N]]) -> String {
+fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {
     let cell = |text: &String| match text.contains([',', '"', '\n']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.clone(),
     };
-    let row = |row: &[String; N]| row.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
+    let row = |row: &R| row.as_ref().iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
     rows.iter().map(row).collect()
 }

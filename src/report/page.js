@@ -29,23 +29,36 @@ function quantity(label, value) {
 
 // ---- Scales and axes
 
-// Least and greatest value along an axis of all series that are shown.
-function extent(u, panel, along) {
+// Least and greatest value of those series.
+function ends(all, along, isLog) {
   let [low, high] = [Infinity, -Infinity];
-  panel.series.forEach((series, i) => {
-    if (!u.series[i + 1].show) return;
+  for (const series of all) {
     for (const value of series[along])
-      if (value !== null && (value > 0 || !panel[along].log)) {
+      if (value !== null && (value > 0 || !isLog)) {
         low = Math.min(low, value);
         high = Math.max(high, value);
       }
     if (series.look === "stems" && along === "y") [low, high] = [Math.min(low, 0), Math.max(high, 0)];
-  });
+  }
+  return [low, high];
+}
+
+// Least and greatest value along an axis of what is shown. Bands and ellipses reach beyond lines and points by half of
+// their range at most: what is not known at all must not hide what is.
+function extent(u, panel, along) {
+  const { log, names } = panel[along];
+  const shown = panel.series.filter((series, i) => u.series[i + 1].show);
+  let [low, high] = ends(shown.filter(series => series.look !== "area"), along, log);
+  const [least, most] = ends(shown.filter(series => series.look === "area"), along, log);
+  const beyond = low < high ? 0.5 * (high - low) : Infinity;
+  if (!log) [low, high] = [Math.min(low, Math.max(least, low - beyond)), Math.max(high, Math.min(most, high + beyond))];
   if (low > high) return [0.1, 1];
-  if (panel[along].log) return low < high ? [low, high] : [low / 2, high * 2];
-  if (panel[along].names.length) return [low - 0.5, high + 0.5];
+  if (log) return low < high ? [low, high] : [low / 2, high * 2];
+  if (names.length) return [-0.5, names.length - 0.5];
+  const hasMarks = shown.some(series => ["dots", "rings", "crosses"].includes(series.look));
+  const part = along === "y" || panel.equal ? 0.05 : hasMarks ? 0.02 : 0;
   const same = high - low <= 1e-9 * Math.max(Math.abs(low), Math.abs(high), 1e-9);
-  const margin = same ? Math.max(0.5 * Math.abs(low), 1e-3) : along === "y" || panel.equal ? 0.05 * (high - low) : 0;
+  const margin = same ? Math.max(0.5 * Math.abs(low), 1e-3) : part * (high - low);
   return [low - margin, high + margin];
 }
 
@@ -63,14 +76,16 @@ function range(u, panel, along) {
 
 // Round numbers in decades: all 1, 2, 5 where there are few.
 function decades(low, high) {
-  const all = [], parts = Math.log10(high / low) < 3 ? [1, 2, 5] : [1];
-  for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++)
+  const all = [], count = Math.log10(high / low), parts = count < 3 ? [1, 2, 5] : [1];
+  const step = Math.ceil(count / 7);
+  for (let power = Math.floor(Math.log10(low) / step) * step; power <= Math.log10(high); power += step)
     for (const part of parts) all.push(+`${part}e${power}`);
   return all.filter(value => value >= low * 0.999999 && value <= high * 1.000001);
 }
 
 function ticks(step, values) {
-  const digits = Math.min(10, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
+  let digits = 0;
+  while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
   const far = Math.max(...values.map(Math.abs)) >= 1e6 || step < 1e-5;
   return values.map(value => minus(far ? value.toExponential(1) : (value || 0).toFixed(digits)));
 }
@@ -169,6 +184,19 @@ function drawn(series, shade) {
   };
 }
 
+// The lines of zero, stronger than the grid; those between stable and unstable are among them.
+function zero(u, panel) {
+  const { ctx, bbox: { left, top, width, height } } = u;
+  const has = along => !panel[along].log && !panel[along].names.length && u.scales[along].min < 0 && u.scales[along].max > 0;
+  ctx.save();
+  Object.assign(ctx, { strokeStyle: css("rule"), lineWidth: 1.5 * devicePixelRatio });
+  ctx.beginPath();
+  if (has("x")) ctx.rect(u.valToPos(0, "x", true), top, 0, height);
+  if (has("y")) ctx.rect(left, u.valToPos(0, "y", true), width, 0);
+  ctx.stroke();
+  ctx.restore();
+}
+
 // Words beside points that leave room for them.
 function words(u, panel) {
   const told = [], { ctx } = u;
@@ -244,6 +272,7 @@ function draw(figure, panel, box, isLast) {
     cursor: { points: { show: false }, drag: { x: true, y: true, uni: 30 }, dataIdx: () => null },
     hooks: {
       init: [u => u.over.append(spot, tip)],
+      drawAxes: [u => zero(u, panel)],
       draw: [u => words(u, panel)],
       setCursor: [u => tell(u, panel, tip, spot)],
       setScale: [(u, key) => key === "x" && together(u)],

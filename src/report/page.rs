@@ -3,7 +3,7 @@
 use super::certainty::{correlation_figure, waterfall_figure};
 use super::figure::Figure;
 use super::figures::{self, ClosedLoop, Targets};
-use super::frequency::bode_figures;
+use super::frequency::{Fitted, bode_figures};
 use super::html::{Made, choice, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::poles::pole_figure;
@@ -54,8 +54,14 @@ fn figures(report: &Report) -> Vec<Figure> {
     if !report.loops.is_empty() {
         all.push(figures::closed_loops(report.loops, trials, &targets));
     }
-    all.extend(bode_figures(report.found));
-    all.push(pole_figure(report.found));
+    let fitted = Fitted {
+        pilot: options.pilot,
+        theta: &fit.theta,
+        vehicle: options.loop_vehicle(),
+        sure: fit.uncertainty.as_ref(),
+    };
+    all.extend(bode_figures(&fitted));
+    all.push(pole_figure(&fitted));
     all.push(residuals(fit, &targets, options.objective));
     if let Some(sure) = &fit.uncertainty {
         let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
@@ -338,7 +344,7 @@ mod tests {
             },
         };
         let html = page(&report);
-        let names: Vec<String> = super::super::html::figures(&html)
+        let names: Vec<String> = super::super::read::figures(&html)
             .into_iter()
             .map(|figure| figure.name)
             .collect();

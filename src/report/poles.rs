@@ -1,7 +1,8 @@
 //! Poles and zeros of a fitted pilot and of its closed loop, with the ellipses in which they are.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
-use crate::identification::{ClosedLoop, Identification, Uncertainty};
+use super::frequency::Fitted;
+use crate::identification::{ClosedLoop, Uncertainty};
 use crate::inference::{LEVEL, quantile};
 use crate::linear::eigenvalues;
 use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
@@ -16,8 +17,13 @@ const FAR: f64 = 10.0;
 type Roots<'a> = &'a dyn Fn(&[f64]) -> Vec<Complex<f64>>;
 
 /// The map.
-pub fn pole_figure(found: &Identification) -> Figure {
-    let (theta, pilot) = (&found.fit.theta, found.options.pilot);
+pub fn pole_figure(fitted: &Fitted<'_>) -> Figure {
+    let Fitted {
+        pilot,
+        theta,
+        vehicle,
+        sure,
+    } = *fitted;
     let poles = |theta: &[f64]| pilot.poles(theta);
     let zeros = |theta: &[f64]| roots(&theta[pilot.order..]);
     let largest = poles(theta)
@@ -32,9 +38,7 @@ pub fn pole_figure(found: &Identification) -> Figure {
             .filter(|root| root.norm() <= FAR * largest)
             .collect();
         hidden += all.len() - near.len();
-        let ellipses = found
-            .fit
-            .uncertainty
+        let ellipses = sure
             .iter()
             .flat_map(|sure| ellipses(sure, theta, of, &near));
         series
@@ -42,7 +46,7 @@ pub fn pole_figure(found: &Identification) -> Figure {
         let (x, y): (Vec<f64>, Vec<f64>) = near.iter().map(|root| (root.re, root.im)).unzip();
         series.push(Series::line(label, colour, &x, &y).looks(look));
     };
-    if let Some(vehicle) = found.options.loop_vehicle() {
+    if let Some(vehicle) = vehicle {
         let of = |theta: &[f64]| ClosedLoop::of(*vehicle, pilot, theta).poles;
         add("poles of the closed loop", "line-3", Look::Crosses, &of);
     }

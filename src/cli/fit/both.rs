@@ -231,7 +231,7 @@ impl Both {
             caption,
             panel("position [m]", 340.0, positions),
         );
-        figure.panels.push(panel("stick [1]", 240.0, sticks));
+        figure.panels.push(panel("stick", 240.0, sticks));
         figure
     }
 }

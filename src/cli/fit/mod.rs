@@ -24,7 +24,7 @@ use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
-pub use problem::FITTED;
+pub use problem::{FITTED, figures_of as figures_of_problem};
 use std::path::{Path, PathBuf};
 use summary::{to_json, to_text};
 use watch::Watch;

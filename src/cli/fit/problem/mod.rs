@@ -14,6 +14,7 @@ use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part};
+use crate::report::Figure;
 use crate::sqp::{Iteration, Status};
 use models::Fitted;
 pub use models::HEAD as FITTED;
@@ -74,6 +75,19 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => Outcome::Done,
         false => Outcome::No,
     })
+}
+
+/// Fits a problem, and gives the figures of its page.
+pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
+    let file = ProblemFile::read(path)?;
+    let posed = Posed::new(&file, &part::open)?;
+    let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let judged = validated(&file, &fit, &part::open)?;
+    Ok(page::figures(&summary::Outcomes {
+        posed: &posed,
+        fit: &fit,
+        judged: &judged,
+    }))
 }
 
 fn check_outputs(
