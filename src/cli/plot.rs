@@ -108,7 +108,10 @@ impl Args {
             let runs = figure.runs();
             if !runs.contains(&run.as_str()) {
                 let message = format!("`{}` has no run `{run}`", figure.name);
-                let hint = format!("it has: {}", runs.join(", "));
+                let hint = match runs.is_empty() {
+                    true => "it is not divided into runs".to_owned(),
+                    false => format!("it has: {}", runs.join(", ")),
+                };
                 return Err(Failure::new(message).hint(hint));
             }
             figure = figure.of_run(run);

@@ -3,6 +3,9 @@
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use nalgebra::DMatrix;
 
+/// Part of the objective within which starts agree.
+const SAME: f64 = 1e-3;
+
 /// Correlations as a map of colours.
 pub fn correlation_figure(names: &[String], correlations: &DMatrix<f64>) -> Figure {
     let n = names.len();
@@ -67,6 +70,7 @@ pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
         },
         y: Axis {
             log: is_wide,
+            least: SAME * best.map_or(0.0, |best| best.1.abs()),
             ..Axis::of("objective", unit)
         },
         height: 220.0,

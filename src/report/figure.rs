@@ -47,6 +47,9 @@ pub struct Axis {
     /// Labels at the whole numbers from 0, in place of numbers; none on an axis of numbers.
     #[serde(default)]
     pub names: Vec<String>,
+    /// Range that a linear axis has at least: what differs by less looks the same.
+    #[serde(default)]
+    pub least: f64,
 }
 
 /// How a series is drawn.

@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// Size of the text \[pt\].
 pub const TEXT: f64 = 8.0;
 /// Width of a character, about, per size of the text.
-pub const CHARACTER: f64 = 0.56;
+pub const CHARACTER: f64 = 0.62;
 /// Room for the labels below the axes \[pt\]: of the ticks, and of the axis.
 const BELOW: (f64, f64) = (13.0, 12.0);
 /// Room on the right \[pt\].
@@ -68,11 +68,15 @@ fn scale(panel: &Panel, axis: &Axis, values: Vec<f64>, margin: f64) -> Scale {
     }
     if axis.log {
         let positive = values.into_iter().filter(|value| *value > 0.0);
-        return Scale::covering(positive.map(f64::log10), 0.0).in_decades();
+        return Scale::covering(positive.map(f64::log10), margin).in_decades();
     }
     let has_stems = panel.series.iter().any(|own| own.look == Look::Stems);
     let zero = (has_stems && margin > 0.0).then_some(0.0);
-    Scale::covering(values.into_iter().chain(zero), margin)
+    let scale = Scale::covering(values.into_iter().chain(zero), margin);
+    match scale.range() < axis.least {
+        true => scale.reaching(axis.least),
+        false => scale,
+    }
 }
 
 /// Values along an axis. Bands and ellipses reach beyond lines and points by half of their range at most: what is not

@@ -3,7 +3,7 @@
 // uPlot does axes, zoom and cursor; series have abscissae of their own (its mode 2), so their paths are made here.
 (() => {
 const FONT = '12px system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
-const LEFT = 58, RIGHT = 14, TOP = 8, BOTTOM = 26, LABEL = 22;
+const LEFT = 58, RIGHT = 22, TOP = 8, BOTTOM = 26, LABEL = 22;
 const SHADES = [1, 0.65, 0.4];
 const NEAR = 45; // Distance from the pointer in which a point is told [px].
 const plots = window.figures = [];
@@ -53,13 +53,15 @@ function extent(u, panel, along) {
   const beyond = low < high ? 0.5 * (high - low) : Infinity;
   if (!log) [low, high] = [Math.min(low, Math.max(least, low - beyond)), Math.max(high, Math.min(most, high + beyond))];
   if (low > high) return [0.1, 1];
-  if (log) return low < high ? [low, high] : [low / 2, high * 2];
+  const rim = along === "y" ? (high / low) ** 0.04 : 1;
+  if (log) return low < high ? [low / rim, high * rim] : [low / 2, high * 2];
   if (names.length) return [-0.5, names.length - 0.5];
   const hasMarks = shown.some(series => ["dots", "rings", "crosses"].includes(series.look));
   const part = along === "y" || panel.equal ? 0.05 : hasMarks ? 0.02 : 0;
   const same = high - low <= 1e-9 * Math.max(Math.abs(low), Math.abs(high), 1e-9);
   const margin = same ? Math.max(0.5 * Math.abs(low), 1e-3) : part * (high - low);
-  return [low - margin, high + margin];
+  const room = Math.max(margin, 0.5 * (panel[along].least - (high - low)));
+  return [low - room, high + room];
 }
 
 // The same; where both axes have one scale, the one that has room reaches further.
@@ -106,11 +108,12 @@ function axis(panel, along, isLast) {
     own.filter = (u, all) => all;
   }
   if (names.length) {
-    const longest = 7 * Math.max(...names.map(name => name.length));
+    const short = names.map(name => name.length > 26 ? "\u2026" + name.slice(-25) : name);
+    const longest = 7 * Math.max(...short.map(name => name.length));
     const every = u => Math.max(1, Math.ceil(names.length * 16 / (across ? u.bbox.width : u.bbox.height) * devicePixelRatio));
     own.splits = u => names.map((_, k) => k).filter(k => k % every(u) === 0);
-    own.values = (u, all) => all.map(k => names[k]);
-    own.size = Math.min(Math.max(longest + 14, BOTTOM), 150);
+    own.values = (u, all) => all.map(k => short[k]);
+    own.size = Math.max(longest + 14, BOTTOM);
     if (across && longest > 50) own.rotate = -90;
   }
   return own;

@@ -27,7 +27,7 @@ pub struct Residuals<'a> {
     pub values: Vec<f64>,
 }
 
-/// Over time, by lag and by frequency. `unit` is the residuals'.
+/// Over time, and of samples that are evenly apart, by lag and by frequency. `unit` is the residuals'.
 pub fn residual_figure(
     name: &str,
     title: &str,
@@ -39,13 +39,14 @@ pub fn residual_figure(
         Series::line(&own.label, own.colour.clone(), x, y).of(own.run)
     };
     let over_time = all.iter().map(|own| line(own, [own.time, &own.values]));
-    let correlated = all.iter().map(|own| {
+    let even: Vec<Residuals<'_>> = (all.iter().filter(|own| is_even(own.time)).cloned()).collect();
+    let correlated = even.iter().map(|own| {
         let r = autocorrelation(&own.values, own.values.len() / LAGS);
         let lags: Vec<f64> = (0..r.len()).map(|k| k as f64 * step(own.time)).collect();
         line(own, [&lags, &r])
     });
-    let correlated: Vec<Series> = white_band(all).into_iter().chain(correlated).collect();
-    let spectra = all.iter().map(|own| {
+    let correlated: Vec<Series> = white_band(&even).into_iter().chain(correlated).collect();
+    let spectra = even.iter().map(|own| {
         let (frequency, density) = spectrum(&own.values, step(own.time));
         line(own, [&frequency, &density])
     });
@@ -64,26 +65,32 @@ pub fn residual_figure(
         log: true,
         ..Axis::linear(label)
     };
+    let mut panels = vec![panel(
+        Axis::time(),
+        Axis::of("residual", unit),
+        over_time.collect(),
+    )];
+    // Lags and frequencies are those of samples that are evenly apart.
+    if !even.is_empty() {
+        let density = log(format!("spectral density [{squared}]"));
+        panels.push(panel(
+            Axis::linear("lag [s]"),
+            Axis::linear("autocorrelation"),
+            correlated,
+        ));
+        panels.push(panel(Axis::frequency(), density, spectra.collect()));
+    }
     Figure {
-        panels: vec![
-            panel(
-                Axis::time(),
-                Axis::of("residual", unit),
-                over_time.collect(),
-            ),
-            panel(
-                Axis::linear("lag [s]"),
-                Axis::linear("autocorrelation"),
-                correlated,
-            ),
-            panel(
-                Axis::frequency(),
-                log(format!("spectral density [{squared}]")),
-                spectra.collect(),
-            ),
-        ],
+        panels,
         ..Figure::of(name, title, caption, Panel::default())
     }
+}
+
+/// Whether samples are evenly apart.
+fn is_even(time: &[f64]) -> bool {
+    const EVEN: f64 = 0.01;
+    let mean = step(time);
+    (time.windows(2)).all(|pair| (pair[1] - pair[0] - mean).abs() <= EVEN * mean)
 }
 
 /// Between which values 95 of 100 autocorrelations of white noise of the longest run lie.

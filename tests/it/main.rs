@@ -38,6 +38,7 @@ mod model_library;
 mod mutation;
 mod next;
 mod other_fmus;
+mod plot;
 mod problem_flights;
 mod problem_fmus;
 mod problem_outcomes;

@@ -1,14 +1,23 @@
-"""Opens pages in a browser, in the widths and themes that readers have, and prints what is wrong: `pages.py BROWSER FOLDER page.html...`.
+"""Opens pages in a browser, in the widths and themes that readers have, and prints what is wrong:
+`pages.py BROWSERS SCREENSHOTS page.html...`.
 
-Screenshots go to the folder. What is looked for: errors on the console, requests, figures that draw nothing, text
+The browser is that of the system; where there is none, one is fetched into the folder BROWSERS, without root: the one
+of Playwright, or that of npm's `@sparticuz/chromium`. Where neither can be had, it prints `no browser`. What is looked for: errors on the console, requests, figures that draw nothing, text
 below 11 px, and what sticks out of the page.
 """
 
+import os
 import pathlib
+import shutil
+import subprocess
 import sys
+import tarfile
 
+from playwright._impl._driver import compute_driver_executable
 from playwright.sync_api import sync_playwright
 
+INSTALLED = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome-headless-shell"]
+PACKAGE = "@sparticuz/chromium@147.0.0"
 WIDTHS = [390, 800, 1400]
 LEAST = 11  # [px]
 
@@ -63,6 +72,43 @@ USE = """
 """
 
 
+def of_playwright(folder, environment):
+    """The browser that Playwright downloads; none where its server cannot be reached."""
+    install = [sys.executable, "-m", "playwright", "install", "chromium-headless-shell"]
+    subprocess.run(install, env=environment, capture_output=True, timeout=300, check=False)
+    return next(folder.glob("chromium_headless_shell-*/*/*headless*shell"), None)
+
+
+def of_npm(folder):
+    """The browser that npm has for servers, for Linux on x86-64 alone; its file is compressed with Brotli."""
+    npm = shutil.which("npm")
+    if npm is None or sys.platform != "linux" or os.uname().machine != "x86_64":
+        return None
+    fetched = subprocess.run([npm, "pack", "--silent", PACKAGE], cwd=folder, capture_output=True, timeout=300, check=False)
+    archive = next(folder.glob("*.tgz"), None)
+    if fetched.returncode != 0 or archive is None:
+        return None
+    with tarfile.open(archive) as files:
+        compressed = files.extractfile("package/bin/chromium.br").read()
+    (folder / "chromium.br").write_bytes(compressed)
+    unpack = "const fs = require('fs'); fs.writeFileSync('part', require('zlib').brotliDecompressSync(fs.readFileSync('chromium.br')))"
+    subprocess.run([compute_driver_executable()[0], "-e", unpack], cwd=folder, check=True)
+    (folder / "part").chmod(0o755)
+    for leftover in (archive, folder / "chromium.br"):
+        leftover.unlink()
+    return (folder / "part").rename(folder / "chromium")
+
+
+def found(folder):
+    """A browser's program; none where there is none."""
+    installed = next(filter(None, map(shutil.which, INSTALLED)), None)
+    fetched = next((own for own in [folder / "chromium"] if own.exists()), None)
+    if installed or fetched:
+        return installed or fetched
+    folder.mkdir(parents=True, exist_ok=True)
+    return of_playwright(folder, os.environ | {"PLAYWRIGHT_BROWSERS_PATH": str(folder)}) or of_npm(folder)
+
+
 def looked_at(browser, page, folder, width, theme):
     """What is wrong with a page in that width and theme."""
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=theme)
@@ -95,14 +141,19 @@ def looked_at(browser, page, folder, width, theme):
 
 
 def main():
-    browser, folder, *pages = map(pathlib.Path, sys.argv[1:])
+    browsers, folder, *pages = map(pathlib.Path, sys.argv[1:])
+    browser = found(browsers)
+    if browser is None:
+        print("no browser")
+        return
     with sync_playwright() as playwright:
         flags = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
         opened = playwright.chromium.launch(executable_path=browser, args=flags)
         for page in pages:
             for width in WIDTHS:
                 for theme in ("light", "dark"):
-                    print(*looked_at(opened, page, folder, width, theme), sep="\n", end="\n")
+                    for wrong in looked_at(opened, page, folder, width, theme):
+                        print(wrong)
         opened.close()
 
 

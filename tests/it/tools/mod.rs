@@ -10,6 +10,7 @@ mod model_fmus;
 mod modes;
 mod other_tools;
 mod pack;
+mod pages;
 mod python;
 mod references;
 mod results;
