@@ -1,9 +1,15 @@
 //! The figures of a report.
 
+use super::certainty::{correlation_figure, waterfall_figure};
 use super::figure::{Axis, Figure, Look, Panel, Series};
+use super::frequency::{Fitted, bode_figures};
+use super::page::Report;
 use super::palette::colour;
-use crate::identification::{Fit, RunFit, Trial};
+use super::poles::pole_figure;
+use super::residuals::{Residuals, residual_figure};
+use crate::identification::{Fit, Identification, Objective, RunFit, Trial};
 use crate::series;
+use crate::sqp::Status;
 
 /// A co-simulation of pilot and vehicle, from rest to one target.
 #[derive(Debug, Clone)]
@@ -19,11 +25,11 @@ pub struct ClosedLoop<'a> {
 }
 
 /// The targets of a report, each with its colour.
-pub struct Targets(Vec<f64>);
+struct Targets(Vec<f64>);
 
 impl Targets {
     /// The different last targets of the trials, in order of appearance.
-    pub fn of(trials: &[Trial]) -> Self {
+    fn of(trials: &[Trial]) -> Self {
         let mut targets: Vec<f64> = Vec::new();
         for trial in trials {
             let target = last(&trial.target);
@@ -35,7 +41,7 @@ impl Targets {
     }
 
     /// The colour of a target.
-    pub fn class(&self, target: f64) -> String {
+    fn class(&self, target: f64) -> String {
         let index = self
             .0
             .iter()
@@ -91,7 +97,7 @@ fn panel(y: &str, height: f64, series: Vec<Series>) -> Panel {
 }
 
 /// The paper's figure: recorded runs, goals, and the model's response; below it the stick.
-pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
     let mut positions = recorded(trials);
     positions.extend(modelled(runs, targets, |run| &run.position));
     let panel = panel("position [m]", 360.0, positions);
@@ -99,7 +105,7 @@ pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &
 }
 
 /// The stick, recorded and modelled.
-pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
     let mut series = recorded_stick(trials);
     series.extend(modelled(&fit.runs, targets, |run| &run.stick));
     Figure::of("stick", "Stick", caption, panel("stick", 280.0, series))
@@ -122,7 +128,7 @@ fn co_simulated(
 }
 
 /// The exported FMUs in closed loop, from rest: positions, and below them the stick.
-pub fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Figure {
+fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Figure {
     let mut positions = recorded(trials);
     positions.extend(co_simulated(loops, targets, |own| own.position.into()));
     let mut sticks = recorded_stick(trials);
@@ -136,4 +142,95 @@ pub fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -
     );
     figure.panels.push(panel("stick", 220.0, sticks));
     figure
+}
+
+/// The figures of a report, in the order of the page.
+pub fn all(report: &Report) -> Vec<Figure> {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    let targets = Targets::of(trials);
+    let mut all = Vec::new();
+    all.extend(as_fitted(report, &targets));
+    all.push(stick(fit, trials, &targets, match options.objective {
+        Objective::Response => {
+            "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human brought it, not \
+             to copy the hand."
+        }
+        Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
+    }));
+    if !report.loops.is_empty() {
+        all.push(closed_loops(report.loops, trials, &targets));
+    }
+    let fitted = Fitted {
+        pilot: options.pilot,
+        theta: &fit.theta,
+        vehicle: options.loop_vehicle(),
+        sure: fit.uncertainty.as_ref(),
+    };
+    all.extend(bode_figures(&fitted));
+    all.push(pole_figure(&fitted));
+    all.push(residuals(fit, &targets, options.objective));
+    if let Some(sure) = &fit.uncertainty {
+        let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
+        all.push(correlation_figure(&names, &sure.correlations));
+    }
+    let unit = if options.objective == Objective::Response {
+        "m2"
+    } else {
+        ""
+    };
+    let starts = fit
+        .starts
+        .iter()
+        .map(|start| (start.status == Status::Converged, start.objective));
+    all.push(waterfall_figure(unit, &starts.collect::<Vec<_>>()));
+    all
+}
+
+/// Recorded minus modelled.
+fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
+    let of = |run: &'_ RunFit| {
+        let target = run.target.last().copied().unwrap_or(f64::NAN);
+        (format!("goal {target} m"), targets.class(target))
+    };
+    let all: Vec<Residuals> = (fit.runs.iter())
+        .map(|run| {
+            let (label, colour) = of(run);
+            Residuals {
+                run: &run.name,
+                label,
+                colour,
+                time: &run.time,
+                values: run.residual.clone(),
+            }
+        })
+        .collect();
+    let caption = "Recorded minus modelled: over time, by lag and by frequency. What is left is what differs from run to \
+                   run, and what no linear pilot of this order does.";
+    residual_figure("residuals", "Residuals", caption, objective.unit(), &all)
+}
+
+/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
+/// shown as it flies alone.
+fn as_fitted(report: &Report, targets: &Targets) -> Option<Figure> {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    options.loop_vehicle()?;
+    let alone = || -> Option<Vec<RunFit>> {
+        let fitted = report.found.outcomes().take(trials.len());
+        fitted.map(|run| run.alone.cloned()).collect()
+    };
+    let (runs, caption) = match options.objective {
+        Objective::Response => (
+            fit.runs.clone(),
+            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one pilot θ for all of \
+             them.",
+        ),
+        Objective::Stick => (
+            alone().unwrap_or_default(),
+            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it flies alone, from \
+             rest: it was fitted to the stick and may miss the goal.",
+        ),
+    };
+    Some(response(&runs, trials, targets, caption))
 }

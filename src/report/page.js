@@ -121,12 +121,6 @@ function axis(panel, along, isLast) {
 
 // ---- Series
 
-// A colour between two, both `#rrggbb`.
-function mixed(a, b, part) {
-  const at = (text, k) => parseInt(text.slice(k, k + 2), 16);
-  return `rgb(${[1, 3, 5].map(k => Math.round(at(a, k) + (at(b, k) - at(a, k)) * part)).join(" ")})`;
-}
-
 function cells(u, series) {
   const size = along => Math.abs(u.valToPos(1, along, true) - u.valToPos(0, along, true));
   const [width, height] = [size("x"), size("y")];
@@ -136,8 +130,10 @@ function cells(u, series) {
   Object.assign(ctx, { textAlign: "center", textBaseline: "middle" });
   series.values.forEach((value, k) => {
     const [x, y] = [u.valToPos(series.x[k], "x", true), u.valToPos(series.y[k], "y", true)];
-    ctx.fillStyle = value === null ? css("faint") : mixed(css("page"), css(value < 0 ? "line-2" : "line-1"), Math.min(1, Math.abs(value)));
+    ctx.fillStyle = css(value === null ? "faint" : value < 0 ? "line-2" : "line-1");
+    ctx.globalAlpha = value === null ? 1 : Math.min(1, Math.abs(value));
     ctx.fillRect(x - width / 2, y - height / 2, width - 1, height - 1);
+    ctx.globalAlpha = 1;
     ctx.fillStyle = Math.abs(value) > 0.6 ? css("page") : css("ink");
     if (value !== null && width > 36 * devicePixelRatio) ctx.fillText(minus(value.toFixed(2)), x, y);
   });

@@ -1,18 +1,12 @@
 //! The report page.
 
-use super::certainty::{correlation_figure, waterfall_figure};
-use super::figure::Figure;
-use super::figures::{self, ClosedLoop, Targets};
-use super::frequency::{Fitted, bode_figures};
+use super::figures::{self, ClosedLoop};
 use super::html::{Made, choice, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
-use super::poles::pole_figure;
-use super::residuals::{Residuals, residual_figure};
 use super::tables;
 use crate::identification::statistics::rms;
-use crate::identification::{Diagnostic, Fit, Identification, Objective, RunFit};
+use crate::identification::{Diagnostic, Fit, Identification};
 use crate::models::Pilot;
-use crate::sqp::Status;
 
 /// Cramér–Rao bound below which a parameter is well determined \[%\] (Tischler & Remple, *Aircraft and Rotorcraft System
 /// Identification*, 2nd ed., section 12.3).
@@ -32,100 +26,9 @@ pub struct Report<'a> {
 /// The report as one HTML file that needs nothing beside it.
 pub fn page(report: &Report) -> String {
     let mut body = head(report) + choice();
-    body += &figures(report).iter().map(figure).collect::<String>();
+    body += &figures::all(report).iter().map(figure).collect::<String>();
     body += &numbers(report);
     whole("identified pilot", &body, report.made)
-}
-
-/// The figures of a report, in the order of the page.
-fn figures(report: &Report) -> Vec<Figure> {
-    let Identification { fit, options, .. } = report.found;
-    let trials = &report.found.trials.fit;
-    let targets = Targets::of(trials);
-    let mut all = Vec::new();
-    all.extend(response(report, &targets));
-    all.push(figures::stick(fit, trials, &targets, match options.objective {
-        Objective::Response => {
-            "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human brought it, not \
-             to copy the hand."
-        }
-        Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
-    }));
-    if !report.loops.is_empty() {
-        all.push(figures::closed_loops(report.loops, trials, &targets));
-    }
-    let fitted = Fitted {
-        pilot: options.pilot,
-        theta: &fit.theta,
-        vehicle: options.loop_vehicle(),
-        sure: fit.uncertainty.as_ref(),
-    };
-    all.extend(bode_figures(&fitted));
-    all.push(pole_figure(&fitted));
-    all.push(residuals(fit, &targets, options.objective));
-    if let Some(sure) = &fit.uncertainty {
-        let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
-        all.push(correlation_figure(&names, &sure.correlations));
-    }
-    let unit = if options.objective == Objective::Response {
-        "m2"
-    } else {
-        ""
-    };
-    let starts = fit
-        .starts
-        .iter()
-        .map(|start| (start.status == Status::Converged, start.objective));
-    all.push(waterfall_figure(unit, &starts.collect::<Vec<_>>()));
-    all
-}
-
-/// Recorded minus modelled.
-fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
-    let of = |run: &'_ RunFit| {
-        let target = run.target.last().copied().unwrap_or(f64::NAN);
-        (format!("goal {target} m"), targets.class(target))
-    };
-    let all: Vec<Residuals> = (fit.runs.iter())
-        .map(|run| {
-            let (label, colour) = of(run);
-            Residuals {
-                run: &run.name,
-                label,
-                colour,
-                time: &run.time,
-                values: run.residual.clone(),
-            }
-        })
-        .collect();
-    let caption = "Recorded minus modelled: over time, by lag and by frequency. What is left is what differs from run to \
-                   run, and what no linear pilot of this order does.";
-    residual_figure("residuals", "Residuals", caption, objective.unit(), &all)
-}
-
-/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
-/// shown as it flies alone.
-fn response(report: &Report, targets: &Targets) -> Option<Figure> {
-    let Identification { fit, options, .. } = report.found;
-    let trials = &report.found.trials.fit;
-    options.loop_vehicle()?;
-    let alone = || -> Option<Vec<RunFit>> {
-        let fitted = report.found.outcomes().take(trials.len());
-        fitted.map(|run| run.alone.cloned()).collect()
-    };
-    let (runs, caption) = match options.objective {
-        Objective::Response => (
-            fit.runs.clone(),
-            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one pilot θ for all of \
-             them.",
-        ),
-        Objective::Stick => (
-            alone().unwrap_or_default(),
-            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it flies alone, from \
-             rest: it was fitted to the stick and may miss the goal.",
-        ),
-    };
-    Some(figures::response(&runs, trials, targets, caption))
 }
 
 /// Title, verdict, and the result in one formula and three numbers.

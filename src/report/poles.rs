@@ -118,10 +118,7 @@ fn ellipses(
         };
         outline(*root, covariance, reach)
     };
-    at.iter()
-        .enumerate()
-        .filter_map(|own| region(own))
-        .collect()
+    at.iter().enumerate().filter_map(region).collect()
 }
 
 /// By how much each root moves with a component of θ (central differences; moved roots are those that are nearest).

@@ -79,7 +79,8 @@ fn figures_and_tables_become_numbers() {
         .split(',')
         .map(|v| v.parse().unwrap())
         .collect();
-    let header: Vec<&str> = recorded.lines().next().unwrap().split(',').collect();
+    let mut lines = recorded.lines().filter(|line| !line.starts_with('#'));
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let place = |name: &str| {
         header
             .iter()
@@ -143,23 +144,23 @@ fn results_are_laid_over_each_other() {
 #[test]
 fn what_cannot_be_drawn_is_told() {
     let folder = Folder::new();
-    folder.write("a.csv", "time,car.x [m]\n0,0\n1,1\n");
+    folder.write("a.csv", "time,car.speed [m/s]\n0,0\n1,1\n");
     folder.write("page.html", "<!DOCTYPE html><p>mine");
     for (words, message) in [
         (
-            "plot a.csv --figure car.y",
-            "error: there is no figure or table `car.y`\nhint: did you mean `car.x`?\n",
+            "plot a.csv --figure car.sped",
+            "error: there is no figure or table `car.sped`\nhint: did you mean `car.speed`?\n",
         ),
         (
-            "plot a.csv --figure car.x -o x.doc",
+            "plot a.csv --figure car.speed -o x.doc",
             "error: x.doc is no kind of file that is written\nhint: end its name in .svg, .png or .csv\n",
         ),
         (
-            "plot a.csv --figure car.x --run 1",
-            "error: `car.x` has no run `1`\nhint: it is not divided into runs\n",
+            "plot a.csv --figure car.speed --run 1",
+            "error: `car.speed` has no run `1`\nhint: it is not divided into runs\n",
         ),
         (
-            "plot a.csv --figure car.x -o page.html",
+            "plot a.csv --figure car.speed -o page.html",
             "error: page.html ",
         ),
         (
