@@ -37,13 +37,16 @@ pub fn tables(page: &str) -> Vec<Table> {
 
 /// The cells of a row.
 fn cells(row: &str) -> Vec<String> {
-    let cells = row
-        .split("<t")
-        .skip(1)
-        .filter_map(|cell| cell.split_once('>'));
-    let text = cells.map(|(_, cell)| {
-        let end = cell.find("</t").unwrap_or(cell.len());
-        plain(&cell[..end])
+    // `<td>` and `<th>`, and neither `<tbody>` nor `<thead>`.
+    let is_cell = |part: &&str| {
+        ["d>", "d ", "h>", "h "]
+            .iter()
+            .any(|begin| part.starts_with(begin))
+    };
+    let cells = row.split("<t").skip(1).filter(is_cell);
+    let text = cells.filter_map(|cell| {
+        let (_, content) = cell.split_once('>')?;
+        content.split("</t").next().map(plain)
     });
     text.collect()
 }

@@ -14,7 +14,7 @@ import sys
 import tarfile
 
 from playwright._impl._driver import compute_driver_executable
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Error, sync_playwright
 
 INSTALLED = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome-headless-shell"]
 PACKAGE = "@sparticuz/chromium@147.0.0"
@@ -109,6 +109,18 @@ def found(folder):
     return of_playwright(folder, os.environ | {"PLAYWRIGHT_BROWSERS_PATH": str(folder)}) or of_npm(folder)
 
 
+def launched(chromium, browser):
+    """The browser, started. It may crash while it starts (once in some thirty times), which no page has a part in."""
+    flags = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+    try:
+        return chromium.launch(executable_path=browser, args=flags)
+    except Error as error:
+        if "SIGSEGV" not in str(error):
+            raise
+        print(error, file=sys.stderr)
+        return chromium.launch(executable_path=browser, args=flags)
+
+
 def looked_at(browser, page, folder, width, theme):
     """What is wrong with a page in that width and theme."""
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=theme)
@@ -147,8 +159,7 @@ def main():
         print("no browser")
         return
     with sync_playwright() as playwright:
-        flags = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-        opened = playwright.chromium.launch(executable_path=browser, args=flags)
+        opened = launched(playwright.chromium, browser)
         for page in pages:
             for width in WIDTHS:
                 for theme in ("light", "dark"):
