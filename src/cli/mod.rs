@@ -20,6 +20,7 @@ mod models;
 mod number;
 mod overwrite;
 mod pack;
+mod plot;
 mod progress;
 mod recognise;
 mod system;
@@ -64,6 +65,8 @@ enum Command {
     Export(Box<export::Args>),
     /// Make an FMU of a model of your own.
     Pack(pack::Args),
+    /// Draw figures of a fit or of results as files, for papers.
+    Plot(plot::Args),
     /// Wire FMUs together and simulate them.
     Cosim(Box<cosim::Args>),
     /// Linearise the coupled system: matrices, poles, margins and effective delay of its loops.
@@ -90,6 +93,7 @@ pub fn main() -> ExitCode {
         Command::Model(args) => model::run(args),
         Command::Export(args) => export::run(*args),
         Command::Pack(args) => pack::run(args),
+        Command::Plot(args) => plot::run(args),
         Command::Cosim(args) => cosim::run(*args),
         Command::Linearize(args) => linearize::run(*args),
         Command::Validate(args) => validate::run(args),

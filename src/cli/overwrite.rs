@@ -41,6 +41,8 @@ pub enum OutputKind {
     Fitted,
     /// Refits of a bootstrap, which are read again.
     Refits,
+    /// A figure or a table of one.
+    Figure,
 }
 
 impl Overwrite {
@@ -108,6 +110,13 @@ impl OutputKind {
             Self::Refits => ("a file of bootstrap refits", |path| {
                 let line = first_line(path);
                 line.is_empty() || line.starts_with(REFITS)
+            }),
+            Self::Figure => ("a figure", |path| {
+                let head = head(path);
+                let is_figure = |begin: &&str| head.starts_with(*begin);
+                ["<svg xmlns", "\u{fffd}PNG", "panel,run,series"]
+                    .iter()
+                    .any(is_figure)
             }),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Matrices => ("a table of matrices", |path| {

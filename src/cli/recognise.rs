@@ -90,7 +90,7 @@ pub fn is_fmu(path: &Path) -> bool {
 }
 
 /// What a file is; `None` where that is not known, or only reading it once would tell (a pipe).
-fn of(path: &Path) -> Option<FileKind> {
+pub fn of(path: &Path) -> Option<FileKind> {
     if path.is_dir() {
         let is_fmu = path.join("modelDescription.xml").is_file();
         return Some(match is_fmu {
@@ -215,7 +215,9 @@ impl FileKind {
                 "a flight belongs to `pilotage fit {file}`, or feeds an FMU by `cosim --input {file}`"
             ),
             Self::Table => format!("a table feeds FMUs by `pilotage cosim --input {file}`"),
-            Self::Page => format!("open {file} in a browser"),
+            Self::Page => {
+                format!("open {file} in a browser, or draw its figures by `pilotage plot {file}`")
+            }
             Self::Library => format!("a library becomes an FMU by `pilotage pack {file}`"),
         }
     }

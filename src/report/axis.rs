@@ -62,7 +62,10 @@ impl Scale {
             true => &[1.0, 2.0, 5.0],
             false => &[1.0],
         };
-        let ticks = (first..=last).flat_map(|decade| {
+        // As many powers of ten as there is room for.
+        let step = (self.range() / TICKS).ceil().max(1.0) as i32;
+        let powers = (first.div_euclid(step)..=last.div_euclid(step)).map(|k| k * step);
+        let ticks = powers.flat_map(|decade| {
             let of_decade = parts
                 .iter()
                 .map(move |part| f64::from(decade) + part.log10());

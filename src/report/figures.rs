@@ -1,8 +1,15 @@
 //! The figures of a report.
 
-use super::plot::{Axes, Line, Plot, colour};
-use crate::identification::{Fit, Objective, RunFit, Trial};
-use crate::series::Series;
+use super::certainty::{correlation_figure, waterfall_figure};
+use super::figure::{Axis, Figure, Look, Panel, Series};
+use super::frequency::{Fitted, bode_figures};
+use super::page::Report;
+use super::palette::colour;
+use super::poles::pole_figure;
+use super::residuals::{Residuals, residual_figure};
+use crate::identification::{Fit, Identification, Objective, RunFit, Trial};
+use crate::series;
+use crate::sqp::Status;
 
 /// A co-simulation of pilot and vehicle, from rest to one target.
 #[derive(Debug, Clone)]
@@ -10,7 +17,7 @@ pub struct ClosedLoop<'a> {
     /// The target \[m\].
     pub target: f64,
     /// What the master recorded.
-    pub series: &'a Series,
+    pub series: &'a series::Series,
     /// Name of the column with the vehicle's position \[m\].
     pub position: &'a str,
     /// Name of the column with the stick.
@@ -18,11 +25,11 @@ pub struct ClosedLoop<'a> {
 }
 
 /// The targets of a report, each with its colour.
-pub struct Targets(Vec<f64>);
+struct Targets(Vec<f64>);
 
 impl Targets {
     /// The different last targets of the trials, in order of appearance.
-    pub fn of(trials: &[Trial]) -> Self {
+    fn of(trials: &[Trial]) -> Self {
         let mut targets: Vec<f64> = Vec::new();
         for trial in trials {
             let target = last(&trial.target);
@@ -33,6 +40,7 @@ impl Targets {
         Self(targets)
     }
 
+    /// The colour of a target.
     fn class(&self, target: f64) -> String {
         let index = self
             .0
@@ -48,91 +56,59 @@ fn last(values: &[f64]) -> f64 {
     values.last().copied().unwrap_or(f64::NAN)
 }
 
-/// A line; `run` names it under the pointer, with its label.
-fn line(run: &str, label: &str, class: impl Into<String>, x: &[f64], y: &[f64]) -> Line {
-    Line {
-        label: label.into(),
-        name: format!("{run}, {label}"),
-        class: class.into(),
-        x: x.to_vec(),
-        y: y.to_vec(),
-    }
-}
-
 /// The recorded positions and the goals.
-fn recorded(trials: &[Trial]) -> Vec<Line> {
-    let data =
-        (trials.iter()).map(|run| line(&run.name, "recorded", "data", &run.time, &run.position));
-    let goal = (trials.iter()).map(|run| line(&run.name, "goal", "goal", &run.time, &run.target));
-    data.chain(goal).collect()
+fn recorded(trials: &[Trial]) -> Vec<Series> {
+    let data = (trials.iter())
+        .map(|run| Series::line("recorded", "data", &run.time, &run.position).of(&run.name));
+    let goal = (trials.iter()).map(|run| {
+        let line = Series::line("goal", "goal", &run.time, &run.target);
+        line.of(&run.name).looks(Look::Dashed)
+    });
+    goal.chain(data).collect()
 }
 
-fn recorded_stick(trials: &[Trial]) -> Vec<Line> {
-    (trials.iter())
-        .filter_map(|run| {
-            let stick = run.stick.as_ref()?;
-            Some(line(&run.name, "recorded", "data", &run.time, stick))
-        })
-        .collect()
+fn recorded_stick(trials: &[Trial]) -> Vec<Series> {
+    let stick = |run: &Trial| {
+        let line = Series::line("recorded", "data", &run.time, run.stick.as_ref()?);
+        Some(line.of(&run.name))
+    };
+    trials.iter().filter_map(stick).collect()
 }
 
-/// One model line for each run, styled by its target.
-fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Line> {
+/// One model line for each run, coloured by its target.
+fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Series> {
     (runs.iter())
         .map(|run| {
             let target = last(&run.target);
             let label = format!("model, {target} m");
-            line(&run.name, &label, targets.class(target), &run.time, y(run))
+            Series::line(&label, targets.class(target), &run.time, y(run)).of(&run.name)
         })
         .collect()
 }
 
-fn plot(description: &str, y_label: &str, height: f64, lines: Vec<Line>) -> String {
-    let plot = Plot {
-        description: description.into(),
-        x_label: "time [s]".into(),
-        y_label: y_label.into(),
-        axes: Axes::Linear,
+fn panel(y: &str, height: f64, series: Vec<Series>) -> Panel {
+    Panel {
+        x: Axis::time(),
+        y: Axis::linear(y),
         height,
-        lines,
-        marks: Vec::new(),
-    };
-    plot.to_svg()
+        series,
+        ..Panel::default()
+    }
 }
 
-/// The paper's figure: recorded runs, goals, and the model's response.
-pub fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded(trials);
-    lines.extend(modelled(runs, targets, |run| &run.position));
-    plot(
-        "recorded positions, goals and the model's response over time",
-        "position [m]",
-        360.0,
-        lines,
-    )
+/// The paper's figure: recorded runs, goals, and the model's response; below it the stick.
+fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+    let mut positions = recorded(trials);
+    positions.extend(modelled(runs, targets, |run| &run.position));
+    let panel = panel("position [m]", 360.0, positions);
+    Figure::of("response", "Response", caption, panel)
 }
 
 /// The stick, recorded and modelled.
-pub fn stick(fit: &Fit, trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded_stick(trials);
-    lines.extend(modelled(&fit.runs, targets, |run| &run.stick));
-    plot(
-        "recorded and modelled stick over time",
-        "stick [1]",
-        300.0,
-        lines,
-    )
-}
-
-/// Recorded minus modelled.
-pub fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> String {
-    let label = format!("residual [{}]", objective.unit());
-    let mut lines = modelled(&fit.runs, targets, |run| &run.residual);
-    for line in &mut lines {
-        line.label = line.label.replace("model, ", "goal ");
-        line.name = line.name.replace("model, ", "goal ");
-    }
-    plot("recorded minus modelled over time", &label, 280.0, lines)
+fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
+    let mut series = recorded_stick(trials);
+    series.extend(modelled(&fit.runs, targets, |run| &run.stick));
+    Figure::of("stick", "Stick", caption, panel("stick", 280.0, series))
 }
 
 /// One line for each co-simulation, from the column that `column` names.
@@ -140,45 +116,121 @@ fn co_simulated(
     loops: &[ClosedLoop],
     targets: &Targets,
     column: impl Fn(&ClosedLoop) -> String,
-) -> Vec<Line> {
+) -> Vec<Series> {
     (loops.iter())
         .filter_map(|closed| {
             let values = &closed.series.column(&column(closed))?.values;
             let label = format!("FMUs, {} m", closed.target);
             let class = targets.class(closed.target);
-            Some(line(
-                "closed loop",
-                &label,
-                class,
-                &closed.series.time,
-                values,
-            ))
+            Some(Series::line(&label, class, &closed.series.time, values))
         })
         .collect()
 }
 
-/// The exported FMUs in closed loop, from rest: positions.
-pub fn loop_response(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded(trials);
-    lines.extend(co_simulated(loops, targets, |closed| {
-        closed.position.into()
-    }));
-    plot(
-        "recorded positions, goals and the co-simulated response over time",
-        "position [m]",
-        360.0,
-        lines,
-    )
+/// The exported FMUs in closed loop, from rest: positions, and below them the stick.
+fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Figure {
+    let mut positions = recorded(trials);
+    positions.extend(co_simulated(loops, targets, |own| own.position.into()));
+    let mut sticks = recorded_stick(trials);
+    sticks.extend(co_simulated(loops, targets, |own| own.stick.into()));
+    let mut figure = Figure::of(
+        "closed-loop",
+        "The exported FMUs in closed loop",
+        "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: nothing is left of the \
+         optimiser here.",
+        panel("position [m]", 320.0, positions),
+    );
+    figure.panels.push(panel("stick", 220.0, sticks));
+    figure
 }
 
-/// The exported FMUs in closed loop, from rest: stick.
-pub fn loop_stick(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> String {
-    let mut lines = recorded_stick(trials);
-    lines.extend(co_simulated(loops, targets, |closed| closed.stick.into()));
-    plot(
-        "recorded and co-simulated stick over time",
-        "stick [1]",
-        300.0,
-        lines,
-    )
+/// The figures of a report, in the order of the page.
+pub fn all(report: &Report) -> Vec<Figure> {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    let targets = Targets::of(trials);
+    let mut all = Vec::new();
+    all.extend(as_fitted(report, &targets));
+    all.push(stick(fit, trials, &targets, match options.objective {
+        Objective::Response => {
+            "The stick is not what is fitted: the pilot is asked to bring the vehicle where the human brought it, not \
+             to copy the hand."
+        }
+        Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
+    }));
+    if !report.loops.is_empty() {
+        all.push(closed_loops(report.loops, trials, &targets));
+    }
+    let fitted = Fitted {
+        pilot: options.pilot,
+        theta: &fit.theta,
+        vehicle: options.loop_vehicle(),
+        sure: fit.uncertainty.as_ref(),
+    };
+    all.extend(bode_figures(&fitted));
+    all.push(pole_figure(&fitted));
+    all.push(residuals(fit, &targets, options.objective));
+    if let Some(sure) = &fit.uncertainty {
+        let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
+        all.push(correlation_figure(&names, &sure.correlations));
+    }
+    let unit = if options.objective == Objective::Response {
+        "m2"
+    } else {
+        ""
+    };
+    let starts = fit
+        .starts
+        .iter()
+        .map(|start| (start.status == Status::Converged, start.objective));
+    all.push(waterfall_figure(unit, &starts.collect::<Vec<_>>()));
+    all
+}
+
+/// Recorded minus modelled.
+fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
+    let of = |run: &'_ RunFit| {
+        let target = run.target.last().copied().unwrap_or(f64::NAN);
+        (format!("goal {target} m"), targets.class(target))
+    };
+    let all: Vec<Residuals> = (fit.runs.iter())
+        .map(|run| {
+            let (label, colour) = of(run);
+            Residuals {
+                run: &run.name,
+                label,
+                colour,
+                time: &run.time,
+                values: run.residual.clone(),
+            }
+        })
+        .collect();
+    let caption = "Recorded minus modelled: over time, by lag and by frequency. What is left is what differs from run to \
+                   run, and what no linear pilot of this order does.";
+    residual_figure("residuals", "Residuals", caption, objective.unit(), &all)
+}
+
+/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
+/// shown as it flies alone.
+fn as_fitted(report: &Report, targets: &Targets) -> Option<Figure> {
+    let Identification { fit, options, .. } = report.found;
+    let trials = &report.found.trials.fit;
+    options.loop_vehicle()?;
+    let alone = || -> Option<Vec<RunFit>> {
+        let fitted = report.found.outcomes().take(trials.len());
+        fitted.map(|run| run.alone.cloned()).collect()
+    };
+    let (runs, caption) = match options.objective {
+        Objective::Response => (
+            fit.runs.clone(),
+            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: one pilot θ for all of \
+             them.",
+        ),
+        Objective::Stick => (
+            alone().unwrap_or_default(),
+            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it flies alone, from \
+             rest: it was fitted to the stick and may miss the goal.",
+        ),
+    };
+    Some(response(&runs, trials, targets, caption))
 }

@@ -1,151 +1,237 @@
-//! The rectangle between the axes of a plot, and what maps data into it.
+//! The rectangle between the axes of a panel in a drawing, and what maps data into it.
 
 use super::axis::Scale;
+use super::figure::{Axis, Look, Panel};
 use super::html::escape;
+use super::palette::on_white;
 use std::fmt::Write;
 
-/// Margins around the axes: right, top, bottom. Text is up to 24 units high where the screen is narrow: two
-/// such lines are below.
-const MARGINS: (f64, f64, f64) = (20.0, 38.0, 64.0);
+/// Size of the text \[pt\].
+pub const TEXT: f64 = 8.0;
+/// Width of a character, about, per size of the text.
+pub const CHARACTER: f64 = 0.62;
+/// Room for the labels below the axes \[pt\]: of the ticks, and of the axis.
+const BELOW: (f64, f64) = (13.0, 12.0);
+/// Room on the right \[pt\].
+const RIGHT: f64 = 10.0;
 
-/// Width of a digit where the screen is narrow.
-const DIGIT: f64 = 13.5;
+/// A line across or up.
+struct Ruler {
+    scale: Scale,
+    axis: Axis,
+    /// Where it begins and ends in the drawing.
+    ends: [f64; 2],
+}
 
-/// The rectangle in the drawing's units, with its scales.
+impl Ruler {
+    fn at(&self, value: f64) -> f64 {
+        let value = if self.axis.log { value.log10() } else { value };
+        self.ends[0] + self.scale.position(value) * (self.ends[1] - self.ends[0])
+    }
+
+    /// Where ticks are, with their labels.
+    fn ticks(&self) -> Vec<(f64, String)> {
+        let place =
+            |value: f64| self.ends[0] + self.scale.position(value) * (self.ends[1] - self.ends[0]);
+        if !self.axis.names.is_empty() {
+            let names = self.axis.names.iter().enumerate();
+            return names
+                .map(|(k, name)| (place(k as f64), name.clone()))
+                .collect();
+        }
+        let ticks = self.scale.ticks.iter();
+        ticks
+            .map(|tick| (place(*tick), self.scale.label(*tick)))
+            .collect()
+    }
+
+    /// Characters of its longest tick label.
+    fn longest(&self) -> usize {
+        let ticks = self.ticks().into_iter();
+        ticks
+            .map(|(_, label)| label.chars().count())
+            .max()
+            .unwrap_or(0)
+    }
+}
+
+/// The rectangle, with its scales.
 pub struct Frame {
-    x: Scale,
-    y: Scale,
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
+    x: Ruler,
+    y: Ruler,
+}
+
+/// The scale of an axis over all that is drawn.
+fn scale(panel: &Panel, axis: &Axis, values: Vec<f64>, margin: f64) -> Scale {
+    if !axis.names.is_empty() {
+        return Scale::covering([-0.5, axis.names.len() as f64 - 0.5], 0.0);
+    }
+    if axis.log {
+        let positive = values.into_iter().filter(|value| *value > 0.0);
+        return Scale::covering(positive.map(f64::log10), margin).in_decades();
+    }
+    let has_stems = panel.series.iter().any(|own| own.look == Look::Stems);
+    let zero = (has_stems && margin > 0.0).then_some(0.0);
+    let scale = Scale::covering(values.into_iter().chain(zero), margin);
+    match scale.range() < axis.least {
+        true => scale.reaching(axis.least),
+        false => scale,
+    }
+}
+
+/// Values along an axis. Bands and ellipses reach beyond lines and points by half of their range at most: what is not
+/// known at all must not hide what is.
+fn reach(panel: &Panel, along: impl Fn((f64, f64)) -> f64) -> Vec<f64> {
+    let of = |is_area: bool| -> Vec<f64> {
+        let series = panel
+            .series
+            .iter()
+            .filter(|own| (own.look == Look::Area) == is_area);
+        series.flat_map(|own| own.points()).map(&along).collect()
+    };
+    let mut values = of(false);
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = match low < high {
+        true => (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low),
+        false => (f64::NEG_INFINITY, f64::INFINITY),
+    };
+    values.extend(of(true).into_iter().map(|value| value.clamp(low, high)));
+    values
 }
 
 impl Frame {
-    /// In a drawing of that size.
-    pub fn new(x: Scale, y: Scale, width: f64, height: f64) -> Self {
-        let (right, top, bottom) = MARGINS;
-        let digits = |tick: &f64| y.label(*tick).chars().count();
-        let longest = y.ticks.iter().map(digits).max().unwrap_or(0).max(4);
-        Self {
-            left: DIGIT * longest as f64 + 12.0,
-            x,
-            y,
-            right: width - right,
-            top,
-            bottom: height - bottom,
+    /// Of a panel, between that left margin, or as much as its labels need, and the given edges.
+    pub fn new(panel: &Panel, left: f64, width: f64, [top, bottom]: [f64; 2]) -> Self {
+        let x_margin = if panel.equal { 0.05 } else { 0.0 };
+        let x = scale(panel, &panel.x, reach(panel, |point| point.0), x_margin);
+        let y = scale(panel, &panel.y, reach(panel, |point| point.1), 0.05);
+        let ruler = |scale, axis: &Axis, ends| Ruler {
+            scale,
+            axis: axis.clone(),
+            ends,
+        };
+        let mut frame = Self {
+            x: ruler(x, &panel.x, [left, width - RIGHT]),
+            y: ruler(y, &panel.y, [bottom, top]),
+        };
+        if panel.equal {
+            let [across, up] =
+                [&frame.x, &frame.y].map(|ruler| (ruler.ends[1] - ruler.ends[0]).abs());
+            let longest = (frame.x.scale.range() / across).max(frame.y.scale.range() / up);
+            frame.x.scale = frame.x.scale.reaching(longest * across);
+            frame.y.scale = frame.y.scale.reaching(longest * up);
         }
+        frame
     }
 
-    /// With abscissae that are decimal logarithms.
-    pub fn in_decades(self) -> Self {
-        Self {
-            x: self.x.in_decades(),
-            ..self
-        }
+    /// Room that a panel's ordinate needs on its left \[pt\].
+    pub fn left(panel: &Panel) -> f64 {
+        let frame = Self::new(panel, 0.0, 100.0, [0.0, 100.0]);
+        let label = if panel.y.label.is_empty() {
+            0.0
+        } else {
+            1.6 * TEXT
+        };
+        CHARACTER * TEXT * frame.y.longest() as f64 + 6.0 + label
     }
 
-    /// With a unit as long on the one axis as on the other: the one that has room reaches further.
-    pub fn equal(self) -> Self {
-        let (width, height) = (self.right - self.left, self.bottom - self.top);
-        let (across, up) = (self.x.range() / width, self.y.range() / height);
-        let longest = across.max(up);
-        Self {
-            x: self.x.reaching(longest * width),
-            y: self.y.reaching(longest * height),
-            ..self
-        }
+    /// Room below a panel \[pt\]: without the label of the abscissa where the next one has the same.
+    pub fn below(panel: &Panel, is_last: bool) -> f64 {
+        let names = panel.x.names.iter().map(|name| name.chars().count());
+        let names = CHARACTER * TEXT * names.max().unwrap_or(0) as f64;
+        BELOW.0.max(names) + if is_last { BELOW.1 } else { 0.0 }
     }
 
-    /// Where a value is drawn across.
-    pub fn px(&self, x: f64) -> f64 {
-        self.left + self.x.position(x) * (self.right - self.left)
+    /// Where a point is drawn.
+    pub fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (self.x.at(x), self.y.at(y))
     }
 
-    /// Where a value is drawn down.
-    pub fn py(&self, y: f64) -> f64 {
-        self.bottom - self.y.position(y) * (self.bottom - self.top)
+    /// Whether a point lies right of most of the drawing.
+    pub fn is_right(&self, x: f64) -> bool {
+        let [from, to] = self.x.ends;
+        x > from + 0.7 * (to - from)
     }
 
-    /// Grid lines and tick labels; the zero line is drawn stronger. Every other label across may be left
-    /// out where the screen is narrow.
-    pub fn grid(&self) -> String {
-        let mut svg = String::from("<g class=\"grid\">\n");
-        let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
-        for (i, &tick) in self.x.ticks.iter().enumerate() {
-            let x = self.px(tick);
-            let class = if i % 2 == 1 { " class=\"between\"" } else { "" };
+    /// Where the area between the axes begins, its width and its height.
+    pub fn area(&self) -> [f64; 4] {
+        let [left, right] = self.x.ends;
+        let [bottom, top] = self.y.ends;
+        [left, top, right - left, bottom - top]
+    }
+
+    /// Grid, tick labels and labels of the axes.
+    pub fn axes(&self, is_last: bool) -> String {
+        let [left, top, width, height] = self.area();
+        let (quiet, ink) = (on_white("quiet"), on_white("ink"));
+        let mut svg = format!(
+            "<g stroke=\"#e3e7ec\" stroke-width=\"0.5\" fill=\"none\"><path d=\"M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}z",
+            -width
+        );
+        let turned = self
+            .x
+            .axis
+            .names
+            .iter()
+            .any(|name| name.chars().count() > 4);
+        let mut labels = String::new();
+        for (x, label) in self.x.ticks() {
+            let _ = write!(svg, "M{x:.1} {top:.1}v{height:.1}");
+            let y = top + height + 1.3 * TEXT;
+            let (place, anchor) = match turned {
+                true => (
+                    format!(
+                        "transform=\"translate({:.1} {:.1}) rotate(-90)\"",
+                        x + 0.3 * TEXT,
+                        y - TEXT
+                    ),
+                    "end",
+                ),
+                false => (format!("x=\"{x:.1}\" y=\"{y:.1}\""), "middle"),
+            };
             let _ = writeln!(
-                svg,
-                "<path d=\"M{x:.1} {top}V{bottom}\"/><text{class} x=\"{x:.1}\" y=\"{bottom}\" dy=\"1.2em\" text-anchor=\"middle\">{}</text>",
-                self.x.label(tick)
+                labels,
+                "<text {place} text-anchor=\"{anchor}\">{}</text>",
+                escape(&label)
             );
         }
-        for &tick in &self.y.ticks {
-            let y = self.py(tick);
-            let class = if tick == 0.0 { " class=\"zero\"" } else { "" };
+        for (y, label) in self.y.ticks() {
+            let _ = write!(svg, "M{left:.1} {y:.1}h{width:.1}");
+            let (x, y) = (left - 4.0, y + 0.35 * TEXT);
             let _ = writeln!(
-                svg,
-                "<path{class} d=\"M{left} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{y:.1}\" dy=\"0.35em\" text-anchor=\"end\">{}</text>",
-                left - 6.0,
-                self.y.label(tick)
+                labels,
+                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"end\">{}</text>",
+                escape(&label)
             );
         }
+        svg += &format!("\"/></g>\n<g fill=\"{quiet}\">\n{labels}</g>\n<g fill=\"{ink}\">\n");
+        if is_last {
+            let (x, y) = (
+                left + 0.5 * width,
+                top + height + Self::below(&self.named(), true) - 2.0,
+            );
+            let _ = writeln!(
+                svg,
+                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>",
+                escape(&self.x.axis.label)
+            );
+        }
+        let y = top + 0.5 * height;
+        let _ = writeln!(
+            svg,
+            "<text transform=\"translate({:.1} {y:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+            TEXT,
+            escape(&self.y.axis.label)
+        );
         svg + "</g>\n"
     }
 
-    /// The axes' labels: one below, one above the ordinate, where it is read without turning the head.
-    pub fn labels(&self, x_label: &str, y_label: &str) -> String {
-        let middle = (self.left + self.right) / 2.0;
-        format!(
-            "<text class=\"axis\" x=\"{middle:.1}\" y=\"{:.1}\" dy=\"2.4em\" text-anchor=\"middle\">{}</text>\n\
-             <text class=\"axis\" x=\"6\" y=\"{:.1}\">{}</text>\n",
-            self.bottom,
-            escape(x_label),
-            self.top - 10.0,
-            escape(y_label)
-        )
-    }
-
-    /// The path through the points that are numbers; a gap where one is not.
-    pub fn path(&self, x: &[f64], y: &[f64]) -> String {
-        let mut path = String::new();
-        let mut pen_down = false;
-        for (&x, &y) in x.iter().zip(y) {
-            let drawable = x.is_finite() && y.is_finite();
-            if drawable {
-                let command = if pen_down { 'L' } else { 'M' };
-                let _ = write!(path, "{command}{:.1} {:.1}", self.px(x), self.py(y));
-            }
-            pen_down = drawable;
+    /// A panel with this abscissa alone.
+    fn named(&self) -> Panel {
+        Panel {
+            x: self.x.axis.clone(),
+            ..Panel::default()
         }
-        path
-    }
-
-    /// Words beside a point, on its right unless that is near the end; nothing where there is no number.
-    pub fn words(&self, x: f64, y: f64, text: &str) -> String {
-        if !(x.is_finite() && y.is_finite()) {
-            return String::new();
-        }
-        let (dx, anchor) = match self.x.position(x) < 0.7 {
-            true => (9.0, "start"),
-            false => (-9.0, "end"),
-        };
-        let (x, y) = (self.px(x) + dx, self.py(y) - 6.0);
-        let text = escape(text);
-        format!(
-            "<text class=\"axis\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>\n"
-        )
-    }
-
-    /// A spot with words for the pointer; nothing where there is no number.
-    pub fn spot(&self, class: &str, radius: f64, x: f64, y: f64, text: &str) -> String {
-        if !(x.is_finite() && y.is_finite()) {
-            return String::new();
-        }
-        let (x, y, text) = (self.px(x), self.py(y), escape(text));
-        format!(
-            "<circle class=\"{class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"><title>{text}</title></circle>\n"
-        )
     }
 }

@@ -1,5 +1,8 @@
 //! Small pieces of HTML.
 
+use super::figure::Figure;
+use super::palette;
+
 /// Text with the characters that mean something to HTML replaced.
 pub fn escape(text: &str) -> String {
     (text.replace('&', "&amp;").replace('<', "&lt;"))
@@ -62,6 +65,11 @@ pub fn header(title: &str, class: &str, verdict: &str) -> String {
     format!("<header>\n<h1>{title}</h1>\n<p class=\"verdict {class}\">{verdict}</p>\n</header>\n")
 }
 
+/// Where one run is chosen of many, for all figures below, and what figures can do.
+pub fn choice() -> &'static str {
+    "<nav class=\"choice\" id=\"choice\" hidden><span>Drag to zoom; point to read values; click the legend to hide.</span></nav>\n"
+}
+
 /// A row of large numbers.
 pub fn facts(facts: &[(&str, String)]) -> String {
     let items: String = (facts.iter())
@@ -70,23 +78,54 @@ pub fn facts(facts: &[(&str, String)]) -> String {
     format!("<dl class=\"facts\">{items}</dl>\n")
 }
 
-/// A drawing with a heading and a sentence above it.
-pub fn figure(title: &str, caption: &str, svg: &str) -> String {
-    section(
-        &escape(title),
-        &format!("<p>{caption}</p>\n<figure>\n{svg}</figure>\n"),
-    )
+/// A figure with a heading and a sentence above it: its data, which `page.js` draws.
+pub fn figure(figure: &Figure) -> String {
+    let json = serde_json::to_string(&figure.thinned()).unwrap_or_default();
+    // Nothing in it may end the element.
+    let json = json.replace('<', "\\u003c");
+    let caption = match figure.caption.is_empty() {
+        true => String::new(),
+        false => format!("<p>{}</p>\n", escape(&figure.caption)),
+    };
+    let content = format!(
+        "{caption}<figure>\n<script type=\"application/json\">{json}</script>\n\
+         <noscript>Figures are drawn by the script in this page.</noscript>\n</figure>\n"
+    );
+    section(&escape(&figure.title), &content)
 }
 
 /// A page that needs nothing beside it.
 pub fn whole(title: &str, body: &str, made: &Made) -> String {
+    let has_figures = body.contains("<figure>");
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>pilotage: {}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}{}\
-         </main>\n</body>\n</html>\n",
+         <title>pilotage: {}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n<main>\n{body}{}\
+         </main>\n{}</body>\n</html>\n",
         escape(title),
+        palette::css(),
         include_str!("style.css"),
-        made.footer()
+        made.footer(),
+        if has_figures {
+            scripts()
+        } else {
+            String::new()
+        }
+    )
+}
+
+/// uPlot asks for numbers in the language of the browser, which is none where that of the system is `C`.
+const LANGUAGE: &str = "try { new Intl.NumberFormat(navigator.language); } \
+                        catch { Object.defineProperty(navigator, 'language', { value: 'en' }); }";
+
+/// What draws figures: uPlot, with its licence, and our script.
+fn scripts() -> String {
+    format!(
+        "<style>\n{}\n{}</style>\n<script>\n{LANGUAGE}\n/* {} */\n{}\n</script>\n<script>\n{}</script>\n",
+        include_str!("vendor/uPlot.min.css"),
+        include_str!("plot.css"),
+        include_str!("vendor/uPlot.LICENSE"),
+        include_str!("vendor/uPlot.iife.min.js"),
+        include_str!("page.js")
     )
 }

@@ -1,8 +1,9 @@
 //! A linearised system: its poles, and Bode and Nyquist plots of its loops.
 
+use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::html::{Made, escape, figure, header, section, table, whole};
 use super::number::{self, significant};
-use super::plot::{Axes, Line, Mark, Plot, colour};
+use super::palette::colour;
 use super::tables;
 use crate::linear::{Margins, Mode, Response};
 use nalgebra::Complex;
@@ -110,39 +111,9 @@ fn verdict(stability: &Stability) -> String {
 }
 
 fn loops(loops: &[LoopFigure]) -> String {
-    let decibels = |value: &Complex<f64>| 20.0 * value.norm().log10();
-    let gain = |response: &Response| response.value.iter().map(decibels).collect();
-    let phase = |response: &Response| {
-        let phase = response.phase().into_iter();
-        phase.map(f64::to_degrees).collect()
-    };
     section("Margins", &(cut() + &margins(loops)))
-        + &figure(
-            "Gain",
-            "The dots are where it is 0 dB: the crossover, where the phase margin is read.",
-            &bode(loops, "gain [dB]", gain, |margins| {
-                let crossings = margins.gain_crossings.iter();
-                crossings
-                    .map(|c| (c.frequency, words(c.frequency)))
-                    .collect()
-            }),
-        )
-        + &figure(
-            "Phase",
-            "The dots are where it is \u{2212}180°, where the gain margin is read.",
-            &bode(loops, "phase [deg]", phase, |margins| {
-                let crossings = margins.phase_crossings.iter();
-                crossings
-                    .map(|c| (c.frequency, words(c.frequency)))
-                    .collect()
-            }),
-        )
-        + &figure(
-            "Nyquist plot",
-            "L for frequencies from low to high, as far as it is not larger than 3; the cross is the point \
-             \u{2212}1, the dots are the crossovers, on the circle of gain 1.",
-            &nyquist(loops),
-        )
+        + &figure(&bode(loops))
+        + &figure(&nyquist(loops))
 }
 
 fn cut() -> String {
@@ -167,40 +138,64 @@ fn range(loops: &[LoopFigure]) -> (f64, f64) {
     }
 }
 
-fn bode(
+/// Gain and phase, with the crossings.
+fn bode(loops: &[LoopFigure]) -> Figure {
+    let gain = |response: &Response| {
+        let decibels = |value: &Complex<f64>| 20.0 * value.norm().log10();
+        response.value.iter().map(decibels).collect()
+    };
+    let phase = |response: &Response| response.phase().into_iter().map(f64::to_degrees).collect();
+    let gains = |own: &Margins| own.gain_crossings.iter().map(|c| c.frequency).collect();
+    let phases = |own: &Margins| own.phase_crossings.iter().map(|c| c.frequency).collect();
+    let mut figure = Figure::of(
+        "bode",
+        "Bode plot",
+        "The dots are where the gain is 0 dB (the crossover, where the phase margin is read) and where the phase is \
+         \u{2212}180° (where the gain margin is read).",
+        curves(loops, "gain [dB]", gain, gains),
+    );
+    figure
+        .panels
+        .push(curves(loops, "phase [deg]", phase, phases));
+    figure
+}
+
+fn curves(
     loops: &[LoopFigure],
     label: &str,
     values: impl Fn(&Response) -> Vec<f64>,
-    crossings: impl Fn(&Margins) -> Vec<(f64, String)>,
-) -> String {
+    crossings: impl Fn(&Margins) -> Vec<f64>,
+) -> Panel {
     let (low, high) = range(loops);
     let (mut lines, mut marks) = (Vec::new(), Vec::new());
     for (number, shown) in loops.iter().enumerate() {
         let frequency = &shown.response.frequency;
         let values = values(shown.response);
-        let is_drawn = |(omega, _): &(f64, String)| (low..=high).contains(omega);
-        for (omega, text) in crossings(shown.margins).into_iter().filter(is_drawn) {
-            let y = between(frequency, &values, omega);
-            let x = omega.log10();
-            marks.push(Mark { x, y, text });
-        }
+        let is_drawn = |omega: &f64| (low..=high).contains(omega);
+        let x: Vec<f64> = crossings(shown.margins)
+            .into_iter()
+            .filter(is_drawn)
+            .collect();
+        let y: Vec<f64> = x
+            .iter()
+            .map(|omega| between(frequency, &values, *omega))
+            .collect();
+        marks.push(Series {
+            words: x.iter().copied().map(words).collect(),
+            ..Series::line("", colour(number), &x, &y).looks(Look::Dots)
+        });
         let points = frequency.iter().zip(&values);
-        let (x, y) = points
-            .filter(|(omega, _)| (low..=high).contains(*omega))
-            .map(|(omega, value)| (omega.log10(), value))
-            .unzip();
-        lines.push(line(shown.label(), colour(number), x, y));
+        let (x, y): (Vec<f64>, Vec<f64>) = points.filter(|(omega, _)| is_drawn(omega)).unzip();
+        lines.push(Series::line(&shown.label(), colour(number), &x, &y));
     }
-    let plot = Plot {
-        description: format!("{label} of the loops over frequency"),
-        x_label: "frequency [rad/s]".to_owned(),
-        y_label: label.to_owned(),
-        axes: Axes::Decades,
-        height: 300.0,
-        lines,
-        marks,
-    };
-    plot.to_svg()
+    lines.extend(marks);
+    Panel {
+        x: Axis::frequency(),
+        y: Axis::linear(label),
+        height: 240.0,
+        series: lines,
+        ..Panel::default()
+    }
 }
 
 /// The value at an abscissa between those of the points, which ascend.
@@ -210,60 +205,47 @@ fn between(x: &[f64], y: &[f64], at: f64) -> f64 {
     y[from] + (y[to] - y[from]) * (at - x[from]) / (x[to] - x[from])
 }
 
-fn line(label: String, class: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Line {
-    Line {
-        name: label.clone(),
-        label,
-        class: class.into(),
-        x,
-        y,
-    }
-}
-
-fn nyquist(loops: &[LoopFigure]) -> String {
+fn nyquist(loops: &[LoopFigure]) -> Figure {
     const LARGEST: f64 = 3.0;
-    const ARM: f64 = 0.05;
     let curve = |(number, shown): (usize, &LoopFigure)| {
         let near = |value: &Complex<f64>| match value.norm() <= LARGEST {
             true => (value.re, value.im),
             false => (f64::NAN, f64::NAN),
         };
-        let (x, y) = shown.response.value.iter().map(near).unzip();
-        line(shown.label(), colour(number), x, y)
+        let (x, y): (Vec<f64>, Vec<f64>) = shown.response.value.iter().map(near).unzip();
+        Series::line(&shown.label(), colour(number), &x, &y)
     };
     let angles = (0..=180).map(|k| f64::from(k) * PI / 90.0);
-    let (x, y) = angles.map(|angle| (angle.cos(), angle.sin())).unzip();
-    let circle = line("gain 1".into(), "aid", x, y);
-    let cross = line(
-        "\u{2212}1".into(),
-        "goal",
-        vec![-1.0 - ARM, -1.0 + ARM, f64::NAN, -1.0, -1.0],
-        vec![0.0, 0.0, f64::NAN, -ARM, ARM],
-    );
-    let crossovers = loops.iter().flat_map(|shown| &shown.margins.gain_crossings);
-    let marks = crossovers.map(|crossing| {
+    let (x, y): (Vec<f64>, Vec<f64>) = angles.map(|angle| (angle.cos(), angle.sin())).unzip();
+    let mut series = vec![Series::line("gain 1", "aid", &x, &y)];
+    series.extend(loops.iter().enumerate().map(curve));
+    series.push(Series::line("\u{2212}1", "ink", &[-1.0], &[0.0]).looks(Look::Crosses));
+    for (number, shown) in loops.iter().enumerate() {
+        let crossings = &shown.margins.gain_crossings;
         // The margin is the angle from the point -1.
-        let value = -Complex::from_polar(1.0, crossing.phase_margin);
-        Mark {
-            x: value.re,
-            y: value.im,
-            text: words(crossing.frequency),
-        }
-    });
-    let plot = Plot {
-        description: "Nyquist plot of the loops".to_owned(),
-        x_label: "real part".to_owned(),
-        y_label: "imaginary part".to_owned(),
-        axes: Axes::Equal,
+        let places = crossings
+            .iter()
+            .map(|c| -Complex::from_polar(1.0, c.phase_margin));
+        let (x, y): (Vec<f64>, Vec<f64>) = places.map(|value| (value.re, value.im)).unzip();
+        series.push(Series {
+            words: crossings.iter().map(|c| words(c.frequency)).collect(),
+            ..Series::line("", colour(number), &x, &y).looks(Look::Dots)
+        });
+    }
+    let panel = Panel {
+        x: Axis::linear("real part"),
+        y: Axis::linear("imaginary part"),
+        equal: true,
         height: 540.0,
-        lines: [circle]
-            .into_iter()
-            .chain(loops.iter().enumerate().map(curve))
-            .chain([cross])
-            .collect(),
-        marks: marks.collect(),
+        series,
     };
-    plot.to_svg()
+    Figure::of(
+        "nyquist",
+        "Nyquist plot",
+        "L for frequencies from low to high, as far as it is not larger than 3; the cross is the point \u{2212}1, the \
+         dots are the crossovers, on the circle of gain 1.",
+        panel,
+    )
 }
 
 fn margins(loops: &[LoopFigure]) -> String {

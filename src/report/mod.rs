@@ -1,26 +1,45 @@
-//! Report pages: self-contained HTML with inline SVG, light or dark as the reader's system is.
+//! Report pages: self-contained HTML, light or dark as the reader's system is, and figures as files. A [`Figure`] says
+//! what is drawn; the page draws it with uPlot, `vendor/`, and [`svg::to_svg`] for papers.
 
 mod axis;
+pub mod certainty;
+pub mod figure;
 mod figures;
 mod frame;
+pub mod frequency;
 mod html;
 mod loops;
 mod number;
 mod overlay;
 mod page;
-mod plot;
+pub mod palette;
+pub mod png;
+pub mod poles;
+pub mod read;
+pub mod residuals;
 mod simulation;
 mod steps;
+pub mod svg;
 mod tables;
 mod thin;
 
+pub use figure::Figure;
 pub use figures::ClosedLoop;
 pub use html::Made;
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use number::{short, significant};
 pub use overlay::{Overlay, Parameters, overlay_page};
-pub use page::{Report, page};
-pub use plot::{Axes, Line, Mark, Plot};
-pub use simulation::{Simulation, simulation_page};
+pub use page::{Report, page, well_determined};
+pub use simulation::{Simulation, result_figures, simulation_page};
 pub use steps::{StepFigure, step_page};
 pub use tables::target_of;
+
+/// A table as text, with what holds commas or quotes in quotes (RFC 4180).
+fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {
+    let cell = |text: &String| match text.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.clone(),
+    };
+    let row = |row: &R| row.as_ref().iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
+    rows.iter().map(row).collect()
+}

@@ -35,7 +35,8 @@ pub fn html(value: f64, digits: usize) -> String {
     marked_up(&significant(value, digits))
 }
 
-fn marked_up(text: &str) -> String {
+/// A number as text, for a page.
+pub fn marked_up(text: &str) -> String {
     let text = text.replace('-', "\u{2212}");
     match text.split_once('e') {
         Some((mantissa, exponent)) => format!("{mantissa}\u{b7}10<sup>{exponent}</sup>"),

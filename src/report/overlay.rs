@@ -1,22 +1,28 @@
-//! The page of a fitted problem: what was recorded over what the model says.
+//! The page of a fitted problem: the verdict, figures of what was recorded and what the model says, tables.
 
+use super::figure::Figure;
 use super::html::{self, Made};
-use super::plot::{Axes, Line, Plot, colour};
 
-/// A signal of a run, as it was recorded and as models have it.
+/// What the page of a fit says.
 #[derive(Debug, Clone)]
 pub struct Overlay<'a> {
-    /// Run and signal.
-    pub title: String,
-    /// Unit of the signal; empty where it has none.
-    pub unit: &'a str,
-    /// Each line: its name, times \[s\] and values; NaN where there is none.
-    pub lines: Vec<(&'a str, &'a [f64], &'a [f64])>,
-    /// A sentence about it.
-    pub caption: &'a str,
+    /// What was fitted.
+    pub title: &'a str,
+    /// How it ended, and the class of that: `good`, `doubtful` or `bad`.
+    pub ending: (&'a str, &'a str),
+    /// What speaks against it: code, words.
+    pub diagnostics: Vec<(String, String)>,
+    /// A few numbers with their names.
+    pub facts: Vec<(&'a str, String)>,
+    /// How sure it is, in a sentence.
+    pub sureness: String,
+    /// The figures, in this order.
+    pub figures: Vec<Figure>,
+    /// Tables behind the figures, the parameters first.
+    pub tables: Vec<(&'a str, Parameters)>,
 }
 
-/// The parameters of a page.
+/// A table of a page.
 #[derive(Debug, Clone)]
 pub struct Parameters {
     /// What the columns are.
@@ -30,64 +36,42 @@ pub struct Parameters {
 }
 
 /// The section of a fit that was solved again; nothing where it was not.
-pub(super) fn refits(table: Option<&Parameters>) -> String {
-    table.map_or(String::new(), |own| {
-        html::section("Profiles and bootstrap", &own.html())
+pub(super) fn refits(own: Option<&Parameters>) -> String {
+    own.map_or(String::new(), |own| {
+        html::section("Profiles and bootstrap", &table(own))
     })
 }
 
-impl Parameters {
-    /// The table, and what is said below.
-    fn html(&self) -> String {
-        let notes = self.notes.iter();
-        let notes = notes.map(|note| format!("<p>{}</p>", html::escape(note)));
-        html::table(&self.header, &self.numeric, &self.rows) + &notes.collect::<String>()
+/// The page, one file that needs nothing beside it.
+pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
+    let (class, verdict) = page.ending;
+    let mut body = html::header(&html::escape(page.title), class, verdict);
+    for (code, words) in &page.diagnostics {
+        let words = html::escape(words);
+        body += &format!("<p class=\"caution\"><b>{code}</b>: {words}.</p>\n");
     }
+    body += &html::facts(&page.facts);
+    body += &format!("<p>{}</p>\n", html::escape(&page.sureness));
+    body += html::choice();
+    body += &page.figures.iter().map(html::figure).collect::<String>();
+    for (title, own) in &page.tables {
+        body += &html::section(title, &table(own));
+    }
+    html::whole(page.title, &body, made)
 }
 
-/// A page with a table of the parameters, one of refits where there are any, and a figure for each signal.
-pub fn overlay_page(
-    title: &str,
-    verdict: &str,
-    (parameters, refits): (&Parameters, Option<&Parameters>),
-    figures: &[Overlay<'_>],
-    made: &Made,
-) -> String {
-    let class = match verdict {
-        "converged" => "good",
-        _ => "bad",
+/// A table with its notes; numbers have a true minus sign and powers of ten as such.
+fn table(own: &Parameters) -> String {
+    let cell = |(k, text): (usize, &String)| match own.numeric.contains(&k) {
+        true => super::number::marked_up(text),
+        false => html::escape(text),
     };
-    let drawn: String = figures.iter().map(figure).collect();
-    let body = html::header(title, class, verdict)
-        + &html::section("Parameters", &parameters.html())
-        + &self::refits(refits)
-        + &drawn;
-    html::whole(title, &body, made)
-}
-
-fn figure(of: &Overlay<'_>) -> String {
-    let line = |(k, (label, time, values)): (usize, &(&str, &[f64], &[f64]))| {
-        let there = time.iter().zip(*values).filter(|(_, y)| y.is_finite());
-        let (x, y): (Vec<f64>, Vec<f64>) = there.unzip();
-        Line {
-            label: (*label).to_owned(),
-            name: format!("{} {label}", of.title),
-            class: colour(k),
-            x,
-            y,
-        }
-    };
-    let plot = Plot {
-        description: format!("Recorded and modelled: {}", of.title),
-        x_label: "time [s]".to_owned(),
-        y_label: match of.unit {
-            "" | "1" => String::new(),
-            unit => format!("[{}]", pilotage_units::pretty(unit)),
-        },
-        axes: Axes::Linear,
-        height: 260.0,
-        lines: of.lines.iter().enumerate().map(line).collect(),
-        marks: Vec::new(),
-    };
-    html::figure(&of.title, of.caption, &plot.to_svg())
+    let rows: Vec<Vec<String>> = (own.rows.iter())
+        .map(|row| row.iter().enumerate().map(cell).collect())
+        .collect();
+    let notes = own
+        .notes
+        .iter()
+        .map(|note| format!("<p>{}</p>\n", html::escape(note)));
+    html::table(&own.header, &own.numeric, &rows) + &notes.collect::<String>()
 }

@@ -1,13 +1,17 @@
 //! The report page.
 
-use super::figures::{self, ClosedLoop, Targets};
-use super::html::{Made, escape, facts, figure, header, section, whole};
+use super::figures::{self, ClosedLoop};
+use super::html::{Made, choice, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
 use super::overlay::{self, Parameters};
 use super::tables;
 use crate::identification::statistics::rms;
-use crate::identification::{Diagnostic, Fit, Identification, Objective, RunFit};
+use crate::identification::{Diagnostic, Fit, Identification};
 use crate::models::Pilot;
+
+/// Cramér–Rao bound below which a parameter is well determined \[%\] (Tischler & Remple, *Aircraft and Rotorcraft System
+/// Identification*, 2nd ed., section 12.3).
+const WELL_DETERMINED: f64 = 20.0;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -24,62 +28,10 @@ pub struct Report<'a> {
 
 /// The report as one HTML file that needs nothing beside it.
 pub fn page(report: &Report) -> String {
-    let Identification { fit, options, .. } = report.found;
-    let trials = &report.found.trials.fit;
-    let targets = Targets::of(trials);
-    let mut body = head(report);
-    body += &response(report, &targets);
-    body += &figure(
-        "Stick",
-        match options.objective {
-            Objective::Response => {
-                "The stick is not what is fitted: the pilot is asked to bring the vehicle where the \
-                 human brought it, not to copy the hand."
-            }
-            Objective::Stick => "The stick is what was fitted, driven by the recorded error.",
-        },
-        &figures::stick(fit, trials, &targets),
-    );
-    body += &figure(
-        "Residuals",
-        "Recorded minus modelled. What is left is what differs from run to run, and what no linear \
-         pilot of this order does.",
-        &figures::residuals(fit, &targets, options.objective),
-    );
-    body += &closed_loops(report, &targets);
+    let mut body = head(report) + choice();
+    body += &figures::all(report).iter().map(figure).collect::<String>();
     body += &numbers(report);
     whole("identified pilot", &body, report.made)
-}
-
-/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
-/// shown as it flies alone.
-fn response(report: &Report, targets: &Targets) -> String {
-    let Identification { fit, options, .. } = report.found;
-    let trials = &report.found.trials.fit;
-    if options.loop_vehicle().is_none() {
-        return String::new();
-    }
-    let alone = || -> Option<Vec<RunFit>> {
-        let fitted = report.found.outcomes().take(trials.len());
-        fitted.map(|run| run.alone.cloned()).collect()
-    };
-    let (runs, caption) = match options.objective {
-        Objective::Response => (
-            fit.runs.clone(),
-            "Every run as it was recorded, its goal, and the same run in the optimiser's solution: \
-             one pilot θ for all of them.",
-        ),
-        Objective::Stick => (
-            alone().unwrap_or_default(),
-            "Every run as it was recorded, its goal, and where the pilot brings the vehicle when it \
-             flies alone, from rest: it was fitted to the stick and may miss the goal.",
-        ),
-    };
-    figure(
-        "Response",
-        caption,
-        &figures::response(&runs, trials, targets),
-    )
 }
 
 /// Title, verdict, and the result in one formula and three numbers.
@@ -124,9 +76,33 @@ fn head(report: &Report) -> String {
                 false => "none: the last iterate violates the equations".into(),
             },
         ),
-        ("iterations", fit.iterations.to_string()),
+        (
+            "starts that agree",
+            format!("{} of {}", fit.agreeing(), fit.tried),
+        ),
     ]);
-    html
+    html + &format!("<p>{}</p>\n", sureness(fit))
+}
+
+/// How sure the fit is, in a sentence.
+fn sureness(fit: &Fit) -> String {
+    let Some(sure) = &fit.uncertainty else {
+        return "How sure it is is not known: see the diagnostics.".into();
+    };
+    escape(&well_determined(&sure.cramer_rao))
+}
+
+/// How many parameters with these Cramér–Rao bounds \[%\] are well determined, in a sentence.
+pub fn well_determined(cramer_rao: &[f64]) -> String {
+    let well = cramer_rao
+        .iter()
+        .filter(|bound| **bound < WELL_DETERMINED)
+        .count();
+    format!(
+        "{well} of {} parameters are well determined (Cramér–Rao bound below {WELL_DETERMINED} %; Tischler & Remple, \
+         section 12.3).",
+        cramer_rao.len()
+    )
 }
 
 /// What speaks against the result, before the result.
@@ -183,31 +159,13 @@ fn polynomial(c: &[f64]) -> String {
     html
 }
 
-fn closed_loops(report: &Report, targets: &Targets) -> String {
-    let trials = &report.found.trials.fit;
-    match report.loops.is_empty() {
-        true => String::new(),
-        false => {
-            figure(
-                "The exported FMUs in closed loop",
-                "The pilot's FMU flies the quadcopter's FMU from rest, in the co-simulation master: \
-                 nothing is left of the optimiser here.",
-                &figures::loop_response(report.loops, trials, targets),
-            ) + &figure(
-                "Their stick",
-                "The same co-simulations, and the stick as it was recorded.",
-                &figures::loop_stick(report.loops, trials, targets),
-            )
-        }
-    }
-}
-
 fn numbers(report: &Report) -> String {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
     let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
     section("Parameters", &tables::theta(fit, options.pilot))
         + &overlay::refits(report.refits.as_ref())
+        + &section("Active constraints", &tables::active(report.found))
         + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
         + &section("Poles of the closed loop", &tables::closed_loop(fit))
         + &section("Margins of the closed loop", &tables::derived(report.found))
@@ -295,7 +253,21 @@ mod tests {
             },
         };
         let html = page(&report);
-        assert_eq!(html.matches("<figure>").count(), 5);
+        let names: Vec<String> = super::super::read::figures(&html)
+            .into_iter()
+            .map(|figure| figure.name)
+            .collect();
+        let expected = [
+            "response",
+            "stick",
+            "closed-loop",
+            "bode",
+            "open-loop",
+            "poles",
+            "residuals",
+            "waterfall",
+        ];
+        assert_eq!(names, expected);
         assert_eq!(html.matches("<tr><td>θ").count(), 6);
         for part in [
             "not converged: iteration-limit",
@@ -303,14 +275,14 @@ mod tests {
             "model, 20 m",
             "FMUs, 10 m",
             "&lt;10m-run1&gt;.csv",
+            "The MIT License (MIT)",
             "2026-03-01 09:30 UTC",
             "pilotage fit &lt;x&gt;",
         ] {
             assert!(html.contains(part), "{part}");
         }
-        // The name of SVG's namespace is no address that a page would open.
-        let html = html.replace("http://www.w3.org/2000/svg", "");
-        for outside in ["http", "<script", "<10m", "NaN", "url("] {
+        // Nothing is fetched: uPlot names its home in a comment alone.
+        for outside in ["src=", "href=", "fetch(", "import(", "<10m", "NaN,", "url("] {
             assert!(!html.contains(outside), "{outside}");
         }
     }

@@ -1,11 +1,13 @@
 //! A co-simulation: its signals over time, and what the master tells of it.
 
-use super::html::{Made, escape, facts, figure, header, section, table, whole};
+use super::figure::{Axis, Figure, Panel, Series};
+use super::html::{Made, choice, escape, facts, figure, header, section, table, whole};
 use super::number;
-use super::plot::{Axes, Line, N_COLOURS, Plot, colour};
+use super::palette::{N_COLOURS, colour};
 use super::tables;
 use crate::cosim::{ConnectionReport, InstanceReport, Report};
-use crate::series::{Column, Series};
+use crate::series;
+use crate::series::Column;
 
 /// Most figures of a page.
 const FIGURES: usize = 16;
@@ -22,7 +24,7 @@ pub struct Simulation<'a> {
     /// A few numbers with their names.
     pub facts: &'a [(&'a str, String)],
     /// What was recorded.
-    pub series: &'a Series,
+    pub series: &'a series::Series,
     /// What the master tells.
     pub report: &'a Report,
     /// Files that were read, with their SHA-256.
@@ -42,6 +44,7 @@ pub fn simulation_page(page: &Simulation) -> String {
         body += &format!("<p class=\"caution\">{}</p>\n", escape(note));
     }
     body += &facts(page.facts);
+    body += choice();
     body += &signals(page.series);
     body += &section("Connections", &connections(&page.report.connections));
     body += &section("Instances", &instances(page.report));
@@ -50,64 +53,70 @@ pub fn simulation_page(page: &Simulation) -> String {
     whole("co-simulation", &body, page.made)
 }
 
-/// Signals of one unit share a figure, as many as there are colours.
-fn signals(series: &Series) -> String {
-    let mut groups: Vec<(&str, Vec<&Column>)> = Vec::new();
-    for column in &series.columns {
-        let group = groups.iter_mut();
-        let room = |(unit, group): &&mut (&str, Vec<&Column>)| {
-            *unit == column.unit && group.len() < N_COLOURS
-        };
-        match group.rev().find(room) {
-            Some((_, group)) => group.push(column),
-            None => groups.push((&column.unit, vec![column])),
-        }
+/// The figures, and how many signals are left out.
+fn signals(series: &series::Series) -> String {
+    let all = result_figures(&[("", series)]);
+    let drawn: String = all.iter().take(FIGURES).map(figure).collect();
+    let left = all.iter().skip(FIGURES).flat_map(|figure| &figure.panels);
+    let left: usize = left.map(|panel| panel.series.len()).sum();
+    match left {
+        0 => drawn,
+        left => format!(
+            "{drawn}<p>{left} more signals are in the result; <code>--record</code> chooses what is drawn.</p>\n"
+        ),
     }
-    let drawn = groups.iter().take(FIGURES);
-    let mut html: String = drawn
-        .map(|(unit, group)| drawing(series, unit, group))
-        .collect();
-    let left: usize = groups
-        .iter()
-        .skip(FIGURES)
-        .map(|(_, group)| group.len())
-        .sum();
-    if left > 0 {
-        html += &format!(
-            "<p>{left} more signals are in the result; <code>--record</code> chooses what is drawn.</p>\n"
-        );
-    }
-    html
 }
 
-fn drawing(series: &Series, unit: &str, columns: &[&Column]) -> String {
-    let line = |(number, column): (usize, &&Column)| Line {
-        label: column.name.clone(),
-        name: column.name.clone(),
-        class: colour(number),
-        x: series.time.clone(),
-        y: column.values.clone(),
-    };
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    let y_label = match unit {
-        "" => "value".to_owned(),
-        unit => format!("value [{unit}]"),
-    };
-    let plot = Plot {
-        description: format!("{} over time", names.join(", ")),
-        x_label: "time [s]".into(),
-        y_label,
-        axes: Axes::Linear,
-        height: 280.0,
-        lines: columns.iter().enumerate().map(line).collect(),
-        marks: Vec::new(),
-    };
-    let title = match columns {
-        [column] => column.name.clone(),
+/// Results over time, each with a name: signals of one unit share a figure, as many as there are colours.
+pub fn result_figures(results: &[(&str, &series::Series)]) -> Vec<Figure> {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for column in results.iter().flat_map(|(_, series)| &series.columns) {
+        let is_known = |(unit, names): &(&str, Vec<&str>)| {
+            *unit == column.unit && names.contains(&column.name.as_str())
+        };
+        let has_room = |(unit, names): &&mut (&str, Vec<&str>)| {
+            *unit == column.unit && names.len() < N_COLOURS
+        };
+        if groups.iter().any(is_known) {
+            continue;
+        }
+        match groups.iter_mut().rev().find(has_room) {
+            Some((_, names)) => names.push(&column.name),
+            None => groups.push((&column.unit, vec![&column.name])),
+        }
+    }
+    (groups
+        .iter()
+        .map(|(unit, names)| result_figure(results, unit, names)))
+    .collect()
+}
+
+/// The signals of those names and unit of all results.
+fn result_figure(results: &[(&str, &series::Series)], unit: &str, names: &[&str]) -> Figure {
+    let mut lines = Vec::new();
+    for (number, name) in names.iter().enumerate() {
+        for (run, series) in results {
+            let is_it = |column: &&Column| column.name == *name && column.unit == unit;
+            if let Some(column) = series.columns.iter().find(is_it) {
+                let line = Series::line(name, colour(number), &series.time, &column.values);
+                lines.push(line.of(run));
+            }
+        }
+    }
+    let title = match names {
+        [name] => (*name).to_owned(),
         _ if unit.is_empty() => "Signals without a unit".into(),
         _ => format!("Signals in {unit}"),
     };
-    figure(&title, "", &plot.to_svg())
+    let what = if names.len() == 1 { names[0] } else { "value" };
+    let panel = Panel {
+        x: Axis::time(),
+        y: Axis::of(what, unit),
+        height: 280.0,
+        series: lines,
+        ..Panel::default()
+    };
+    Figure::of(names[0], &title, "", panel)
 }
 
 fn connections(connections: &[ConnectionReport]) -> String {

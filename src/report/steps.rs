@@ -1,7 +1,7 @@
 //! The page of step responses.
 
+use super::figure::{Axis, Figure, Panel, Series};
 use super::html::{self, Made};
-use super::plot::{Axes, Line, Plot, colour};
 
 /// The answer of an output to a step of an input.
 #[derive(Debug, Clone, Copy)]
@@ -27,25 +27,13 @@ pub fn step_page(title: &str, figures: &[StepFigure<'_>], made: &Made) -> String
 
 fn figure(of: &StepFigure<'_>) -> String {
     let title = format!("{} → {}", of.input, of.output);
-    let label = match of.unit {
-        "" | "1" => of.output.to_owned(),
-        unit => format!("{} [{}]", of.output, pilotage_units::pretty(unit)),
-    };
-    let plot = Plot {
-        description: format!("Step response from {} to {}", of.input, of.output),
-        x_label: "time [s]".to_owned(),
-        y_label: label,
-        axes: Axes::Linear,
+    let panel = Panel {
+        x: Axis::time(),
+        y: Axis::of(of.output, of.unit),
         height: 260.0,
-        lines: vec![Line {
-            label: of.output.to_owned(),
-            name: title.clone(),
-            class: colour(0),
-            x: of.time.to_vec(),
-            y: of.values.to_vec(),
-        }],
-        marks: Vec::new(),
+        series: vec![Series::line("", "line-1", of.time, of.values)],
+        ..Panel::default()
     };
     let caption = "Deviation from the run without a step.";
-    html::figure(&title, caption, &plot.to_svg())
+    html::figure(&Figure::of(&title, &title, caption, panel))
 }

@@ -6,7 +6,9 @@ use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::statistics::rms;
 use crate::identification::trials::Summary;
-use crate::identification::{Fit, FitOptions, Identification, InitialState, Mesh, Objective};
+use crate::identification::{
+    Fit, FitOptions, Identification, InitialState, Mesh, Objective, RunFit,
+};
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
 
@@ -83,6 +85,32 @@ fn told(fit: &Fit) -> String {
         .map(|note| format!("; {}", escape(&note)));
     let notes: String = notes.collect();
     format!("<p>Intervals by the method {}{notes}.</p>", own.method)
+}
+
+/// What the solution lies on: limits of the stick, conditions of stability.
+pub fn active(found: &Identification) -> String {
+    const ON: f64 = 1e-6;
+    let limit = found.options.stick_limit;
+    let on_limit = |stick: &&f64| stick.abs() >= limit * (1.0 - ON);
+    let of_run = |run: &RunFit| {
+        let count = run.stick.iter().filter(on_limit).count();
+        let share = format!("{count} of {} samples", run.stick.len());
+        (count > 0).then(|| vec![format!("|stick| ≤ {limit}"), escape(&run.name), share])
+    };
+    let mut rows: Vec<_> = found.fit.runs.iter().filter_map(of_run).collect();
+    let pole = found
+        .fit
+        .closed_loop
+        .as_ref()
+        .and_then(|own| own.on_bound());
+    rows.extend(pole.map(|pole| {
+        let pole = format!("pole at {} 1/s", number::html(pole.re, 3));
+        vec!["stability of the closed loop".into(), "all".into(), pole]
+    }));
+    match rows.is_empty() {
+        true => "<p>None.</p>\n".into(),
+        false => table(&["constraint", "run", "where"], &[], &rows),
+    }
 }
 
 pub fn poles(fit: &Fit, pilot: Pilot) -> String {

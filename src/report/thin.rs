@@ -1,17 +1,14 @@
 //! Long lines with fewer points that look the same.
 
-/// Parts in which the abscissae are divided: more than a screen has pixels.
-const PARTS: usize = 1500;
-
-/// Of each part of a long line its first, least, greatest and last point, and every gap; `None` for a line
-/// that is short, or goes back.
-pub fn thinned(x: &[f64], y: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+/// Of each of so many parts of the abscissae a long line's first, least, greatest and last point, and every gap; `None`
+/// for a line that is short, or goes back.
+pub fn thinned(x: &[f64], y: &[f64], parts: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     let n = x.len().min(y.len());
-    if n <= 4 * PARTS || !x.is_sorted() {
+    if n <= 4 * parts || !x.is_sorted() {
         return None;
     }
     let (x, y) = (&x[..n], &y[..n]);
-    let (first, width) = (x[0], (x[n - 1] - x[0]) / PARTS as f64);
+    let (first, width) = (x[0], (x[n - 1] - x[0]) / parts as f64);
     let part = |k: usize| ((x[k] - first) / width) as usize;
     let (mut xs, mut ys) = (Vec::new(), Vec::new());
     let mut from = 0;
@@ -36,13 +33,15 @@ pub fn thinned(x: &[f64], y: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
 mod tests {
     use super::*;
 
+    const PARTS: usize = 1500;
+
     #[test]
     fn peaks_and_gaps_stay() {
         let n = 100_000;
         let x: Vec<f64> = (0..n).map(|k| k as f64 * 1e-3).collect();
         let mut y: Vec<f64> = x.iter().map(|t| t.sin()).collect();
         (y[33_333], y[77_777]) = (9.0, f64::NAN);
-        let (xs, ys) = thinned(&x, &y).unwrap();
+        let (xs, ys) = thinned(&x, &y, PARTS).unwrap();
         assert!(
             xs.len() == ys.len() && xs.len() <= 4 * PARTS + 8,
             "{}",
@@ -51,14 +50,14 @@ mod tests {
         assert!(ys.contains(&9.0) && ys.iter().any(|y| y.is_nan()));
         assert_eq!((xs[0], xs.last()), (0.0, x.last()));
         assert!(xs.is_sorted());
-        assert_eq!(thinned(&x[..100], &y[..100]), None);
+        assert_eq!(thinned(&x[..100], &y[..100], PARTS), None);
         let back: Vec<f64> = x.iter().map(|t| -t).collect();
-        assert_eq!(thinned(&back, &y), None);
+        assert_eq!(thinned(&back, &y, PARTS), None);
     }
 
     #[test]
     fn a_line_at_one_abscissa_ends() {
         let (x, y) = (vec![1.0; 10_000], vec![2.0; 10_000]);
-        assert_eq!(thinned(&x, &y), Some((vec![1.0; 2], vec![2.0; 2])));
+        assert_eq!(thinned(&x, &y, PARTS), Some((vec![1.0; 2], vec![2.0; 2])));
     }
 }

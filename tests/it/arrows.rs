@@ -23,6 +23,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "identification",
             "cosim",
             "linear",
+            "inference",
+            "sqp",
         ],
     ),
     (

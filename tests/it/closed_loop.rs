@@ -336,6 +336,7 @@ fn the_page_of_a_co_simulation_shows_signals_connections_and_origin() {
         "<dt>communication steps</dt><dd>20</dd>",
         "<h2>pilot.stick</h2>",
         "<h2>Signals in m</h2>",
+        "\"label\":\"quadcopter.z\"",
         "<td>pilot.stick</td><td>quadcopter.stick</td><td>held</td><td class=\"n\">0.0250</td>",
         "<td>master and result</td>",
         "<td>pilot.fmu</td><td><code>",
@@ -346,7 +347,7 @@ fn the_page_of_a_co_simulation_shows_signals_connections_and_origin() {
     }
     // Eight outputs with six units.
     assert_eq!(page.matches("<figure>").count(), 6);
-    assert_eq!(page.matches("<g class=\"run\">").count(), 8);
+    assert_eq!(page.matches("\"look\":\"line\"").count(), 8);
     let ended = run("/dev/null");
     assert_eq!(
         (ended.code, ended.stderr.as_str()),

@@ -61,7 +61,7 @@ fn the_shipped_trials_give_a_pilot_that_brings_the_vehicle_to_the_target() {
     let page = folder.read("fit.html");
     assert!(
         page.contains(">converged, in doubt: loop-on-bound</p>")
-            && page.matches("<figure>").count() == 3
+            && page.matches("<figure>").count() == 8
     );
 
     let file: toml::Table = folder.read("pilot.toml").parse().unwrap();

@@ -40,6 +40,7 @@ mod model_library;
 mod mutation;
 mod next;
 mod other_fmus;
+mod plot;
 mod problem_doubts;
 mod problem_flights;
 mod problem_fmus;

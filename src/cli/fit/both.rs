@@ -9,6 +9,7 @@ use crate::cli::{Failure, Outcome, terminal};
 use crate::identification::{
     FitOptions, Identification, Objective, RunFit, Trial, TrialSet, pilot_file,
 };
+use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::{Overlay, Parameters, overlay_page, significant};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -156,63 +157,81 @@ impl Both {
     }
 
     fn page(&self) -> String {
-        let flown = self.flown();
-        let mut figures = Vec::new();
-        for run in &flown {
-            let trial = run.trial;
-            let mut positions: Vec<(&str, &[f64], &[f64])> = vec![
-                ("target", &trial.time, &trial.target),
-                ("recorded", &trial.time, &trial.position),
-            ];
-            let mut sticks: Vec<(&str, &[f64], &[f64])> = Vec::new();
-            if let Some(stick) = &trial.stick {
-                sticks.push(("recorded", &trial.time, stick));
-            }
-            for (name, own) in [("response fit", run.response), ("stick fit", run.stick)] {
-                if let Some(own) = own {
-                    positions.push((name, &own.time, &own.position));
-                    sticks.push((name, &own.time, &own.stick));
-                }
-            }
-            let caption =
-                "Each pilot flies alone, from rest; nothing is left of the optimiser here.";
-            figures.push(Overlay {
-                title: format!("{}: position", trial.name),
-                unit: "m",
-                lines: positions,
-                caption,
-            });
-            figures.push(Overlay {
-                title: format!("{}: stick", trial.name),
-                unit: "1",
-                lines: sticks,
-                caption,
-            });
-        }
         let mut rows = Vec::new();
         for (name, found) in [("response fit", &self.response), ("stick fit", &self.stick)] {
             let units = pilot_file::units(found.options.pilot);
             for ((k, value), unit) in found.fit.theta.iter().enumerate().zip(units) {
-                rows.push(vec![
-                    format!("theta{} ({name})", k + 1),
-                    significant(*value, 6),
-                    unit,
-                ]);
+                let name = format!("theta{} ({name})", k + 1);
+                rows.push(vec![name, significant(*value, 6), unit]);
             }
         }
-        let verdict = verdict(&self.response.fit);
         let parameters = Parameters {
             header: vec!["parameter", "value", "unit"],
             numeric: vec![1],
             rows,
             notes: Vec::new(),
         };
-        overlay_page(
-            "fits of response and stick",
-            &verdict,
-            (&parameters, None),
-            &figures,
-            &made(),
-        )
+        let verdict = verdict(&self.response.fit);
+        let class = match (
+            self.response.fit.is_answer(),
+            self.response.fit.diagnostics.is_empty(),
+        ) {
+            (false, _) => "bad",
+            (true, false) => "doubtful",
+            (true, true) => "good",
+        };
+        let diagnostics = self.response.fit.diagnostics.iter();
+        let page = Overlay {
+            title: "fits of response and stick",
+            ending: (class, &verdict),
+            diagnostics: diagnostics
+                .map(|own| (own.code().to_owned(), own.to_string()))
+                .collect(),
+            facts: vec![("runs", self.response.trials.fit.len().to_string())],
+            sureness: String::new(),
+            figures: vec![self.figure()],
+            tables: vec![("Parameters", parameters)],
+        };
+        overlay_page(&page, &made())
+    }
+
+    /// Both pilots flying alone, beside the recordings.
+    fn figure(&self) -> Figure {
+        let (mut positions, mut sticks) = (Vec::new(), Vec::new());
+        for run in &self.flown() {
+            let trial = run.trial;
+            let line = |label: &str, colour: &str, time: &[f64], y: &[f64]| {
+                Series::line(label, colour, time, y).of(&trial.name)
+            };
+            positions.push(line("target", "goal", &trial.time, &trial.target).looks(Look::Dashed));
+            positions.push(line("recorded", "data", &trial.time, &trial.position));
+            sticks.extend(
+                (trial.stick.iter()).map(|stick| line("recorded", "data", &trial.time, stick)),
+            );
+            let fits = [
+                ("response fit", "line-1", run.response),
+                ("stick fit", "line-2", run.stick),
+            ];
+            for (name, colour, own) in fits {
+                positions.extend(own.map(|own| line(name, colour, &own.time, &own.position)));
+                sticks.extend(own.map(|own| line(name, colour, &own.time, &own.stick)));
+            }
+        }
+        let panel = |label: &str, height: f64, series| Panel {
+            x: Axis::time(),
+            y: Axis::linear(label),
+            height,
+            series,
+            ..Panel::default()
+        };
+        let caption = "Each pilot flies alone, from rest; nothing is left of the optimiser here.";
+        let mut figure = Figure::of(
+            "response",
+            "Response",
+            caption,
+            panel("position [m]", 340.0, positions),
+        );
+        figure.panels.push(panel("stick", 240.0, sticks));
+        figure
     }
 }

@@ -25,7 +25,7 @@ use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
-pub use problem::FITTED;
+pub use problem::{FITTED, figures_of as figures_of_problem};
 pub use refits::HEAD as REFITS;
 use refits::{Refits, Refitted};
 use std::path::{Path, PathBuf};

@@ -11,6 +11,7 @@ mod model_fmus;
 mod modes;
 mod other_tools;
 mod pack;
+mod pages;
 mod python;
 mod references;
 mod results;

@@ -15,6 +15,7 @@ use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
+use crate::report::Figure;
 use crate::sqp::{Iteration, Status};
 use models::Fitted;
 pub use models::HEAD as FITTED;
@@ -105,6 +106,20 @@ fn refitted(
             Ok(None)
         }
     }
+}
+
+/// Fits a problem, and gives the figures of its page.
+pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
+    let file = ProblemFile::read(path)?;
+    let posed = Posed::new(&file, &part::open)?;
+    let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let judged = validated(&file, &fit, &part::open)?;
+    Ok(page::figures(&summary::Outcomes {
+        posed: &posed,
+        fit: &fit,
+        judged: &judged,
+        refitted: None,
+    }))
 }
 
 fn check_outputs(

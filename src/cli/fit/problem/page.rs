@@ -1,41 +1,179 @@
-//! The report of a problem: each measured signal as it was recorded and as the model has it.
+//! The report of a problem: each measured signal as it was recorded and as the model has it, and what is left.
 
 use super::summary::Outcomes;
 use super::sure;
-use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
+use crate::estimation::result::RunFit;
+use crate::report::certainty::{correlation_figure, waterfall_figure};
+use crate::report::figure::{Axis, Figure, Look, Panel, Series};
+use crate::report::palette::colour;
+use crate::report::residuals::{Residuals, residual_figure};
 use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
+use crate::sqp::Status;
 
 /// The page.
 pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
-    let mut figures = Vec::new();
-    for (run, usage) in outcomes.runs() {
-        for (k, measured) in posed.file.measured.iter().enumerate() {
-            let recorded = ("recorded", &run.time[..], &run.recorded[k][..]);
-            let model = ("model", &run.time[..], &run.predicted[k][..]);
-            let (lines, caption) = match outcomes.has_figures(usage) {
-                true => (
-                    vec![recorded, model],
-                    "What was recorded, and what the fitted model says.",
-                ),
-                false => (
-                    vec![recorded],
-                    "What was recorded; what was found does not fulfil the equations.",
-                ),
-            };
-            figures.push(Overlay {
-                title: format!("{} ({usage}): {}", run.name, measured.column.value),
-                unit: posed.unit_of(k).unwrap_or_default(),
-                lines,
-                caption,
-            });
-        }
+    let verdict = fit.verdict();
+    let class = match (fit.is_answer(), fit.diagnostics.is_empty()) {
+        (false, _) => "bad",
+        (true, false) => "doubtful",
+        (true, true) => "good",
+    };
+    let diagnostics = fit.diagnostics.iter();
+    let parameters = parameters(fit);
+    let mut tables = vec![("Parameters", parameters)];
+    tables.extend((outcomes.refitted).map(|own| ("Profiles and bootstrap", own.table())));
+    tables.push(("Active constraints", active(fit)));
+    tables.push(("Data", data(outcomes)));
+    let page = Overlay {
+        title: &format!("fit of {}", posed.file.file),
+        ending: (class, &verdict),
+        diagnostics: diagnostics
+            .map(|own| (own.code().to_owned(), own.to_string()))
+            .collect(),
+        facts: facts(outcomes),
+        sureness: sure::in_a_sentence(fit),
+        figures: figures(outcomes),
+        tables,
+    };
+    overlay_page(&page, made)
+}
+
+/// How much was fitted, and how well.
+fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
+    let fit = outcomes.fit;
+    let misfit = (fit.chi2 / fit.samples as f64).sqrt();
+    vec![
+        ("runs", fit.runs.len().to_string()),
+        ("measured values", fit.samples.to_string()),
+        (
+            "rms residual over sd",
+            match fit.is_met() {
+                true => significant(misfit, 3),
+                false => "none".to_owned(),
+            },
+        ),
+        (
+            "starts that agree",
+            format!("{} of {}", fit.agreeing(), fit.starts.len()),
+        ),
+    ]
+}
+
+/// All figures of a fit, in the order of the page.
+pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
+    let fit = outcomes.fit;
+    let mut all = vec![response(outcomes)];
+    all.extend(poles(fit));
+    if fit.is_met() {
+        all.extend((0..outcomes.posed.file.measured.len()).map(|k| residuals(outcomes, k)));
     }
-    let title = format!("fit of {}", posed.file.file);
-    let refits = outcomes.refitted.map(Refitted::table);
-    let tables = (&parameters(fit), refits.as_ref());
-    overlay_page(&title, &fit.verdict(), tables, &figures, made)
+    if let Ok(own) = &fit.uncertainty {
+        all.push(correlation_figure(&own.names, &own.correlations));
+    }
+    let starts = fit
+        .starts
+        .iter()
+        .map(|(status, objective)| (*status == Status::Converged, *objective));
+    all.push(waterfall_figure("", &starts.collect::<Vec<_>>()));
+    all
+}
+
+/// A run, and what it is used for where that is not the fit.
+fn named(run: &RunFit, usage: &str) -> String {
+    match usage {
+        "fit" => run.name.clone(),
+        _ => format!("{} ({usage})", run.name),
+    }
+}
+
+/// A panel for each measured signal, with all runs.
+fn response(outcomes: &Outcomes<'_>) -> Figure {
+    let posed = outcomes.posed;
+    let panel = |(k, label): (usize, &String)| {
+        let mut series = Vec::new();
+        for (run, usage) in outcomes.runs() {
+            let name = named(run, usage);
+            series.push(recorded(&run.time, &run.recorded[k]).of(&name));
+            if outcomes.has_figures(usage) {
+                let (label, colour) = match usage {
+                    "fit" => ("model", "line-1"),
+                    _ => ("model, validation", "line-2"),
+                };
+                series.push(Series::line(label, colour, &run.time, &run.predicted[k]).of(&name));
+            }
+        }
+        Panel {
+            x: Axis::time(),
+            y: Axis::of(label, posed.unit_of(k).unwrap_or_default()),
+            height: 260.0,
+            series,
+            ..Panel::default()
+        }
+    };
+    let labels: Vec<String> = posed
+        .file
+        .measured
+        .iter()
+        .map(|own| own.column.value.clone())
+        .collect();
+    let caption = match outcomes.fit.is_met() {
+        true => "What was recorded, and what the fitted model says.",
+        false => "What was recorded; what was found does not fulfil the equations.",
+    };
+    Figure {
+        panels: labels.iter().enumerate().map(panel).collect(),
+        ..Figure::of("response", "Response", caption, Panel::default())
+    }
+}
+
+/// A recording: a line where there are many samples, else circles.
+fn recorded(time: &[f64], values: &[f64]) -> Series {
+    const FEW: usize = 60;
+    let known = time.iter().zip(values).filter(|(_, y)| y.is_finite());
+    let (x, y): (Vec<f64>, Vec<f64>) = known.unzip();
+    let look = if x.len() <= FEW {
+        Look::Rings
+    } else {
+        Look::Line
+    };
+    Series::line("recorded", "data", &x, &y).looks(look)
+}
+
+/// The poles of the wired system; none where it has none.
+fn poles(fit: &Fit) -> Option<Figure> {
+    let (x, y): (Vec<f64>, Vec<f64>) = fit.poles.iter().map(|pole| (pole[0], pole[1])).unzip();
+    let panel = Panel {
+        x: Axis::linear("real part [1/s]"),
+        y: Axis::linear("imaginary part [1/s]"),
+        equal: true,
+        height: 380.0,
+        series: vec![Series::line("", "line-1", &x, &y).looks(Look::Crosses)],
+    };
+    let caption = "Of the wired system, linearised where the first run ends.";
+    (!x.is_empty()).then(|| Figure::of("poles", "Poles", caption, panel))
+}
+
+/// What is left of a measured signal.
+fn residuals(outcomes: &Outcomes<'_>, k: usize) -> Figure {
+    let measured = &outcomes.posed.file.measured[k];
+    let signal = &measured.column.value;
+    let all: Vec<Residuals<'_>> = (outcomes.fit.runs.iter())
+        .map(|run| Residuals {
+            run: &run.name,
+            label: String::new(),
+            colour: colour(0),
+            time: &run.time,
+            values: run.residuals(k, measured.noise),
+        })
+        .collect();
+    let (name, title) = (
+        format!("residuals-{signal}"),
+        format!("Residuals of {signal}"),
+    );
+    let caption = "In standard deviations of the noise: over time, by lag and by frequency.";
+    residual_figure(&name, &title, caption, "", &all)
 }
 
 fn parameters(fit: &Fit) -> Parameters {
@@ -63,8 +201,8 @@ fn parameters(fit: &Fit) -> Parameters {
         "parameter",
         "value",
         "sd",
-        "low",
-        "high",
+        "95 % low",
+        "95 % high",
         "unit",
         "Cramér–Rao [%]",
         "insensitivity [%]",
@@ -75,5 +213,43 @@ fn parameters(fit: &Fit) -> Parameters {
         numeric: vec![1, 2, 3, 4, 6, 7],
         rows,
         notes: sure::to_text(fit).lines().map(str::to_owned).collect(),
+    }
+}
+
+/// Parameters on an end of their range.
+fn active(fit: &Fit) -> Parameters {
+    let on_bound = fit
+        .parameters
+        .iter()
+        .filter_map(|own| Some((own, own.bound?)));
+    let rows: Vec<Vec<String>> = on_bound
+        .map(|(own, bound)| {
+            let unit = own.unit.clone().unwrap_or_default();
+            vec![own.name.clone(), significant(bound, 6), unit]
+        })
+        .collect();
+    let notes = if rows.is_empty() {
+        vec!["No parameter is at an end of its range.".to_owned()]
+    } else {
+        Vec::new()
+    };
+    Parameters {
+        header: vec!["parameter", "at its bound", "unit"],
+        numeric: vec![1],
+        rows,
+        notes,
+    }
+}
+
+/// The runs, with what is left of each signal.
+fn data(outcomes: &Outcomes<'_>) -> Parameters {
+    let rows = super::summary::run_rows(outcomes.posed, outcomes)
+        .into_iter()
+        .skip(1);
+    Parameters {
+        header: vec!["run", "column", "rms residual", "over sd"],
+        numeric: vec![2, 3],
+        rows: rows.map(Vec::from).collect(),
+        notes: Vec::new(),
     }
 }

@@ -303,7 +303,8 @@ fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
     rows
 }
 
-fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
+/// For each run and measured signal its residual.
+pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
     for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {

@@ -5,7 +5,7 @@ use crate::estimation::result::{Found, RunFit};
 use crate::estimation::uncertainty::Uncertainty;
 use crate::estimation::{Fit, Posed};
 use crate::inference::{Class, Interval, LEVEL};
-use crate::report::significant;
+use crate::report::{significant, well_determined};
 use serde_json::{Map, Value, json};
 
 /// The intervals of a fit's values, parameter by parameter; none where they are not known.
@@ -117,6 +117,14 @@ pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
         Some([own.cramer_rao[place], own.insensitivity[place]])
     });
     known.map_or_else(Default::default, |own| own.map(|percent| cell(percent, 3)))
+}
+
+/// How sure a fit is, in a sentence.
+pub fn in_a_sentence(fit: &Fit) -> String {
+    match &fit.uncertainty {
+        Ok(own) => well_determined(&own.cramer_rao),
+        Err(reason) => format!("How sure it is is not known: {reason}."),
+    }
 }
 
 /// What stands below the parameters.

@@ -1,0 +1,235 @@
+//! `pilotage plot`: figures and tables as files.
+
+use super::number::positive;
+use super::overwrite::{self, OutputKind, Overwrite};
+use super::recognise::{self, FileKind};
+use super::{Failure, Outcome, fit, terminal};
+use crate::identification::PilotFile;
+use crate::models::Pilot;
+use crate::report::figure::Figure;
+use crate::report::frequency::{Fitted, bode_figures};
+use crate::report::png::to_png;
+use crate::report::poles::pole_figure;
+use crate::report::read::{self, Table};
+use crate::report::result_figures;
+use crate::report::svg::to_svg;
+use crate::series::Series;
+use crate::suggestion::suggestion;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # Which figures and tables there are, and one of them for a paper.
+  pilotage fit run*.csv --vehicle vehicle.toml -o pilot.toml --report fit.html
+  pilotage plot fit.html
+  pilotage plot fit.html --figure open-loop -o open-loop.svg
+  pilotage plot fit.html --figure parameters -o parameters.csv
+
+  # Signals of two co-simulations, one over the other, one column wide.
+  pilotage plot jacobi.csv strong.csv --figure quadcopter.z --width 85 -o z.png
+
+A page of --report holds its figures: nothing is fitted again. A problem file is fitted; a pilot file has no covariance,
+so its figures have no bands.";
+
+/// Arguments of `pilotage plot`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// A page of --report, a pilot file, a problem file, or results of co-simulations (CSV), which are laid over each other.
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// The figure or table; `list` tells which there are.
+    #[arg(long, value_name = "NAME", default_value = "list")]
+    figure: String,
+    /// The file to write: .svg, .png, or .csv with the numbers [default: NAME.svg, of a table NAME.csv].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// One run of many.
+    #[arg(long)]
+    run: Option<String>,
+    /// Width of the drawing \[mm\].
+    #[arg(long, default_value_t = 120.0, value_parser = positive, allow_hyphen_values = true)]
+    width: f64,
+    /// Pixels of a PNG in an inch.
+    #[arg(long, default_value_t = 300.0, value_parser = positive, allow_hyphen_values = true)]
+    dpi: f64,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// What there is to draw.
+#[derive(Default)]
+struct Content {
+    figures: Vec<Figure>,
+    tables: Vec<Table>,
+}
+
+/// Writes a figure, or lists them.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let content = content(&args.inputs)?;
+    if args.figure == "list" {
+        terminal::print(&content.list())?;
+        return Ok(Outcome::Done);
+    }
+    let figure = content.figures.iter().find(|own| own.name == args.figure);
+    let table = content.tables.iter().find(|own| own.name == args.figure);
+    let extension = if figure.is_some() { "svg" } else { "csv" };
+    let output = args.output.clone();
+    let output = output.unwrap_or_else(|| PathBuf::from(format!("{}.{extension}", args.figure)));
+    (args.overwrite).check(&args.inputs, &[(output.as_path(), OutputKind::Figure)])?;
+    let bytes = match (figure, table) {
+        (Some(figure), _) => args.drawn(figure, &output)?,
+        (None, Some(table)) => match extension_of(&output) {
+            "csv" => table.to_csv().into_bytes(),
+            _ => {
+                return Err(
+                    Failure::new(format!("`{}` is a table", table.name)).hint("write it as .csv")
+                );
+            }
+        },
+        (None, None) => return Err(content.unknown(&args.figure)),
+    };
+    overwrite::save(&output, bytes)?;
+    terminal::print(&format!("wrote {}\n", output.display()))?;
+    Ok(Outcome::Done)
+}
+
+fn extension_of(path: &Path) -> &str {
+    path.extension()
+        .and_then(|own| own.to_str())
+        .unwrap_or_default()
+}
+
+impl Args {
+    /// A figure as the bytes of a file of that name.
+    fn drawn(&self, figure: &Figure, output: &Path) -> Result<Vec<u8>, Failure> {
+        let mut figure = figure.thinned();
+        if let Some(run) = &self.run {
+            let runs = figure.runs();
+            if !runs.contains(&run.as_str()) {
+                let message = format!("`{}` has no run `{run}`", figure.name);
+                let hint = match runs.is_empty() {
+                    true => "it is not divided into runs".to_owned(),
+                    false => format!("it has: {}", runs.join(", ")),
+                };
+                return Err(Failure::new(message).hint(hint));
+            }
+            figure = figure.of_run(run);
+        }
+        match extension_of(output) {
+            "svg" => Ok(to_svg(&figure, self.width).into_bytes()),
+            "csv" => Ok(figure.to_csv().into_bytes()),
+            "png" => {
+                let png = to_png(&to_svg(&figure, self.width), self.dpi as f32);
+                png.map_err(|error| Failure::from(error).hint("write it as .svg"))
+            }
+            _ => {
+                let message = format!("{} is no kind of file that is written", output.display());
+                Err(Failure::new(message).hint("end its name in .svg, .png or .csv"))
+            }
+        }
+    }
+}
+
+impl Content {
+    fn list(&self) -> String {
+        let figures = self
+            .figures
+            .iter()
+            .map(|own| [own.name.clone(), own.title.clone(), "figure".to_owned()]);
+        let tables = self
+            .tables
+            .iter()
+            .map(|own| [own.name.clone(), String::new(), "table".to_owned()]);
+        let rows: Vec<[String; 3]> = figures
+            .chain(tables)
+            .map(|[name, title, kind]| [name, kind, title])
+            .collect();
+        super::format::aligned(&rows)
+    }
+
+    fn unknown(&self, name: &str) -> Failure {
+        let figures = self.figures.iter().map(|own| own.name.as_str());
+        let names: Vec<&str> = figures
+            .chain(self.tables.iter().map(|own| own.name.as_str()))
+            .collect();
+        let hint = match suggestion(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "`--figure list` tells which there are".to_owned(),
+        };
+        Failure::new(format!("there is no figure or table `{name}`")).hint(hint)
+    }
+}
+
+/// What the inputs hold, by what they are.
+fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
+    let [path] = inputs else {
+        return results(inputs);
+    };
+    match recognise::of(path) {
+        Some(FileKind::Page) => page(path),
+        Some(FileKind::Pilot) => pilot(path),
+        Some(FileKind::Problem) => {
+            let figures = fit::figures_of_problem(path)?;
+            Ok(Content {
+                figures,
+                ..Content::default()
+            })
+        }
+        _ => results(inputs),
+    }
+}
+
+fn page(path: &Path) -> Result<Content, Failure> {
+    let text = std::fs::read_to_string(path);
+    let text =
+        text.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
+    let (figures, tables) = (read::figures(&text), read::tables(&text));
+    match figures.is_empty() && tables.is_empty() {
+        true => {
+            let message = format!("{} holds no figure", path.display());
+            Err(Failure::new(message).hint("name a page that --report wrote"))
+        }
+        false => Ok(Content { figures, tables }),
+    }
+}
+
+fn pilot(path: &Path) -> Result<Content, Failure> {
+    let file = PilotFile::read(path)?;
+    let fitted = Fitted {
+        pilot: Pilot {
+            order: file.theta.len() / 2,
+        },
+        theta: &file.theta,
+        vehicle: file.vehicle.as_ref(),
+        sure: None,
+    };
+    let mut figures = bode_figures(&fitted);
+    figures.push(pole_figure(&fitted));
+    Ok(Content {
+        figures,
+        ..Content::default()
+    })
+}
+
+/// Tables over time, laid over each other by the names of their columns.
+fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
+    let all = inputs
+        .iter()
+        .map(|path| Ok((path.display().to_string(), Series::read_table(path)?)));
+    let all: Vec<(String, Series)> = all.collect::<Result<_, Failure>>()?;
+    let named = |(name, series): &(String, Series)| match all.len() {
+        1 => (String::new(), series.clone()),
+        _ => (name.clone(), series.clone()),
+    };
+    let named: Vec<(String, Series)> = all.iter().map(named).collect();
+    let named: Vec<(&str, &Series)> = named
+        .iter()
+        .map(|(name, series)| (name.as_str(), series))
+        .collect();
+    let figures = result_figures(&named);
+    Ok(Content {
+        figures,
+        ..Content::default()
+    })
+}

@@ -1,0 +1,279 @@
+//! Frequency responses of a fitted pilot and of its loop with the vehicle, with what is not sure of them.
+
+use super::figure::{Axis, Figure, Look, Panel, Series};
+use super::number::significant;
+use crate::identification::Uncertainty;
+use crate::identification::closed_loop::LinearVehicle;
+use crate::linear::{Margins, Response};
+use crate::models::{Pilot, Quadcopter};
+use nalgebra::Complex;
+
+/// Frequencies that are shown.
+const POINTS: u32 = 160;
+/// Decades that are shown on each side of the crossover.
+const DECADES: f64 = 1.3;
+
+/// A response that depends on θ.
+type Curve<'a> = &'a dyn Fn(&[f64], f64) -> Complex<f64>;
+
+/// A pilot that was fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct Fitted<'a> {
+    /// Its form.
+    pub pilot: Pilot,
+    /// θ.
+    pub theta: &'a [f64],
+    /// The vehicle of its closed loop; none where nobody said what was flown.
+    pub vehicle: Option<&'a Quadcopter>,
+    /// How sure θ is, where that is known.
+    pub sure: Option<&'a Uncertainty>,
+}
+
+/// The value of a polynomial with ascending coefficients.
+fn polynomial(c: &[f64], s: Complex<f64>) -> Complex<f64> {
+    let zero = Complex::new(0.0, 0.0);
+    c.iter().rev().fold(zero, |value, c| value * s + *c)
+}
+
+/// From the error \[m\] to the stick, at jω.
+pub fn pilot(pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
+    let s = Complex::new(0.0, omega);
+    let (denominator, numerator) = theta.split_at(pilot.order);
+    polynomial(numerator, s) / (polynomial(denominator, s) + s.powu(pilot.order as u32))
+}
+
+/// Pilot and vehicle cut open at the stick, at jω: `L = p/p₀ - 1`, where `p` is the closed loop's characteristic
+/// polynomial, and `p₀` that with a pilot who does nothing.
+pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
+    let s = Complex::new(0.0, omega);
+    let mut idle = theta.to_vec();
+    idle[pilot.order..].fill(0.0);
+    let [closed, open] = [theta, &idle].map(|theta| vehicle.characteristic(pilot, theta));
+    let difference: Vec<f64> = closed.iter().zip(&open).map(|(a, b)| a - b).collect();
+    polynomial(&difference, s) / polynomial(&open, s)
+}
+
+/// Gain and phase of the pilot, and of the open loop where the vehicle is known.
+pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
+    let Fitted {
+        pilot: order,
+        theta,
+        vehicle,
+        sure,
+    } = *fitted;
+    let of_pilot = |theta: &[f64], omega: f64| pilot(order, theta, omega);
+    let mut figures = Vec::new();
+    let mut middle = None;
+    if let Some(vehicle) = vehicle {
+        let vehicle = LinearVehicle::of(vehicle);
+        let of_loop = |theta: &[f64], omega: f64| open_loop(&vehicle, order, theta, omega);
+        middle = crossover(&of_loop, theta);
+        let bode = Bode {
+            of: &of_loop,
+            theta,
+            sure,
+            middle: middle.unwrap_or(1.0),
+        };
+        figures.push(bode.figure(
+            "open-loop",
+            "Open loop: Bode plot",
+            &format!(
+                "Pilot and vehicle, cut open at the stick.{}",
+                bode.margins()
+            ),
+            true,
+        ));
+    }
+    let bode = Bode {
+        of: &of_pilot,
+        theta,
+        sure,
+        middle: middle.unwrap_or(1.0),
+    };
+    let caption = "From the error [m] to the stick.";
+    figures.insert(0, bode.figure("bode", "Pilot: Bode plot", caption, false));
+    figures
+}
+
+/// The first frequency at which the gain of a loop is 1 [rad/s].
+fn crossover(of: Curve<'_>, theta: &[f64]) -> Option<f64> {
+    let evaluate = |omega: f64| of(theta, omega);
+    let response = Response::of(evaluate, &[], None);
+    let margins = Margins::of(&response, evaluate);
+    margins.phase_margin().map(|crossing| crossing.frequency)
+}
+
+struct Bode<'a> {
+    of: Curve<'a>,
+    theta: &'a [f64],
+    sure: Option<&'a Uncertainty>,
+    /// The frequency in the middle [rad/s].
+    middle: f64,
+}
+
+impl Bode<'_> {
+    fn figure(&self, name: &str, title: &str, caption: &str, is_loop: bool) -> Figure {
+        let omega: Vec<f64> = (0..=POINTS)
+            .map(|k| {
+                self.middle * 10f64.powf(DECADES * (2.0 * f64::from(k) / f64::from(POINTS) - 1.0))
+            })
+            .collect();
+        let value: Vec<Complex<f64>> = omega
+            .iter()
+            .map(|omega| (self.of)(self.theta, *omega))
+            .collect();
+        let gain: Vec<f64> = value.iter().map(|v| decibels(*v)).collect();
+        let response = Response {
+            frequency: omega.clone(),
+            value: value.clone(),
+        };
+        let phase: Vec<f64> = response.phase().into_iter().map(f64::to_degrees).collect();
+        let gains = self.band(&omega, &gain, |own, _| decibels(own));
+        let phases = self.band(&omega, &phase, |own, at| (own / at).arg().to_degrees());
+        let mut figure = Figure::of(
+            name,
+            title,
+            caption,
+            panel("gain [dB]", &omega, &gain, gains),
+        );
+        figure
+            .panels
+            .push(panel("phase [deg]", &omega, &phase, phases));
+        if is_loop {
+            self.mark(&mut figure, &response, &phase);
+        }
+        figure
+    }
+
+    /// Lower and upper end of a number that follows from the response and from that of the fitted θ (delta method);
+    /// around the given values.
+    fn band(
+        &self,
+        omega: &[f64],
+        values: &[f64],
+        of: impl Fn(Complex<f64>, Complex<f64>) -> f64,
+    ) -> Option<[Vec<f64>; 2]> {
+        let fitted: Vec<Complex<f64>> = (omega.iter())
+            .map(|omega| (self.of)(self.theta, *omega))
+            .collect();
+        let own = |theta: &[f64]| {
+            let pairs = omega.iter().zip(&fitted);
+            pairs
+                .map(|(omega, at)| of((self.of)(theta, *omega), *at))
+                .collect()
+        };
+        let ends = self.sure?.derived(self.theta, values, own);
+        let (low, high): (Vec<f64>, Vec<f64>) = ends.iter().map(|own| (own.low, own.high)).unzip();
+        (low.iter().chain(&high).all(|end| end.is_finite())).then_some([low, high])
+    }
+
+    /// The crossover in both panels.
+    fn mark(&self, figure: &mut Figure, response: &Response, phase: &[f64]) {
+        let Some(omega) = crossover(self.of, self.theta) else {
+            return;
+        };
+        let right = response
+            .frequency
+            .partition_point(|own| *own < omega)
+            .clamp(1, phase.len() - 1);
+        let turn = (phase[right] - (self.of)(self.theta, omega).arg().to_degrees()) / 360.0;
+        let at = (self.of)(self.theta, omega).arg().to_degrees() + 360.0 * turn.round();
+        let words = [
+            format!("{} rad/s", significant(omega, 3)),
+            format!("{at:.0}°").replace('-', "\u{2212}"),
+        ];
+        for ((panel, y), words) in figure.panels.iter_mut().zip([0.0, at]).zip(words) {
+            let dot = Series::line("crossover", "line-2", &[omega], &[y]).looks(Look::Dots);
+            panel.series.push(Series {
+                words: vec![words],
+                ..dot
+            });
+        }
+    }
+
+    /// Crossover and phase margin with their intervals.
+    fn margins(&self) -> String {
+        let Some(omega) = crossover(self.of, self.theta) else {
+            return String::new();
+        };
+        let margin = |theta: &[f64]| {
+            let omega = crossover(self.of, theta).unwrap_or(f64::NAN);
+            (-(self.of)(theta, omega)).arg().to_degrees()
+        };
+        let interval = |of: &dyn Fn(&[f64]) -> f64| {
+            let all = self
+                .sure?
+                .derived(self.theta, &[of(self.theta)], |theta| vec![of(theta)]);
+            all.into_iter().next()
+        };
+        let ends = |of: &dyn Fn(&[f64]) -> f64, digits| match interval(of) {
+            Some(own) if own.low.is_finite() => {
+                format!(
+                    " ({} to {})",
+                    significant(own.low, digits),
+                    significant(own.high, digits)
+                )
+            }
+            _ => String::new(),
+        };
+        format!(
+            " Crossover at {}{} rad/s, phase margin {}{}°; intervals of 95 % in brackets.",
+            significant(omega, 3),
+            ends(&|theta| crossover(self.of, theta).unwrap_or(f64::NAN), 3),
+            significant(margin(self.theta), 3),
+            ends(&margin, 3)
+        )
+    }
+}
+
+fn decibels(value: Complex<f64>) -> f64 {
+    20.0 * value.norm().log10()
+}
+
+fn panel(label: &str, omega: &[f64], values: &[f64], band: Option<[Vec<f64>; 2]>) -> Panel {
+    let band = band.map(|[low, high]| Series::band("95 %", "line-1", omega, [&low, &high]));
+    let line = Series::line("fitted", "line-1", omega, values);
+    Panel {
+        x: Axis::frequency(),
+        y: Axis::linear(label),
+        height: 230.0,
+        series: band.into_iter().chain([line]).collect(),
+        ..Panel::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::pilot::PAPER_THETA;
+
+    /// A pilot of first order, by hand; and the loop by the eigenvalues of the joint equations: where 1 + L is zero, the
+    /// closed loop has a pole, so that |1 + L| along jω is the product of the distances to closed and open poles.
+    #[test]
+    fn responses_are_those_of_the_equations() {
+        let one = Pilot { order: 1 };
+        let found = pilot(one, &[3.0, -2.0], 4.0);
+        assert!((found - Complex::new(-2.0, 0.0) / Complex::new(3.0, 4.0)).norm() < 1e-15);
+        let (order, vehicle) = (Pilot { order: 3 }, Quadcopter::default());
+        let poles =
+            |theta: &[f64]| crate::identification::ClosedLoop::of(vehicle, order, theta).poles;
+        let mut idle = PAPER_THETA.to_vec();
+        idle[3..].fill(0.0);
+        let linear = LinearVehicle::of(&vehicle);
+        for omega in [0.1, 0.5, 2.0, 20.0] {
+            let s = Complex::new(0.0, omega);
+            let product = |theta: &[f64]| {
+                poles(theta)
+                    .iter()
+                    .map(|pole| s - pole)
+                    .product::<Complex<f64>>()
+            };
+            let exact = product(&PAPER_THETA) / product(&idle) - 1.0;
+            let found = open_loop(&linear, order, &PAPER_THETA, omega);
+            assert!(
+                (found - exact).norm() < 1e-6 * (1.0 + exact.norm()),
+                "{omega} {found} {exact}"
+            );
+        }
+    }
+}
