@@ -2,6 +2,7 @@
 //! with white noise have neither correlation nor colour (Ljung, *System Identification*, 2nd ed., section 16.6).
 
 use super::figure::{Axis, Figure, Panel, Series};
+use crate::inference::residuals::{autocorrelation, centred};
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
@@ -118,26 +119,6 @@ fn step(time: &[f64]) -> f64 {
     }
 }
 
-/// `Σ e_t e_{t+k} / Σ e²` for lags from 0 to `most`, of samples about evenly apart; what is missing counts as zero.
-pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
-    let e = centred(values);
-    let at = |k: usize| -> f64 { e.iter().zip(&e[k..]).map(|(a, b)| a * b).sum() };
-    let all = at(0);
-    let lags = 0..=most.min(e.len().saturating_sub(1));
-    match all > 0.0 {
-        true => lags.map(|k| at(k) / all).collect(),
-        false => Vec::new(),
-    }
-}
-
-/// Without their mean, zero where nothing is.
-fn centred(values: &[f64]) -> Vec<f64> {
-    let known: Vec<f64> = values.iter().copied().filter(|e| e.is_finite()).collect();
-    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    let one = |e: &f64| if e.is_finite() { e - mean } else { 0.0 };
-    values.iter().map(one).collect()
-}
-
 /// Frequencies [rad/s] and one-sided spectral density [1/(rad/s), times units²], by Welch's method: Hann windows over
 /// halves that overlap (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967). Its integral is the variance.
 pub fn spectrum(values: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
@@ -198,15 +179,6 @@ mod tests {
             e
         };
         (0..n).map(|_| next()).collect()
-    }
-
-    #[test]
-    fn autocorrelations_are_those_of_the_process() {
-        let r = autocorrelation(&coloured(100_000, 0.8), 5);
-        for (k, r) in r.iter().enumerate() {
-            assert!((r - 0.8f64.powi(k as i32)).abs() < 0.01, "{k} {r}");
-        }
-        assert!(autocorrelation(&[0.0; 4], 2).is_empty());
     }
 
     #[test]

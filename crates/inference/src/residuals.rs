@@ -2,25 +2,25 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Autocorrelations of a series at lags 0 to `most`; missing values are NaN, and their products left out. Empty where
-/// nothing varies.
+/// Autocorrelations of a series at lags 0 to `most`, of samples about evenly apart; missing values are NaN, and their
+/// products left out. Empty where nothing varies.
 pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
-    let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    let mean = known.iter().sum::<f64>() / known.len() as f64;
-    let centred: Vec<f64> = (values.iter())
-        .map(|v| if v.is_finite() { v - mean } else { 0.0 })
-        .collect();
-    let product = |lag: usize| -> f64 {
-        let pairs = centred.iter().zip(centred.iter().skip(lag));
-        pairs.map(|(a, b)| a * b).sum()
-    };
+    let e = centred(values);
+    let product = |lag: usize| -> f64 { e.iter().zip(&e[lag..]).map(|(a, b)| a * b).sum() };
     let size = product(0);
+    let lags = 0..=most.min(e.len().saturating_sub(1));
     match size > 0.0 {
-        true => (0..=most.min(values.len() - 1))
-            .map(|lag| product(lag) / size)
-            .collect(),
+        true => lags.map(|lag| product(lag) / size).collect(),
         false => Vec::new(),
     }
+}
+
+/// A series without its mean; zero where a value is missing.
+pub fn centred(values: &[f64]) -> Vec<f64> {
+    let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    let one = |v: &f64| if v.is_finite() { v - mean } else { 0.0 };
+    values.iter().map(one).collect()
 }
 
 /// The test of Ljung & Box (*On a measure of lack of fit in time series models*, Biometrika 65, 1978): are the first
@@ -94,6 +94,9 @@ impl Explained {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
 
     #[test]
     fn the_statistic_is_the_formula() {
@@ -111,6 +114,23 @@ mod tests {
         assert!((test.statistic - q).abs() < 1e-12);
         // With two degrees of freedom the law is exponential.
         assert!((test.p - (-0.5 * q).exp()).abs() < 1e-12);
+    }
+
+    /// AR(1): powers of its coefficient.
+    #[test]
+    fn autocorrelations_are_those_of_the_process() {
+        let mut generator = ChaCha8Rng::seed_from_u64(11);
+        let mut value = 0.0;
+        let values: Vec<f64> = (0..100_000)
+            .map(|_| {
+                let draw: f64 = StandardNormal.sample(&mut generator);
+                value = 0.8 * value + draw;
+                value
+            })
+            .collect();
+        for (lag, r) in autocorrelation(&values, 5).into_iter().enumerate() {
+            assert!((r - 0.8_f64.powi(lag as i32)).abs() < 0.02, "{lag}: {r}");
+        }
     }
 
     #[test]
