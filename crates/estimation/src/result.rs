@@ -262,7 +262,8 @@ impl Fit {
         !self.poles.is_empty() && self.poles.iter().all(|pole| pole[0] < 0.0)
     }
 
-    /// How many starts ended at the best optimum.
+    /// How many starts ended at the best optimum. Each has a mesh of its own, so that objectives may differ by twice of what
+    /// the refinement changed the best one.
     pub fn agreeing(&self) -> usize {
         let converged = self
             .starts
@@ -270,7 +271,10 @@ impl Fit {
             .filter(|(status, _)| *status == Status::Converged);
         let objectives = converged.map(|(_, own)| *own);
         let best = objectives.clone().fold(f64::INFINITY, f64::min);
-        let is_near = |own: &f64| own - best <= SAME * best.abs().max(self.resolution);
+        let size = best.abs().max(self.resolution);
+        let refined = 2.0 * (self.objective - best).abs();
+        let near = refined.clamp(SAME * size, 10.0 * SAME * size);
+        let is_near = |own: &f64| own - best <= near;
         objectives.filter(is_near).count()
     }
 
