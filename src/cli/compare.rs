@@ -9,6 +9,7 @@ use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
 use crate::inference::residuals::{LjungBox, autocorrelation};
 use crate::report::significant;
 use crate::sqp::Status;
+use pilotage_text::counted;
 use serde_json::{Map, Value, json};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -90,9 +91,9 @@ fn to_text(names: &[&str], compared: &Compared) -> String {
         ]
     }));
     let mut text = format!(
-        "{} problems on {} runs, {} values. Left out: −2 log likelihood of the runs by fits to the others.\n\n",
+        "{} problems on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others.\n\n",
         names.len(),
-        compared.runs.len(),
+        counted(compared.runs.len(), "run"),
         all[0].figures.samples
     );
     text += &aligned(&rows);
