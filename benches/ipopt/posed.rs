@@ -4,11 +4,11 @@
 
 use super::{Clock, Failure, number};
 use pilotage::estimation::file::Mesh;
-use pilotage::estimation::fit::{Solved, begin, solve};
+use pilotage::estimation::fit::{Solved, begin, nearer, solve};
 use pilotage::estimation::posed::{Posed, Stands};
 use pilotage::estimation::starts::starts;
 use pilotage::estimation::{ProblemFile, part};
-use pilotage::sqp::{Problem, Status};
+use pilotage::sqp::{Iteration, Problem, Status};
 use pilotage::transcription::{Collocation, Scales, Scheme};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -48,7 +48,8 @@ pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
         "seconds": seconds,
         "wall_seconds": wall_seconds,
         "status": solution.status.as_str(),
-        "iterations": iterations,
+        "coarse_iterations": iterations[0],
+        "iterations": iterations[1],
         "evaluations": solution.work.evaluations,
         "qps": solution.work.qps,
         "objective": solution.iterate.f,
@@ -65,16 +66,16 @@ pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
     Ok(answer)
 }
 
-/// A solve, and its iterations.
+/// A solve, and its iterations on the coarse mesh and on the fine one.
 fn run(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
     request: &Value,
-) -> Result<(Solved, usize), Failure> {
+) -> Result<(Solved, [usize; 2]), Failure> {
     let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
     let most = number(request, "max_iterations")? as usize;
     let (clock, iterations) = (Instant::now(), AtomicUsize::new(0));
-    let solved = solve(posed, from, most, &|iteration| {
+    let see = |iteration: &Iteration| {
         if request["log"] == true {
             eprintln!("{}", super::line(iteration));
         }
@@ -83,8 +84,14 @@ fn run(
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(Status::TimeLimit),
         }
-    });
-    Ok((solved, iterations.into_inner()))
+    };
+    let from = match request["at_once"] == true {
+        true => from,
+        false => nearer(posed, from, most, &see).0,
+    };
+    let before = iterations.swap(0, Ordering::Relaxed);
+    let solved = solve(posed, from, most, &see);
+    Ok((solved, [before, iterations.into_inner()]))
 }
 
 fn scales(scales: &Scales) -> Value {

@@ -7,6 +7,7 @@ tolerance of the scaled KKT residual (1e-8), one thread each. From the repositor
                                                                    both solvers from that pilot's theta
     python3 benches/ipopt/race.py --problems                       problem files: precision, hover, tracking
     python3 benches/ipopt/race.py --problems hover --starts 2      a short one of them
+    python3 benches/ipopt/race.py --problems hover --at-once       ours without the coarse mesh first
     python3 benches/ipopt/race.py --problems --default-starts 20   how often fits as they come find the best
 
 It makes a virtual environment with CasADi in .venv/casadi, builds race.rs and lets synthetic humans fly
@@ -19,7 +20,7 @@ the multipliers that it found; the exit code is 1 when one is not.
 Trials of one's own must have been flown with the default vehicle: nlp.py has its numbers.
 
 Problem files are raced (problems.py) from the values of the model files and from others within a factor 3, with one
-start each and the samples as mesh; their equations in CasADi are in loops.py. IPOPT has the exact Hessian. With
+start each and the samples as mesh, ours on a fifth of it first, as fits are, which counts; their equations in CasADi are in loops.py. IPOPT has the exact Hessian. With
 --default-starts there is no race: each is fitted from so many given starts by the command with its default starts
 (defaults.py), and the exit code is 1 where fewer than nine of ten end within 0.1 % of the best.
 """
@@ -50,6 +51,7 @@ def arguments():
     add("--problems", nargs="*", metavar="NAME", help="problem files instead: all, or those called so")
     add("--starts", type=int, metavar="N", help="the default ones, then random ones (4; of problem files 5)")
     add("--default-starts", type=int, metavar="N", help="no race: so many fits of each problem file")
+    add("--at-once", action="store_true", help="ours on the mesh alone, without a coarser one first")
     add("--theta", type=Path, nargs="+", metavar="FILE", help="these starts instead: TOML or JSON")
     add("--schemes", nargs="+", default=["euler", "trapezoid"], metavar="SCHEME",
         choices=["euler", "trapezoid", "hermite-simpson"], help="euler and trapezoid")

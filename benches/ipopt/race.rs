@@ -8,7 +8,8 @@
 //! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`. With `log` true it has
 //! every iteration too, but then the seconds are those of a solve that writes it.
 //!
-//! A request with `problem` names a problem file instead (posed.rs).
+//! A request with `problem` names a problem file instead (posed.rs). It is solved on a coarser mesh first, as a fit does,
+//! unless `at_once` is true.
 
 mod posed;
 

@@ -68,8 +68,8 @@ def judge(problem, answers):
     objective, parts = problem.kkt(last["z"], lam_g, lam_x)
     converged = last["status"] == "converged"
     same = abs(objective - last["objective"]) <= 1e-9 * abs(objective)
-    keep = ("status", "iterations", "theta", "setup_seconds")
-    return {key: last[key] for key in keep} | {
+    keep = ("status", "iterations", "coarse_iterations", "theta", "setup_seconds")
+    return {key: last[key] for key in keep if key in last} | {
         "objective": float(last["objective"]),
         "kkt": float(last["kkt"]),
         "seconds": statistics.median(s for a in answers for s in a["seconds"]),

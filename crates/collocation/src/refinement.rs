@@ -77,6 +77,14 @@ impl Collocation {
         let mut runs = self.runs.clone();
         let pairs = runs.iter_mut().zip(meshes);
         pairs.for_each(|(run, mesh)| run.mesh = mesh);
+        self.with_runs(runs)
+    }
+
+    /// The same problem with other runs.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn with_runs(&self, runs: Vec<Run>) -> Self {
         let (tapes, scales) = (self.model.tapes.clone(), self.model.scales.clone());
         let constraints = self.constraints.clone();
         Self::new(tapes, constraints, self.scheme, runs, scales, &self.bounds)

@@ -19,6 +19,17 @@ pub struct Work {
     pub curvature_steps: usize,
 }
 
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        self.iterations += other.iterations;
+        self.evaluations += other.evaluations;
+        self.linearisations += other.linearisations;
+        self.qps += other.qps;
+        self.corrections += other.corrections;
+        self.curvature_steps += other.curvature_steps;
+    }
+}
+
 /// The outcome of a solve: the best iterate with how good it is.
 #[derive(Debug, Clone)]
 pub struct Solution {

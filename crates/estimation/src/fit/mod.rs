@@ -3,6 +3,7 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | `begin` | the nonlinear program of a start |
+//! | `coarse` | the same with fewer intervals and samples |
 //! | `race` | all starts, and which is best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
@@ -12,6 +13,7 @@
 
 mod begin;
 mod check;
+mod coarse;
 mod race;
 mod refine;
 mod solve;
@@ -21,7 +23,7 @@ mod watch;
 pub use begin::{begin, factor};
 pub use refine::Refinement;
 pub(crate) use solve::sqp_options;
-pub use solve::{SeeIterates, Solved, solve};
+pub use solve::{SeeIterates, Solved, nearer, solve};
 pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;

@@ -1,7 +1,7 @@
 //! The race of the starts: those that are behind after some iterations are left.
 
 use super::begin::begin;
-use super::solve::{Solved, once, rescaled, solve};
+use super::solve::{Solved, nearer, once, rescaled, solve};
 use super::watch::Watch;
 use crate::diagnostics::SAME;
 use crate::posed::Posed;
@@ -39,10 +39,14 @@ pub(super) fn raced(
         }
         let from = begin(posed, start, &|| watch.is_over());
         let see = |iteration: &_| watch.see(k, 0, iteration);
-        Some(match is_race {
-            true => once(posed, from, limit.min(HEAT), &see),
+        let limit = if is_race { limit.min(HEAT) } else { limit };
+        let (from, before) = nearer(posed, from, limit, &see);
+        let mut solved = match is_race {
+            true => once(posed, from, limit, &see),
             false => solve(posed, from, limit, &see),
-        })
+        };
+        solved.solution.work += before;
+        Some(solved)
     };
     let mut solved: Vec<Option<Solved>> = starts.par_iter().enumerate().map(heat).collect();
     if is_race {

@@ -1,8 +1,9 @@
 //! The SQP from one point, begun again with other scales where it makes no progress.
 
+use super::coarse::coarser;
 use crate::posed::Posed;
 use pilotage_collocation::{Collocation, Scales};
-use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
+use pilotage_sqp::{Iteration, Solution, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
 
 /// A start, solved.
@@ -57,6 +58,26 @@ const RESCALED: usize = 3;
 
 /// Sees each iterate of a solve.
 pub type SeeIterates<'a> = dyn Fn(&Iteration) -> ControlFlow<Status> + Sync + 'a;
+
+/// Where a search goes on: on a coarser mesh first, where that is much smaller. What that cost stands beside.
+pub fn nearer(
+    posed: &Posed<'_>,
+    (problem, z): (Collocation, Vec<f64>),
+    limit: usize,
+    see: &SeeIterates<'_>,
+) -> ((Collocation, Vec<f64>), Work) {
+    let Some(coarse) = coarser(&problem) else {
+        return ((problem, z), Work::default());
+    };
+    let begin = problem.carried(&z, &coarse);
+    let solved = once(posed, (coarse, begin), limit, see);
+    let work = solved.solution.work.clone();
+    let z = match solved.solution.status {
+        Status::Converged => (solved.problem).carried(&solved.solution.iterate.z, &problem),
+        _ => z,
+    };
+    ((problem, z), work)
+}
 
 /// Solves from a point, with other scales where it makes no progress.
 pub fn solve(

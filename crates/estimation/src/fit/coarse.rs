@@ -1,0 +1,124 @@
+//! The same problem on a coarser mesh with fewer samples: solved in a fraction of the time, it leads near the solution
+//! on the fine one (mesh continuation; Ascher, Mattheij & Russell, *Numerical Solution of Boundary Value Problems for
+//! Ordinary Differential Equations*, section 9.4).
+
+use pilotage_collocation::{Collocation, Recording, Run};
+
+/// Of so many intervals one is left, and of so many samples their mean. It is odd, so that the mean stands at the time
+/// of the one in the middle.
+const PARTS: usize = 5;
+
+/// Fewest intervals and samples of a run that is made coarser: fewer are solved in milliseconds as they are.
+const FEWEST: usize = 200;
+
+/// The problem with a fifth of its intervals and samples; none where it would not be much smaller, or not nearly the
+/// same: runs are short, inputs jump often, or a measured signal has values at few of the samples.
+pub(super) fn coarser(problem: &Collocation) -> Option<Collocation> {
+    let runs = problem.runs.iter().map(thinned);
+    Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
+}
+
+fn thinned(run: &Run) -> Option<Run> {
+    let rows = left(run);
+    let is_long = run.mesh.len() > FEWEST && run.time.len() > FEWEST;
+    if !is_long || 2 * rows.len() > run.time.len() {
+        return None;
+    }
+    let measured = run.measured.iter().map(|own| averaged(own, &rows));
+    Some(Run {
+        mesh: every(run.mesh.len()).map(|k| run.mesh[k]).collect(),
+        time: rows.iter().map(|k| run.time[*k]).collect(),
+        inputs: rows.iter().map(|k| run.inputs[*k].clone()).collect(),
+        measured: measured.collect::<Option<Vec<Recording>>>()?,
+        initial: run.initial.clone(),
+    })
+}
+
+/// Every fifth of so many, and the last.
+fn every(count: usize) -> impl Iterator<Item = usize> {
+    (0..count).filter(move |k| k.is_multiple_of(PARTS) || k + 1 == count)
+}
+
+/// The samples that are left: every fifth, the last, and all at which inputs jump.
+fn left(run: &Run) -> Vec<usize> {
+    let is_jump =
+        |k: &usize| run.time[*k] == run.time[k + 1] && run.inputs[*k] != run.inputs[k + 1];
+    let jumps = (0..run.time.len() - 1).filter(is_jump);
+    let mut rows: Vec<usize> = jumps.flat_map(|k| [k, k + 1]).collect();
+    rows.extend(every(run.time.len()));
+    rows.sort_unstable();
+    rows.dedup();
+    rows
+}
+
+/// A recording at these samples, each the mean of what was measured around it, with the weight of all; none where fewer
+/// than half of them have a value.
+fn averaged(own: &Recording, rows: &[usize]) -> Option<Recording> {
+    let count = |values: &[f64]| values.iter().filter(|y| y.is_finite()).count();
+    let around = |k: &usize| {
+        let ends = k.saturating_sub(PARTS / 2)..(k + PARTS / 2 + 1).min(own.values.len());
+        let near = &own.values[ends];
+        let sum: f64 = near.iter().filter(|y| y.is_finite()).sum();
+        sum / count(near) as f64
+    };
+    let values: Vec<f64> = rows.iter().map(around).collect();
+    let (all, left) = (count(&own.values), count(&values));
+    (2 * left >= rows.len()).then(|| Recording {
+        weight: own.weight * all as f64 / left as f64,
+        loss: own.loss,
+        values,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pilotage_collocation::Loss;
+
+    fn run(inputs: impl Fn(usize) -> f64, values: impl Fn(usize) -> f64) -> Run {
+        let time: Vec<f64> = (0..402).map(|k| 0.1 * (k - k / 401) as f64).collect();
+        Run {
+            mesh: time[..401].to_vec(),
+            inputs: (0..402).map(|k| vec![inputs(k)]).collect(),
+            measured: vec![Recording {
+                values: (0..402).map(values).collect(),
+                weight: 2.0,
+                loss: Loss::Square,
+            }],
+            initial: vec![None],
+            time,
+        }
+    }
+
+    /// Straight lines stay what they are by means; a jump keeps both of its samples; the weight is that of all samples.
+    #[test]
+    fn a_fifth_is_left_with_the_weight_of_all() {
+        let level = |k: usize| if k > 400 { 1.0 } else { 0.0 };
+        let coarse = thinned(&run(level, |k| 3.0 * k as f64)).expect("a long run");
+        assert_eq!((coarse.mesh.len(), coarse.time.len()), (81, 82));
+        assert_eq!(coarse.time[80..], [40.0, 40.0]);
+        assert_eq!(coarse.inputs[80..], [[0.0], [1.0]]);
+        assert_eq!(
+            coarse.measured[0].values[1..80],
+            (1..80).map(|k| 15.0 * k as f64).collect::<Vec<_>>()
+        );
+        assert_eq!(coarse.measured[0].weight, 2.0 * 402.0 / 82.0);
+    }
+
+    #[test]
+    fn what_would_be_another_problem_stays_as_it_is() {
+        let is_thinned = |inputs: &dyn Fn(usize) -> f64, values: &dyn Fn(usize) -> f64| {
+            thinned(&run(inputs, values)).is_some()
+        };
+        let (smooth, measured) = (|k: usize| k as f64, |_| 1.0);
+        assert!(is_thinned(&smooth, &measured));
+        let seldom = |k: usize| if k.is_multiple_of(30) { 1.0 } else { f64::NAN };
+        assert!(!is_thinned(&smooth, &seldom));
+        let mut stairs = run(smooth, measured);
+        stairs.time = (0..402).map(|k| 0.2 * (k / 2) as f64).collect();
+        assert!(thinned(&stairs).is_none());
+        stairs = run(smooth, measured);
+        stairs.mesh = vec![0.0, 40.0];
+        assert!(thinned(&stairs).is_none());
+    }
+}
