@@ -104,7 +104,7 @@ fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
     let file = ProblemFile::read(&path)?;
     let posed = Posed::new(&file, &part::open)?;
     let mut best: Option<(f64, Fit)> = None;
-    for _ in 0..3 {
+    for _ in 0..7 {
         let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
         if best.as_ref().is_none_or(|best| fit.seconds < best.0) {
             best = Some((fit.seconds, fit));

@@ -39,7 +39,8 @@ impl InitialStates {
         let rates = &self.0;
         let state = partial.value as usize;
         let parameters = rates.layout.parameter_arguments();
-        let all = rates.kept(&[&rates.start[..parameters.start], at].concat());
+        let all = [&rates.start[..parameters.start], at].concat();
+        let all = rates.kept(&all);
         let value = |at: &[f64]| {
             rates
                 .pool

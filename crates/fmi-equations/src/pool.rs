@@ -70,7 +70,8 @@ pub(crate) struct Held {
 #[derive(Debug)]
 pub(crate) struct Pool {
     library: Library,
-    idle: Mutex<Vec<Held>>,
+    // A held instance is some hundred numbers: the pool moves its address.
+    idle: Mutex<Vec<Box<Held>>>,
     /// Whether there may be one instance alone.
     is_single: bool,
     /// The call that ended with a fatal error.
@@ -100,7 +101,7 @@ impl Pool {
             return Err(PointError::Dead { call });
         }
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = |held: &Held| held.begin <= begin && same(&held.parameters, parameters);
+        let fits = |held: &Box<Held>| held.begin <= begin && same(&held.parameters, parameters);
         let known = idle.iter().rposition(fits);
         let taken = match known {
             Some(place) => Some(idle.remove(place)),
@@ -150,10 +151,10 @@ impl Pool {
     fn begin(
         &self,
         layout: &Layout,
-        used: Option<Held>,
+        used: Option<Box<Held>>,
         parameters: &[f64],
         begin: f64,
-    ) -> Result<Held, PointError> {
+    ) -> Result<Box<Held>, PointError> {
         let before = used.as_ref().map(|held| held.parameters.clone());
         let reset =
             used.and_then(|mut held| held.instance.reset().is_ok().then_some(held.instance));
@@ -190,7 +191,7 @@ impl Pool {
         }
         let mut initial = vec![0.0; layout.states.len()];
         instance.get_continuous_states(&mut initial)?;
-        Ok(Held {
+        Ok(Box::new(Held {
             instance,
             parameters: parameters.to_vec(),
             begin,
@@ -198,7 +199,7 @@ impl Pool {
             next_event: update.next_time,
             indicators,
             at: vec![f64::NAN; layout.parameter_arguments().start],
-        })
+        }))
     }
 }
 

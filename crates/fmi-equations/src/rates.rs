@@ -4,7 +4,9 @@ use crate::layout::Layout;
 use crate::pool::{Held, PointError, Pool};
 use pilotage_expression::{Opaque, Partial};
 use pilotage_text::error_chain::error_chain;
-use std::collections::HashMap;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::{Mutex, PoisonError};
 
 /// Step of central differences of derivatives that the FMU gives, per size of what is moved.
@@ -36,12 +38,12 @@ impl Opaque for Rates {
         let listed = self.layout.depends.get(partial.value as usize);
         // Parameters and event indicators are not told of.
         let by = |place: usize| listed.is_none_or(|own| own.get(place).copied().unwrap_or(true));
-        let places: Vec<usize> = partial.arguments().collect();
-        let is_curved = match places[..] {
-            [first, second] => self.curved[first][second],
+        let mut places = partial.arguments();
+        let is_curved = match (places.next(), places.next()) {
+            (Some(first), Some(second)) => self.curved[first][second],
             _ => true,
         };
-        is_curved && places.into_iter().all(by)
+        is_curved && partial.arguments().all(by)
     }
 
     fn evaluate(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) {
@@ -70,25 +72,24 @@ impl Rates {
     }
 
     fn fill(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]) -> Result<(), PointError> {
-        let at = &self.kept(at);
+        let at = &*self.kept(at);
         let mut point = Point {
             rates: self,
-            at: at.clone(),
-            columns: HashMap::new(),
-            pairs: HashMap::new(),
+            at,
+            columns: BTreeMap::new(),
+            pairs: BTreeMap::new(),
         };
         let mut values: Option<Vec<f64>> = None;
         for (out, partial) in out.iter_mut().zip(wanted) {
             let row = partial.value as usize;
-            let places: Vec<usize> = partial.arguments().collect();
-            *out = match places[..] {
-                [] => match &values {
+            let mut places = partial.arguments();
+            *out = match (places.next(), places.next()) {
+                (None, _) => match &values {
                     Some(values) => values[row],
                     None => values.insert(self.values(at)?)[row],
                 },
-                [place] => point.column(place, None)?[row],
-                [first, second] => point.curvature(row, first, second)?,
-                _ => unreachable!("two derivatives at most"),
+                (Some(place), None) => point.column(place, None)?[row],
+                (Some(first), Some(second)) => point.curvature(row, first, second)?,
             };
         }
         Ok(())
@@ -211,9 +212,14 @@ impl Rates {
     /// A point moved along an argument, by a part of its size, or less if that is the end of its range.
     pub(crate) fn moved(&self, at: &[f64], place: usize, step: f64) -> Vec<f64> {
         let mut moved = at.to_vec();
-        let by = step * self.size(place).max(at[place].abs());
-        moved[place] = self.within(at[place] + by, at[place], place);
+        moved[place] = self.moved_to(at[place], place, step);
         moved
+    }
+
+    /// Where an argument is moved to.
+    fn moved_to(&self, from: f64, place: usize, step: f64) -> f64 {
+        let by = step * self.size(place).max(from.abs());
+        self.within(from + by, from, place)
     }
 
     /// What is nearest to a value in the range of an argument that stands at another.
@@ -229,11 +235,15 @@ impl Rates {
 
     /// A point whose parameters are in their ranges: a search is out of them by its tolerance, and an FMU need not take
     /// what lies there.
-    pub(crate) fn kept(&self, at: &[f64]) -> Vec<f64> {
-        let mut kept = at.to_vec();
+    pub(crate) fn kept<'a>(&self, at: &'a [f64]) -> Cow<'a, [f64]> {
         let places = self.layout.parameter_arguments();
-        for (value, own) in kept[places].iter_mut().zip(&self.layout.parameters) {
-            *value = value.max(own.least()).min(own.most());
+        let own = self.layout.parameters.iter();
+        let mut kept = Cow::from(at);
+        for (place, own) in places.zip(own) {
+            let value = at[place].max(own.least()).min(own.most());
+            if value != at[place] {
+                kept.to_mut()[place] = value;
+            }
         }
         kept
     }
@@ -275,28 +285,28 @@ type Moved = (usize, bool);
 /// What is known of a point and of those beside it.
 struct Point<'r> {
     rates: &'r Rates,
-    at: Vec<f64>,
+    at: &'r [f64],
     /// Derivatives by an argument, at the point or moved along another one.
-    columns: HashMap<(usize, Option<Moved>), Vec<f64>>,
+    columns: BTreeMap<(usize, Option<Moved>), Vec<f64>>,
     /// Second derivatives by two arguments.
-    pairs: HashMap<(usize, usize), Vec<f64>>,
+    pairs: BTreeMap<(usize, usize), Vec<f64>>,
 }
 
 impl Point<'_> {
     /// Derivatives by an argument at the point, or moved along another one.
     fn column(&mut self, place: usize, moved: Option<Moved>) -> Result<&Vec<f64>, PointError> {
         let key = (place, moved);
-        if !self.columns.contains_key(&key) {
-            let at = match moved {
-                None => self.at.clone(),
+        Ok(match self.columns.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(open) => open.insert(match moved {
+                None => self.rates.slopes(self.at, place)?,
                 Some((other, up)) => {
-                    let [above, below] = self.rates.ends(&self.at, other, OUTER);
-                    if up { above } else { below }
+                    let step = if up { OUTER } else { -OUTER };
+                    let at = self.rates.moved(self.at, other, step);
+                    self.rates.slopes(&at, place)?
                 }
-            };
-            self.columns.insert(key, self.rates.slopes(&at, place)?);
-        }
-        Ok(&self.columns[&key])
+            }),
+        })
     }
 
     /// A second derivative.
@@ -311,7 +321,8 @@ impl Point<'_> {
             return Ok(self.pairs[&(first, second)][row]);
         }
         // The FMU's derivatives by a state or an input, moved along the other.
-        let [up, down] = rates.ends(&self.at, second, OUTER).map(|end| end[second]);
+        let from = self.at[second];
+        let [up, down] = [OUTER, -OUTER].map(|step| rates.moved_to(from, second, step));
         let above = self.column(first, Some((second, true)))?[row];
         let below = self.column(first, Some((second, false)))?[row];
         Ok((above - below) / (up - down))
@@ -320,7 +331,7 @@ impl Point<'_> {
     /// Second derivatives by two arguments from values alone, at points that first derivatives by parameters need too:
     /// another value of a parameter is another initialisation.
     fn second_differences(&self, first: usize, second: usize) -> Result<Vec<f64>, PointError> {
-        let (rates, at) = (self.rates, &self.at);
+        let (rates, at) = (self.rates, self.at);
         let step = |place: usize| 0.5 * rates.steps[place];
         let rooms = [first, second].map(|place| rates.room(at[place], place, 2.0 * step(place)));
         let above = [first, second].map(|place| rates.is_more_above(at[place], place));
