@@ -221,8 +221,7 @@ pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, Equatio
 
 /// Refuses derivatives and outputs that are not finite at the start.
 fn check_start(rates: &Rates) -> Result<(), EquationsError> {
-    let mut values = rates.values(&rates.start)?;
-    values.truncate(rates.layout.unknowns());
+    let values = rates.values(&rates.start)?;
     let states = rates
         .layout
         .states

@@ -79,11 +79,16 @@ impl Rates {
             columns: BTreeMap::new(),
             pairs: BTreeMap::new(),
         };
-        let mut values: Option<Vec<f64>> = None;
+        let unknowns = self.layout.unknowns();
+        let (mut values, mut indicators): (Option<Vec<f64>>, Option<Vec<f64>>) = (None, None);
         for (out, partial) in out.iter_mut().zip(wanted) {
             let row = partial.value as usize;
             let mut places = partial.arguments();
             *out = match (places.next(), places.next()) {
+                (None, _) if row >= unknowns => match &indicators {
+                    Some(all) => all[row - unknowns],
+                    None => indicators.insert(self.indicators(at)?)[row - unknowns],
+                },
                 (None, _) => match &values {
                     Some(values) => values[row],
                     None => values.insert(self.values(at)?)[row],
@@ -107,22 +112,28 @@ impl Rates {
         })
     }
 
-    /// `[ẋ; y; z]` at a point.
+    /// `[ẋ; y]` at a point.
     pub(crate) fn values(&self, at: &[f64]) -> Result<Vec<f64>, PointError> {
         let layout = &self.layout;
         let (n, m) = (layout.rates.len(), layout.outputs.len());
-        let mut values = vec![0.0; n + m + layout.indicators];
+        let mut values = vec![0.0; n + m];
         self.at(at, |held| {
             // OpenModelica's outputs stay behind where derivatives are asked for first.
             if m > 0 {
                 held.instance
-                    .get_real(&layout.output_references, &mut values[n..n + m])?;
+                    .get_real(&layout.output_references, &mut values[n..])?;
             }
             held.instance.get_derivatives(&mut values[..n])?;
-            if layout.indicators > 0 {
-                held.instance.get_event_indicators(&mut values[n + m..])?;
-            }
             Ok(values)
+        })
+    }
+
+    /// Event indicators at a point.
+    fn indicators(&self, at: &[f64]) -> Result<Vec<f64>, PointError> {
+        let mut indicators = vec![0.0; self.layout.indicators];
+        self.at(at, |held| {
+            held.instance.get_event_indicators(&mut indicators)?;
+            Ok(indicators)
         })
     }
 
