@@ -24,9 +24,11 @@ Examples:
   # For scripts: unknowns, AICc, BIC, what each run says when it is left out, and what is taken.
   pilotage compare order1.toml order2.toml order3.toml --json
 
-Each problem is fitted to all of its runs, and to all but one, for each run. Taken is the problem with
-the fewest unknowns that no larger one beats at the runs that were left out (Student's test over runs,
-5 % for all comparisons together). AICc and BIC stand beside it: they believe that residuals are white.
+Each problem is fitted to all of its runs, and to all but one, for each run. A free initial state of a
+run that is left out is fitted to it with all else held, and counts 2 in what it says. Taken is the
+problem with the fewest unknowns that no larger one beats at the runs that were left out (Student's test
+over runs, 5 % for all comparisons together). AICc and BIC stand beside it: they believe that residuals
+are white.
 Exit codes: 0 done, 1 a problem has no answer or there are fewer than three runs, 2 bad use or input.";
 
 /// Arguments of `pilotage compare`.

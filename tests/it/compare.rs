@@ -146,3 +146,80 @@ fn other_data_and_too_few_runs_are_told() {
     );
     assert_eq!(folder.pilotage(&["compare", "first.toml"]).code, 2);
 }
+
+/// Runs of one lag that begin anywhere.
+fn flights_from_anywhere(lags: usize) -> Folder {
+    let folder = flights(1, 6);
+    let mut generator = ChaCha8Rng::seed_from_u64(8);
+    for k in 1..=RUNS {
+        let begin = 2.0 * f64::from(u32::try_from(k).unwrap()) - 5.0;
+        let mut text = String::from("time,u,y\n");
+        for i in 0..=100 {
+            let t = 0.05 * f64::from(i);
+            let (fast, slow) = ((-1.5 * t).exp(), (-3.0 * t).exp());
+            let x = 1.0 + (begin - 1.0) * fast;
+            // The second lag begins where the first does.
+            let z = 1.0 + (begin - 1.0) * (2.0 * fast - slow);
+            let draw: f64 = StandardNormal.sample(&mut generator);
+            text += &format!("{t},1,{}\n", [x, z][lags - 1] + 0.05 * draw);
+        }
+        folder.write(&format!("run{k}.csv"), text);
+    }
+    for name in ["first.toml", "second.toml"] {
+        let text = std::fs::read_to_string(folder.path(name)).unwrap();
+        // Equal lags are a local optimum: one start does not do.
+        let text = text.replace("starts = 1", "starts = 8");
+        folder.write(name, text.replace("\"m.*\" = 0", "\"m.*\" = \"free\""));
+    }
+    folder
+}
+
+/// Where a run begins is its own: it is sought in a run that is left out, and in one for validation.
+#[test]
+fn free_initial_states_are_those_of_the_run_itself() {
+    let folder = flights_from_anywhere(2);
+    let json = folder
+        .pilotage(&["compare", "first.toml", "second.toml", "--json"])
+        .json();
+    assert_eq!(json["taken"], "second.toml", "{json}");
+    let own = json["problems"][1]["held_out"]["run2.csv"]
+        .as_f64()
+        .unwrap();
+    let text = std::fs::read_to_string(folder.path("second.toml")).unwrap();
+    folder.write(
+        "without.toml",
+        text.replace("run2.csv\"\n", "run2.csv\"\nuse = \"validation\"\n"),
+    );
+    let fit = folder.pilotage(&["fit", "without.toml", "--json"]).json();
+    let run = &fit["runs"][RUNS - 1];
+    let rms = run["measured"]["y"]["rms_per_sd"].as_f64().unwrap();
+    assert!((0.7..1.3).contains(&rms), "{rms}");
+    let surprise = 101.0 * (rms * rms + (2.0 * PI * 0.05 * 0.05).ln());
+    assert!((own - surprise - 4.0).abs() < 1e-3, "{own} {surprise}");
+}
+
+#[test]
+fn other_weights_and_units_are_other_data() {
+    let folder = flights(1, 9);
+    let first = std::fs::read_to_string(folder.path("first.toml")).unwrap();
+    let refused = |other: String, words: &str| {
+        folder.write("other.toml", other);
+        let ended = folder.pilotage(&["compare", "first.toml", "other.toml"]);
+        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
+        assert!(ended.stderr.contains(words), "{}", ended.stderr);
+    };
+    let heavy = first.replace("run3.csv\"\n", "run3.csv\"\nweight = 7\n");
+    refused(
+        heavy,
+        "other.toml: the run run3.csv has the weight 7, and 1 in first.toml",
+    );
+    let metres = ONE.replace("y = \"x\"", "y = { value = \"x\", unit = \"m\" }");
+    folder.write(
+        "metres.toml",
+        metres.replace("x = {", "x = { unit = \"m\","),
+    );
+    refused(
+        first.replace("one.toml", "metres.toml"),
+        "other.toml: the column `y` is compared in m, and in no unit in first.toml",
+    );
+}

@@ -1,12 +1,12 @@
 //! Several problems on the same data: which model is it?
 
 use crate::error::ProblemError;
-use crate::file::{Noise, ProblemFile};
+use crate::file::{Noise, ProblemFile, RunLine};
 use crate::fit::{Observer, fit};
 use crate::part::Part;
 use crate::posed::Posed;
 use crate::result::Fit;
-use crate::validation::validated;
+use crate::validation::{free_initial, validated};
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_inference::choice::{Comparison, Contender, choose};
 use pilotage_sqp::Status;
@@ -51,20 +51,23 @@ pub fn compare(
     open: OpenInParallel<'_>,
     ask: &Ask<'_>,
 ) -> Result<Compared, ProblemError> {
-    files[1..]
+    let posed: Vec<Posed<'_>> = (files.iter())
+        .map(|file| Posed::new(file, open))
+        .collect::<Result<_, _>>()?;
+    posed[1..]
         .iter()
-        .try_for_each(|file| check_data(&files[0], file))?;
+        .try_for_each(|other| check_data(&posed[0], other))?;
     let fitted: Vec<usize> = (0..files[0].runs.len())
         .filter(|k| files[0].runs[*k].fits)
         .collect();
     let (done, all) = (AtomicUsize::new(0), files.len() * (1 + fitted.len()));
     let ask = &|| ask(done.load(Ordering::Relaxed), all);
-    let whole = files.par_iter().map(|file| {
-        let fitted = whole(file, open, ask);
+    let whole = posed.par_iter().map(|posed| {
+        let fitted = (asked(posed, ask), posed.shared + free_initial(posed));
         done.fetch_add(1, Ordering::Relaxed);
         fitted
     });
-    let whole: Vec<(Fit, usize)> = whole.collect::<Result<_, _>>()?;
+    let whole: Vec<(Fit, usize)> = whole.collect();
     let folds = (0..files.len()).flat_map(|file| fitted.iter().map(move |run| (file, *run)));
     let folds: Vec<(usize, usize)> = folds.collect();
     let surprises = folds.par_iter().map(|(file, run)| {
@@ -100,20 +103,8 @@ pub fn compare(
 /// Whether to go on.
 type GoesOn<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
 
-/// The fit to all runs, and the number of its unknowns: shared parameters, those of runs, and free initial states.
-fn whole(
-    file: &ProblemFile,
-    open: OpenInParallel<'_>,
-    ask: &GoesOn<'_>,
-) -> Result<(Fit, usize), ProblemError> {
-    let posed = Posed::new(file, open)?;
-    let free = posed.runs.iter().flat_map(|run| &run.initial);
-    let unknowns = posed.shared + free.filter(|known| known.is_none()).count();
-    Ok((asked(&posed, ask), unknowns))
-}
-
-/// −2 log likelihood of a run by a fit to the others, which begins where that to all runs ended; not a number where there
-/// is no such fit.
+/// −2 log likelihood of a run by a fit to the others, which begins where that to all runs ended, and 2 for each initial
+/// state that is sought in the run itself (Akaike's count of what was fitted); not a number where there is no such fit.
 fn held_out(
     (file, whole): (&ProblemFile, &Fit),
     run: usize,
@@ -144,7 +135,11 @@ fn held_out(
     }
     let noises: Vec<Noise> = file.measured.iter().map(|own| own.noise).collect();
     let judged = validated(&file, &fit, open)?;
-    Ok(judged.iter().map(|run| run.surprise(&noises)).sum())
+    let states = posed.joint.model.states.len();
+    let initial = posed.runs[0].initial[..states].iter();
+    let sought = initial.filter(|known| known.is_none()).count();
+    let surprise: f64 = judged.iter().map(|run| run.surprise(&noises)).sum();
+    Ok(surprise + 2.0 * sought as f64)
 }
 
 fn asked(posed: &Posed<'_>, ask: &GoesOn<'_>) -> Fit {
@@ -153,29 +148,74 @@ fn asked(posed: &Posed<'_>, ask: &GoesOn<'_>) -> Fit {
 }
 
 /// Likelihoods of different data are not to be compared.
-fn check_data(first: &ProblemFile, other: &ProblemFile) -> Result<(), ProblemError> {
-    let runs = |file: &ProblemFile| {
-        let runs = file.runs.iter().filter(|run| run.fits);
-        let canonical =
-            |path: &std::path::Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        runs.map(|run| canonical(&run.file)).collect::<Vec<_>>()
+fn check_data(first: &Posed<'_>, other: &Posed<'_>) -> Result<(), ProblemError> {
+    let differs =
+        differing_runs(first.file, other.file).or_else(|| differing_columns(first, other));
+    match differs {
+        None => Ok(()),
+        Some(differs) => Err(ProblemError::Part(format!(
+            "{}: {differs} in {}: likelihoods of different data cannot be compared; name the same `[[run]]`, with the same \
+             weights, and `[[measured]]` columns in the same units in both",
+            other.file.file, first.file.file
+        ))),
+    }
+}
+
+/// What differs between the runs that are fitted.
+fn differing_runs(first: &ProblemFile, other: &ProblemFile) -> Option<String> {
+    let fitted = |file: &ProblemFile| -> Vec<RunLine> {
+        let fitted = file.runs.iter().filter(|run| run.fits);
+        fitted.cloned().collect()
     };
-    let columns = |file: &ProblemFile| {
-        let columns = file.measured.iter().map(|own| own.column.value.clone());
-        let mut columns: Vec<String> = columns.collect();
+    let (first, other) = (fitted(first), fitted(other));
+    let path = |run: &RunLine| run.file.canonicalize().unwrap_or_else(|_| run.file.clone());
+    if !first.iter().map(path).eq(other.iter().map(path)) {
+        return Some("other runs are fitted, or in another order, than".to_owned());
+    }
+    let mut pairs = first.iter().zip(&other);
+    let (a, b) = pairs.find(|(a, b)| a.weight != b.weight)?;
+    Some(format!(
+        "the run {} has the weight {}, and {}",
+        b.name, b.weight, a.weight
+    ))
+}
+
+/// What differs between the measured columns, as each problem reads them.
+fn differing_columns(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
+    let columns = |posed: &Posed<'_>| {
+        let measured = posed.file.measured.iter().enumerate();
+        let mut columns: Vec<(String, usize)> = measured
+            .map(|(k, own)| (own.column.value.clone(), k))
+            .collect();
         columns.sort();
         columns
     };
-    let differs = if runs(first) != runs(other) {
-        "other runs are fitted, or in another order"
-    } else if columns(first) != columns(other) {
-        "other columns are measured"
-    } else {
-        return Ok(());
+    let (own, others) = (columns(first), columns(other));
+    let names = |all: &[(String, usize)]| all.iter().map(|own| own.0.clone()).collect::<Vec<_>>();
+    if names(&own) != names(&others) {
+        return Some("other columns are measured than".to_owned());
+    }
+    let unit = |posed: &Posed<'_>, k: usize| {
+        let unit = posed.file.measured[k].unit(&posed.joint);
+        unit.unwrap_or("no unit").to_owned()
     };
-    Err(ProblemError::Part(format!(
-        "{}: {differs} than in {}: likelihoods of different data cannot be compared; name the same `[[run]]` and \
-         `[[measured]]` columns in both",
-        other.file, first.file
-    )))
+    let mut pairs = own.iter().zip(&others);
+    let (name, a, b) = pairs.find_map(|((name, a), (_, b))| {
+        let is_same = have_same(&first.told.recorded[*a], &other.told.recorded[*b]);
+        (!is_same || unit(first, *a) != unit(other, *b)).then_some((name, *a, *b))
+    })?;
+    let (a, b) = (unit(first, a), unit(other, b));
+    Some(match a == b {
+        true => format!("the column `{name}` has other values than"),
+        false => format!("the column `{name}` is compared in {b}, and in {a}"),
+    })
+}
+
+/// Whether two recordings have the same values in their order.
+fn have_same(first: &[Vec<f64>], other: &[Vec<f64>]) -> bool {
+    let known = |all: &[Vec<f64>]| -> Vec<f64> {
+        let finite = all.iter().flatten().filter(|y| y.is_finite());
+        finite.copied().collect()
+    };
+    known(first) == known(other)
 }

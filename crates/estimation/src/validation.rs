@@ -1,38 +1,56 @@
-//! Runs that were not fitted: simulated with what was found.
+//! Runs that were not fitted: simulated with what was found, from initial states that are sought where they are free.
 
 use crate::error::ProblemError;
 use crate::file::{Calibration, Per, ProblemFile, RunLine, Set, Sought};
-use crate::fit::begin;
+use crate::fit::{begin, fit};
 use crate::posed::{Open, Posed};
 use crate::result::{Fit, Found, RunFit};
 use crate::starts::given;
 use crate::unknowns::calibration;
 use pilotage_cosim::description::Said;
 use pilotage_language::file::Formula;
+use std::ops::ControlFlow;
 
-/// The validation runs of a problem, simulated from where the problem says that they begin: free initial states at the
-/// first measurement or the model's start value. Parameters have their fitted values, those of a subject in its runs;
-/// one for each run has the mean of the fitted runs.
+/// The validation runs of a problem, simulated. Parameters have their fitted values, those of a subject in its runs; one
+/// for each run has the mean of the fitted runs. Free initial states belong to what was before a run, of which the model
+/// says nothing: they are sought so that the run is met best, with all else held. Where that search does not converge they
+/// are at the first measurement or the model's start value.
 ///
 /// # Errors
 /// When a run cannot be read or does not fit the problem.
 pub fn validated(
     file: &ProblemFile,
-    fit: &Fit,
+    found: &Fit,
     open: Open<'_>,
 ) -> Result<Vec<RunFit>, ProblemError> {
     if file.runs.iter().all(|run| run.fits) {
         return Ok(Vec::new());
     }
-    let file = fixed(file, fit);
+    let file = fixed(file, found);
     let posed = Posed::new(&file, open)?;
-    let (problem, z) = begin(&posed, &given(&posed), &|| false);
-    Ok(Fit::runs(&posed, &problem, &z))
+    let begun = match free_initial(&posed) {
+        0 => None,
+        _ => Some(fit(&posed, &mut |_| ControlFlow::Continue(()))).filter(Fit::is_answer),
+    };
+    Ok(match begun {
+        Some(begun) => begun.runs,
+        None => {
+            let (problem, z) = begin(&posed, &given(&posed), &|| false);
+            Fit::runs(&posed, &problem, &z)
+        }
+    })
 }
 
-/// The problem of the validation runs, in which nothing is sought.
+/// Number of free initial states of all runs.
+pub(crate) fn free_initial(posed: &Posed<'_>) -> usize {
+    let known = posed.runs.iter().flat_map(|run| &run.initial);
+    known.filter(|known| known.is_none()).count()
+}
+
+/// The problem of the validation runs, in which initial states alone are sought.
 fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     let mut file = file.clone();
+    file.options.starts = 1;
     file.runs.retain(|run| !run.fits);
     file.stability = Default::default();
     for run in &mut file.runs {
