@@ -226,6 +226,7 @@ impl Demo {
         let page = report::page(&Report {
             found,
             refits: None,
+            profiles: None,
             loops: &loops,
             made: &made(),
         });

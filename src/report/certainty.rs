@@ -81,6 +81,67 @@ pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
     Figure::of("waterfall", "Starts", caption, panel)
 }
 
+/// The profile of a parameter.
+#[derive(Debug, Clone)]
+pub struct ProfileShown {
+    /// Of which.
+    pub name: String,
+    /// Its value, ζ, and whether another limit is met there than at the estimate.
+    pub points: Vec<(f64, f64, bool)>,
+}
+
+/// Profiles of the objective, a panel for each parameter; the interval is where a profile is below ζ² of the threshold.
+pub fn profile_figure(profiles: &[ProfileShown], threshold: f64) -> Figure {
+    let panel = |own: &ProfileShown| {
+        let of = |on_limit: bool| -> (Vec<f64>, Vec<f64>) {
+            let own = own.points.iter().filter(|point| point.2 == on_limit);
+            own.map(|(value, root, _)| (*value, root * root)).unzip()
+        };
+        let (x, y) = between(&own.points);
+        let ends = [x[0], x[x.len() - 1]];
+        let ((free, above), (held, on)) = (of(false), of(true));
+        let mut series = vec![
+            Series::line("95 %", "goal", &ends, &[threshold; 2]).looks(Look::Dashed),
+            Series::line("profile", "line-1", &x, &y),
+            Series::line("refit", "line-1", &free, &above).looks(Look::Dots),
+            Series::line("refit on another limit", "line-2", &held, &on).looks(Look::Crosses),
+        ];
+        series.retain(|own| !own.x.is_empty());
+        Panel {
+            x: Axis::linear(&own.name),
+            y: Axis::linear("\u{3b6}\u{b2}"),
+            height: 200.0,
+            series,
+            ..Panel::default()
+        }
+    };
+    Figure {
+        name: "profiles".into(),
+        title: "Profiles".into(),
+        caption: "The least objective with a parameter fixed, above the least of all, per variance of the residuals: the \
+                  parabola of a linear model, or what is there instead. The interval is where it is below the broken \
+                  line."
+            .into(),
+        panels: profiles.iter().filter(|own| own.points.len() > 1).map(panel).collect(),
+    }
+}
+
+/// ζ² between refits, ζ linear in between: of a linear model that is its parabola.
+fn between(points: &[(f64, f64, bool)]) -> (Vec<f64>, Vec<f64>) {
+    const PARTS: usize = 12;
+    let at = |pair: &[(f64, f64, bool)], k: usize| {
+        let part = k as f64 / PARTS as f64;
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        let root = mix(pair[0].1, pair[1].1);
+        (mix(pair[0].0, pair[1].0), root * root)
+    };
+    let parts = points
+        .windows(2)
+        .flat_map(|pair| (0..PARTS).map(move |k| at(pair, k)));
+    let last = points.last().map(|own| (own.0, own.1 * own.1));
+    parts.chain(last).unzip()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,6 +161,31 @@ mod tests {
             [at(0.0, 1.0), at(1.0, 1.0), at(0.0, 0.0), at(1.0, 0.0)],
             [1.0, 0.25, -0.5, 1.0]
         );
+    }
+
+    #[test]
+    fn profiles_tell_the_points_on_limits() {
+        let own = |name: &str, points: &[(f64, f64, bool)]| ProfileShown {
+            name: name.into(),
+            points: points.to_vec(),
+        };
+        let points = [(1.0, -2.0, true), (2.0, 0.0, false), (3.5, 3.0, false)];
+        let figure = profile_figure(&[own("gain", &points), own("none", &points[..1])], 3.84);
+        assert_eq!(figure.panels.len(), 1);
+        let [threshold, line, refits, limits] = &figure.panels[0].series[..] else {
+            panic!("{figure:?}");
+        };
+        assert_eq!(
+            (&threshold.x, &threshold.y),
+            (&vec![1.0, 3.5], &vec![3.84; 2])
+        );
+        // ζ = 2 (value - 2).
+        assert!(
+            line.points()
+                .all(|(x, y)| (y - 4.0 * (x - 2.0).powi(2)).abs() < 1e-12)
+        );
+        assert_eq!((&refits.x, &refits.y), (&vec![2.0, 3.5], &vec![0.0, 9.0]));
+        assert_eq!((&limits.x, &limits.y), (&vec![1.0], &vec![4.0]));
     }
 
     #[test]

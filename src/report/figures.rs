@@ -174,6 +174,7 @@ pub fn all(report: &Report) -> Vec<Figure> {
         let names: Vec<String> = (1..=fit.theta.len()).map(|k| format!("θ{k}")).collect();
         all.push(correlation_figure(&names, &sure.correlations));
     }
+    all.extend(report.profiles.clone());
     let unit = if options.objective == Objective::Response {
         "m2"
     } else {

@@ -1,5 +1,6 @@
 //! The report page.
 
+use super::figure::Figure;
 use super::figures::{self, ClosedLoop};
 use super::html::{Made, choice, escape, facts, figure, header, section, whole};
 use super::number::{self, significant};
@@ -20,6 +21,8 @@ pub struct Report<'a> {
     pub found: &'a Identification,
     /// What refits gave; none where nothing was solved again.
     pub refits: Option<Parameters>,
+    /// Profiles; none where none was asked for.
+    pub profiles: Option<Figure>,
     /// Co-simulations of the exported FMUs; none before they have been run.
     pub loops: &'a [ClosedLoop<'a>],
     /// What made it.
@@ -246,6 +249,7 @@ mod tests {
         let report = Report {
             found: &found,
             refits: None,
+            profiles: None,
             loops: &loops,
             made: &Made {
                 command: "pilotage fit <x>".into(),

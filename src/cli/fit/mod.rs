@@ -390,6 +390,7 @@ fn page(found: &Identification, refitted: Option<&Refitted>) -> String {
     report::page(&Report {
         found,
         refits: refitted.map(Refitted::table),
+        profiles: refitted.and_then(Refitted::figure),
         loops: &[],
         made: &made(),
     })

@@ -2,6 +2,7 @@
 
 use super::summary::Outcomes;
 use super::sure;
+use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
 use crate::estimation::result::RunFit;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
@@ -72,6 +73,7 @@ pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     if let Ok(own) = &fit.uncertainty {
         all.push(correlation_figure(&own.names, &own.correlations));
     }
+    all.extend(outcomes.refitted.and_then(Refitted::figure));
     let starts = fit
         .starts
         .iter()

@@ -4,7 +4,8 @@ use super::{Bootstrapped, Refitted, full_name};
 use crate::cli::format::aligned;
 use crate::inference::LEVEL;
 use crate::refits::{End, Point, Profile};
-use crate::report::{Parameters, significant};
+use crate::report::certainty::{ProfileShown, profile_figure};
+use crate::report::{Figure, Parameters, significant};
 use serde_json::{Map, Value, json};
 
 pub use super::resume::HEAD;
@@ -108,6 +109,17 @@ impl Refitted {
         names
     }
 
+    /// The columns of what was asked for.
+    fn columns(&self) -> Vec<usize> {
+        let known = [!self.profiles.is_empty(), self.bootstrap.is_some()];
+        let asked = |k: &usize| match k {
+            1..3 => known[0],
+            3..6 => known[1],
+            _ => true,
+        };
+        (0..HEADER.len()).filter(asked).collect()
+    }
+
     /// A row for each unknown of which something is known, below their header.
     pub fn rows(&self) -> Vec<[String; 7]> {
         let mut rows = vec![HEADER.map(str::to_owned)];
@@ -143,11 +155,7 @@ impl Refitted {
             }
             class => words.push(class.into()),
         }
-        // What holds the estimate, too, is told with it.
-        let estimate = own.points.iter().find(|point| point.root == 0.0);
-        let known = estimate.map_or(Vec::new(), |point| self.held(point));
-        let is_new = |point: &&Point| self.held(point).iter().any(|name| !known.contains(name));
-        let held = own.points.iter().filter(is_new).count();
+        let held = self.meets(own).into_iter().filter(|meets| *meets).count();
         if held > 0 {
             words.push(format!(
                 "{held} of {} points on another limit",
@@ -161,9 +169,33 @@ impl Refitted {
         words.join("; ")
     }
 
+    /// For each point of a profile, whether it lies on a limit on which the estimate does not.
+    fn meets(&self, own: &Profile) -> Vec<bool> {
+        let estimate = own.points.iter().find(|point| point.root == 0.0);
+        let known = estimate.map_or(Vec::new(), |point| self.held(point));
+        let is_new = |point: &Point| self.held(point).iter().any(|name| !known.contains(name));
+        own.points.iter().map(is_new).collect()
+    }
+
+    /// The profiles as a figure, where there are any.
+    pub fn figure(&self) -> Option<Figure> {
+        let shown = |(k, own): &(usize, Profile)| ProfileShown {
+            name: full_name(&self.names[*k]),
+            points: (own.points.iter().zip(self.meets(own)))
+                .map(|(point, meets)| (point.value, point.root, meets))
+                .collect(),
+        };
+        let all: Vec<ProfileShown> = self.profiles.iter().map(shown).collect();
+        let figure = profile_figure(&all, self.threshold.0.powi(2));
+        (!figure.panels.is_empty()).then_some(figure)
+    }
+
     /// The table for people, and what is to be known of it.
     pub fn to_text(&self) -> String {
-        let mut text = format!("\n{}", aligned(&self.rows()));
+        let columns = self.columns();
+        let chosen = |row: &[String; 7]| columns.iter().map(|k| row[*k].clone()).collect();
+        let rows: Vec<Vec<String>> = self.rows().iter().map(chosen).collect();
+        let mut text = format!("\n{}", aligned(&rows));
         self.notes()
             .iter()
             .for_each(|note| text += &format!("{note}\n"));
@@ -172,11 +204,12 @@ impl Refitted {
 
     /// The table for a page.
     pub fn table(&self) -> Parameters {
-        let rows = self.rows().into_iter().skip(1);
+        let (columns, rows) = (self.columns(), self.rows());
+        let chosen = |row: &[String; 7]| columns.iter().map(|k| row[*k].clone()).collect();
         Parameters {
-            header: HEADER.to_vec(),
-            numeric: (1..6).collect(),
-            rows: rows.map(Vec::from).collect(),
+            header: columns.iter().map(|k| HEADER[*k]).collect(),
+            numeric: (1..columns.len() - 1).collect(),
+            rows: rows.iter().skip(1).map(chosen).collect(),
             notes: self.notes(),
         }
     }
