@@ -8,10 +8,12 @@
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters where no start has converged |
 //! | `check` | the same parameters, simulated |
+//! | `predicted` | what is predicted from sample to sample, where noise drives the system |
 //! | `watch` | who looks on, and may end it |
 
 mod begin;
 mod check;
+mod predicted;
 mod race;
 mod refine;
 mod solve;
@@ -26,12 +28,13 @@ pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
+use crate::innovations;
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
 use crate::starts::starts;
 use crate::trouble;
-use crate::uncertainty::uncertainty;
+use crate::uncertainty::{Unsure, linearised, uncertainty};
 use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;
@@ -71,6 +74,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         .map(|own| end(posed, own.as_ref(), &watch))
         .collect();
     let lower = better(&solved);
+    let begins = innovations::begins(posed, &solved);
     let met = match has_answer(&solved) {
         true => None,
         false => best_met(posed, &starts[0], &solved, &watch),
@@ -88,6 +92,11 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             refine(posed, (first, errors), best, &watch)
         }
     };
+    if posed.filter.is_some() {
+        let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
+        found.seconds = clock.elapsed().as_secs_f64();
+        return found;
+    }
     let trouble = match last.solution.status {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
@@ -109,7 +118,10 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.cut = cut(&found, &watch);
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
-        found.uncertainty = uncertainty(posed, &last, &found, simulated, looped.as_ref());
+        let at = (&last.problem, &last.solution.iterate);
+        let linear = linearised(posed, at.0, at.1).ok_or(Unsure::NoDerivatives);
+        found.uncertainty = linear
+            .and_then(|own| uncertainty(posed, &last, &found, &own, simulated, looped.as_ref()));
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
