@@ -25,16 +25,17 @@ pub fn mode(mode: &Mode) -> String {
 const WIDEST: usize = 120;
 
 /// Columns of equal width, as far as that is reasonable.
-pub fn aligned<const N: usize>(rows: &[[String; N]]) -> String {
+pub fn aligned<R: AsRef<[String]>>(rows: &[R]) -> String {
     let width = |column: usize| {
-        let widths = rows.iter().map(|row| row[column].chars().count());
+        let widths = rows.iter().map(|row| row.as_ref()[column].chars().count());
         widths.max().unwrap_or(0).min(WIDEST)
     };
-    let widths: [usize; N] = std::array::from_fn(width);
+    let columns = rows.first().map_or(0, |row| row.as_ref().len());
+    let widths: Vec<usize> = (0..columns).map(width).collect();
     let mut text = String::new();
     for row in rows {
         let begin = text.len();
-        for (cell, &width) in row.iter().zip(&widths) {
+        for (cell, &width) in row.as_ref().iter().zip(&widths) {
             text += &format!("{cell:<width$}  ");
         }
         text.truncate(begin + text[begin..].trim_end().len());

@@ -147,6 +147,18 @@ impl RunFit {
 }
 
 impl RunFit {
+    /// Root mean square of what a prediction by all earlier samples misses of a measured signal, in its unit; none where no
+    /// noise drives the system.
+    pub fn rms_ahead(&self, k: usize) -> Option<f64> {
+        let ahead = self.ahead.as_ref()?;
+        let pairs = self.recorded[k].iter().zip(&ahead.predicted[k]);
+        let squares: Vec<f64> = pairs
+            .filter(|(y, _)| y.is_finite())
+            .map(|(y, h)| (y - h).powi(2))
+            .collect();
+        Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+
     /// How much of a measured signal the model explains.
     pub fn explained(&self, k: usize) -> Option<Explained> {
         Explained::of(&self.recorded[k], &self.predicted[k])

@@ -20,6 +20,7 @@ mod solve;
 mod unfinished;
 mod watch;
 
+pub(crate) use begin::initial;
 pub use begin::{begin, factor};
 pub use refine::Refinement;
 pub(crate) use solve::sqp_options;

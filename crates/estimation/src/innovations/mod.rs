@@ -1,7 +1,7 @@
 //! The fit of what is predicted from one sample to the next, where noise drives the system.
 //!
 //! It begins where the responses of [`mod@crate::fit`] ended: unknowns of which these know nothing, such as densities, are
-//! at their starts there. The search is Fisher's scoring by the SQP of `pilotage-sqp`.
+//! at their starts there. The search is Fisher's scoring by the SQP of `pilotage-sqp`, and where that is slow Newton's method.
 //!
 //! | module | what it holds |
 //! | --- | --- |
@@ -22,8 +22,9 @@ pub(crate) use ahead::ahead;
 pub use likelihood::Likelihood;
 pub(crate) use linearised::linearised;
 
-use crate::fit::Solved;
+use crate::fit::{Solved, initial};
 use crate::posed::Posed;
+use crate::starts::Start;
 use limits::Limits;
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status, solve};
 use program::Program;
@@ -36,7 +37,10 @@ const MOST_BEGINS: usize = 3;
 /// Parameters that differ by less than this part are those of one solution.
 const SAME: f64 = 1e-3;
 
-/// Searches from one begin: with other scales, or with more parts of each interval.
+/// Iterations by Fisher's information; a search that needs more goes on with the curvature itself.
+const SCORED: usize = 25;
+
+/// Searches from one begin: with other scales, with more parts of each interval, or with the curvature itself.
 const ROUNDS: usize = 5;
 
 /// Scaled unknowns beyond this want another scale.
@@ -92,6 +96,20 @@ impl Begin {
             .into_iter()
             .all(|((a, b), s)| (a - b).abs() <= SAME * s)
     }
+}
+
+/// The objective at a start, free states at their guesses; not a number where no noise drives the system.
+pub(crate) fn value(posed: &Posed<'_>, start: &Start) -> f64 {
+    let Some(likelihood) = Likelihood::of(posed) else {
+        return f64::NAN;
+    };
+    let (theta, own) = start.parameters.split_at(posed.shared);
+    let mut unknowns = theta.to_vec();
+    for j in 0..posed.runs.len() {
+        let initial = initial(posed, own, j);
+        unknowns.extend(likelihood.free(j).iter().map(|k| initial[*k]));
+    }
+    likelihood.refined(&unknowns).value(&unknowns)
 }
 
 /// Where the search begins: at the best response, and at others that converged elsewhere.
@@ -154,16 +172,18 @@ fn searched<'p>(
     } = begin;
     let recorded = posed.told.recorded.iter().flatten().flatten();
     let samples = recorded.filter(|y| y.is_finite()).count();
-    let options = SqpOptions {
+    let mut options = SqpOptions {
         tolerance: posed.file.options.tolerance,
-        max_iterations: posed.file.options.max_iterations,
+        max_iterations: posed.file.options.max_iterations.min(SCORED),
         ..SqpOptions::default()
     };
+    let mut is_exact = false;
     let (mut likelihood, mut iterations, mut round) = (likelihood.refined(&unknowns), 0, 0);
     loop {
         let limits = Limits::of(posed, &likelihood);
         let sizes = (posed.shared, samples);
-        let program = Program::new((likelihood, limits), sizes, scales.clone(), &unknowns);
+        let mut program = Program::new((likelihood, limits), sizes, scales.clone(), &unknowns);
+        program.is_exact = is_exact;
         let z = program.scaled(&unknowns);
         let qp = &mut SparseQp::default();
         let told = |own: &Iteration| Iteration {
@@ -179,7 +199,9 @@ fn searched<'p>(
         let is_scaled = z.iter().all(|own| own.abs() <= LARGE);
         let is_done =
             is_scaled && solution.status == Status::Converged && finer.parts == likelihood.parts;
-        let is_over = !matches!(solution.status, Status::Converged | Status::NoProgress);
+        let is_limited = solution.status == Status::IterationLimit && !is_exact;
+        let is_open = matches!(solution.status, Status::Converged | Status::NoProgress);
+        let is_over = !is_open && !is_limited;
         if is_done || is_over || round == ROUNDS {
             return Predicted {
                 program,
@@ -188,6 +210,10 @@ fn searched<'p>(
             };
         }
         likelihood = finer;
+        if solution.status != Status::Converged {
+            is_exact = true;
+            options.max_iterations = posed.file.options.max_iterations;
+        }
         let sized = |(s, z): (&f64, &f64)| s * z.abs().max(SAME);
         scales = scales.iter().zip(z).map(sized).collect();
     }

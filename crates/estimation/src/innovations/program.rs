@@ -1,4 +1,5 @@
-//! The nonlinear program: −2 log likelihood over scaled unknowns, with Fisher's information for its curvature.
+//! The nonlinear program: −2 log likelihood over scaled unknowns, with Fisher's information for its curvature, or with what
+//! differences of its gradient say.
 
 use super::likelihood::Likelihood;
 use super::limits::Limits;
@@ -6,6 +7,9 @@ use nalgebra::{DMatrix, DVector};
 use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, Problem, SparseProblem};
 use std::sync::{Arc, Mutex};
+
+/// Step of the differences, in scaled unknowns: central ones of a gradient that is exact but for rounding.
+const STEP: f64 = 1e-5;
 
 /// Least derivative of a constraint by which it is scaled.
 const LEAST: f64 = 1e-12;
@@ -28,6 +32,9 @@ pub struct Program<'p> {
     pub scales: Vec<f64>,
     /// What the objective is multiplied with: per measured value it is of the order of one.
     pub factor: f64,
+    /// Whether the curvature is that of differences. Fisher's information is the mean of the curvature over data: it is
+    /// quicker to have, and a poor model of a density that the data do not tell from zero.
+    pub is_exact: bool,
     /// Number of shared parameters, and where the unknowns of the runs stand.
     shared: usize,
     own: Vec<std::ops::Range<usize>>,
@@ -68,6 +75,7 @@ impl<'p> Program<'p> {
             weights: vec![1.0; scales.len()],
             own: likelihood.own(),
             shared,
+            is_exact: false,
             factor: 1.0 / samples.max(1) as f64,
             likelihood,
             limits,
@@ -117,6 +125,24 @@ impl<'p> Program<'p> {
         let own = Arc::new(self.linearised(z));
         *known = Some(own.clone());
         own
+    }
+
+    /// The curvature by differences of the gradient, in the order of the pattern; none where that is not finite.
+    fn differences(&self, z: &[f64]) -> Option<Vec<f64>> {
+        let at = |k: usize, by: f64| {
+            let mut moved = z.to_vec();
+            moved[k] += by;
+            self.linearised(&moved).gradient
+        };
+        let column = |k: usize| {
+            let step = STEP * z[k].abs().max(1.0);
+            let pairs = at(k, step).into_iter().zip(at(k, -step));
+            pairs.map(|(up, down)| (up - down) / (2.0 * step)).collect()
+        };
+        let columns: Vec<Vec<f64>> = (0..z.len()).map(column).collect();
+        let entry = |(i, k): (usize, usize)| 0.5 * (columns[k][i] + columns[i][k]);
+        let all: Vec<f64> = self.pairs().into_iter().map(entry).collect();
+        all.iter().all(|own| own.is_finite()).then_some(all)
     }
 
     fn linearised(&self, z: &[f64]) -> Linear {
@@ -223,10 +249,15 @@ impl SparseProblem for Program<'_> {
         self.pairs()
     }
 
-    /// Fisher's information, which is positive semidefinite, for either kind: with it the search is Fisher's scoring.
     fn hessian(&self, z: &[f64], _: &[f64], eta: &[f64], kind: Hessian, values: &mut [f64]) {
         values.copy_from_slice(&self.linear(z).hessian);
-        if kind == Hessian::GaussNewton || eta.iter().all(|own| *own == 0.0) {
+        if kind == Hessian::GaussNewton {
+            return;
+        }
+        if let Some(own) = self.is_exact.then(|| self.differences(z)).flatten() {
+            values.copy_from_slice(&own);
+        }
+        if eta.iter().all(|own| *own == 0.0) {
             return;
         }
         let unknowns = self.unknowns(z);
