@@ -316,25 +316,21 @@ fn flown(remnant: f64, seed: u64) -> (Vec<f64>, Vec<[f64; 2]>) {
             targets.push(goal);
             rows.push([x[2], x[0] + LEAD * x[1] + n]);
         }
-        let late = (step as f64 - DELAY / h).round();
-        let seen = if late < 0.0 {
-            0.0
-        } else {
-            errors[late as usize]
-        };
-        x = stepped(x, GAIN * seen, n, h);
+        let late = step as i64 - (DELAY / h).round() as i64;
+        let wish = |k: i64| usize::try_from(k).map_or(0.0, |k| GAIN * errors[k]);
+        x = stepped(x, [wish(late), wish(late + 1)], n, h);
         n = keeps * n + remnant * (1.0 - keeps * keeps).sqrt() * gauss();
     }
     (targets, rows)
 }
 
 /// Arm, its speed, position and speed after a step, by Heun's method.
-fn stepped(x: [f64; 4], wish: f64, n: f64, h: f64) -> [f64; 4] {
-    let rates = |x: [f64; 4]| {
+fn stepped(x: [f64; 4], wish: [f64; 2], n: f64, h: f64) -> [f64; 4] {
+    let rates = |x: [f64; 4], wish: f64| {
         let pull = OMEGA * OMEGA * (wish - x[0]) - 2.0 * ZETA * OMEGA * x[1];
         [x[1], pull, x[3], POWER * (x[0] + LEAD * x[1] + n)]
     };
-    let a = rates(x);
-    let b = rates(std::array::from_fn(|k| x[k] + h * a[k]));
+    let a = rates(x, wish[0]);
+    let b = rates(std::array::from_fn(|k| x[k] + h * a[k]), wish[1]);
     std::array::from_fn(|k| x[k] + 0.5 * h * (a[k] + b[k]))
 }

@@ -16,6 +16,8 @@ mod likelihood;
 mod limits;
 mod linearised;
 mod program;
+#[cfg(test)]
+mod tests;
 
 pub use ahead::Ahead;
 pub(crate) use ahead::ahead;
