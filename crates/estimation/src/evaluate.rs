@@ -1,9 +1,10 @@
 //! A problem at its start values, without a solve.
 
 use crate::fit::begin;
+use crate::innovations;
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
-use crate::starts::given;
+use crate::starts::{Start, given};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::Problem;
 
@@ -26,6 +27,10 @@ const STEP: f64 = 1e-5;
 /// The problem at its start values.
 pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     let start = given(posed);
+    let at = |start: &Start| match posed.filter {
+        Some(_) => innovations::value(posed, start),
+        None => objective(posed, &begin(posed, start, &|| false)),
+    };
     let mut gradient = Vec::new();
     for (unknown, stands) in &posed.unknowns {
         let size = unknown.searched_nominal().unwrap_or(1.0) * STEP;
@@ -35,7 +40,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
             let moved = |value: f64| {
                 let mut theta = start.clone();
                 theta.parameters[place] = value;
-                objective(posed, &begin(posed, &theta, &|| false))
+                at(&theta)
             };
             // At an end of its range, from there inwards.
             let (up, down) = ((own + size).min(most), (own - size).max(least));
@@ -54,7 +59,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
         signals.map(|(k, noise)| run.residuals(k, noise)).collect()
     });
     Evaluation {
-        objective: objective(posed, &at_start),
+        objective: at(&start),
         gradient,
         residuals: residuals.collect(),
     }

@@ -24,6 +24,8 @@ pub struct ProblemFile {
     pub inputs: Vec<Fed>,
     /// Measured signals.
     pub measured: Vec<Measured>,
+    /// White noise that drives the system.
+    pub process_noise: Vec<ProcessNoise>,
     /// What is sought, in the order of the file.
     pub parameters: Vec<Sought>,
     /// Initial states, in the order of the file: later lines go before.
@@ -122,6 +124,16 @@ pub enum Quantity {
     Signal(String),
     /// An expression, in a unit of this name.
     Expression(Formula, Option<String>),
+}
+
+/// White noise that is added to an input of an instance, or to the derivative of a state.
+#[derive(Debug, Clone)]
+pub struct ProcessNoise {
+    /// `instance.input`, or `instance.state`.
+    pub signal: Said<String>,
+    /// Its power spectral density: a number, or an expression of parameters, in the square of the signal's unit (of a
+    /// state, of its derivative's) times seconds.
+    pub density: Formula,
 }
 
 /// A noise level.
@@ -308,6 +320,8 @@ pub struct Set {
 /// How a problem is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
+    /// What is minimised.
+    pub objective: Objective,
     /// The collocation scheme; none where one that suits the equations is to be taken.
     pub scheme: Option<Scheme>,
     /// Where the nodes are.
@@ -325,6 +339,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
+            objective: Objective::Response,
             scheme: None,
             mesh: Mesh::Tolerance(1e-6),
             tolerance: 1e-8,
@@ -333,6 +348,15 @@ impl Default for Options {
             covariance: None,
         }
     }
+}
+
+/// What is minimised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Objective {
+    /// What is recorded, against a simulation without noise.
+    Response,
+    /// What is recorded, against what is predicted from all that was recorded before.
+    PredictionError,
 }
 
 /// Where the nodes of a mesh are.

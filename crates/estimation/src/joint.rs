@@ -31,6 +31,38 @@ impl Joint {
         description: &SystemDescription,
         parts: Vec<(String, Part)>,
     ) -> Result<Self, ProblemError> {
+        Self::wired(description, parts, &[])
+    }
+
+    /// The same with an input for the noise that is added to each of these inputs: [`Self::noise_input`].
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_noise(
+        &self,
+        description: &SystemDescription,
+        noisy: &[&str],
+    ) -> Result<Self, ProblemError> {
+        Self::wired(description, self.parts.clone(), noisy)
+    }
+
+    /// The variable of the model's graph by which noise comes to an input; none where that is no input of an instance.
+    pub fn noise_input(&self, name: &str) -> Option<usize> {
+        let driver = self
+            .driven
+            .get(name)
+            .and_then(|signal| signal.strip_suffix(".y"));
+        let noise = driver.map(|part| format!("{part}.w"));
+        let name = noise.as_deref().unwrap_or(name);
+        let place = self.model.inputs.iter().position(|own| own == name)?;
+        Some(self.model.system.input(place))
+    }
+
+    fn wired(
+        description: &SystemDescription,
+        parts: Vec<(String, Part)>,
+        noisy: &[&str],
+    ) -> Result<Self, ProblemError> {
         let mut variables = HashMap::new();
         for (instance, part) in &parts {
             for (name, about) in &part.variables {
@@ -52,6 +84,12 @@ impl Joint {
                 // A part of its own; no instance of a user has a space in its name.
                 let name = format!("wire {k}");
                 models.push((name.clone(), converter(conversion)));
+                wires.push((signal, format!("{name}.u")));
+                signal = format!("{name}.y");
+            }
+            if noisy.contains(&to.value.as_str()) {
+                let name = format!("wire noise {k}");
+                models.push((name.clone(), adder()));
                 wires.push((signal, format!("{name}.u")));
                 signal = format!("{name}.y");
             }
@@ -227,6 +265,13 @@ pub(crate) fn conversion(
         );
         ProblemError::maybe_at(wire.to.place.as_ref(), fault)
     })
+}
+
+/// The model `y = u + w`.
+fn adder() -> Model {
+    let names: [&[&str]; 4] = [&[], &["u", "w"], &[], &["y"]];
+    let model = Model::trace(names, |at| [vec![], vec![at.u[0] + at.u[1]]]);
+    model.expect("a sum is an expression")
 }
 
 /// The model `y = factor u + offset`.

@@ -44,6 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
+//! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
 //! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
 //! | [`comparison`] | several problems on the same data |
 
@@ -59,6 +60,7 @@ pub mod events;
 pub mod file;
 pub mod fit;
 mod followed;
+mod innovations;
 mod interval;
 pub mod joint;
 mod likelihood;
@@ -82,6 +84,7 @@ pub use diagnostics::Diagnostic;
 pub use error::ProblemError;
 pub use file::ProblemFile;
 pub use fit::fit;
+pub use innovations::Ahead;
 pub use posed::Posed;
 pub use read::OWN_KEYS;
 pub use result::Fit;

@@ -10,6 +10,7 @@ use pilotage_language::Expressions;
 use pilotage_language::expressions::CompiledExpressions;
 use pilotage_language::file::Formula;
 use pilotage_language::syntax::column;
+use pilotage_units::Product;
 use std::collections::HashMap;
 
 /// What a noise level calls the value that the model predicts.
@@ -39,6 +40,8 @@ pub enum Of {
     Measured(usize),
     /// Its noise level.
     Deviation(usize),
+    /// Density of process noise, by its number.
+    Density(usize),
     /// Gain of its sensor.
     Gain(usize),
     /// Offset of its sensor.
@@ -200,6 +203,11 @@ fn add_all(
             }
         }
     }
+    for (k, noise) in file.process_noise.iter().enumerate() {
+        let unit = density_unit(&noise.signal.value, joint);
+        let what = Some("a density");
+        builder.add(file, Of::Density(k), unit.as_deref(), &noise.density, what)?;
+    }
     for (k, (name, initial)) in file.initial.iter().enumerate() {
         let states = matching(&name.value, &joint.model.states);
         if states.is_empty() {
@@ -260,6 +268,16 @@ fn add_all(
     Ok(())
 }
 
+/// The unit of a density: the square of that to which the noise is added, times seconds. None where that has none.
+fn density_unit(signal: &str, joint: &Joint) -> Option<String> {
+    let unit = Product::parse(joint.unit(signal)?)?;
+    let added = match joint.model.states.iter().any(|own| own == signal) {
+        true => unit.rate(),
+        false => unit,
+    };
+    Some(added.density().to_string())
+}
+
 /// Refuses the predicted value outside of noise levels.
 fn check_prediction(file: &ProblemFile, formula: &Formula) -> Result<(), ProblemError> {
     match formula.names().any(|name| name == PREDICTED) {
@@ -279,6 +297,7 @@ impl Of {
             Self::Tied(name) => name.clone(),
             Self::Measured(_) => "what is measured".into(),
             Self::Deviation(_) => "the standard deviation".into(),
+            Self::Density(_) => "the density".into(),
             Self::Gain(_) => "the gain".into(),
             Self::Offset(_) => "the offset".into(),
             Self::Initial(_, state) => format!("the initial value of `{state}`"),

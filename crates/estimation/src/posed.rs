@@ -19,6 +19,7 @@ use crate::unknowns::{Parameters, Unknown};
 use pilotage_collocation::{Bound, Differentiated, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_expression::Node;
+use pilotage_filter::Filter;
 use std::sync::Arc;
 
 /// A problem that is ready to be discretised.
@@ -48,6 +49,8 @@ pub struct Posed<'f> {
     pub told: Told,
     /// What the solver's objective is, per unit of the problem's.
     pub factor: f64,
+    /// What predicts a sample from those before it, where noise drives the system.
+    pub filter: Option<Filter>,
     /// Measured states as inputs, for the start of a search.
     pub followed: Option<Followed>,
     /// What was read, of each run that is fitted.
@@ -174,6 +177,7 @@ impl<'f> Posed<'f> {
             model: Arc::new(Differentiated::new(&made.system)),
             followed: Followed::new(&made.system, &made.runs, &recorded),
             factor: factor(&made.runs),
+            filter: made.filter(joint.model.states.len()),
             bounds: made.bounds,
             constraints: made.constraints,
             names: made.names,

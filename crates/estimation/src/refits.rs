@@ -32,6 +32,9 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
 /// # Errors
 /// Where the fit does not say how sure it is.
 pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure> {
+    if posed.filter.is_some() {
+        return Err(Unsure::Innovations);
+    }
     let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
     let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
     let (problem, at) = (&solved.problem, &solved.solution.iterate);

@@ -4,6 +4,7 @@ use crate::diagnostics::{Diagnostic, SAME};
 use crate::events::Events;
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
+use crate::innovations::{Ahead, ahead};
 use crate::part::About;
 use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
@@ -124,11 +125,17 @@ pub struct RunFit {
     pub recorded: Vec<Vec<f64>>,
     /// The noise levels.
     pub deviations: Vec<Vec<f64>>,
+    /// What is predicted from sample to sample, where noise drives the system; what stands above is simulated without.
+    pub ahead: Option<Ahead>,
 }
 
 impl RunFit {
-    /// The residuals of a measured signal at each sample, in standard deviations; NaN where nothing was measured.
+    /// The residuals of a measured signal at each sample, in standard deviations; NaN where nothing was measured. Where
+    /// noise drives the system they are the innovations.
     pub fn residuals(&self, k: usize, noise: Noise) -> Vec<f64> {
+        if let Some(ahead) = &self.ahead {
+            return ahead.innovations[k].clone();
+        }
         let samples = self.recorded[k]
             .iter()
             .zip(&self.predicted[k])
@@ -140,6 +147,18 @@ impl RunFit {
 }
 
 impl RunFit {
+    /// Root mean square of what a prediction by all earlier samples misses of a measured signal, in its unit; none where no
+    /// noise drives the system.
+    pub fn rms_ahead(&self, k: usize) -> Option<f64> {
+        let ahead = self.ahead.as_ref()?;
+        let pairs = self.recorded[k].iter().zip(&ahead.predicted[k]);
+        let squares: Vec<f64> = pairs
+            .filter(|(y, _)| y.is_finite())
+            .map(|(y, h)| (y - h).powi(2))
+            .collect();
+        Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+
     /// How much of a measured signal the model explains.
     pub fn explained(&self, k: usize) -> Option<Explained> {
         Explained::of(&self.recorded[k], &self.predicted[k])
@@ -147,6 +166,9 @@ impl RunFit {
 
     /// −2 log likelihood of all that was recorded; not a number where the model gives none.
     pub fn surprise(&self, noises: &[Noise]) -> f64 {
+        if let Some(ahead) = &self.ahead {
+            return ahead.surprise();
+        }
         let of = |k: usize| {
             let samples = self.recorded[k].iter().zip(&self.predicted[k]);
             let samples = samples.zip(&self.deviations[k]);
@@ -322,6 +344,7 @@ fn run_fit(
         predicted: vec![Vec::new(); told.predicted.len()],
         recorded: told.recorded.iter().map(|all| all[j].clone()).collect(),
         deviations: vec![Vec::new(); told.predicted.len()],
+        ahead: ahead(posed, j, &states[0], theta),
     };
     for (sample, x) in states.iter().enumerate() {
         let values = graph.values(&variables(posed, j, sample, x, theta));

@@ -60,6 +60,17 @@ impl Product {
         self
     }
 
+    /// The unit of a power spectral density: `m2.s` of `m`.
+    pub fn density(mut self) -> Self {
+        self.factors.iter_mut().for_each(|(_, power)| *power *= 2);
+        match self.factors.iter_mut().find(|(symbol, _)| symbol == "s") {
+            Some((_, power)) => *power += 1,
+            None => self.factors.push(("s".to_owned(), 1)),
+        }
+        self.factors.retain(|(_, power)| *power != 0);
+        self
+    }
+
     /// What may stand in a name in Modelica's spelling, for messages.
     pub fn known() -> String {
         let [prefixed, prefixes, others] = table::symbols().map(|names| names.join(", "));

@@ -3,7 +3,8 @@
 use super::inputs::Span;
 use super::{Assembly, Done, Known};
 use crate::data::Rows;
-use crate::file::{Holds, Initial};
+use crate::error::ProblemError;
+use crate::file::{Constraint, Holds, Initial};
 use crate::interval::{ALL, Interval};
 use crate::names::Of;
 use crate::posed::Stands;
@@ -134,9 +135,23 @@ impl Assembly<'_> {
                 }
                 Holds::Parameters => BoundAt::Start,
             };
+            self.check_path_constraint(line)?;
             self.bound(&name, node, range, at);
         }
         Ok(on_parameters)
+    }
+
+    /// Refuses constraints along the path where there is none: with process noise it is known at the start alone.
+    fn check_path_constraint(&self, line: &Constraint) -> Done<()> {
+        let is_along = matches!(line.at, Holds::Samples | Holds::End);
+        match self.file.process_noise.is_empty() || !is_along {
+            true => Ok(()),
+            false => {
+                let fault = "with process noise no path is known to bound: write at = \"start\" or \"parameters\", or \
+                             leave the constraint out";
+                Err(ProblemError::at(&line.place, fault))
+            }
+        }
     }
 
     /// Whether an expression depends on shared parameters alone.

@@ -9,7 +9,7 @@ use crate::interval::{Interval, intervals, shared};
 use crate::posed::Told;
 use crate::ranges::check_range;
 use pilotage_cosim::description::Said;
-use pilotage_expression::Node;
+use pilotage_expression::{Graph, Node};
 
 /// A constraint that is missed by less, relative to its value, is met up to rounding and the solver's tolerance.
 const MET: f64 = 1e-6;
@@ -176,7 +176,10 @@ impl Made {
     /// Refuses what is sought though no measured signal depends on it.
     pub(super) fn check_dependence(&self) -> Done<()> {
         let graph = &self.system.graph;
-        let needed = self.needed();
+        let noises = self.noises.iter();
+        let noises = noises.flat_map(|own| own.column.iter().chain([&own.density]));
+        let wanted = self.measured.iter().chain(noises).copied().collect();
+        let needed = needed(graph, &self.system.derivatives, wanted);
         let is_needed = |variable: &usize| {
             let node = graph.known_variable(*variable);
             node.is_some_and(|node| needed[node.index()])
@@ -193,24 +196,22 @@ impl Made {
         }
         Ok(())
     }
+}
 
-    /// On which nodes measured signals depend: directly, or by the derivatives of states on which they depend.
-    fn needed(&self) -> Vec<bool> {
-        let system = &self.system;
-        let mut nodes = self.measured.clone();
-        loop {
-            let needed = system.graph.ancestors(&nodes);
-            let is_needed = |state: &usize| {
-                let variable = system.graph.known_variable(1 + state);
-                variable.is_some_and(|node| needed[node.index()])
-            };
-            let states = (0..system.states).filter(is_needed);
-            let derivatives = states.map(|state| system.derivatives[state]);
-            let before = nodes.len();
-            nodes.extend(derivatives.filter(|node| !needed[node.index()]));
-            if nodes.len() == before {
-                return needed;
-            }
+/// On which nodes others depend: directly, or by the derivatives of states on which they depend.
+pub(super) fn needed(graph: &Graph, derivatives: &[Node], mut nodes: Vec<Node>) -> Vec<bool> {
+    loop {
+        let needed = graph.ancestors(&nodes);
+        let is_needed = |state: &usize| {
+            let variable = graph.known_variable(1 + state);
+            variable.is_some_and(|node| needed[node.index()])
+        };
+        let states = (0..derivatives.len()).filter(is_needed);
+        let derivatives = states.map(|state| derivatives[state]);
+        let before = nodes.len();
+        nodes.extend(derivatives.filter(|node| !needed[node.index()]));
+        if nodes.len() == before {
+            return needed;
         }
     }
 }

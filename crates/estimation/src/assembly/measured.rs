@@ -211,7 +211,7 @@ impl Assembly<'_> {
     }
 
     /// A term at the begin of the first run, or of each.
-    fn expect(&mut self, output: Node, prior: Prior, rows: &[Rows], in_each: bool) {
+    pub(super) fn expect(&mut self, output: Node, prior: Prior, rows: &[Rows], in_each: bool) {
         let values = rows.iter().enumerate().map(|(j, rows)| {
             let mut values = vec![f64::NAN; rows.time.len()];
             if j == 0 || in_each {

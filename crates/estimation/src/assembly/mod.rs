@@ -6,6 +6,7 @@
 //! | `parameters` | parameters and expressions, as nodes |
 //! | `initial` | initial states, and values where the search begins |
 //! | `measured` | residuals of recordings and priors |
+//! | `noise` | noise that drives the states |
 //! | `bounds` | limits, ranges, constraints |
 //! | `checks` | what is refused |
 
@@ -14,6 +15,7 @@ mod checks;
 mod initial;
 mod inputs;
 mod measured;
+mod noise;
 mod parameters;
 
 use crate::data::{Rows, RunData, Source};
@@ -25,6 +27,7 @@ use crate::posed::{Names, Stands, State, Told};
 use crate::unknowns::{Parameters, Unknown};
 use inputs::{Key, Span};
 use measured::Measurement;
+pub use noise::DrivingNoise;
 use pilotage_collocation::{Bound, ParameterConstraints, Recording, Run};
 use pilotage_expression::{Graph, Node, System};
 use std::collections::HashMap;
@@ -45,6 +48,7 @@ pub struct Made {
     pub told: Told,
     /// States that are measured as they are, each with the number of its measured signal.
     pub followed: Vec<(usize, usize)>,
+    pub noises: Vec<DrivingNoise>,
 }
 
 /// What is collected on the way. The variables of its graph are time, states, inputs and shared parameters.
@@ -131,6 +135,7 @@ impl<'a> Assembly<'a> {
         self.outputs = import(&system.outputs);
         let signals = import(&signals);
         derivatives.resize(self.states, zero);
+        let noises = self.driving_noises(&variables, &rows)?;
         let told = self.measure(&signals, variables, &rows)?;
         self.check_tied(&told, &rows)?;
         self.limit();
@@ -139,9 +144,11 @@ impl<'a> Assembly<'a> {
         on_parameters.extend(self.bound_expressions());
         on_parameters.extend(self.constrain(&signals, &rows, &known)?);
         self.expect_priors(&rows);
+        self.anchor(&derivatives, &noises, &rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;
         let runs = self.runs(rows, known);
-        let made = self.made(derivatives, states, runs, told, constraints);
+        let mut made = self.made(derivatives, states, runs, told, constraints);
+        made.noises = noises;
         made.check_dependence()?;
         Ok(made)
     }
@@ -235,6 +242,7 @@ impl<'a> Assembly<'a> {
         let unknowns = self.parameters.unknowns.iter().cloned();
         Made {
             measured,
+            noises: Vec::new(),
             followed: self.measured_states(&states),
             bounds: self.bounded.iter().map(|(_, bound)| *bound).collect(),
             system: System {

@@ -124,7 +124,7 @@ fn quality(magnitudes: Vec<f64>) -> Quality {
 }
 
 /// Where a run begins, with these parameters of its own.
-fn initial(posed: &Posed<'_>, own: &[f64], j: usize) -> Vec<f64> {
+pub(crate) fn initial(posed: &Posed<'_>, own: &[f64], j: usize) -> Vec<f64> {
     let joint = posed.states.len() - own.len();
     (posed.states.iter().zip(&posed.runs[j].initial).enumerate())
         .map(|(k, (state, known))| match k.checked_sub(joint) {

@@ -43,10 +43,21 @@ pub(super) fn simulation(
     stop: &Stop<'_>,
 ) -> Option<(Collocation, Vec<f64>)> {
     let initial = initial(problem, z);
+    let magnitudes = |j: usize| problem.magnitudes(z, j);
+    free_run(posed, theta, (&initial, &magnitudes), stop)
+}
+
+/// The same from where the states of each run begin, and with their magnitudes.
+pub(super) fn free_run(
+    posed: &Posed<'_>,
+    theta: &[f64],
+    (initial, magnitudes): (&[Vec<f64>], &(dyn Fn(usize) -> Vec<f64> + Sync)),
+    stop: &Stop<'_>,
+) -> Option<(Collocation, Vec<f64>)> {
     let course = |(j, run)| {
         let quality = Quality {
             tolerance: TOLERANCE,
-            magnitudes: problem.magnitudes(z, j),
+            magnitudes: magnitudes(j),
         };
         posed.model.course(run, theta, &initial[j], &quality, stop)
     };

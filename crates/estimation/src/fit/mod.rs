@@ -9,17 +9,20 @@
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters where no start has converged |
 //! | `check` | the same parameters, simulated |
+//! | `predicted` | what is predicted from sample to sample, where noise drives the system |
 //! | `watch` | who looks on, and may end it |
 
 mod begin;
 mod check;
 mod coarse;
+mod predicted;
 mod race;
 mod refine;
 mod solve;
 mod unfinished;
 mod watch;
 
+pub(crate) use begin::initial;
 pub use begin::{begin, factor};
 pub use refine::Refinement;
 pub(crate) use solve::sqp_options;
@@ -28,12 +31,13 @@ pub use unfinished::MET;
 
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
+use crate::innovations;
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
 use crate::starts::starts;
 use crate::trouble;
-use crate::uncertainty::uncertainty;
+use crate::uncertainty::{Unsure, linearised, uncertainty};
 use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;
@@ -73,6 +77,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         .map(|own| end(posed, own.as_ref(), &watch))
         .collect();
     let lower = better(&solved);
+    let begins = innovations::begins(posed, &solved);
     let met = match has_answer(&solved) {
         true => None,
         false => best_met(posed, &starts[0], &solved, &watch),
@@ -90,6 +95,11 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             refine(posed, (first, errors), best, &watch)
         }
     };
+    if posed.filter.is_some() {
+        let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
+        found.seconds = clock.elapsed().as_secs_f64();
+        return found;
+    }
     let trouble = match last.solution.status {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
@@ -111,7 +121,10 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.cut = cut(&found, &watch);
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
-        found.uncertainty = uncertainty(posed, &last, &found, simulated, looped.as_ref());
+        let at = (&last.problem, &last.solution.iterate);
+        let linear = linearised(posed, at.0, at.1).ok_or(Unsure::NoDerivatives);
+        found.uncertainty = linear
+            .and_then(|own| uncertainty(posed, &last, &found, &own, simulated, looped.as_ref()));
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);

@@ -30,7 +30,7 @@ impl Solved {
     }
 
     /// Where the states of each run begin, in their units.
-    pub(super) fn initial(&self) -> Vec<Vec<f64>> {
+    pub(crate) fn initial(&self) -> Vec<Vec<f64>> {
         initial(&self.problem, &self.solution.iterate.z)
     }
 }

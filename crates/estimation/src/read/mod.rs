@@ -4,11 +4,13 @@
 //! | --- | --- |
 //! | `fields` | single fields |
 //! | `signals` | inputs and what was measured |
+//! | `noise` | noise that drives the system |
 //! | `parameters` | parameters, initial states, and what follows from them |
 //! | `runs` | runs and constraints |
 //! | `options` | stability and options |
 
 mod fields;
+mod noise;
 mod options;
 mod parameters;
 mod runs;
@@ -26,11 +28,12 @@ use pilotage_text::suggestion::suggestion;
 use std::path::Path;
 
 /// The tables of a problem file.
-const KEYS: [&str; 11] = [
+const KEYS: [&str; 12] = [
     "system",
     "connect",
     "inputs",
     "measured",
+    "process_noise",
     "parameters",
     "initial",
     "constraint",
@@ -41,8 +44,9 @@ const KEYS: [&str; 11] = [
 ];
 
 /// Tables of a problem file that no other kind of file has.
-pub const OWN_KEYS: [&str; 6] = [
+pub const OWN_KEYS: [&str; 7] = [
     "measured",
+    "process_noise",
     "fit",
     "constraint",
     "derived",
@@ -91,16 +95,20 @@ impl ProblemFile {
             instances: instances.collect(),
             own: own.into_iter().map(str::to_owned).collect(),
         };
+        let (measured, process_noise) = (reader.measured(root)?, reader.process_noise(root)?);
+        let options = options(root)?;
+        noise::check_objective(root, &options, &process_noise, &measured)?;
         Ok(Self {
             inputs: reader.inputs(root)?,
-            measured: reader.measured(root)?,
+            measured,
+            process_noise,
             parameters: reader.parameters(root)?,
             initial: reader.initial(root)?,
             constraints: reader.constraints(root)?,
             derived: reader.derived(root)?,
             stability: stability(root)?,
             runs: reader.runs(root)?,
-            options: options(root)?,
+            options,
             mesh_place: root.table("fit")?.and_then(|fit| fit.place("mesh_step")),
             folder: folder.to_owned(),
             text: text.to_owned(),

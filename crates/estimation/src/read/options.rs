@@ -2,7 +2,7 @@
 
 use super::Read;
 use super::fields::{at, place, positive, tolerance, whole, word};
-use crate::file::{Mesh, Options, Stability};
+use crate::file::{Mesh, Objective, Options, Stability};
 use pilotage_collocation::Scheme;
 use pilotage_cosim::description::Said;
 use pilotage_inference::Method;
@@ -39,6 +39,7 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     };
     let meshes = ["mesh_tolerance", "mesh_step", "mesh"];
     table.only(&[
+        "objective",
         "scheme",
         meshes[0],
         meshes[1],
@@ -48,6 +49,11 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
         "max_iterations",
         "covariance",
     ])?;
+    let objectives = [
+        ("response", Objective::Response),
+        ("prediction-error", Objective::PredictionError),
+    ];
+    options.objective = word(table, "objective", &objectives, options.objective)?;
     if let Some(name) = table.string("scheme")? {
         let scheme: Result<Scheme, _> = name.parse();
         let known = ["euler", "trapezoid", "hermite-simpson"];

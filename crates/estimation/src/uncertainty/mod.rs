@@ -38,6 +38,11 @@ pub enum Unsure {
         "the derivatives are not known: a run has more than 126 unknowns, or its linearised equations are singular"
     )]
     NoDerivatives,
+    /// Nothing but the response is solved again.
+    #[error(
+        "the fit of prediction errors is not solved again: --profile and --bootstrap take objective = \"response\""
+    )]
+    Innovations,
     /// No covariance.
     #[error(transparent)]
     Obstacle(#[from] Obstacle),
@@ -83,18 +88,18 @@ pub(crate) fn uncertainty(
     posed: &Posed<'_>,
     solved: &Solved,
     fit: &Fit,
+    linear: &Linearised,
     simulated: Option<&(Collocation, Vec<f64>)>,
     looped: Option<&Looped<'_>>,
 ) -> Result<Uncertainty, Unsure> {
     let (problem, at) = (&solved.problem, &solved.solution.iterate);
-    let linear = linearised(posed, problem, at).ok_or(Unsure::NoDerivatives)?;
     let Linearised {
         data,
         sensitivities,
         ..
-    } = &linear;
+    } = linear;
     let inference = Inference::new(data)?;
-    let covariance = inference.covariance(posed.file.options.covariance)?;
+    let covariance = inference.covariance(method(posed))?;
     let names = names(posed);
     let theta = problem.physical_theta(&at.z);
     let percent = |(k, value): (usize, f64)| match names[k].starts_with("ln ") {
@@ -150,6 +155,15 @@ pub(crate) fn uncertainty(
     let more = words::notes(&found, fit);
     found.notes.extend(more);
     Ok(found)
+}
+
+/// The method that the problem asks for. Innovations are white where the model is right, so that nothing but the runs'
+/// own scatter speaks against the plain covariance.
+fn method(posed: &Posed<'_>) -> Option<Method> {
+    const ENOUGH: usize = 4;
+    let is_white = posed.filter.is_some() && posed.runs.len() < ENOUGH;
+    let asked = posed.file.options.covariance;
+    asked.or(is_white.then_some(Method::Plain))
 }
 
 /// The shared parameters as the search sees them.

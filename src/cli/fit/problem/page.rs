@@ -1,6 +1,6 @@
 //! The report of a problem: each measured signal as it was recorded and as the model has it, and what is left.
 
-use super::summary::Outcomes;
+use super::summary::{Outcomes, run_header};
 use super::sure;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
@@ -104,6 +104,9 @@ fn response(outcomes: &Outcomes<'_>) -> Figure {
                     _ => ("model, validation", "line-2"),
                 };
                 series.push(Series::line(label, colour, &run.time, &run.predicted[k]).of(&name));
+                series.extend(run.ahead.as_ref().map(|own| {
+                    Series::line("one step ahead", "line-3", &run.time, &own.predicted[k]).of(&name)
+                }));
             }
         }
         Panel {
@@ -245,13 +248,14 @@ fn active(fit: &Fit) -> Parameters {
 
 /// The runs, with what is left of each signal.
 fn data(outcomes: &Outcomes<'_>) -> Parameters {
+    let header = run_header(outcomes.posed);
     let rows = super::summary::run_rows(outcomes.posed, outcomes)
         .into_iter()
         .skip(1);
     Parameters {
-        header: vec!["run", "column", "rms residual", "over sd"],
-        numeric: vec![2, 3],
-        rows: rows.map(Vec::from).collect(),
+        header: header.to_vec(),
+        numeric: (2..header.len()).collect(),
+        rows: rows.collect(),
         notes: Vec::new(),
     }
 }

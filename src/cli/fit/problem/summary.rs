@@ -156,18 +156,19 @@ fn measured(outcomes: &Outcomes<'_>, run: &RunFit, usage: &str) -> Value {
         let explained = run.explained(k).filter(|_| is_told);
         let residuals = run.residuals(k, measured.noise);
         let white = LjungBox::of(&residuals).filter(|_| is_told);
-        all.insert(
-            measured.column.value.clone(),
-            json!({
-                "rms_residual": residual,
-                "rms_per_sd": relative,
-                "vaf": explained.map(|own| own.vaf),
-                "fit": explained.map(|own| own.fit),
-                "ljung_box": white.map(|own| {
-                    json!({ "lags": own.lags, "statistic": own.statistic, "p": own.p })
-                }),
+        let mut entry = json!({
+            "rms_residual": residual,
+            "rms_per_sd": relative,
+            "vaf": explained.map(|own| own.vaf),
+            "fit": explained.map(|own| own.fit),
+            "ljung_box": white.map(|own| {
+                json!({ "lags": own.lags, "statistic": own.statistic, "p": own.p })
             }),
-        );
+        });
+        if let Some(rms) = run.rms_ahead(k) {
+            entry["rms_one_step"] = json!(rms);
+        }
+        all.insert(measured.column.value.clone(), entry);
     }
     Value::Object(all)
 }
@@ -303,9 +304,29 @@ fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
     rows
 }
 
+/// What is told of each run and measured signal. With process noise the innovations are what is compared with their
+/// standard deviations.
+pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
+    match posed.filter {
+        Some(_) => &[
+            "run",
+            "column",
+            "rms residual, free run",
+            "one step ahead",
+            "over its sd",
+        ],
+        None => &["run", "column", "rms residual", "over sd"],
+    }
+}
+
 /// For each run and measured signal its residual.
-pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> {
-    let mut rows = vec![["run", "column", "rms residual", "over sd"].map(str::to_owned)];
+pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> {
+    let mut rows = vec![
+        run_header(posed)
+            .iter()
+            .map(|&own| own.to_owned())
+            .collect::<Vec<_>>(),
+    ];
     for (run, usage) in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
             let told = outcomes.rms(run, usage, k);
@@ -315,12 +336,16 @@ pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<[String; 4]> 
                 "fit" => run.name.clone(),
                 _ => format!("{} ({usage})", run.name),
             };
-            rows.push([
+            let mut row = vec![
                 name,
                 measured.column.value.clone(),
                 shown(plain),
                 shown(relative),
-            ]);
+            ];
+            if posed.filter.is_some() {
+                row.insert(3, shown(run.rms_ahead(k)));
+            }
+            rows.push(row);
         }
     }
     rows

@@ -1,0 +1,123 @@
+//! The fit of what is predicted from sample to sample, from the response on.
+
+use super::Refinement;
+use super::check::free_run;
+use super::solve::Solved;
+use super::watch::Watch;
+use super::{cut, looped};
+use crate::diagnostics::{Diagnostic, diagnostics};
+use crate::innovations::{Begin, Likelihood, Predicted, linearised, predicted as searched};
+use crate::loops::Looped;
+use crate::posed::Posed;
+use crate::result::{Fit, RunFit};
+use crate::uncertainty::uncertainty;
+use pilotage_sqp::{Iterate, Solution, Status};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The fit, from the response that was found and from others.
+pub(super) fn predicted(
+    posed: &Posed<'_>,
+    (response, refinement): (Solved, Refinement),
+    others: Vec<Begin>,
+    watch: &Watch<'_, '_>,
+) -> Fit {
+    let see = |k: usize, own: &pilotage_sqp::Iteration| {
+        // The observer divides by the factor of the response.
+        let told = pilotage_sqp::Iteration {
+            objective: own.objective * posed.factor,
+            ..*own
+        };
+        watch.see(k, 0, &told)
+    };
+    let all = searched(posed, &response, others, &see);
+    let best = all.first().expect("there is a begin");
+    let clock = Instant::now();
+    let (last, is_whole) = simulated(posed, best, response, &|| watch.is_late(clock));
+    let mut found = Fit::of(posed, &last);
+    let doubled = best.program.likelihood.doubled().value(&best.unknowns());
+    found.status = best.solution.status;
+    found.kkt = best.solution.kkt;
+    found.iterations = best.solution.work.iterations;
+    found.objective = best.objective();
+    found.simulated_objective = Some(doubled).filter(|_| is_whole);
+    (found.chi2, found.nllh) = likelihoods(posed, &found.runs);
+    found.starts = all
+        .iter()
+        .map(|own| (own.solution.status, own.objective()))
+        .collect();
+    found.refinement = Refinement {
+        iterations: refinement.iterations + best.iterations,
+        // The response is where the search began, and nothing that was found is of its mesh.
+        error: f64::NAN,
+        changes: Vec::new(),
+        is_limited: false,
+        ..refinement
+    };
+    let looped = looped(posed, &last);
+    found.derived.extend(looped.iter().flat_map(Looped::found));
+    found.cut = cut(&found, watch);
+    if found.status == Status::Converged {
+        let linear = linearised(posed, best);
+        found.uncertainty = uncertainty(posed, &last, &found, &linear, None, looped.as_ref());
+    }
+    found.diagnostics = diagnostics(posed, &last, &found);
+    found.diagnostics.extend(on_stability_bound(posed, best));
+    found.solved = Some(Arc::new(last));
+    found
+}
+
+/// `Σ weight e²/s` and the negative logarithm of the likelihood.
+fn likelihoods(posed: &Posed<'_>, runs: &[RunFit]) -> (f64, f64) {
+    let ahead = runs.iter().zip(&posed.data);
+    let ahead = ahead.filter_map(|(run, data)| Some((run.ahead.as_ref()?, data.line.weight)));
+    ahead.fold((0.0, 0.0), |(chi2, nllh), (own, weight)| {
+        (
+            chi2 + weight * own.chi2(),
+            nllh + 0.5 * weight * own.surprise(),
+        )
+    })
+}
+
+/// What was found, simulated without noise, and whether that came to its end; else the states stay those of the response.
+fn simulated(
+    posed: &Posed<'_>,
+    best: &Predicted<'_>,
+    response: Solved,
+    stop: &pilotage_collocation::Stop<'_>,
+) -> (Solved, bool) {
+    let unknowns = best.unknowns();
+    let theta = &unknowns[..posed.shared];
+    let likelihood: &Likelihood<'_> = &best.program.likelihood;
+    let runs = 0..posed.runs.len();
+    let initial: Vec<Vec<f64>> = runs.map(|j| likelihood.initial(j, &unknowns)).collect();
+    let (problem, z) = (&response.problem, &response.solution.iterate.z);
+    let magnitudes = |j: usize| problem.magnitudes(z, j);
+    let run = free_run(posed, theta, (&initial, &magnitudes), stop);
+    let is_whole = run.is_some();
+    let (problem, z) = run.unwrap_or_else(|| {
+        let mut z = z.clone();
+        let scales = &problem.model.scales.parameters;
+        let scaled = theta.iter().zip(scales).map(|(v, s)| v / s);
+        let first = problem.layout.theta;
+        z[first..]
+            .iter_mut()
+            .zip(scaled)
+            .for_each(|(own, v)| *own = v);
+        (problem.clone(), z)
+    });
+    let solution = Solution {
+        iterate: Iterate::new(&problem, z),
+        ..best.solution.clone()
+    };
+    (Solved { problem, solution }, is_whole)
+}
+
+/// Conditions of stability that hold with a multiplier.
+fn on_stability_bound(posed: &Posed<'_>, best: &Predicted<'_>) -> Vec<Diagnostic> {
+    let (names, eta) = (&posed.names.parameters, &best.solution.iterate.eta);
+    let held = (posed.names.stability..names.len()).filter(|k| eta[*k] != 0.0);
+    let mut held: Vec<String> = held.map(|k| names[k].clone()).collect();
+    held.dedup();
+    held.into_iter().map(Diagnostic::OnStabilityBound).collect()
+}

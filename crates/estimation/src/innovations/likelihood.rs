@@ -1,0 +1,307 @@
+//! The likelihood of what was recorded, by what the filter predicted, and its derivatives.
+
+use crate::posed::{Posed, Stands};
+use crate::unknowns::Unknown;
+use nalgebra::{DMatrix, DVector};
+use num_dual::DualSVec64;
+use pilotage_filter::{Course, Filter, Innovation, Jet, Number, Record};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Derivatives that one pass of the filter takes with it.
+const WIDTH: usize = 4;
+
+/// Parts of an interval beyond which no more are tried.
+pub(super) const MOST_PARTS: usize = 64;
+
+/// A change of −2 log likelihood that is of no importance.
+pub(super) const NEGLIGIBLE: f64 = 1e-3;
+
+/// The innovations of a problem as functions of its unknowns: the shared parameters, and then for each run the initial
+/// values of its states that are free, its own parameters among them.
+#[derive(Debug, Clone, Copy)]
+pub struct Likelihood<'p> {
+    posed: &'p Posed<'p>,
+    filter: &'p Filter,
+    /// In how many parts an interval between samples is taken.
+    pub parts: usize,
+}
+
+/// The innovations of a run and their derivatives by its unknowns, shared ones first.
+pub struct RunRows {
+    /// Signal, sample, error and variance of each.
+    pub innovations: Vec<Innovation<0>>,
+    /// Derivatives of the errors, a row for each.
+    pub errors: DMatrix<f64>,
+    /// The same of the variances.
+    pub variances: DMatrix<f64>,
+}
+
+impl<'p> Likelihood<'p> {
+    /// Of a problem that noise drives.
+    pub fn of(posed: &'p Posed<'p>) -> Option<Self> {
+        Some(Self {
+            posed,
+            filter: posed.filter.as_ref()?,
+            parts: 1,
+        })
+    }
+
+    /// The states of a run that begin where they are sought.
+    pub fn free(&self, j: usize) -> Vec<usize> {
+        let known = self.posed.runs[j].initial.iter().enumerate();
+        known
+            .filter_map(|(k, own)| own.is_none().then_some(k))
+            .collect()
+    }
+
+    /// Where the unknowns of each run stand.
+    pub fn own(&self) -> Vec<Range<usize>> {
+        let mut first = self.posed.shared;
+        let range = |j: usize| {
+            let range = first..first + self.free(j).len();
+            first = range.end;
+            range
+        };
+        (0..self.posed.runs.len()).map(range).collect()
+    }
+
+    /// Where the states of a run begin by these unknowns.
+    pub fn initial(&self, j: usize, unknowns: &[f64]) -> Vec<f64> {
+        let mut own = unknowns[self.own()[j].clone()].iter();
+        let known = self.posed.runs[j].initial.iter();
+        known
+            .map(|known| known.or_else(|| own.next().copied()).unwrap_or(f64::NAN))
+            .collect()
+    }
+
+    /// A run, filtered, with derivatives by a part of its unknowns, shared ones first.
+    fn course<T: Number<N>, const N: usize>(
+        &self,
+        j: usize,
+        unknowns: &[f64],
+        first: usize,
+    ) -> Course<N> {
+        let posed = self.posed;
+        let jet = |value: f64, place: Option<usize>| Jet {
+            value,
+            slopes: std::array::from_fn(|k| f64::from(u8::from(place == Some(first + k)))),
+        };
+        let free = self.free(j);
+        let place = |state: usize| free.iter().position(|own| *own == state);
+        let states = self.initial(j, unknowns).into_iter().enumerate();
+        let states = states.map(|(k, x)| jet(x, place(k).map(|own| posed.shared + own)));
+        let theta = unknowns[..posed.shared].iter().enumerate();
+        let theta = theta.map(|(k, value)| jet(*value, Some(k)));
+        let (states, theta): (Vec<Jet<N>>, Vec<Jet<N>>) = (states.collect(), theta.collect());
+        self.along::<T, N>(j, &states, &theta)
+    }
+
+    /// A run, filtered from where its states begin.
+    pub fn from(&self, j: usize, initial: &[f64], theta: &[f64]) -> Course<0> {
+        let of =
+            |values: &[f64]| -> Vec<Jet<0>> { values.iter().map(|v| Jet::constant(*v)).collect() };
+        self.along::<f64, 0>(j, &of(initial), &of(theta))
+    }
+
+    fn along<T: Number<N>, const N: usize>(
+        &self,
+        j: usize,
+        states: &[Jet<N>],
+        theta: &[Jet<N>],
+    ) -> Course<N> {
+        let posed = self.posed;
+        let measured: Vec<Vec<f64>> = posed
+            .told
+            .recorded
+            .iter()
+            .map(|all| all[j].clone())
+            .collect();
+        let record = Record {
+            time: &posed.runs[j].time,
+            inputs: &posed.runs[j].inputs,
+            measured: &measured,
+        };
+        self.filter.run::<T, N>(&record, states, theta, self.parts)
+    }
+
+    /// A run, filtered.
+    pub fn filtered(&self, j: usize, unknowns: &[f64]) -> Course<0> {
+        self.course::<f64, 0>(j, unknowns, 0)
+    }
+
+    /// `Σ weight (ln s + e²/s)` of all runs; not a number outside of the domain.
+    pub fn value(&self, unknowns: &[f64]) -> f64 {
+        let runs: Vec<f64> = (0..self.posed.runs.len())
+            .into_par_iter()
+            .map(|j| {
+                let innovations = self.filtered(j, unknowns).innovations;
+                let sum: f64 = innovations.iter().map(Innovation::surprise).sum();
+                self.weight(j) * sum
+            })
+            .collect();
+        runs.iter().sum::<f64>() + self.priors(unknowns).map(|own| own.value).sum::<f64>()
+    }
+
+    /// The weight of a run.
+    pub fn weight(&self, j: usize) -> f64 {
+        self.posed.data[j].line.weight
+    }
+
+    /// The innovations of all runs with their derivatives.
+    pub fn rows(&self, unknowns: &[f64]) -> Vec<RunRows> {
+        let runs = (0..self.posed.runs.len()).map(|j| self.posed.shared + self.free(j).len());
+        let passes = runs.enumerate().flat_map(|(j, count)| {
+            let firsts = (0..count.max(1)).step_by(WIDTH);
+            firsts.map(move |first| (j, first, count))
+        });
+        let passes: Vec<(usize, usize, usize)> = passes.collect();
+        let courses: Vec<Course<WIDTH>> = passes
+            .par_iter()
+            .map(|(j, first, _)| self.course::<DualSVec64<WIDTH>, WIDTH>(*j, unknowns, *first))
+            .collect();
+        let mut all: Vec<RunRows> = Vec::new();
+        for ((_, first, count), course) in passes.iter().zip(&courses) {
+            if *first == 0 {
+                all.push(RunRows::new(course, *count));
+            }
+            if let Some(run) = all.last_mut() {
+                run.fill(course, *first);
+            }
+        }
+        all
+    }
+
+    /// The terms of what is known beforehand.
+    pub fn priors<'a>(&'a self, unknowns: &'a [f64]) -> impl Iterator<Item = PriorTerm> + 'a {
+        let all = self.posed.unknowns.iter();
+        all.flat_map(move |(unknown, stands)| {
+            let places = if unknown.prior.is_some() {
+                self.places(stands)
+            } else {
+                Vec::new()
+            };
+            let term = move |place: usize| PriorTerm::of(unknown, unknowns[place], place);
+            places.into_iter().filter_map(term)
+        })
+    }
+
+    /// Where an unknown stands among all.
+    pub fn places(&self, stands: &Stands) -> Vec<usize> {
+        match stands {
+            Stands::Shared(k) => vec![*k],
+            Stands::Subjects(all) => all.iter().map(|(_, k)| *k).collect(),
+            Stands::State(state) => {
+                let place = |(j, range): (usize, Range<usize>)| {
+                    let own = self.free(j).iter().position(|own| own == state);
+                    own.map(|own| range.start + own)
+                };
+                self.own()
+                    .into_iter()
+                    .enumerate()
+                    .filter_map(place)
+                    .collect()
+            }
+        }
+    }
+
+    /// The same with so many parts of each interval that twice as many change nothing of importance.
+    pub fn refined(self, unknowns: &[f64]) -> Self {
+        let mut own = self;
+        let mut value = own.value(unknowns);
+        while own.parts < MOST_PARTS {
+            let finer = own.doubled();
+            let next = finer.value(unknowns);
+            if (next - value).abs() <= NEGLIGIBLE || !next.is_finite() {
+                break;
+            }
+            (own, value) = (finer, next);
+        }
+        own
+    }
+
+    /// The same with twice as many parts of each interval.
+    pub fn doubled(self) -> Self {
+        Self {
+            parts: 2 * self.parts,
+            ..self
+        }
+    }
+}
+
+impl RunRows {
+    fn new<const N: usize>(course: &Course<N>, unknowns: usize) -> Self {
+        let plain = |own: &Innovation<N>| Innovation {
+            signal: own.signal,
+            sample: own.sample,
+            error: Jet::constant(own.error.value),
+            variance: Jet::constant(own.variance.value),
+        };
+        let innovations: Vec<Innovation<0>> = course.innovations.iter().map(plain).collect();
+        let zeros = DMatrix::zeros(innovations.len(), unknowns);
+        Self {
+            innovations,
+            errors: zeros.clone(),
+            variances: zeros,
+        }
+    }
+
+    /// Takes the derivatives of a pass over.
+    fn fill<const N: usize>(&mut self, course: &Course<N>, first: usize) {
+        let last = self.errors.ncols().min(first + N);
+        for (i, own) in course.innovations.iter().enumerate() {
+            for k in first..last {
+                self.errors[(i, k)] = own.error.slopes[k - first];
+                self.variances[(i, k)] = own.variance.slopes[k - first];
+            }
+        }
+    }
+
+    /// Rows of a least-squares problem with the same gradient, and Fisher's information as its normal matrix
+    /// ([`pilotage_inference::Row`]): `e'/√s` with the residual `e/√s`, and `s'/(√2 s)` with `(e²/s - 1)/√2`.
+    pub fn scored(&self) -> [(DMatrix<f64>, DVector<f64>); 2] {
+        let count = self.innovations.len();
+        let (mut location, mut level) = (-&self.errors, self.variances.clone());
+        let (mut errors, mut levels) = (DVector::zeros(count), DVector::zeros(count));
+        let root = std::f64::consts::SQRT_2;
+        for (i, own) in self.innovations.iter().enumerate() {
+            let (s, z) = (own.variance.value, own.standardised());
+            location.row_mut(i).scale_mut(1.0 / s.sqrt());
+            level.row_mut(i).scale_mut(1.0 / (root * s));
+            errors[i] = z;
+            levels[i] = (z * z - 1.0) / root;
+        }
+        [(location, errors), (level, levels)]
+    }
+}
+
+/// `((p - mean)/sd)²` of an unknown, where `p` is what the prior is of.
+#[derive(Debug, Clone, Copy)]
+pub struct PriorTerm {
+    /// Where the unknown stands.
+    pub place: usize,
+    /// The term.
+    pub value: f64,
+    /// `(p - mean)/sd`.
+    pub residual: f64,
+    /// The derivative of that by the unknown.
+    pub slope: f64,
+}
+
+impl PriorTerm {
+    fn of(unknown: &Unknown, searched: f64, place: usize) -> Option<Self> {
+        let prior = unknown.prior?;
+        let (p, slope) = match (unknown.log, prior.log) {
+            (true, false) => (searched.exp(), searched.exp()),
+            (false, true) => (searched.ln(), 1.0 / searched),
+            _ => (searched, 1.0),
+        };
+        let residual = (p - prior.mean) / prior.sd;
+        Some(Self {
+            place,
+            value: residual * residual,
+            residual,
+            slope: slope / prior.sd,
+        })
+    }
+}

@@ -1,0 +1,345 @@
+//! The filter: mean and covariance between samples, innovations at them.
+
+use crate::jet::{Jet, Number};
+use crate::matrix::{Matrix, dot};
+use crate::solve::solved;
+use crate::transition::Transition;
+use pilotage_expression::{Graph, Node, Tape};
+
+/// Transitions that are kept: samples are a few different times apart.
+const KEPT: usize = 4;
+
+/// A system with process noise, as expressions over the variables time, states that are filtered, and all else.
+#[derive(Debug, Clone, Copy)]
+pub struct Equations<'a> {
+    /// The expressions.
+    pub graph: &'a Graph,
+    /// Number of its variables.
+    pub variables: usize,
+    /// Derivatives of the states that are filtered, whose variables are the first ones behind the time.
+    pub derivatives: &'a [Node],
+    /// For each white noise what it adds to these derivatives, per unit, and its density.
+    pub noises: &'a [(Vec<Node>, Node)],
+    /// For each measured signal what the sensor should show, and the standard deviation of its noise.
+    pub outputs: &'a [(Node, Node)],
+}
+
+/// The filter of a system.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    states: usize,
+    variables: usize,
+    /// Derivatives.
+    drift: Tape,
+    /// Those of these by the states, row by row, and the density of all noises together.
+    linear: Tape,
+    /// Signals, variances of their noise, and the signals' derivatives by the states.
+    measure: Tape,
+    /// Neither derivatives nor noises are nonlinear in the states.
+    is_affine: bool,
+}
+
+/// A run as it was recorded.
+#[derive(Debug, Clone, Copy)]
+pub struct Record<'a> {
+    /// Times of the samples, ascending; rows of one time are taken one after the other.
+    pub time: &'a [f64],
+    /// Inputs at each; between two times they go on straight lines from the last row of the one to the first of the other.
+    pub inputs: &'a [Vec<f64>],
+    /// For each signal its values at the samples, NaN where there is none.
+    pub measured: &'a [Vec<f64>],
+}
+
+/// What a measured value says that was not known before.
+#[derive(Debug, Clone, Copy)]
+pub struct Innovation<const N: usize> {
+    /// The signal.
+    pub signal: usize,
+    /// The sample.
+    pub sample: usize,
+    /// Measured minus predicted by all before it, signals of the same sample among them.
+    pub error: Jet<N>,
+    /// Its variance.
+    pub variance: Jet<N>,
+}
+
+impl<const N: usize> Innovation<N> {
+    /// `ln s + e²/s`, −2 log likelihood up to its constant.
+    pub fn surprise(&self) -> f64 {
+        let (e, s) = (self.error.value, self.variance.value);
+        s.ln() + e * e / s
+    }
+
+    /// `e/√s`.
+    pub fn standardised(&self) -> f64 {
+        self.error.value / self.variance.value.sqrt()
+    }
+}
+
+/// A run, filtered.
+#[derive(Debug, Clone)]
+pub struct Course<const N: usize> {
+    /// In the order of samples and, of one sample, of signals.
+    pub innovations: Vec<Innovation<N>>,
+    /// For each signal what is predicted at each sample from the samples before it.
+    pub predicted: Vec<Vec<f64>>,
+}
+
+/// Where a run has come to.
+struct Place<'a, const N: usize> {
+    /// All variables but the states.
+    variables: Vec<Jet<N>>,
+    record: &'a Record<'a>,
+    /// Place of the inputs among the variables.
+    inputs: usize,
+    mean: Vec<Jet<N>>,
+    covariance: Matrix<N>,
+    transitions: Vec<Transition<N>>,
+}
+
+impl Filter {
+    /// Of a system.
+    pub fn new(of: &Equations<'_>) -> Self {
+        let mut graph = of.graph.clone();
+        let n = of.derivatives.len();
+        let mut linear = jacobian(&mut graph, of.derivatives, n);
+        for i in 0..n {
+            for j in 0..n {
+                let terms = of
+                    .noises
+                    .iter()
+                    .map(|(column, q)| (column[i], column[j], *q));
+                let mut sum = graph.constant(0.0);
+                for (a, b, q) in terms {
+                    let product = graph.multiply(a, b);
+                    let term = graph.multiply(product, q);
+                    sum = graph.add(sum, term);
+                }
+                linear.push(sum);
+            }
+        }
+        let shown: Vec<Node> = of.outputs.iter().map(|(node, _)| *node).collect();
+        let mut measure = shown.clone();
+        measure.extend(of.outputs.iter().map(|(_, sd)| graph.multiply(*sd, *sd)));
+        measure.extend(jacobian(&mut graph, &shown, n));
+        let varies = graph.dependants(|variable| (1..=n).contains(&variable));
+        let tape = |nodes: &[Node]| Tape::new(&graph, of.variables, |_| false, &[nodes]);
+        Self {
+            states: n,
+            variables: of.variables,
+            drift: tape(of.derivatives),
+            linear: tape(&linear),
+            measure: tape(&measure),
+            is_affine: linear.iter().all(|node| !varies[node.index()]),
+        }
+    }
+
+    /// Filters a run from a known state, which those that are filtered begin, with the variables behind the inputs in
+    /// `rest`. Each interval between samples is taken in so many parts: one where the system is linear, for which it is
+    /// exact.
+    ///
+    /// # Panics
+    /// Where there are not as many variables as the equations have.
+    pub fn run<T: Number<N>, const N: usize>(
+        &self,
+        record: &Record<'_>,
+        initial: &[Jet<N>],
+        rest: &[Jet<N>],
+        parts: usize,
+    ) -> Course<N> {
+        let mut place = Place::new(self, record, initial, rest);
+        let mut found = Course {
+            innovations: Vec::new(),
+            predicted: vec![Vec::new(); record.measured.len()],
+        };
+        for sample in 0..record.time.len() {
+            if sample > 0 && record.time[sample] > record.time[sample - 1] {
+                self.predict::<T, N>(&mut place, sample, parts);
+            }
+            self.update::<T, N>(&mut place, sample, &mut found);
+        }
+        found
+    }
+
+    /// Takes the state to a sample.
+    fn predict<T: Number<N>, const N: usize>(
+        &self,
+        place: &mut Place<'_, N>,
+        sample: usize,
+        parts: usize,
+    ) {
+        let [from, to] = [sample - 1, sample].map(|k| place.record.time[k]);
+        let h = (to - from) / parts as f64;
+        for part in 0..parts {
+            let at = |part: f64| part / parts as f64;
+            let [begin, middle, end] = [0.0, 0.5, 1.0].map(|p| at(part as f64 + p));
+            let about = self.midpoint::<T, N>(place, (sample, begin), h);
+            let rates = [begin, end].map(|p| {
+                place.set(sample, p, &about);
+                computed::<T, N>(&self.drift, &place.variables)
+            });
+            place.set(sample, middle, &about);
+            let linear = computed::<T, N>(&self.linear, &place.variables);
+            place.step(&about, rates, &linear, h);
+        }
+    }
+
+    /// Where the equations are taken as linear: after half a time, by the implicit Euler method, which fast poles do not
+    /// upset. Of linear equations it does not matter.
+    fn midpoint<T: Number<N>, const N: usize>(
+        &self,
+        place: &mut Place<'_, N>,
+        (sample, part): (usize, f64),
+        h: f64,
+    ) -> Vec<Jet<N>> {
+        let mean = place.mean.clone();
+        if self.is_affine {
+            return mean;
+        }
+        place.set(sample, part, &mean);
+        let rates = computed::<T, N>(&self.drift, &place.variables);
+        let linear = computed::<T, N>(&self.linear, &place.variables);
+        let mut matrix = Matrix::identity(self.states);
+        matrix.add(&square(&linear, self.states).scaled(-0.5 * h));
+        let moves = solved(
+            matrix,
+            rates.iter().map(|own| own.scaled(0.5 * h)).collect(),
+        );
+        mean.iter().zip(moves).map(|(x, d)| *x + d).collect()
+    }
+
+    /// Takes what is measured at a sample, signal by signal, each linear about what was predicted.
+    fn update<T: Number<N>, const N: usize>(
+        &self,
+        place: &mut Place<'_, N>,
+        sample: usize,
+        found: &mut Course<N>,
+    ) {
+        let (n, m) = (self.states, place.record.measured.len());
+        let before = place.mean.clone();
+        place.set(sample, 1.0, &before);
+        let values = computed::<T, N>(&self.measure, &place.variables);
+        let (shown, others) = values.split_at(m);
+        let (variances, slopes) = others.split_at(m);
+        for signal in 0..m {
+            found.predicted[signal].push(shown[signal].value);
+            let seen = place.record.measured[signal][sample];
+            if !seen.is_finite() {
+                continue;
+            }
+            let slope = &slopes[signal * n..][..n];
+            let moved = place.mean.iter().zip(&before).map(|(x, b)| *x - *b);
+            let moved: Vec<Jet<N>> = moved.collect();
+            let expected = shown[signal] + dot(slope, &moved);
+            let innovation = Innovation {
+                signal,
+                sample,
+                error: Jet::constant(seen) - expected,
+                variance: place.variance(slope) + variances[signal],
+            };
+            place.learn(slope, &innovation);
+            found.innovations.push(innovation);
+        }
+    }
+}
+
+impl<'a, const N: usize> Place<'a, N> {
+    fn new(filter: &Filter, record: &'a Record<'a>, initial: &[Jet<N>], rest: &[Jet<N>]) -> Self {
+        let mut variables = vec![Jet::constant(0.0)];
+        variables.extend_from_slice(initial);
+        let inputs = variables.len();
+        let count = record.inputs.first().map_or(0, Vec::len);
+        variables.extend(std::iter::repeat_n(Jet::constant(0.0), count));
+        variables.extend_from_slice(rest);
+        assert_eq!(variables.len(), filter.variables, "the filter's variables");
+        Self {
+            variables,
+            record,
+            inputs,
+            mean: initial[..filter.states].to_vec(),
+            covariance: Matrix::zeros(filter.states, filter.states),
+            transitions: Vec::new(),
+        }
+    }
+
+    /// The variables at a part of the time since the sample before, with these states.
+    fn set(&mut self, sample: usize, part: f64, states: &[Jet<N>]) {
+        let (time, inputs) = (self.record.time, self.record.inputs);
+        let before = sample.saturating_sub(1);
+        // Exact at the end, where a replicate may have inputs of its own.
+        let between = |a: f64, b: f64| if part == 1.0 { b } else { a + part * (b - a) };
+        self.variables[0] = Jet::constant(between(time[before], time[sample]));
+        self.variables[1..=states.len()].copy_from_slice(states);
+        let pairs = inputs[before].iter().zip(&inputs[sample]);
+        for (own, (a, b)) in self.variables[self.inputs..].iter_mut().zip(pairs) {
+            *own = Jet::constant(between(*a, *b));
+        }
+    }
+
+    /// Over a time `h` of a system that is linear about a point, with these rates there at its begin and end.
+    fn step(&mut self, about: &[Jet<N>], rates: [Vec<Jet<N>>; 2], linear: &[Jet<N>], h: f64) {
+        let n = about.len();
+        let (f, q) = linear.split_at(n * n);
+        let (f, q) = (square(f, n), square(q, n));
+        let off = self.mean.iter().zip(about).map(|(x, a)| *x - *a);
+        let off = f.apply(&off.collect::<Vec<_>>());
+        let constant: Vec<Jet<N>> = rates[0].iter().zip(&off).map(|(r, o)| *r + *o).collect();
+        let slope = rates[1].iter().zip(&rates[0]);
+        let slope: Vec<Jet<N>> = slope.map(|(b, a)| (*b - *a).scaled(1.0 / h)).collect();
+        let known = self.transition(f, q, h);
+        let over = &self.transitions[known];
+        let moves = over.constant.apply(&constant).into_iter();
+        let moves = moves.zip(over.slope.apply(&slope));
+        let moves: Vec<Jet<N>> = moves.map(|(a, b)| a + b).collect();
+        let mut covariance = over.phi.around(&self.covariance);
+        covariance.add(&over.noise);
+        self.covariance = covariance;
+        self.mean.iter_mut().zip(moves).for_each(|(x, d)| *x += d);
+    }
+
+    /// The place of the transition of a system over a time, computed or kept.
+    fn transition(&mut self, f: Matrix<N>, q: Matrix<N>, h: f64) -> usize {
+        let mut kept = self.transitions.iter();
+        kept.position(|own| own.is_of(&f, &q, h))
+            .unwrap_or_else(|| {
+                self.transitions.truncate(KEPT - 1);
+                self.transitions.insert(0, Transition::over(f, q, h));
+                0
+            })
+    }
+
+    /// Variance of what depends on the states by these derivatives.
+    fn variance(&self, slope: &[Jet<N>]) -> Jet<N> {
+        dot(&self.covariance.apply(slope), slope)
+    }
+
+    /// Takes an innovation in.
+    fn learn(&mut self, slope: &[Jet<N>], of: &Innovation<N>) {
+        let shared = self.covariance.apply(slope);
+        let step = of.error / of.variance;
+        let pairs = self.mean.iter_mut().zip(&shared);
+        pairs.for_each(|(x, own)| *x += *own * step);
+        self.covariance.subtract_square(&shared, of.variance);
+    }
+}
+
+/// Derivatives of expressions by the first so many variables behind the time, row by row.
+fn jacobian(graph: &mut Graph, of: &[Node], states: usize) -> Vec<Node> {
+    let columns: Vec<Vec<Node>> = (1..=states).map(|k| graph.derivatives(of, k)).collect();
+    let row = |i: usize| columns.iter().map(move |column| column[i]);
+    (0..of.len()).flat_map(row).collect()
+}
+
+/// The first entries as a square matrix.
+fn square<const N: usize>(entries: &[Jet<N>], size: usize) -> Matrix<N> {
+    let mut own = Matrix::zeros(size, size);
+    for i in 0..size {
+        (0..size).for_each(|j| *own.at(i, j) = entries[i * size + j]);
+    }
+    own
+}
+
+fn computed<T: Number<N>, const N: usize>(tape: &Tape, variables: &[Jet<N>]) -> Vec<Jet<N>> {
+    let variables: Vec<T> = variables.iter().map(|own| T::of(*own)).collect();
+    tape.evaluate(&variables).into_iter().map(T::jet).collect()
+}
