@@ -213,6 +213,10 @@ fn other_weights_and_units_are_other_data() {
         heavy,
         "other.toml: the run run3.csv has the weight 7, and 1 in first.toml",
     );
+    let filtered = first.replace("starts = 1", "starts = 1\nobjective = \"prediction-error\"");
+    let noise = "[process_noise]\n\"m.x\" = { density = 0.1 }\n[[run]]";
+    let words = "other.toml: runs that are left out are simulated, and objective = \"prediction-error\" fits";
+    refused(filtered.replacen("[[run]]", noise, 1), words);
     let metres = ONE.replace("y = \"x\"", "y = { value = \"x\", unit = \"m\" }");
     folder.write(
         "metres.toml",
