@@ -1,6 +1,6 @@
 //! What a human's remnant does to parameters: bias, scatter and intervals by what is compared.
 //!
-//!     cargo bench --bench remnant              # 40 flights a row, docs/uncertainty.md
+//!     cargo bench --bench remnant              # 24 flights a row, docs/uncertainty.md
 //!     cargo bench --bench remnant -- 8         # fewer
 //!
 //! Each flight is 60 s after a sum of sines at 20 Hz: a pilot of known gain, lead and delay, whose hand adds coloured noise
@@ -140,7 +140,7 @@ v = { unit = "m/s", der = "power * stick" }
 
 fn main() {
     let flights = std::env::args().filter_map(|own| own.parse().ok()).next();
-    let flights: u64 = flights.unwrap_or(40);
+    let flights: u64 = flights.unwrap_or(24);
     println!("found minus true, mean ± standard deviation over {flights} flights of {DURATION} s;");
     println!("in brackets how many of 100 95 % intervals hold the truth\n");
     println!(

@@ -72,6 +72,13 @@ fn limits(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     all
 }
 
+/// Limits of outputs that are exceeded, and by how much at most.
+pub(crate) fn beyond(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
+    let all = limits(posed, solved).into_iter();
+    let is_beyond = |(name, by): &(String, f64)| name.starts_with("the limit of") && *by > VIOLATED;
+    all.filter(is_beyond).take(MOST).collect()
+}
+
 /// What is stable because the solve was kept from less: conditions of stability that lie on their limits, with a
 /// multiplier.
 pub(crate) fn on_stability_bound(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {

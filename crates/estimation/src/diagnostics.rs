@@ -36,6 +36,13 @@ pub enum Diagnostic {
         /// By how much, scaled.
         by: f64,
     },
+    /// The limit of an output, which is no constraint where noise drives the system, is exceeded without that noise.
+    BeyondLimit {
+        /// The limit, and the run.
+        name: String,
+        /// By how much at most, in the output's unit.
+        by: f64,
+    },
     /// The system grows.
     UnstableLoop {
         /// How fast \[1/s\].
@@ -129,6 +136,7 @@ impl Diagnostic {
             Self::NotMet(_) => "not-met",
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
+            Self::BeyondLimit { .. } => "beyond-limit",
             Self::UnstableLoop { .. } => "unstable-loop",
             Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
             Self::OnStabilityBound(_) => "model-on-bound",
@@ -175,6 +183,11 @@ impl fmt::Display for Diagnostic {
             Self::Violated { name, by } => write!(
                 f,
                 "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest"
+            ),
+            Self::BeyondLimit { name, by } => write!(
+                f,
+                "{name} is exceeded by up to {by:.1e}: prediction errors know no limits, and an exported model stays \
+                 within; fit the response, or flights that keep off the stops"
             ),
             Self::UnstableLoop { growth, is_kept } => write!(
                 f,

@@ -22,6 +22,9 @@ fn distance(own: &Matrix<0>, other: &DMatrix<f64>) -> f64 {
     entries.fold(0.0, f64::max)
 }
 
+/// A system, its noises, and what is measured.
+type Noisy = (System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>);
+
 /// A pair that oscillates and a fast pole.
 fn plant() -> [DMatrix<f64>; 2] {
     let f = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, -4.0, -0.5, 1.0, 0.0, 0.3, -8.0]);
@@ -67,7 +70,7 @@ fn whole(of: &Matrix<0>) -> DMatrix<f64> {
 }
 
 /// The plant with an input and a gain that is a parameter; two signals, and a noise level that is another.
-fn equations() -> (System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>) {
+fn equations() -> Noisy {
     let [f, _] = plant();
     let system = System::trace([3, 1, 3], |at| {
         let row = |i: usize| {
@@ -91,7 +94,7 @@ fn equations() -> (System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>) {
     (system, noises, outputs)
 }
 
-fn filter(of: &(System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>)) -> Filter {
+fn filter(of: &Noisy) -> Filter {
     Filter::new(&Equations {
         graph: &of.0.graph,
         variables: of.0.variables(),
@@ -247,7 +250,7 @@ fn slope(of: &Innovation<4>, k: usize) -> f64 {
 }
 
 /// The same sizes: a pendulum with a lag.
-fn nonlinear() -> (System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>) {
+fn nonlinear() -> Noisy {
     let system = System::trace([3, 1, 3], |at| {
         let rate = at.x[0].sin() * -4.0 - at.x[1] * at.p[0] + at.x[2];
         let lag = (at.u[0] - at.x[2]) * 5.0;

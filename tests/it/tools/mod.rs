@@ -14,6 +14,7 @@ mod pack;
 mod pages;
 mod python;
 mod references;
+mod remnant;
 mod results;
 mod third_party;
 mod valgrind;

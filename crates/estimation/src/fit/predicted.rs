@@ -5,6 +5,7 @@ use super::check::free_run;
 use super::solve::Solved;
 use super::watch::Watch;
 use super::{cut, looped};
+use crate::active::beyond;
 use crate::diagnostics::{Diagnostic, diagnostics};
 use crate::innovations::{Begin, Likelihood, Predicted, linearised, predicted as searched};
 use crate::loops::Looped;
@@ -63,6 +64,9 @@ pub(super) fn predicted(
     }
     found.diagnostics = diagnostics(posed, &last, &found);
     found.diagnostics.extend(on_stability_bound(posed, best));
+    let exceeded = beyond(posed, &last).into_iter();
+    let exceeded = exceeded.map(|(name, by)| Diagnostic::BeyondLimit { name, by });
+    found.diagnostics.extend(exceeded.filter(|_| is_whole));
     found.solved = Some(Arc::new(last));
     found
 }

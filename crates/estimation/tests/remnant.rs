@@ -1,0 +1,252 @@
+//! Prediction errors: a loop with a human's noise in it, whose truth is known.
+
+use pilotage_estimation::validation::validated;
+use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage_inference::residuals::LjungBox;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use std::fmt::Write;
+use std::ops::ControlFlow;
+use tempfile::TempDir;
+
+const MODEL: &str = r#"
+[model]
+name = "loop"
+[inputs]
+target = {}
+noise = {}
+[parameters]
+gain = { start = 1, min = 0 }
+lag = { start = 0.4, min = 0.01 }
+[states]
+arm = { der = "(gain * (target - x) + noise - arm) / lag" }
+x = { der = "arm" }
+"#;
+
+const PROBLEM: &str = r#"
+[system.m]
+model = "loop.toml"
+[inputs]
+"m.target" = "target"
+[process_noise]
+"m.noise" = { density = "q" }
+[[measured]]
+signal = "m.x"
+column = "x"
+sd = "s"
+[parameters]
+"m.*" = {}
+q = { start = 0.5, min = 0 }
+s = { start = 0.2, min = 1e-3 }
+[fit]
+objective = "prediction-error"
+starts = 2
+"#;
+
+/// Gain, lag, density, noise level.
+const TRUTH: [(&str, f64); 4] = [("m.gain", 1.5), ("m.lag", 0.3), ("q", 0.05), ("s", 0.03)];
+const STEP: f64 = 0.1;
+const PARTS: usize = 200;
+
+/// A run by Heun's method in small steps, with noise that is constant in each: every fifth sample is missing.
+fn run(seed: u64, samples: usize) -> String {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut gauss = || -> f64 { StandardNormal.sample(&mut random) };
+    let [gain, lag, q, s] = TRUTH.map(|(_, value)| value);
+    let h = STEP / PARTS as f64;
+    let knot = |k: usize| {
+        let t = STEP * k as f64;
+        (0.5 * t + seed as f64).sin() + (1.3 * t).sin() - (seed as f64).sin()
+    };
+    let mut text = "time,target,x\n".to_owned();
+    let mut x = [0.0; 2];
+    for k in 0..samples {
+        let shown = match k % 5 {
+            4 => String::new(),
+            _ => (x[1] + s * gauss()).to_string(),
+        };
+        writeln!(text, "{},{},{shown}", STEP * k as f64, knot(k)).unwrap();
+        for part in 0..PARTS {
+            let noise = (q / h).sqrt() * gauss();
+            let at = |part: f64| knot(k) + part / PARTS as f64 * (knot(k + 1) - knot(k));
+            let rates =
+                |x: [f64; 2], goal: f64| [(gain * (goal - x[1]) + noise - x[0]) / lag, x[0]];
+            let a = rates(x, at(part as f64));
+            let b = rates([x[0] + h * a[0], x[1] + h * a[1]], at(part as f64 + 1.0));
+            x = std::array::from_fn(|i| x[i] + 0.5 * h * (a[i] + b[i]));
+        }
+    }
+    text
+}
+
+fn folder(runs: u64) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("loop.toml"), MODEL).unwrap();
+    for k in 0..runs {
+        std::fs::write(folder.path().join(format!("{k}.csv")), run(k, 300)).unwrap();
+    }
+    folder
+}
+
+fn parsed(folder: &TempDir, text: &str) -> ProblemFile {
+    let path = folder.path().join("problem.toml");
+    ProblemFile::parse(text, &path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn fitted(file: &ProblemFile) -> Fit {
+    let posed = Posed::new(file, &part::open).unwrap_or_else(|error| panic!("{error}"));
+    fit(&posed, &mut |_| ControlFlow::Continue(()))
+}
+
+fn lines(runs: std::ops::Range<u64>) -> String {
+    let lines = runs.map(|k| format!("[[run]]\nfile = \"{k}.csv\"\n"));
+    lines.collect()
+}
+
+/// Value and standard deviation of a shared parameter.
+fn told(fit: &Fit, name: &str) -> (f64, f64) {
+    let place = fit
+        .parameters
+        .iter()
+        .position(|own| own.name == name)
+        .unwrap();
+    let sure = fit
+        .uncertainty
+        .as_ref()
+        .unwrap_or_else(|error| panic!("{error}"));
+    (
+        fit.parameters[place].values[0].1,
+        sure.intervals[place][0].sd,
+    )
+}
+
+#[test]
+fn the_truth_and_the_noise_are_found_and_innovations_are_white() {
+    let folder = folder(5);
+    let text =
+        PROBLEM.to_owned() + &lines(0..4) + "[[run]]\nfile = \"4.csv\"\nuse = \"validation\"\n";
+    let file = parsed(&folder, &text);
+    let found = fitted(&file);
+    assert!(found.is_answer(), "{:?}", found.diagnostics);
+    for (name, truth) in TRUTH {
+        let (value, sd) = told(&found, name);
+        assert!((value - truth).abs() < 4.0 * sd, "{name}: {value} ± {sd}");
+        assert!(sd < 0.15 * truth, "{name}: {value} ± {sd}");
+    }
+    let per_value = found.chi2 / found.samples as f64;
+    assert!((per_value - 1.0).abs() < 0.1, "{per_value}");
+    let judged = validated(&file, &found, &part::open).unwrap();
+    for run in found.runs.iter().chain(&judged) {
+        let ahead = run.ahead.as_ref().unwrap();
+        let known: Vec<f64> = ahead.innovations[0]
+            .iter()
+            .copied()
+            .filter(|z| z.is_finite())
+            .collect();
+        assert_eq!(known.len(), 240);
+        let white = LjungBox::of(&known).unwrap();
+        assert!(white.p > 1e-3, "{}: {}", run.name, white.p);
+        // One step ahead is much nearer than the response, which the noise has left.
+        let squares: f64 = run.recorded[0]
+            .iter()
+            .zip(&run.predicted[0])
+            .filter(|(y, _)| y.is_finite())
+            .map(|(y, h)| (y - h).powi(2))
+            .sum();
+        let free = (squares / 240.0).sqrt();
+        assert!(run.rms_ahead(0).unwrap() < 0.5 * free, "{}", run.name);
+    }
+    // −2 ln L of the runs is that of their sum.
+    let surprise: f64 = found
+        .runs
+        .iter()
+        .map(|run| run.ahead.as_ref().unwrap().surprise())
+        .sum();
+    assert!((surprise - 2.0 * found.nllh).abs() < 1e-8 * surprise.abs());
+}
+
+#[test]
+fn the_numbers_are_the_same_for_any_number_of_threads() {
+    let folder = folder(2);
+    let file = parsed(&folder, &(PROBLEM.to_owned() + &lines(0..2)));
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let found = pool.install(|| fitted(&file));
+        let values = found.parameters.iter().map(|own| own.values[0].1.to_bits());
+        (found.objective.to_bits(), values.collect::<Vec<_>>())
+    };
+    assert_eq!(with(1), with(3));
+}
+
+/// Parameters and free states for each run, a state at rest, noise at a state, a constraint, and a density that is not to
+/// be had.
+#[test]
+fn what_runs_have_for_themselves_is_found_too() {
+    let folder = folder(3);
+    let text = PROBLEM
+        .replace("\"m.*\" = {}", "\"m.gain\" = { per = \"run\" }\n\"m.lag\" = { scale = \"log\" }")
+        .replace("\"m.noise\" = { density = \"q\" }", "\"m.arm\" = { density = \"q\" }")
+        .replace("q = { start = 0.5, min = 0 }", "q = { start = 0.7, min = 0.6 }")
+        .replace("[fit]", "[initial]\n\"m.x\" = \"free\"\n\"m.arm\" = \"steady\"\n[[constraint]]\nexpression = \"m.lag\"\nmax = 2\nat = \"parameters\"\n[fit]");
+    let found = fitted(&parsed(&folder, &(text + &lines(0..3))));
+    assert!(found.is_answer(), "{:?}", found.diagnostics);
+    let gain = found
+        .parameters
+        .iter()
+        .find(|own| own.name == "m.gain")
+        .unwrap();
+    assert_eq!(gain.values.len(), 3);
+    assert!(
+        gain.values
+            .iter()
+            .all(|(_, value)| (value - 1.5).abs() < 0.4),
+        "{gain:?}"
+    );
+    // 0.05/0.3² is 0.56: the range ends above it.
+    let codes: Vec<&str> = found.diagnostics.iter().map(|own| own.code()).collect();
+    assert_eq!(codes, ["at-bound"], "{:?}", found.diagnostics);
+    // At rest under the first target.
+    for run in &found.runs {
+        let (arm, x) = (run.states[0][0], run.states[1][0]);
+        let value = gain
+            .values
+            .iter()
+            .find(|(label, _)| label.as_ref() == Some(&run.name))
+            .unwrap()
+            .1;
+        let goal: f64 = folder_target(&folder, &run.name);
+        assert!((value * (goal - x) - arm).abs() < 1e-6, "{arm} {x}");
+    }
+}
+
+fn folder_target(folder: &TempDir, name: &str) -> f64 {
+    let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
+    text.lines()
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .nth(1)
+        .unwrap()
+        .parse()
+        .unwrap()
+}
+
+#[test]
+fn the_response_is_what_is_fitted_unless_something_else_is_said() {
+    let folder = folder(1);
+    let plain = PROBLEM
+        .replace("[process_noise]\n\"m.noise\" = { density = \"q\" }\n", "")
+        .replace("q = { start = 0.5, min = 0 }\n", "")
+        .replace("objective = \"prediction-error\"\n", "")
+        + &lines(0..1);
+    let said = plain.replace("[fit]\n", "[fit]\nobjective = \"response\"\n");
+    let [plain, said] = [plain, said].map(|text| fitted(&parsed(&folder, &text)));
+    assert_eq!(plain.objective.to_bits(), said.objective.to_bits());
+    assert!(plain.runs[0].ahead.is_none());
+    // As one Gaussian noise on what was recorded, the noise in the loop is much larger than the sensor's.
+    assert!(told(&plain, "s").0 > 3.0 * 0.03);
+}
