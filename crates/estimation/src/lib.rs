@@ -44,7 +44,7 @@
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
-//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
+//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
 //! | [`comparison`] | several problems on the same data |
 
 mod active;
@@ -52,6 +52,7 @@ mod assembly;
 mod begun;
 pub mod comparison;
 pub mod data;
+pub mod describing;
 pub mod diagnostics;
 pub mod error;
 pub mod evaluate;

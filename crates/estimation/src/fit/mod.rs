@@ -24,6 +24,7 @@ pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, Solved, solve};
 pub use unfinished::MET;
 
+use crate::describing::describing;
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
 use crate::loops::Looped;
@@ -110,6 +111,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
         found.uncertainty = uncertainty(posed, &last, &found, simulated, looped.as_ref());
+        found.describing = describing(posed, &last);
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
