@@ -1,6 +1,7 @@
 //! The figures of a report.
 
 use super::certainty::{correlation_figure, waterfall_figure};
+use super::describing;
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::{Fitted, bode_figures};
 use super::page::Report;
@@ -167,7 +168,9 @@ pub fn all(report: &Report) -> Vec<Figure> {
         vehicle: options.loop_vehicle(),
         sure: fit.uncertainty.as_ref(),
     };
-    all.extend(bode_figures(&fitted));
+    let mut bode = bode_figures(&fitted);
+    describing::add_to(&mut bode, &report.found.describing);
+    all.extend(bode);
     all.push(pole_figure(&fitted));
     all.push(residuals(fit, &targets, options.objective));
     if let Some(sure) = &fit.uncertainty {

@@ -4,6 +4,8 @@ use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::number::significant;
 use crate::identification::Uncertainty;
 use crate::identification::closed_loop::LinearVehicle;
+use crate::identification::frequency::{open_loop, pilot};
+use crate::inference::spectrum::Model;
 use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;
@@ -27,30 +29,6 @@ pub struct Fitted<'a> {
     pub vehicle: Option<&'a Quadcopter>,
     /// How sure θ is, where that is known.
     pub sure: Option<&'a Uncertainty>,
-}
-
-/// The value of a polynomial with ascending coefficients.
-fn polynomial(c: &[f64], s: Complex<f64>) -> Complex<f64> {
-    let zero = Complex::new(0.0, 0.0);
-    c.iter().rev().fold(zero, |value, c| value * s + *c)
-}
-
-/// From the error \[m\] to the stick, at jω.
-pub fn pilot(pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
-    let s = Complex::new(0.0, omega);
-    let (denominator, numerator) = theta.split_at(pilot.order);
-    polynomial(numerator, s) / (polynomial(denominator, s) + s.powu(pilot.order as u32))
-}
-
-/// Pilot and vehicle cut open at the stick, at jω: `L = p/p₀ - 1`, where `p` is the closed loop's characteristic
-/// polynomial, and `p₀` that with a pilot who does nothing.
-pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
-    let s = Complex::new(0.0, omega);
-    let mut idle = theta.to_vec();
-    idle[pilot.order..].fill(0.0);
-    let [closed, open] = [theta, &idle].map(|theta| vehicle.characteristic(pilot, theta));
-    let difference: Vec<f64> = closed.iter().zip(&open).map(|(a, b)| a - b).collect();
-    polynomial(&difference, s) / polynomial(&open, s)
 }
 
 /// Gain and phase of the pilot, and of the open loop where the vehicle is known.
@@ -93,6 +71,29 @@ pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
     let caption = "From the error [m] to the stick.";
     figures.insert(0, bode.figure("bode", "Pilot: Bode plot", caption, false));
     figures
+}
+
+/// The same of pilot and open loop whose parameters are held, about their crossover, or `middle` [rad/s] where they have none.
+pub fn response_figures([pilot, open_loop]: [Model<'_>; 2], middle: f64) -> Vec<Figure> {
+    let [pilot, open_loop] = [pilot, open_loop].map(|own| move |_: &[f64], omega: f64| own(omega));
+    let middle = crossover(&open_loop, &[]).unwrap_or(middle);
+    let bode = |of| Bode {
+        of,
+        theta: &[],
+        sure: None,
+        middle,
+    };
+    let (first, second): (Bode<'_>, Bode<'_>) = (bode(&pilot), bode(&open_loop));
+    let caption = format!("From the error to the position.{}", second.margins());
+    vec![
+        first.figure(
+            "bode",
+            "Pilot: Bode plot",
+            "From the error to the stick.",
+            false,
+        ),
+        second.figure("open-loop", "Open loop: Bode plot", &caption, true),
+    ]
 }
 
 /// The first frequency at which the gain of a loop is 1 [rad/s].
@@ -239,41 +240,5 @@ fn panel(label: &str, omega: &[f64], values: &[f64], band: Option<[Vec<f64>; 2]>
         height: 230.0,
         series: band.into_iter().chain([line]).collect(),
         ..Panel::default()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::models::pilot::PAPER_THETA;
-
-    /// A pilot of first order, by hand; and the loop by the eigenvalues of the joint equations: where 1 + L is zero, the
-    /// closed loop has a pole, so that |1 + L| along jω is the product of the distances to closed and open poles.
-    #[test]
-    fn responses_are_those_of_the_equations() {
-        let one = Pilot { order: 1 };
-        let found = pilot(one, &[3.0, -2.0], 4.0);
-        assert!((found - Complex::new(-2.0, 0.0) / Complex::new(3.0, 4.0)).norm() < 1e-15);
-        let (order, vehicle) = (Pilot { order: 3 }, Quadcopter::default());
-        let poles =
-            |theta: &[f64]| crate::identification::ClosedLoop::of(vehicle, order, theta).poles;
-        let mut idle = PAPER_THETA.to_vec();
-        idle[3..].fill(0.0);
-        let linear = LinearVehicle::of(&vehicle);
-        for omega in [0.1, 0.5, 2.0, 20.0] {
-            let s = Complex::new(0.0, omega);
-            let product = |theta: &[f64]| {
-                poles(theta)
-                    .iter()
-                    .map(|pole| s - pole)
-                    .product::<Complex<f64>>()
-            };
-            let exact = product(&PAPER_THETA) / product(&idle) - 1.0;
-            let found = open_loop(&linear, order, &PAPER_THETA, omega);
-            assert!(
-                (found - exact).norm() < 1e-6 * (1.0 + exact.norm()),
-                "{omega} {found} {exact}"
-            );
-        }
     }
 }

@@ -3,6 +3,7 @@
 
 mod axis;
 pub mod certainty;
+pub mod describing;
 pub mod figure;
 mod figures;
 mod frame;

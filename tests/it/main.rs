@@ -20,6 +20,7 @@ mod cosim_command;
 mod curvature;
 mod demo;
 mod derivatives;
+mod describing;
 mod diagnostics;
 mod export;
 #[cfg(target_os = "linux")]

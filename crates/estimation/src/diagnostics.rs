@@ -9,6 +9,7 @@ use crate::posed::Posed;
 use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
 use pilotage_expression::Node;
+use pilotage_inference::spectrum::Contradiction;
 use pilotage_sqp::Status;
 use pilotage_text::counted;
 use std::fmt;
@@ -114,6 +115,8 @@ pub enum Diagnostic {
     },
     /// Along some direction the objective is flat: the data do not tell all parameters apart.
     Flat(f64),
+    /// The describing function of the runs is not that of the fit.
+    Contradicted(Contradiction),
 }
 
 /// A pole that grows faster is unstable \[1/s\].
@@ -147,6 +150,7 @@ impl Diagnostic {
             Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
             Self::Flat(_) => "flat",
+            Self::Contradicted(_) => "describing-function",
             Self::Undefined(_) => "undefined",
             Self::FmuFailed { .. } => "fmu-failed",
             Self::Event(_) => "event",
@@ -272,6 +276,7 @@ impl fmt::Display for Diagnostic {
             Self::FmuFailed { instance, trouble } => {
                 write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
             }
+            Self::Contradicted(found) => found.fmt(f),
             Self::Event(event) => event.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(
@@ -358,6 +363,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .filter(|own| fit.status == Status::Converged && *own < FLAT)
             .map(Diagnostic::Flat),
     );
+    all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {

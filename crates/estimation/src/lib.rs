@@ -45,7 +45,7 @@
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
-//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
+//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
 //! | [`comparison`] | several problems on the same data |
 
 mod active;
@@ -53,6 +53,7 @@ mod assembly;
 mod begun;
 pub mod comparison;
 pub mod data;
+pub mod describing;
 pub mod diagnostics;
 pub mod error;
 pub mod evaluate;

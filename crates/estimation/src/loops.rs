@@ -5,6 +5,7 @@ use crate::posed::Posed;
 use crate::result::{Found, variables};
 use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::SystemDescription;
+use pilotage_cosim::description::Wire;
 use pilotage_expression::{Graph, Node};
 use pilotage_linear::{LoopFigures, OpenLoop, StateSpace, eigenvalues};
 use std::collections::HashMap;
@@ -173,24 +174,27 @@ impl<'p> Looped<'p> {
     }
 }
 
-/// The first wire without which no instance acts on itself, where with it one does.
-fn opening(description: &SystemDescription) -> Option<usize> {
-    let instance = |end: &str| {
-        let named = |own: &&str| {
-            end.strip_prefix(*own)
-                .is_some_and(|rest| rest.starts_with('.'))
-        };
-        let names = description.instances.iter().map(|own| own.name.as_str());
-        names
-            .filter(named)
-            .max_by_key(|name| name.len())
-            .unwrap_or_default()
-            .to_owned()
+/// The instances from which and to which a wire leads.
+pub(crate) fn ends(description: &SystemDescription, wire: &Wire) -> [String; 2] {
+    [&wire.from.value, &wire.to.value].map(|end| instance(description, end))
+}
+
+/// The instance of a signal.
+pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String {
+    let named = |own: &&str| {
+        signal
+            .strip_prefix(*own)
+            .is_some_and(|rest| rest.starts_with('.'))
     };
+    let names = description.instances.iter().map(|own| own.name.as_str());
+    let longest = names.filter(named).max_by_key(|name| name.len());
+    longest.unwrap_or_default().to_owned()
+}
+
+/// The first wire without which no instance acts on itself, where with it one does.
+pub(crate) fn opening(description: &SystemDescription) -> Option<usize> {
     let wires = description.connections.iter();
-    let edges: Vec<[String; 2]> = wires
-        .map(|wire| [instance(&wire.from.value), instance(&wire.to.value)])
-        .collect();
+    let edges: Vec<[String; 2]> = wires.map(|wire| ends(description, wire)).collect();
     let without = |cut: Option<usize>| {
         let kept = edges
             .iter()

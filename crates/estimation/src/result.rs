@@ -12,6 +12,7 @@ use nalgebra::DMatrix;
 use pilotage_collocation::Collocation;
 use pilotage_expression::Node;
 use pilotage_inference::residuals::Explained;
+use pilotage_inference::spectrum::Describing;
 use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
 use std::sync::Arc;
@@ -69,6 +70,8 @@ pub struct Fit {
     pub seconds: f64,
     /// How sure it is.
     pub uncertainty: Result<Uncertainty, Unsure>,
+    /// What the runs say of pilot and loop without a model.
+    pub describing: Describing,
     /// The solution itself.
     pub solved: Option<Arc<Solved>>,
     /// Which expression is no finite number where the search begins, where a solve ended with
@@ -239,6 +242,7 @@ impl Fit {
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
             uncertainty: Err(Unsure::NotConverged),
+            describing: Describing::default(),
             solved: None,
             trouble: None,
         }

@@ -5,8 +5,9 @@ use super::simulate::{LONGEST, at_rest};
 use super::solve::Observer;
 use super::statistics::rms;
 use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
-use super::{derived, fit, simulate, simulate_from};
+use super::{derived, fit, frequency, simulate, simulate_from};
 use pilotage_inference::Interval;
+use pilotage_inference::spectrum::Describing;
 use pilotage_linear::Figure;
 
 /// A pilot identified from trials.
@@ -20,6 +21,8 @@ pub struct Identification {
     pub trials: TrialSet,
     /// The figures of its closed loop, each with its interval ([`derived`](derived::derived)).
     pub derived: Vec<(Figure, Interval)>,
+    /// What the trials of the fit say of pilot and loop without a model.
+    pub describing: Describing,
     /// All trials as the pilot flies them alone, from rest where the solution begins, in the order of
     /// [`TrialSet::all`]: none where nobody said which vehicle was flown, where a trial is longer than
     /// [`LONGEST`], or where the pilot is too fast to be simulated.
@@ -68,6 +71,7 @@ impl Identification {
             .collect();
         Self {
             derived: derived::derived(&fit, &options),
+            describing: frequency::describing(&trials.fit, &fit.theta, &options),
             fit,
             options,
             trials,

@@ -5,6 +5,7 @@ pub mod closed_loop;
 pub mod constraints;
 pub mod derived;
 pub mod diagnostics;
+pub mod frequency;
 pub mod identification;
 pub mod joint;
 mod linearised;

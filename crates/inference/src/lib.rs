@@ -31,6 +31,7 @@
 //! | [`covariance`], `meat`, `autoregression` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | [`residuals`], [`choice`] | what residuals say of a model; which of several models |
+//! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
 
 mod autoregression;
 pub mod choice;
@@ -42,6 +43,7 @@ pub mod interval;
 mod meat;
 pub mod residuals;
 mod row;
+pub mod spectrum;
 
 pub use autoregression::Autoregression;
 pub use covariance::{Covariance, Joint, Method};

@@ -1,6 +1,7 @@
 //! `pilotage fit`: the pilot from recorded flights.
 
 mod both;
+mod describing;
 mod log;
 mod next;
 mod problem;

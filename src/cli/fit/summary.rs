@@ -1,5 +1,6 @@
 //! What a fit gave, for people and for scripts.
 
+use super::describing;
 use super::refits::Refitted;
 use crate::cli::format;
 use crate::identification::statistics::rms;
@@ -59,6 +60,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
         "uncertainty": fit.uncertainty.as_ref().map(|own| uncertainty(own, refitted)),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
         "derived": derived(found, refitted),
+        "describing_function": describing::to_json(&found.describing),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,
         "starts": starts,

@@ -5,8 +5,8 @@ use crate::command::{CONNECTIONS, Folder, example};
 use crate::times;
 use std::path::Path;
 
-/// The pages of a fit of the shipped flights, of a problem with several subjects, and of a loop.
-fn pages(folder: &Folder) -> [&'static str; 3] {
+/// The pages of a fit of the shipped flights, of a problem with several subjects, of one with a describing function, and of a loop.
+fn pages(folder: &Folder) -> [&'static str; 4] {
     let trials = example("trials").join("trials.toml").display().to_string();
     let vehicle = example("vehicles/quadcopter.toml").display().to_string();
     let problem = example("problems/drug/problem.toml").display().to_string();
@@ -22,6 +22,10 @@ fn pages(folder: &Folder) -> [&'static str; 3] {
     assert_eq!(ended.code, 0, "{ended:?}");
     let ended = folder.pilotage(&["fit", &problem, "--report", "problem.html"]);
     assert_eq!(ended.code, 0, "{ended:?}");
+    let sines = example("problems/rate_limited/problem.toml");
+    let sines = sines.display().to_string();
+    let ended = folder.pilotage(&["fit", &sines, "--report", "sines.html"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
     let looped = ["linearize", "pilot.toml", &vehicle];
     let cut = [
         "--loop",
@@ -31,7 +35,7 @@ fn pages(folder: &Folder) -> [&'static str; 3] {
     ];
     let ended = folder.pilotage(&[&looped[..], &CONNECTIONS, &cut].concat());
     assert_eq!(ended.code, 0, "{ended:?}");
-    ["fit.html", "problem.html", "loop.html"]
+    ["fit.html", "problem.html", "sines.html", "loop.html"]
 }
 
 /// In three widths, light and dark: no error, no request, all figures drawn, no small text, nothing outside; one run is

@@ -29,6 +29,7 @@ pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, Solved, nearer, solve};
 pub use unfinished::MET;
 
+use crate::describing::describing;
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
 use crate::innovations;
@@ -125,6 +126,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         let linear = linearised(posed, at.0, at.1).ok_or(Unsure::NoDerivatives);
         found.uncertainty = linear
             .and_then(|own| uncertainty(posed, &last, &found, &own, simulated, looped.as_ref()));
+        found.describing = describing(posed, &last);
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);

@@ -6,6 +6,7 @@ use super::solve::Solved;
 use super::watch::Watch;
 use super::{cut, looped};
 use crate::active::beyond;
+use crate::describing::describing;
 use crate::diagnostics::{Diagnostic, diagnostics};
 use crate::innovations::{Begin, Likelihood, Predicted, linearised, predicted as searched};
 use crate::loops::Looped;
@@ -61,6 +62,7 @@ pub(super) fn predicted(
     if found.status == Status::Converged {
         let linear = linearised(posed, best);
         found.uncertainty = uncertainty(posed, &last, &found, &linear, None, looped.as_ref());
+        found.describing = describing(posed, &last);
     }
     found.diagnostics = diagnostics(posed, &last, &found);
     found.diagnostics.extend(on_stability_bound(posed, best));

@@ -1,5 +1,6 @@
 //! What may be odd about a fit, with the words and the code of each.
 
+use pilotage_inference::spectrum::Contradiction;
 use thiserror::Error;
 
 /// One reason to look twice at a fit.
@@ -153,6 +154,9 @@ pub enum Diagnostic {
         /// Their part of the objective, 0 to 1; none where the fit has no residual.
         share: Option<f64>,
     },
+    /// The describing function of the flights is not that of the fit.
+    #[error(transparent)]
+    Contradicted(Contradiction),
     /// The model explains little of what was recorded.
     #[error(
         "the model explains {:.0} % of the variance of what was recorded: another --order, --vehicle \
@@ -369,6 +373,7 @@ impl Diagnostic {
             Self::Leaves { .. } => "leaves-target",
             Self::IdlePilot => "idle-pilot",
             Self::Outlier { .. } => "outlier",
+            Self::Contradicted(_) => "describing-function",
             Self::PoorFit { .. } => "poor-fit",
             Self::StickSign { .. } => "stick-sign",
             Self::VehicleSize { .. } => "vehicle-size",

@@ -9,7 +9,7 @@ mod solution;
 
 pub use diagnostic::Diagnostic;
 
-use super::{Fit, FitOptions, Trial};
+use super::{Fit, FitOptions, Trial, frequency};
 
 /// What speaks against taking `fit` at its word, the gravest first.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
@@ -17,6 +17,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics.extend(samples::diagnostics(fit, options, trials));
     diagnostics.extend(flown::diagnostics(fit, options, trials));
     diagnostics.extend(solution::diagnostics(fit, options));
+    diagnostics.extend(contradicted(fit, options, trials));
     if diagnostics.contains(&Diagnostic::ConstantData) {
         // What a pilot of nothing is like, nobody needs to know.
         diagnostics.retain(Diagnostic::is_fatal);
@@ -29,4 +30,11 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     };
     diagnostics.sort_by_key(rank);
     diagnostics
+}
+
+/// Where what was fitted is not what the flights say of pilot and loop without a model.
+fn contradicted(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
+    let describing = frequency::describing(trials, &fit.theta, options);
+    let found = describing.contradicted().filter(|_| fit.converged)?;
+    Some(Diagnostic::Contradicted(found))
 }

@@ -4,8 +4,11 @@ use super::summary::{Outcomes, run_header};
 use super::sure;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
+use crate::estimation::describing::FittedLoop;
 use crate::estimation::result::RunFit;
+use crate::inference::spectrum::Model;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
+use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::palette::colour;
 use crate::report::residuals::{Residuals, residual_figure};
@@ -66,6 +69,7 @@ fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
 pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
+    all.extend(bode(outcomes));
     all.extend(poles(fit));
     if fit.is_met() {
         all.extend((0..outcomes.posed.file.measured.len()).map(|k| residuals(outcomes, k)));
@@ -144,6 +148,19 @@ fn recorded(time: &[f64], values: &[f64]) -> Series {
         Look::Line
     };
     Series::line("recorded", "data", &x, &y).looks(look)
+}
+
+/// Pilot and loop, where the runs tell of them without a model.
+fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
+    let Outcomes { posed, fit, .. } = *outcomes;
+    let solved = fit.solved.as_deref();
+    let Some(fitted) = solved.and_then(|own| FittedLoop::new(posed, own)) else {
+        return Vec::new();
+    };
+    let models: [Model<'_>; 2] = [&|omega| fitted.pilot(omega), &|omega| {
+        fitted.open_loop(omega)
+    }];
+    describing_figures(&fit.describing, models)
 }
 
 /// The poles of the wired system; none where it has none.

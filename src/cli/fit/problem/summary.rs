@@ -1,6 +1,7 @@
 //! What a fit of a problem gave, for people and for scripts.
 
 use super::sure;
+use crate::cli::fit::describing;
 use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
@@ -69,6 +70,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
+        "describing_function": describing::to_json(&fit.describing),
         "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
         "initial_intervals": sure::initial(posed, fit),

@@ -1,0 +1,96 @@
+//! Frequency responses of pilot and loop, and their describing functions: those straight from flights after a target that
+//! is a sum of sines ([`pilotage_inference::spectrum`]).
+
+use super::closed_loop::LinearVehicle;
+use super::{FitOptions, Trial};
+use nalgebra::Complex;
+use pilotage_inference::spectrum::{Describing, Flight};
+use pilotage_models::Pilot;
+
+/// The value of a polynomial with ascending coefficients.
+fn polynomial(c: &[f64], s: Complex<f64>) -> Complex<f64> {
+    let zero = Complex::new(0.0, 0.0);
+    c.iter().rev().fold(zero, |value, c| value * s + *c)
+}
+
+/// From the error \[m\] to the stick, at jω.
+pub fn pilot(pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
+    let s = Complex::new(0.0, omega);
+    let (denominator, numerator) = theta.split_at(pilot.order);
+    polynomial(numerator, s) / (polynomial(denominator, s) + s.powu(pilot.order as u32))
+}
+
+/// Pilot and vehicle cut open at the stick, at jω: `L = p/p₀ - 1`, where `p` is the closed loop's characteristic
+/// polynomial, and `p₀` that with a pilot who does nothing.
+pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
+    let s = Complex::new(0.0, omega);
+    let mut idle = theta.to_vec();
+    idle[pilot.order..].fill(0.0);
+    let [closed, open] = [theta, &idle].map(|theta| vehicle.characteristic(pilot, theta));
+    let difference: Vec<f64> = closed.iter().zip(&open).map(|(a, b)| a - b).collect();
+    polynomial(&difference, s) / polynomial(&open, s)
+}
+
+/// What flights say of pilot and loop, beside a fitted θ. The loop has no fitted values where nobody said what was flown.
+pub fn describing(trials: &[Trial], theta: &[f64], options: &FitOptions) -> Describing {
+    let vehicle = options.loop_vehicle().map(LinearVehicle::of);
+    let of_pilot = |omega: f64| pilot(options.pilot, theta, omega);
+    let of_loop = |omega: f64| match &vehicle {
+        Some(vehicle) => open_loop(vehicle, options.pilot, theta, omega),
+        None => Complex::new(f64::NAN, f64::NAN),
+    };
+    Describing::of(&flights(trials), [&of_pilot, &of_loop])
+}
+
+/// Trials as flights whose target alone drives them.
+pub fn flights(trials: &[Trial]) -> Vec<Flight<'_>> {
+    let error = |own: &Trial| {
+        let pairs = own.target.iter().zip(&own.position);
+        pairs.map(|(target, position)| target - position).collect()
+    };
+    let all = trials.iter().map(|trial| Flight {
+        name: &trial.name,
+        time: &trial.time,
+        forcing: vec![&trial.target],
+        error: error(trial),
+        stick: trial.stick.as_deref(),
+        position: &trial.position,
+    });
+    all.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pilotage_models::Quadcopter;
+    use pilotage_models::pilot::PAPER_THETA;
+
+    /// A pilot of first order, by hand; and the loop by the eigenvalues of the joint equations: where 1 + L is zero, the
+    /// closed loop has a pole, so that |1 + L| along jω is the product of the distances to closed and open poles.
+    #[test]
+    fn responses_are_those_of_the_equations() {
+        let one = Pilot { order: 1 };
+        let found = pilot(one, &[3.0, -2.0], 4.0);
+        assert!((found - Complex::new(-2.0, 0.0) / Complex::new(3.0, 4.0)).norm() < 1e-15);
+        let (order, vehicle) = (Pilot { order: 3 }, Quadcopter::default());
+        let poles = |theta: &[f64]| crate::ClosedLoop::of(vehicle, order, theta).poles;
+        let mut idle = PAPER_THETA.to_vec();
+        idle[3..].fill(0.0);
+        let linear = LinearVehicle::of(&vehicle);
+        for omega in [0.1, 0.5, 2.0, 20.0] {
+            let s = Complex::new(0.0, omega);
+            let product = |theta: &[f64]| {
+                poles(theta)
+                    .iter()
+                    .map(|pole| s - pole)
+                    .product::<Complex<f64>>()
+            };
+            let exact = product(&PAPER_THETA) / product(&idle) - 1.0;
+            let found = open_loop(&linear, order, &PAPER_THETA, omega);
+            assert!(
+                (found - exact).norm() < 1e-6 * (1.0 + exact.norm()),
+                "{omega} {found} {exact}"
+            );
+        }
+    }
+}

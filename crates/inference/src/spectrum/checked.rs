@@ -1,0 +1,202 @@
+//! Pilot and loop without a model, beside those of a model.
+
+use super::{Point, Record, Unfit, response};
+use nalgebra::Complex;
+
+/// How unlikely an estimate is whose error bar does not reach the model.
+const UNLIKELY: f64 = 0.01;
+/// Relative difference of responses that matters.
+const MATTERS: f64 = 0.1;
+/// Lines outside, and their part of all, from which the model is in doubt.
+const MANY: usize = 3;
+const PART: f64 = 1.0 / 3.0;
+
+/// A response at its lines, and what a model says there.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Checked {
+    /// The lines, by ascending frequency.
+    pub points: Vec<Point>,
+    /// The model's response at each; NaN where there is none.
+    pub fitted: Vec<Complex<f64>>,
+}
+
+impl Checked {
+    /// With the model's response at jω.
+    pub fn new(points: Vec<Point>, model: impl Fn(f64) -> Complex<f64>) -> Self {
+        let fitted = points.iter().map(|own| model(own.frequency)).collect();
+        Self { points, fitted }
+    }
+
+    /// Lines, each with what the model says.
+    pub fn lines(&self) -> impl Iterator<Item = (&Point, Complex<f64>)> {
+        self.points.iter().zip(self.fitted.iter().copied())
+    }
+
+    /// Whether the model lies outside of the error bar of 99 % of a line, and by more than a tenth.
+    pub fn is_outside((point, fitted): (&Point, Complex<f64>)) -> bool {
+        let differs = (fitted - point.response).norm() > MATTERS * point.response.norm();
+        differs && point.likelihood_of(fitted) < UNLIKELY
+    }
+
+    /// The frequencies of lines at which the model is outside [rad/s], where these are many: a third of all, and three.
+    pub fn contradicted(&self) -> Option<Vec<f64>> {
+        let outside = self.lines().filter(|own| Self::is_outside(*own));
+        let outside: Vec<f64> = outside.map(|(point, _)| point.frequency).collect();
+        let is_many =
+            outside.len() >= MANY && outside.len() as f64 >= PART * self.points.len() as f64;
+        is_many.then_some(outside)
+    }
+}
+
+/// A flight to a target, at the same times.
+#[derive(Debug, Clone)]
+pub struct Flight<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Times of the samples \[s\].
+    pub time: &'a [f64],
+    /// What drives the loop from outside: the target, disturbances.
+    pub forcing: Vec<&'a [f64]>,
+    /// Target minus position, in units of the position.
+    pub error: Vec<f64>,
+    /// The stick; none where it was not recorded.
+    pub stick: Option<&'a [f64]>,
+    /// Where the vehicle is.
+    pub position: &'a [f64],
+}
+
+/// What flights after sums of sines say of pilot and loop.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Describing {
+    /// The pilot's describing function, from the error to the stick.
+    pub pilot: Checked,
+    /// That of pilot and vehicle, from the error to the position.
+    pub open_loop: Checked,
+    /// Runs that tell nothing of either, and why.
+    pub left_out: Vec<(String, Unfit)>,
+}
+
+/// A response of a model at ω [rad/s].
+pub type Model<'m> = &'m dyn Fn(f64) -> Complex<f64>;
+
+impl Describing {
+    /// Of flights with the same forcing functions, beside the responses of a model's pilot and open loop.
+    pub fn of(flights: &[Flight<'_>], [pilot, open_loop]: [Model<'_>; 2]) -> Self {
+        let (points, left) = response(&records(flights, |own| Some(own.position)));
+        let (sticks, _) = response(&records(flights, |own| own.stick));
+        let named = |(run, why): (usize, Unfit)| (flights[run].name.to_owned(), why);
+        Self {
+            pilot: Checked::new(sticks, pilot),
+            open_loop: Checked::new(points, open_loop),
+            left_out: left.into_iter().map(named).collect(),
+        }
+    }
+
+    /// Whether no run told anything.
+    pub fn is_empty(&self) -> bool {
+        self.pilot.points.is_empty() && self.open_loop.points.is_empty()
+    }
+
+    /// What lies outside of many error bars: the pilot, else the loop.
+    pub fn contradicted(&self) -> Option<Contradiction> {
+        let both = [("pilot", &self.pilot), ("open loop", &self.open_loop)];
+        let told = |(what, own): (&'static str, &Checked)| {
+            let (frequencies, lines) = (own.contradicted()?, own.points.len());
+            Some(Contradiction {
+                what,
+                frequencies,
+                lines,
+            })
+        };
+        both.into_iter().find_map(told)
+    }
+}
+
+/// A fitted response that is not the one which the recordings have without a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "the fitted {what} lies outside of the error bars of the describing function, which needs no model, at {} of {lines} \
+     lines ({}): pilot or vehicle have another structure, or another one flew",
+    frequencies.len(),
+    shown(frequencies)
+)]
+pub struct Contradiction {
+    /// Whose response.
+    pub what: &'static str,
+    /// The lines at which it is outside [rad/s].
+    pub frequencies: Vec<f64>,
+    /// How many lines there are.
+    pub lines: usize,
+}
+
+fn shown(frequencies: &[f64]) -> String {
+    match frequencies {
+        [first, .., last] => format!("from {first:.2} to {last:.2} rad/s"),
+        _ => String::new(),
+    }
+}
+
+/// The flights that have this output.
+fn records<'a>(
+    flights: &'a [Flight<'a>],
+    output: impl Fn(&Flight<'a>) -> Option<&'a [f64]>,
+) -> Vec<Record<'a>> {
+    let record = |own: &'a Flight<'a>| {
+        Some(Record {
+            time: own.time,
+            forcing: own.forcing.clone(),
+            input: &own.error,
+            output: output(own)?,
+        })
+    };
+    flights.iter().filter_map(record).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(k: usize) -> Point {
+        Point {
+            frequency: k as f64,
+            forcing: 0,
+            amplitude: 1.0,
+            response: Complex::new(0.0, 2.0),
+            sd: 0.02,
+            coherence: 0.9,
+            remnant: 0.1,
+            runs: 3,
+            degrees: 15.0,
+        }
+    }
+
+    #[test]
+    fn many_lines_outside_contradict_a_model() {
+        let of = |wrong: usize, by: Complex<f64>| {
+            let model = |frequency: f64| match frequency < wrong as f64 {
+                true => Complex::new(0.0, 2.0) * by,
+                false => Complex::new(0.0, 2.02),
+            };
+            Checked::new((0..8).map(point).collect(), model).contradicted()
+        };
+        assert_eq!(of(3, Complex::new(1.3, 0.0)), Some(vec![0.0, 1.0, 2.0]));
+        assert_eq!(
+            of(3, Complex::from_polar(1.0, 0.3)),
+            Some(vec![0.0, 1.0, 2.0])
+        );
+        assert_eq!(of(2, Complex::new(1.3, 0.0)), None, "two of eight are few");
+        assert_eq!(
+            of(8, Complex::new(1.09, 0.0)),
+            None,
+            "a difference of no importance"
+        );
+    }
+
+    /// F with 2 and 2ν degrees: its 95 % quantile for ν = 15 is 3.316 (tables), and it is `d²`.
+    #[test]
+    fn likelihoods_are_those_of_the_f_distribution() {
+        let far = 2.0 + 2.0 * (2.0 * 3.316_f64).sqrt() * 0.02;
+        let found = point(1).likelihood_of(Complex::new(0.0, far));
+        assert!((found - 0.05).abs() < 1e-4, "{found}");
+    }
+}

@@ -1,0 +1,23 @@
+//! Describing functions against NumPy's FFT.
+
+use super::python;
+use crate::describing::{RUNS, flown};
+use serde_json::Value;
+
+#[test]
+fn describing_functions_are_those_of_numpy() {
+    let folder = flown();
+    for runs in [&RUNS[..], &RUNS[..1]] {
+        let flags = ["--initial-state=at-rest", "--json", "--force"];
+        let ended = folder.pilotage(&[&["fit"], runs, &flags].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        folder.write("fit.json", ended.stdout);
+        let files = std::iter::once("fit.json").chain(runs.iter().copied());
+        let told = python::run("describing.py", files.map(|name| folder.path(name)));
+        let told: Value = serde_json::from_str(&told).unwrap();
+        for (key, error) in told.as_object().unwrap() {
+            assert!(error.as_f64().unwrap() < 1e-8, "{key}: {error}");
+        }
+        assert_eq!(told.as_object().unwrap().len(), 8);
+    }
+}
