@@ -70,7 +70,10 @@ pub(crate) struct Held {
 #[derive(Debug)]
 pub(crate) struct Pool {
     library: Library,
-    // A held instance is some hundred numbers: the pool moves its address.
+    #[expect(
+        clippy::vec_box,
+        reason = "an instance is moved in and out for each point, and large"
+    )]
     idle: Mutex<Vec<Box<Held>>>,
     /// Whether there may be one instance alone.
     is_single: bool,
@@ -101,8 +104,8 @@ impl Pool {
             return Err(PointError::Dead { call });
         }
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = |held: &Box<Held>| held.begin <= begin && same(&held.parameters, parameters);
-        let known = idle.iter().rposition(fits);
+        let fits = |held: &Held| held.begin <= begin && same(&held.parameters, parameters);
+        let known = idle.iter().rposition(|held| fits(held));
         let taken = match known {
             Some(place) => Some(idle.remove(place)),
             None if self.is_single || idle.len() >= KEPT => {

@@ -71,7 +71,7 @@ pub fn nearer(
     };
     let begin = problem.carried(&z, &coarse);
     let solved = once(posed, (coarse, begin), limit, see);
-    let work = solved.solution.work.clone();
+    let work = solved.solution.work;
     let z = match solved.solution.status {
         Status::Converged => (solved.problem).carried(&solved.solution.iterate.z, &problem),
         _ => z,
