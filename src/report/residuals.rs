@@ -2,7 +2,7 @@
 //! with white noise have neither correlation nor colour (Ljung, *System Identification*, 2nd ed., section 16.6).
 
 use super::figure::{Axis, Figure, Panel, Series};
-use crate::inference::residuals::{autocorrelation, centred};
+use crate::inference::residuals::{autocorrelation, centred, is_even};
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
@@ -40,7 +40,8 @@ pub fn residual_figure(
         Series::line(&own.label, own.colour.clone(), x, y).of(own.run)
     };
     let over_time = all.iter().map(|own| line(own, [own.time, &own.values]));
-    let even: Vec<Residuals<'_>> = (all.iter().filter(|own| is_even(own.time)).cloned()).collect();
+    let even: Vec<Residuals<'_>> =
+        (all.iter().filter(|own| is_even([own.time])).cloned()).collect();
     let correlated = even.iter().map(|own| {
         let r = autocorrelation(&own.values, own.values.len() / LAGS);
         let lags: Vec<f64> = (0..r.len()).map(|k| k as f64 * step(own.time)).collect();
@@ -85,13 +86,6 @@ pub fn residual_figure(
         panels,
         ..Figure::of(name, title, caption, Panel::default())
     }
-}
-
-/// Whether samples are evenly apart.
-fn is_even(time: &[f64]) -> bool {
-    const EVEN: f64 = 0.01;
-    let mean = step(time);
-    (time.windows(2)).all(|pair| (pair[1] - pair[0] - mean).abs() <= EVEN * mean)
 }
 
 /// Between which values 95 of 100 autocorrelations of white noise of the longest run lie.

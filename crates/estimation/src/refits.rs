@@ -192,7 +192,10 @@ impl Drawn<'_> {
         random: &mut ChaCha8Rng,
     ) -> Vec<f64> {
         let own = &self.posed.runs[j].measured[term];
-        let count = own.values.iter().filter(|y| y.is_finite()).count();
+        let samples = own.values.iter().zip(&self.posed.runs[j].time);
+        let there = samples.filter(|(y, _)| y.is_finite());
+        let time: Vec<f64> = there.map(|(_, time)| *time).collect();
+        let count = time.len();
         let root = own.weight.sqrt();
         let mut one = |of: fn(&mut ChaCha8Rng, f64) -> f64, dof: f64| {
             (0..count)
@@ -204,7 +207,7 @@ impl Drawn<'_> {
             Noise::Student(dof) => one(student, dof),
             Noise::Normal | Noise::LogNormal => {
                 let gauss = || StandardNormal.sample(random);
-                let drawn = self.processes[process].simulated(count, gauss);
+                let drawn = self.processes[process].simulated(&time, gauss);
                 drawn.into_iter().map(|value| value / root).collect()
             }
         }

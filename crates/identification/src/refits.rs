@@ -97,9 +97,10 @@ fn drawn(
     for (run, predicted) in runs.iter_mut().zip(predicted) {
         let own = &mut run.measured[0];
         let root = own.weight.sqrt();
-        let pairs = own.values.iter_mut().zip(predicted);
-        let there: Vec<_> = pairs.filter(|(y, _)| y.is_finite()).collect();
-        let residuals = process.simulated(there.len(), || StandardNormal.sample(random));
+        let pairs = own.values.iter_mut().zip(predicted).zip(&run.time);
+        let there = pairs.filter(|((y, _), _)| y.is_finite());
+        let (there, time): (Vec<_>, Vec<f64>) = there.unzip();
+        let residuals = process.simulated(&time, || StandardNormal.sample(random));
         for ((y, h), residual) in there.into_iter().zip(residuals) {
             *y = h + residual / root;
         }

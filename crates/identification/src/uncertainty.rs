@@ -161,6 +161,7 @@ fn run(
     Run {
         own: all.columns(p, width - p).into_owned(),
         active: own.active.clone(),
+        time: rows.iter().map(|(k, _)| problem.runs[j].time[*k]).collect(),
         ..Run::of(all.columns(0, p).into_owned(), residuals)
     }
 }

@@ -5,35 +5,42 @@
 //! autoregressive estimates in time series regression model through restricted maximum likelihood*, J. Am. Stat. Assoc.
 //! 95, 2000). The process is told by its partial autocorrelations, which are stationary below one (Barndorff-Nielsen &
 //! Schou, J. Multivar. Anal. 3, 1973); the order is that of Akaike's criterion.
+//!
+//! Where samples are not evenly apart, or some are missing, the process is one of first order in continuous time, whose
+//! correlation over a time Δ is `exp(-rate Δ)` (R. H. Jones, *Fitting a continuous time autoregression to discrete data*,
+//! Applied Time Series Analysis II, 1981).
 
+use crate::residuals::is_even;
+use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
 use nalgebra::DMatrix;
+use std::borrow::Cow;
 
 /// Highest order.
 const MOST: usize = 8;
 /// Rows of a run for each order.
 const ROWS: usize = 10;
-/// Largest partial autocorrelation.
-const LARGEST: f64 = 0.9995;
-/// Rounds over all partial autocorrelations.
-const ROUNDS: usize = 3;
-/// Part of a column that is rounding.
-const ROUNDING: f64 = 1e-8;
+/// Part of the mean distance of samples below which they count as that far apart: values of one time are not the same.
+const LEAST: f64 = 0.01;
 
 /// An autoregressive process.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Autoregression {
     /// Predictors of all orders up to its own: `predictors[k]` has `k` coefficients, the nearest value's first.
-    predictors: Vec<Vec<f64>>,
+    pub(crate) predictors: Vec<Vec<f64>>,
     /// Variances of what each order leaves, per innovation.
-    left: Vec<f64>,
-    /// Variance of the innovations.
+    pub(crate) left: Vec<f64>,
+    /// Variance of the innovations; of the values themselves, in continuous time.
     pub variance: f64,
+    /// In continuous time, how fast correlations decay [1/s], and the least distance of samples that counts [s].
+    decay: Option<[f64; 2]>,
 }
 
 /// A run's rows of one signal: columns of the run's own unknowns, of the shared ones, and the residuals.
 #[derive(Debug, Clone)]
 pub struct Segment {
     pub own: usize,
+    /// When each row was recorded [s].
+    pub time: Vec<f64>,
     pub rows: DMatrix<f64>,
 }
 
@@ -57,11 +64,102 @@ impl Autoregression {
             predictors,
             left,
             variance: 1.0,
+            decay: None,
         }
     }
 
     /// The process in the residuals of a signal.
     pub fn estimated(segments: &[Segment]) -> Self {
+        match is_even(segments.iter().map(|own| &own.time[..])) {
+            true => Self::even(segments),
+            false => Self::uneven(segments),
+        }
+    }
+
+    /// The process in series, each of values and their times \[s\], from which no fit has taken anything.
+    ///
+    /// # Panics
+    /// Without a series, or where a series has not as many times as values.
+    pub fn of_series(all: &[(Vec<f64>, Vec<f64>)]) -> Self {
+        assert!(!all.is_empty(), "a series at least");
+        let segment = |(values, time): &(Vec<f64>, Vec<f64>)| {
+            assert_eq!(values.len(), time.len(), "a time for each value");
+            Segment {
+                own: 0,
+                time: time.clone(),
+                rows: DMatrix::from_column_slice(values.len(), 1, values),
+            }
+        };
+        Self::estimated(&all.iter().map(segment).collect::<Vec<_>>())
+    }
+
+    /// Of samples that are not evenly apart: of first order in continuous time, or white.
+    fn uneven(segments: &[Segment]) -> Self {
+        let gaps = segments.iter().flat_map(|own| own.time.windows(2));
+        let (span, count) = gaps.fold((0.0, 0.0), |(span, count), pair| {
+            (span + pair[1] - pair[0], count + 1.0)
+        });
+        let mean = span / f64::max(count, 1.0);
+        let of = |rate: f64| Self {
+            decay: Some([rate, LEAST * mean]),
+            ..Self::new(&[])
+        };
+        let value = |process: &Self| of_whitened(segments, |own, t| process.step(t, &own.time));
+        let at = |log: f64| value(&of(log.exp() / mean)).0;
+        let [slow, fast] = [-f64::ln(LARGEST), 10.0].map(f64::ln);
+        let best = golden(at, slow, fast);
+        let white = value(&Self::new(&[]));
+        // A rate is one more unknown, as in Akaike's criterion.
+        let (process, variance) = match at(best) + 2.0 < white.0 {
+            true => (of(best.exp() / mean), value(&of(best.exp() / mean)).1),
+            false => (Self::new(&[]), white.1),
+        };
+        Self {
+            variance,
+            ..process
+        }
+    }
+
+    /// What predicts the value of a number from those before it, the nearest first, and the variance that it leaves, per
+    /// [`Self::variance`].
+    fn step(&self, t: usize, time: &[f64]) -> (Cow<'_, [f64]>, f64) {
+        match self.decay {
+            None => {
+                let order = t.min(self.predictors.len() - 1);
+                (Cow::Borrowed(&self.predictors[order]), self.left[order])
+            }
+            Some(_) if t == 0 => (Cow::Owned(Vec::new()), 1.0),
+            Some([rate, least]) => {
+                let a = (-rate * (time[t] - time[t - 1]).max(least)).exp();
+                (Cow::Owned(vec![a]), 1.0 - a * a)
+            }
+        }
+    }
+
+    /// What the values before each one say of it: 0 of the first. `time` is that of each value \[s\].
+    ///
+    /// # Panics
+    /// Where these are not equally many.
+    pub fn one_step(&self, values: &[f64], time: &[f64]) -> Vec<f64> {
+        assert_eq!(values.len(), time.len(), "a time for each value");
+        let expected = |t: usize| {
+            let (predictor, _) = self.step(t, time);
+            let before = predictor.iter().zip(values[..t].iter().rev());
+            before.map(|(a, x)| a * x).sum()
+        };
+        (0..values.len()).map(expected).collect()
+    }
+
+    /// Its order: how many values before tell of the next.
+    pub fn order(&self) -> usize {
+        match self.decay {
+            Some(_) => 1,
+            None => self.predictors.len() - 1,
+        }
+    }
+
+    /// The process in residuals that are evenly apart.
+    fn even(segments: &[Segment]) -> Self {
         let shortest = segments
             .iter()
             .map(|own| own.rows.nrows())
@@ -87,33 +185,30 @@ impl Autoregression {
         }
     }
 
-    /// `√Σ Wᵀ`-transformed rows: `C` with `CᵀC = JᵀΣJ`, for rows `J` in the order of time and the covariance `Σ` of as
+    /// `√Σ Wᵀ`-transformed rows: `C` with `CᵀC = JᵀΣJ`, for rows `J` of these times \[s\] and the covariance `Σ` of as
     /// many values.
-    pub fn coloured(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let order = self.predictors.len() - 1;
+    pub fn coloured(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
         let mut out = rows.clone();
         for t in (0..rows.nrows()).rev() {
             let own = out.row(t).into_owned();
-            for (k, a) in self.predictors[t.min(order)].iter().enumerate() {
+            let (predictor, left) = self.step(t, time);
+            for (k, a) in predictor.iter().enumerate() {
                 let mut before = out.row_mut(t - 1 - k);
                 before += *a * &own;
             }
-            let scale = (self.variance * self.left[t.min(order)]).sqrt();
-            out.set_row(t, &(scale * own));
+            out.set_row(t, &((self.variance * left).sqrt() * own));
         }
         out
     }
 
-    /// So many values of the process, from innovations of unit variance: stationary from the first on.
-    pub fn simulated(&self, count: usize, mut innovation: impl FnMut() -> f64) -> Vec<f64> {
-        let order = self.predictors.len() - 1;
-        let mut values: Vec<f64> = Vec::with_capacity(count);
-        for t in 0..count {
-            let predictor = &self.predictors[t.min(order)];
+    /// Values of the process at these times \[s\], from innovations of unit variance: stationary from the first on.
+    pub fn simulated(&self, time: &[f64], mut innovation: impl FnMut() -> f64) -> Vec<f64> {
+        let mut values: Vec<f64> = Vec::with_capacity(time.len());
+        for t in 0..time.len() {
+            let (predictor, left) = self.step(t, time);
             let before = predictor.iter().zip(values.iter().rev());
             let expected: f64 = before.map(|(a, x)| a * x).sum();
-            let sd = (self.variance * self.left[t.min(order)]).sqrt();
-            values.push(expected + sd * innovation());
+            values.push(expected + (self.variance * left).sqrt() * innovation());
         }
         values
     }
@@ -153,152 +248,16 @@ fn partial(segments: &[Segment], order: usize) -> Vec<f64> {
     found
 }
 
-/// The restricted likelihood of all processes up to an order, from sums of products that do not depend on them.
-struct Likelihood<'s> {
-    segments: &'s [Segment],
-    most: usize,
-    /// For each segment, `Σ_t x_(t-i) x_(t-j)ᵀ` for i ≤ j over the rows from `most` on.
-    products: Vec<Vec<DMatrix<f64>>>,
-}
-
-impl<'s> Likelihood<'s> {
-    fn new(segments: &'s [Segment], most: usize) -> Self {
-        let of = |own: &Segment| {
-            let count = own.rows.nrows().saturating_sub(most);
-            let rows = |lag: usize| own.rows.rows((most - lag) * usize::from(count > 0), count);
-            let pairs = (0..=most).flat_map(|i| (i..=most).map(move |j| (i, j)));
-            pairs.map(|(i, j)| rows(i).tr_mul(&rows(j))).collect()
-        };
-        Self {
-            products: segments.iter().map(of).collect(),
-            segments,
-            most,
-        }
-    }
-
-    /// −2 log of it, but for constants, and the variance of the innovations.
-    fn value(&self, partial: &[f64]) -> (f64, f64) {
-        let process = Autoregression::new(partial);
-        let columns = self.segments[0].rows.ncols();
-        let (mut sum, mut rank, mut count) = (0.0, 0, 0);
-        let shared = columns - self.segments[0].own;
-        let mut rest = DMatrix::zeros(shared, shared);
-        for (own, products) in self.segments.iter().zip(&self.products) {
-            let mut gram = self.interior(&process, products);
-            for t in 0..self.most.min(own.rows.nrows()) {
-                let order = t.min(partial.len());
-                let mut row = own.rows.row(t).into_owned();
-                for (k, a) in process.predictors[order].iter().enumerate() {
-                    row -= *a * own.rows.row(t - 1 - k);
-                }
-                sum += process.left[order].ln();
-                gram += row.transpose() * row / process.left[order];
-            }
-            let (log, own_rank) = eliminate(&mut gram, own.own);
-            sum += log;
-            rank += own_rank;
-            count += own.rows.nrows();
-            let first = own.own;
-            rest += gram.view((first, first), (gram.nrows() - first, gram.nrows() - first));
-        }
-        let last = rest.nrows() - 1;
-        let (log, own_rank) = eliminate(&mut rest, last);
-        let degrees = count.saturating_sub(rank + own_rank).max(1) as f64;
-        let variance = (rest[(last, last)] / degrees).max(f64::MIN_POSITIVE);
-        (sum + log + degrees * variance.ln(), variance)
-    }
-
-    /// Whitened products of the rows from `most` on.
-    fn interior(&self, process: &Autoregression, products: &[DMatrix<f64>]) -> DMatrix<f64> {
-        let predictor = &process.predictors[process.predictors.len() - 1];
-        let a = |lag: usize| match lag {
-            0 => 1.0,
-            _ => predictor.get(lag - 1).map_or(0.0, |a| -a),
-        };
-        let size = products[0].nrows();
-        let mut gram = DMatrix::zeros(size, size);
-        let pairs = (0..=self.most).flat_map(|i| (i..=self.most).map(move |j| (i, j)));
-        for ((i, j), product) in pairs.zip(products) {
-            let factor = a(i) * a(j);
-            if factor != 0.0 && i == j {
-                gram += factor * product;
-            } else if factor != 0.0 {
-                gram += factor * (product + product.transpose());
-            }
-        }
-        gram
-    }
-
-    /// The partial autocorrelations that make it largest, near these: one after the other along their inverse
-    /// hyperbolic tangents, by golden sections.
-    fn maximised(&self, mut partial: Vec<f64>) -> Vec<f64> {
-        let mut reach = 1.5;
-        for _ in 0..ROUNDS {
-            for k in 0..partial.len() {
-                let middle = partial[k].atanh();
-                let at = |u: f64| {
-                    let mut other = partial.clone();
-                    other[k] = u.tanh().clamp(-LARGEST, LARGEST);
-                    self.value(&other).0
-                };
-                let best = golden(at, middle - reach, middle + reach);
-                partial[k] = best.tanh().clamp(-LARGEST, LARGEST);
-            }
-            reach *= 0.3;
-        }
-        partial
-    }
-}
-
-/// Sum of logarithms of the pivots of the first columns, and their number; the matrix becomes what they leave.
-fn eliminate(gram: &mut DMatrix<f64>, count: usize) -> (f64, usize) {
-    let (n, diagonal) = (gram.nrows(), gram.diagonal());
-    let (mut log, mut rank) = (0.0, 0);
-    for k in 0..count {
-        let pivot = gram[(k, k)];
-        if pivot <= ROUNDING * diagonal[k] || pivot <= 0.0 {
-            continue;
-        }
-        log += pivot.ln();
-        rank += 1;
-        for i in k + 1..n {
-            let factor = gram[(i, k)] / pivot;
-            for j in k + 1..n {
-                let change = factor * gram[(k, j)];
-                gram[(i, j)] -= change;
-            }
-        }
-    }
-    (log, rank)
-}
-
-/// Where a function is least between two numbers.
-fn golden(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    const PART: f64 = 0.381_966_011_250_105;
-    let inner = |low: f64, high: f64| (low + PART * (high - low), high - PART * (high - low));
-    let (mut a, mut b) = inner(low, high);
-    let (mut of_a, mut of_b) = (f(a), f(b));
-    while high - low > 1e-3 {
-        if of_a < of_b {
-            (high, b, of_b) = (b, a, of_a);
-            a = inner(low, high).0;
-            of_a = f(a);
-        } else {
-            (low, a, of_a) = (a, b, of_b);
-            b = inner(low, high).1;
-            of_b = f(b);
-        }
-    }
-    0.5 * (low + high)
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use nalgebra::DVector;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal, Uniform};
 
     /// Autocovariances of `x_t = a x_(t-1) + b x_(t-2) + e`, by Yule and Walker's equations.
-    fn autocovariances(a: f64, b: f64, n: usize) -> Vec<f64> {
+    pub(crate) fn autocovariances(a: f64, b: f64, n: usize) -> Vec<f64> {
         let first = a / (1.0 - b);
         let variance = 1.0 / (1.0 - a * first - b * (a * first + b));
         let mut all = vec![variance, first * variance];
@@ -315,7 +274,7 @@ mod tests {
         let r = autocovariances(a, b, n);
         let sigma = DMatrix::from_fn(n, n, |i, j| r[i.abs_diff(j)]);
         let rows = DMatrix::from_fn(n, 2, |t, i| (0.7 * t as f64 + i as f64).sin());
-        let coloured = process.coloured(&rows);
+        let coloured = process.coloured(&rows, &[0.0; 12]);
         let expected = rows.transpose() * sigma * &rows;
         assert!((coloured.tr_mul(&coloured) - &expected).amax() < 1e-10 * expected.amax());
     }
@@ -332,7 +291,7 @@ mod tests {
                 t += 1;
                 f64::from(u8::from(t == k + 1))
             };
-            DVector::from_vec(process.simulated(n, unit))
+            DVector::from_vec(process.simulated(&[0.0; 12], unit))
         };
         let columns: Vec<DVector<f64>> = (0..n).map(column).collect();
         let factor = DMatrix::from_columns(&columns);
@@ -340,31 +299,56 @@ mod tests {
         assert!((&factor * factor.transpose() - &expected).amax() < 1e-10 * expected.amax());
     }
 
-    /// The restricted likelihood, written out with dense matrices.
+    const TIMES: [f64; 8] = [0.0, 0.1, 0.15, 0.4, 0.5, 1.1, 1.2, 1.3];
+
+    /// In continuous time the covariance over a time Δ is `exp(-rate Δ)`.
     #[test]
-    fn the_likelihood_is_that_of_dense_matrices() {
-        let (a, b, n) = (0.6, 0.2, 15);
-        let r = autocovariances(a, b, n);
-        let sigma = DMatrix::from_fn(n, n, |i, j| r[i.abs_diff(j)]);
-        let x = DMatrix::from_fn(n, 3, |t, i| (0.3 * t as f64 * (i + 1) as f64).cos());
-        let e = DVector::from_fn(n, |t, _| (1.3 * t as f64).sin() + 0.1 * t as f64);
-        let mut rows = x.clone().resize_horizontally(4, 0.0);
-        rows.set_column(3, &e);
-        let segments = [Segment { own: 1, rows }];
-        let (value, variance) = Likelihood::new(&segments, 4).value(&[a / (1.0 - b), b]);
-        let inverse = sigma.clone().try_inverse().expect("regular");
-        let h = x.transpose() * &inverse * &x;
-        let rest = e.transpose()
-            * (&inverse
-                - &inverse
-                    * &x
-                    * h.clone().try_inverse().expect("regular")
-                    * x.transpose()
-                    * &inverse)
-            * &e;
-        let s2 = rest[0] / 12.0;
-        let expected = 12.0 * s2.ln() + sigma.determinant().ln() + h.determinant().ln();
-        assert!((variance - s2).abs() < 1e-10 * s2, "{variance} {s2}");
-        assert!((value - expected).abs() < 1e-8, "{value} {expected}");
+    fn uneven_rows_have_the_products_of_the_covariance() {
+        let process = Autoregression {
+            decay: Some([2.0, 0.0]),
+            ..Autoregression::new(&[])
+        };
+        let sigma = DMatrix::from_fn(8, 8, |i, j| (-2.0 * (TIMES[i] - TIMES[j]).abs()).exp());
+        let rows = DMatrix::from_fn(8, 2, |t, i| (0.7 * t as f64 + i as f64).sin());
+        let coloured = process.coloured(&rows, &TIMES);
+        let expected = rows.transpose() * &sigma * &rows;
+        assert!((coloured.tr_mul(&coloured) - &expected).amax() < 1e-12 * expected.amax());
+        // The best linear prediction of the last value is that of Yule and Walker's equations.
+        let values: Vec<f64> = (0..8).map(|t| (t as f64).cos()).collect();
+        let before = sigma.view((0, 0), (7, 7)).into_owned();
+        let weights = before.try_inverse().expect("regular") * sigma.view((0, 7), (7, 1));
+        let best: f64 = (0..7).map(|k| weights[k] * values[k]).sum();
+        let found = process.one_step(&values, &TIMES);
+        assert!((found[7] - best).abs() < 1e-12 && found[0] == 0.0);
+    }
+
+    /// The rate of a process that is seen at random times, and that white noise is white.
+    #[test]
+    fn the_rate_of_an_uneven_process_is_found() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut uniform = || {
+            Uniform::new(0.01, 0.3)
+                .expect("not empty")
+                .sample(&mut random)
+        };
+        let mut now = 0.0;
+        let time = (0..4000).map(|_| {
+            now += uniform();
+            now
+        });
+        let time: Vec<f64> = time.collect();
+        for (rate, is_white) in [(1.5, false), (1e6, true)] {
+            let process = Autoregression {
+                decay: Some([rate, 0.0]),
+                ..Autoregression::new(&[])
+            };
+            let mut random = ChaCha8Rng::seed_from_u64(6);
+            let values = process.simulated(&time, || StandardNormal.sample(&mut random));
+            let found = Autoregression::of_series(&[(values, time.clone())]);
+            assert!((found.variance - 1.0).abs() < 0.15, "{found:?}");
+            assert_eq!(found.decay.is_none(), is_white);
+            let is_near = |[found, _]: [f64; 2]| (found / rate - 1.0).abs() < 0.15;
+            assert!(found.decay.is_none_or(is_near), "{found:?}");
+        }
     }
 }

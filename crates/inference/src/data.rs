@@ -1,5 +1,6 @@
 //! Residuals and their Jacobian, run by run.
 
+use crate::residuals::is_even;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -12,6 +13,8 @@ pub struct Run {
     pub own: DMatrix<f64>,
     /// Observed minus predicted, in standard deviations, times the root of the weight.
     pub residuals: DVector<f64>,
+    /// When each residual was recorded \[s\].
+    pub time: Vec<f64>,
     /// The rows of each signal, in the order of time; each run has the same signals.
     pub signals: Vec<Range<usize>>,
     /// Rows of what is known of the run's own unknowns beforehand, with unit variance.
@@ -21,11 +24,12 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run without unknowns of its own, one signal.
+    /// A run without unknowns of its own, one signal whose samples are a second apart.
     pub fn of(shared: DMatrix<f64>, residuals: DVector<f64>) -> Self {
         let (n, p) = shared.shape();
         Self {
             own: DMatrix::zeros(n, 0),
+            time: (0..n).map(|t| t as f64).collect(),
             signals: std::iter::once(0..n).collect(),
             prior: n..n,
             active: DMatrix::zeros(0, p),
@@ -64,6 +68,17 @@ impl Data {
             scales: DVector::from_element(p, 1.0),
             is_scaled: false,
         }
+    }
+
+    /// Whether the samples of each signal are evenly apart, by the same distance in all runs.
+    pub fn is_even(&self) -> bool {
+        let signals = self.runs.first().map_or(0, |run| run.signals.len());
+        let times = |k: usize| {
+            self.runs
+                .iter()
+                .map(move |run| &run.time[run.signals[k].clone()])
+        };
+        (0..signals).all(|k| is_even(times(k)))
     }
 
     /// Number of shared parameters.

@@ -28,7 +28,7 @@
 //! | [`data`], `row` | what is given: rows of residuals, what is known beforehand, active constraints |
 //! | `elimination` | constraints and the runs' own unknowns, taken out |
 //! | [`inference`] | information, what the data leave open |
-//! | [`covariance`], `meat`, `autoregression` | the methods |
+//! | [`covariance`], `meat`, `autoregression`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | [`residuals`], [`choice`] | what residuals say of a model; which of several models |
 //! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
@@ -42,6 +42,7 @@ pub mod inference;
 pub mod interval;
 mod meat;
 pub mod residuals;
+mod restricted;
 mod row;
 pub mod spectrum;
 

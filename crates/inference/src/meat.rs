@@ -39,6 +39,7 @@ impl Inference<'_> {
                     .collect();
                 (!range.is_empty()).then(|| Segment {
                     own: own.basis.ncols(),
+                    time: run.time[range].to_vec(),
                     rows: DMatrix::from_columns(&columns),
                 })
             });
@@ -67,7 +68,7 @@ impl Inference<'_> {
         for (process, range) in processes.iter().zip(&run.signals) {
             let own = rows.rows(range.start, range.len()).into_owned();
             out.rows_mut(range.start, range.len())
-                .copy_from(&process.coloured(&own));
+                .copy_from(&process.coloured(&own, &run.time[range.clone()]));
         }
         out
     }

@@ -15,6 +15,17 @@ pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
     }
 }
 
+/// Deviation of a distance of samples from their mean one from which on they are not evenly apart.
+const EVEN: f64 = 0.01;
+
+/// Whether the samples of all these series are evenly apart, by the same distance.
+pub fn is_even<'t>(all: impl IntoIterator<Item = &'t [f64]>) -> bool {
+    let gaps = all.into_iter().flat_map(|time| time.windows(2));
+    let gaps: Vec<f64> = gaps.map(|pair| pair[1] - pair[0]).collect();
+    let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+    gaps.iter().all(|gap| (gap - mean).abs() <= EVEN * mean)
+}
+
 /// A series without its mean; zero where a value is missing.
 pub fn centred(values: &[f64]) -> Vec<f64> {
     let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();

@@ -21,7 +21,7 @@ use crate::identification::{
     self, FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme,
     TrialSet, pilot_file,
 };
-use crate::inference::Method;
+use crate::inference::{Method, Obstacle};
 use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -231,6 +231,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let sought = identification::refits::sought(&options).into_iter();
     let sought: Vec<_> = sought.map(|name| (name, None)).collect();
     let plan = args.refits.plan(&sought, set.fit.len())?;
+    if let (Some(Method::Cr3), 0..=1) = (args.covariance, set.fit.len()) {
+        return Err(impossible(Method::Cr3));
+    }
     let begin = Instant::now();
     if args.objective == Compared::Both {
         interrupt::listen("stopping at the next iteration")?;
@@ -245,6 +248,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
     let log = watch.end();
     let found = found?;
+    args.check_covariance(&found)?;
     let refitted = match &plan {
         Some(plan) => args.refitted(plan, &found, begin)?,
         None => None,
@@ -332,6 +336,15 @@ impl Args {
         })
     }
 
+    /// Refuses a covariance that was named where this fit has none of that kind.
+    fn check_covariance(&self, found: &Identification) -> Result<(), Failure> {
+        let sure = found.fit.uncertainty.as_ref();
+        match (self.covariance, sure.map(|own| own.method)) {
+            (Some(asked), Some(method)) if asked != method => Err(impossible(asked)),
+            _ => Ok(()),
+        }
+    }
+
     fn check_outputs(&self, set: &TrialSet) -> Result<(), Failure> {
         let inputs: Vec<PathBuf> = set.files.iter().chain(&self.vehicle).cloned().collect();
         let log = self.log.as_deref().filter(|log| !log::is_stdout(log));
@@ -384,6 +397,18 @@ impl Args {
     fn logs_to_stdout(&self) -> bool {
         self.log.as_deref().is_some_and(log::is_stdout)
     }
+}
+
+/// Why a covariance cannot be had, and which can.
+fn impossible(method: Method) -> Failure {
+    let reason = match method {
+        Method::Cr3 => Obstacle::FewRuns,
+        Method::Plain | Method::Sidpac | Method::Ar => Obstacle::Negative,
+    };
+    let message = format!("--covariance {method} is not possible with these runs: {reason}");
+    Failure::new(message).hint(
+        "--covariance ar models the noise, with one run too; the default takes what is possible",
+    )
 }
 
 /// The report page of a fit alone.

@@ -36,6 +36,7 @@ pub(crate) fn linearised(
     for (j, own) in found.runs.iter().enumerate() {
         let place = Place {
             recordings: &posed.runs[j].measured,
+            time: &posed.runs[j].time,
             outputs: problem.outputs_at_samples(&at.z, j),
             sensitivity: own,
         };
@@ -134,6 +135,7 @@ fn values<'a>(
 /// A run at a solution.
 struct Place<'a> {
     recordings: &'a [Recording],
+    time: &'a [f64],
     outputs: Vec<Vec<f64>>,
     sensitivity: &'a Sensitivity,
 }
@@ -143,6 +145,7 @@ struct Place<'a> {
 struct Rows {
     derivatives: Vec<RowDVector<f64>>,
     residuals: Vec<f64>,
+    time: Vec<f64>,
 }
 
 impl Place<'_> {
@@ -165,14 +168,18 @@ impl Place<'_> {
                 let z = self.outputs[terms.residual][*sample];
                 gradient += 0.5 * z * self.gradient(level, *sample);
             }
-            rows.add(row.location_scale * gradient, row.location);
+            rows.add(
+                row.location_scale * gradient,
+                row.location,
+                self.time[*sample],
+            );
         }
         let middle = rows.residuals.len();
         let levels = terms.level.map(|level| {
             for (sample, row) in &values {
                 // The term is 2 ln sd.
                 let gradient = 0.5 * self.gradient(level, *sample);
-                rows.add(row.level_scale * gradient, row.level);
+                rows.add(row.level_scale * gradient, row.level, self.time[*sample]);
             }
             middle..rows.residuals.len()
         });
@@ -193,7 +200,7 @@ impl Place<'_> {
         {
             let gradient = row.location_scale * self.gradient(term, sample);
             match gradient.columns_range(shared..).amax() > 0.0 {
-                true => rows.add(gradient, row.location),
+                true => rows.add(gradient, row.location, self.time[sample]),
                 false => others.push(gradient.columns(0, shared).into_owned()),
             }
         }
@@ -202,8 +209,9 @@ impl Place<'_> {
 }
 
 impl Rows {
-    fn add(&mut self, gradient: RowDVector<f64>, residual: f64) {
+    fn add(&mut self, gradient: RowDVector<f64>, residual: f64, time: f64) {
         self.derivatives.push(gradient);
+        self.time.push(time);
         self.residuals.push(residual);
     }
 
@@ -223,6 +231,7 @@ impl Rows {
             shared: all.columns(0, shared).into_owned(),
             own: all.columns(shared, width - shared).into_owned(),
             residuals: DVector::from_vec(self.residuals),
+            time: self.time,
             signals,
             prior,
             active: of.active.clone(),

@@ -18,7 +18,9 @@ pub(crate) use linearised::{Linearised, linearised};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_expression::Node;
-use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run};
+use pilotage_inference::{
+    Autoregression, Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run,
+};
 
 use std::cell::OnceCell;
 
@@ -81,6 +83,8 @@ pub struct Uncertainty {
     pub is_penalised: bool,
     /// Standard deviation of the residuals, per what was said of the noise.
     pub noise: f64,
+    /// Whether the samples of each signal are evenly apart, by the same distance in all runs.
+    pub is_even: bool,
 }
 
 /// How sure a solution is, of which this is known; `simulated` is the same point, simulated.
@@ -147,6 +151,7 @@ pub(crate) fn uncertainty(
         insensitivity: percents(inference.insensitivity()),
         is_penalised: posed.unknowns.iter().any(has_prior),
         noise: inference.noise().sqrt(),
+        is_even: data.is_even(),
         mesh_errors,
         covariance,
         names,

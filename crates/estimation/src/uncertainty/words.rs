@@ -4,7 +4,7 @@ use super::Uncertainty;
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use pilotage_collocation::Sensitivities;
-use pilotage_inference::Direction;
+use pilotage_inference::{Direction, Method};
 use pilotage_text::counted;
 
 /// A direction in which the data do not change, over parameters with these names.
@@ -82,10 +82,27 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
             ));
         }
     }
+    if !own.is_even {
+        notes.extend(uneven(own.method).map(str::to_owned));
+    }
     if own.is_penalised {
         notes.push("priors are part of the fit: intervals are penalised".to_owned());
     }
     notes
+}
+
+/// What samples that are not evenly apart mean for a method.
+fn uneven(method: Method) -> Option<&'static str> {
+    match method {
+        Method::Ar => Some(
+            "samples are not evenly apart, or some are missing: `ar` takes the residuals for a process of first order in \
+             continuous time",
+        ),
+        Method::Sidpac => Some(
+            "samples are not evenly apart, or some are missing: `sidpac` takes lags in samples for lags in time; take `ar`",
+        ),
+        Method::Plain | Method::Cr3 => None,
+    }
 }
 
 /// Three digits.
