@@ -150,6 +150,8 @@ impl Rows {
         Run {
             shared: all.columns(0, shared).into_owned(),
             own: all.columns(shared, self.width - shared).into_owned(),
+            // Innovations are white from one to the next, however far apart these are.
+            time: (0..self.residuals.len()).map(|k| k as f64).collect(),
             residuals: DVector::from_vec(self.residuals),
             signals,
             prior,

@@ -18,9 +18,7 @@ pub(crate) use linearised::{Linearised, linearised};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_expression::Node;
-use pilotage_inference::{
-    Autoregression, Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run,
-};
+use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, Obstacle, Run};
 
 use std::cell::OnceCell;
 
