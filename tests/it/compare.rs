@@ -213,10 +213,6 @@ fn other_weights_and_units_are_other_data() {
         heavy,
         "other.toml: the run run3.csv has the weight 7, and 1 in first.toml",
     );
-    let filtered = first.replace("starts = 1", "starts = 1\nobjective = \"prediction-error\"");
-    let noise = "[process_noise]\n\"m.x\" = { density = 0.1 }\n[[run]]";
-    let words = "other.toml: runs that are left out are simulated, and objective = \"prediction-error\" fits";
-    refused(filtered.replacen("[[run]]", noise, 1), words);
     let metres = ONE.replace("y = \"x\"", "y = { value = \"x\", unit = \"m\" }");
     folder.write(
         "metres.toml",
@@ -226,4 +222,44 @@ fn other_weights_and_units_are_other_data() {
         first.replace("one.toml", "metres.toml"),
         "other.toml: the column `y` is compared in m, and in no unit in first.toml",
     );
+}
+
+/// A filter's predictions are judged beside simulations: the noise of these runs goes through the lag.
+#[test]
+fn predictions_are_compared_with_simulations() {
+    let folder = flights(1, 10);
+    let mut generator = ChaCha8Rng::seed_from_u64(11);
+    for k in 1..=RUNS {
+        let (mut x, mut text) = (0.0, String::from("time,u,y\n"));
+        for i in 0..=200 {
+            let draw: f64 = StandardNormal.sample(&mut generator);
+            text += &format!("{},1,{}\n", 0.05 * f64::from(i), x + 0.01 * draw);
+            for _ in 0..50 {
+                let draw: f64 = StandardNormal.sample(&mut generator);
+                x += 0.001 * 1.5 * (1.0 - x) + 0.001_f64.sqrt() * 0.1 * draw;
+            }
+        }
+        folder.write(&format!("run{k}.csv"), text);
+    }
+    let first = std::fs::read_to_string(folder.path("first.toml")).unwrap();
+    let filtered = first
+        .replace("sd = 0.05", "sd = 0.01")
+        .replace("starts = 1", "starts = 1\nobjective = \"prediction-error\"")
+        .replacen(
+            "[[run]]",
+            "[process_noise]\n\"m.x\" = { density = \"q\" }\n[[run]]",
+            1,
+        )
+        .replace(
+            "[parameters]",
+            "[parameters]\nq = { start = 0.1, min = 0, unit = \"s-1\" }",
+        );
+    folder.write("filtered.toml", filtered);
+    let json = folder
+        .pilotage(&["compare", "first.toml", "filtered.toml", "--json"])
+        .json();
+    assert_eq!(json["taken"], "filtered.toml", "{json}");
+    let fit = folder.pilotage(&["fit", "filtered.toml", "--json"]).json();
+    let q = fit["parameters"]["q"]["value"].as_f64().unwrap();
+    assert!((0.008..0.012).contains(&q), "{fit}");
 }

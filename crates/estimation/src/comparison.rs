@@ -1,7 +1,7 @@
 //! Several problems on the same data: which model is it?
 
 use crate::error::ProblemError;
-use crate::file::{Noise, Objective, ProblemFile, RunLine};
+use crate::file::{Noise, ProblemFile, RunLine};
 use crate::fit::{Observer, fit};
 use crate::part::Part;
 use crate::posed::Posed;
@@ -51,7 +51,6 @@ pub fn compare(
     open: OpenInParallel<'_>,
     ask: &Ask<'_>,
 ) -> Result<Compared, ProblemError> {
-    files.iter().try_for_each(check_objective)?;
     let posed: Vec<Posed<'_>> = (files.iter())
         .map(|file| Posed::new(file, open))
         .collect::<Result<_, _>>()?;
@@ -146,18 +145,6 @@ fn held_out(
 fn asked(posed: &Posed<'_>, ask: &GoesOn<'_>) -> Fit {
     let observer: &mut Observer<'_> = &mut |_| ask();
     fit(posed, observer)
-}
-
-/// What is left out is judged as a simulation, which prediction errors are not.
-fn check_objective(file: &ProblemFile) -> Result<(), ProblemError> {
-    match file.options.objective {
-        Objective::Response => Ok(()),
-        Objective::PredictionError => Err(ProblemError::Part(format!(
-            "{}: runs that are left out are simulated, and objective = \"prediction-error\" fits predictions: compare \
-             with objective = \"response\"",
-            file.file
-        ))),
-    }
 }
 
 /// Likelihoods of different data are not to be compared.

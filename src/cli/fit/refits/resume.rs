@@ -41,7 +41,7 @@ impl Kept {
         let head = head(study, kind, seed);
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let found = match text[..whole].strip_prefix(&head) {
-            Some(lines) => read(path, lines, [study.unknowns.len(), study.derived.len()])?,
+            Some(lines) => read(path, lines, study.unknowns.len() + study.derived.len())?,
             // A kill may have come before the first line was there.
             None if text.is_empty() || whole == 0 && head.starts_with(&text) => Vec::new(),
             None => return Err(refused(path, &text)),
@@ -88,19 +88,14 @@ fn head(study: &Study<'_>, kind: Kind, seed: u64) -> String {
     format!("{HEAD}, kind {kind}, seed {seed}, of the fit {fit}\n")
 }
 
-/// The refits of whole lines, each with so many unknowns and derived figures. The latter may be not numbers, where a refit
-/// has no such figure.
-fn read(
-    path: &Path,
-    lines: &str,
-    [unknowns, derived]: [usize; 2],
-) -> Result<Vec<Replicate>, Failure> {
+/// The refits of whole lines. A value is not a number where a replicate has none: a parameter of a subject that was not drawn,
+/// a margin that a loop has not.
+fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failure> {
     let line = |(k, line): (usize, &str)| {
         let replicate = replicate(line).filter(|own| {
             let values = own.values.as_ref();
             values.is_none_or(|values| {
-                let is_known = values.iter().take(unknowns).all(|value| value.is_finite());
-                values.len() == unknowns + derived && is_known
+                values.len() == count && values.iter().all(|value| !value.is_infinite())
             })
         });
         replicate.ok_or_else(|| {
