@@ -5,6 +5,7 @@
 mod compare;
 mod cosim;
 mod demo;
+mod excitation;
 mod export;
 mod failure;
 mod fit;

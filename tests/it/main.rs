@@ -22,6 +22,7 @@ mod demo;
 mod derivatives;
 mod describing;
 mod diagnostics;
+mod excitation;
 mod export;
 #[cfg(target_os = "linux")]
 mod files;

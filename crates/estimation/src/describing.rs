@@ -14,7 +14,7 @@ use crate::result::variables;
 use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::description::Wire;
 use pilotage_expression::Node;
-use pilotage_inference::spectrum::{Describing, Flight};
+use pilotage_inference::spectrum::{Describing, Excitation, Flight};
 use pilotage_linear::StateSpace;
 
 /// Which columns are what, by their numbers in the file.
@@ -90,6 +90,17 @@ pub(crate) fn describing(posed: &Posed<'_>, solved: &Solved) -> Describing {
             fitted.open_loop(omega)
         }],
     )
+}
+
+/// What the runs of a problem excite, of the loop as above; none where there is no such loop.
+pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
+    let roles = Roles::of(posed)?;
+    let runs = posed.data.iter();
+    let all: Vec<Columns> = runs
+        .filter_map(|run| Columns::of(posed, run, roles))
+        .collect();
+    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(roles)).collect();
+    Excitation::of(&flights)
 }
 
 impl Roles {

@@ -9,7 +9,7 @@ use crate::posed::Posed;
 use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
 use pilotage_expression::Node;
-use pilotage_inference::spectrum::Contradiction;
+use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 use pilotage_text::counted;
 use std::fmt;
@@ -117,6 +117,10 @@ pub enum Diagnostic {
     Flat(f64),
     /// The describing function of the runs is not that of the fit.
     Contradicted(Contradiction),
+    /// Sines tell fewer numbers than are sought.
+    Starved(Starved),
+    /// What nothing measured depends on, at several starts and after the fit.
+    Unidentifiable(String),
 }
 
 /// A pole that grows faster is unstable \[1/s\].
@@ -151,6 +155,8 @@ impl Diagnostic {
             Self::Alone(_) => "alone",
             Self::Flat(_) => "flat",
             Self::Contradicted(_) => "describing-function",
+            Self::Starved(_) => "few-lines",
+            Self::Unidentifiable(_) => "unidentifiable",
             Self::Undefined(_) => "undefined",
             Self::FmuFailed { .. } => "fmu-failed",
             Self::Event(_) => "event",
@@ -277,6 +283,8 @@ impl fmt::Display for Diagnostic {
                 write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
             }
             Self::Contradicted(found) => found.fmt(f),
+            Self::Starved(found) => found.fmt(f),
+            Self::Unidentifiable(words) => write!(f, "{words}: fix one, or measure more"),
             Self::Event(event) => event.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(

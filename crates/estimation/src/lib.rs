@@ -43,6 +43,7 @@
 //! | [`unknowns`], `ranges`, `names` | parameters, what they are and between which values; the expressions of the file |
 //! | [`data`] | the runs: columns, inputs, times at which something changes |
 //! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
+//! | [`mod@beforehand`] | what the runs excite, and what nothing measured depends on |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
 //! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
@@ -50,6 +51,7 @@
 
 mod active;
 mod assembly;
+pub mod beforehand;
 mod begun;
 pub mod comparison;
 pub mod data;

@@ -7,7 +7,7 @@ use super::statistics::rms;
 use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
 use super::{derived, fit, frequency, simulate, simulate_from};
 use pilotage_inference::Interval;
-use pilotage_inference::spectrum::Describing;
+use pilotage_inference::spectrum::{Describing, Excitation};
 use pilotage_linear::Figure;
 
 /// A pilot identified from trials.
@@ -23,6 +23,8 @@ pub struct Identification {
     pub derived: Vec<(Figure, Interval)>,
     /// What the trials of the fit say of pilot and loop without a model.
     pub describing: Describing,
+    /// What they excite; none where no flight has three samples.
+    pub excitation: Option<Excitation>,
     /// All trials as the pilot flies them alone, from rest where the solution begins, in the order of
     /// [`TrialSet::all`]: none where nobody said which vehicle was flown, where a trial is longer than
     /// [`LONGEST`], or where the pilot is too fast to be simulated.
@@ -71,6 +73,7 @@ impl Identification {
             .collect();
         Self {
             derived: derived::derived(&fit, &options),
+            excitation: Excitation::of(&frequency::flights(&trials.fit)),
             describing: frequency::describing(&trials.fit, &fit.theta, &options),
             fit,
             options,

@@ -49,6 +49,9 @@ pub struct Inference<'d> {
     pub(crate) hessian: DMatrix<f64>,
     /// Its inverse.
     pub(crate) inverse: DMatrix<f64>,
+    /// Singular values of the sensitivities of the residuals, each parameter's scaled to a length of 1, the largest first;
+    /// what constraints hold and what is known of runs alone is taken out.
+    pub singular_values: Vec<f64>,
     /// Directions that the data leave open.
     pub directions: Vec<Direction>,
     /// For each parameter, whether it takes part in such a direction.
@@ -75,6 +78,12 @@ impl<'d> Inference<'d> {
         let eigen = eigen(unit_diagonal(&hessian));
         let (open, known): (Vec<usize>, Vec<usize>) =
             (0..d).partition(|k| eigen.eigenvalues[*k] <= OPEN);
+        let mut singular_values: Vec<f64> = eigen
+            .eigenvalues
+            .iter()
+            .map(|own| own.max(0.0).sqrt())
+            .collect();
+        singular_values.sort_by(|a, b| b.total_cmp(a));
         let scale = DVector::from_iterator(d, hessian.diagonal().iter().map(|v| root(*v)));
         let of = |kept: &[usize]| {
             DMatrix::from_fn(d, kept.len(), |i, k| {
@@ -103,6 +112,7 @@ impl<'d> Inference<'d> {
             .inverse();
         Ok(Self {
             data,
+            singular_values,
             directions: directions(&effects, &units),
             flat: (0..units.len())
                 .map(|i| moved.ncols() > 0 && takes_part(i))

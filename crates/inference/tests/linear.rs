@@ -411,3 +411,30 @@ fn residuals_that_change_move_the_solution_of_a_linear_problem_at_once() {
     let moved = Inference::new(&data).unwrap().moved(&changes);
     assert!((moved - expected).amax() < 1e-10);
 }
+
+/// Those of the Jacobian with columns of length 1, by its own decomposition; a column that repeats another has none.
+#[test]
+fn singular_values_are_those_of_the_jacobian() {
+    let toy = Toy::new(5, 1, [40, 3, 0]);
+    let (jacobian, y) = &toy.runs[0];
+    let repeated = DMatrix::from_fn(40, 4, |i, k| match k {
+        3 => -2.0 * jacobian[(i, 1)],
+        _ => jacobian[(i, k)],
+    });
+    let mut unit = repeated.clone();
+    unit.column_iter_mut().for_each(|mut own| own /= own.norm());
+    let data = Data::of(vec![Run::of(repeated, y.clone())]);
+    let inference = Inference::new(&data).unwrap();
+    let mut expected: Vec<f64> = unit
+        .svd(false, false)
+        .singular_values
+        .iter()
+        .copied()
+        .collect();
+    expected.sort_by(|a, b| b.total_cmp(a));
+    assert_eq!(inference.singular_values.len(), 4);
+    for (found, expected) in inference.singular_values.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-7, "{found} {expected}");
+    }
+    assert_eq!(inference.directions.len(), 1);
+}

@@ -1,7 +1,7 @@
 //! Responses of a loop whose truth is known: first-order pilot on an integrator, sampled, with remnant inside the loop.
 
 use nalgebra::Complex;
-use pilotage_inference::spectrum::{Point, Record, Unfit, response};
+use pilotage_inference::spectrum::{Excitation, Flight, Point, Record, Unfit, Window, response};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -99,7 +99,7 @@ fn without_remnant_the_response_is_that_of_the_pilot() {
     }
 }
 
-/// 100 sets with 8 lines each: 95 of 100 regions of 95 % hold the truth, and the deviations are those that are told.
+/// 60 sets with 8 lines each: 95 of 100 regions of 95 % hold the truth, and the deviations are those that are told.
 #[test]
 fn the_error_bars_hold_the_truth_as_often_as_they_say() {
     for (runs, remnant, change, range) in [
@@ -109,7 +109,7 @@ fn the_error_bars_hold_the_truth_as_often_as_they_say() {
     ] {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let (mut held, mut all, mut squares) = (0, 0, 0.0);
-        for _ in 0..100 {
+        for _ in 0..60 {
             let own: Vec<Run> = (0..runs)
                 .map(|_| run(&mut random, remnant, change))
                 .collect();
@@ -136,7 +136,7 @@ fn the_error_bars_hold_the_truth_as_often_as_they_say() {
 #[test]
 fn remnant_and_coherence_are_those_of_the_loop() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
-    let runs: Vec<Run> = (0..60).map(|_| run(&mut random, 0.3, 0.0)).collect();
+    let runs: Vec<Run> = (0..40).map(|_| run(&mut random, 0.3, 0.0)).collect();
     for own in of(&runs, |run| &run.stick) {
         let z = turn(own.frequency);
         let noise = (0.3 / (1.0 - 0.7 / z)).norm_sqr() * STEP / std::f64::consts::PI;
@@ -147,7 +147,7 @@ fn remnant_and_coherence_are_those_of_the_loop() {
             (own.coherence - expected).abs() < 0.03,
             "{own:?} {expected}"
         );
-        assert!((own.amplitude - 1.0).abs() < 1e-6 && own.runs == 60);
+        assert!((own.amplitude - 1.0).abs() < 1e-6 && own.runs == 40);
     }
 }
 
@@ -174,4 +174,106 @@ fn runs_that_tell_nothing_are_left_out_with_a_reason() {
     let expected = [(0, Unfit::Few), (1, Unfit::Missing), (2, Unfit::Still)];
     assert_eq!(unfit, expected);
     assert!(points.iter().all(|own| own.runs == 1) && points.len() == 8);
+}
+
+/// Ramps and steps between random places, as tracking tasks have them, of 30 draws each.
+#[test]
+fn ramps_and_steps_are_no_sums_of_sines() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let time: Vec<f64> = (0..900).map(|k| f64::from(k) * STEP).collect();
+    for _ in 0..30 {
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let places: Vec<f64> = (0..7).map(|_| normal()).collect();
+        let steps: Vec<f64> = (0..900).map(|k| places[k / 150]).collect();
+        let ramp = |k: usize| {
+            let part = (k % 150) as f64 / 150.0;
+            places[k / 150] * (1.0 - part) + places[k / 150 + 1] * part
+        };
+        let ramps: Vec<f64> = (0..900).map(ramp).collect();
+        for forcing in [&steps, &ramps] {
+            assert_eq!(Window::of(&time, &[forcing]), Err(Unfit::NoLines));
+        }
+    }
+}
+
+/// Flights of the loop above with these targets.
+fn excited(runs: &[Run], has_stick: bool) -> Excitation {
+    let flights = runs.iter().map(|run| Flight {
+        name: "run",
+        time: &run.time,
+        forcing: vec![&run.forcing],
+        error: run.error.clone(),
+        stick: has_stick.then_some(&run.stick[..]),
+        position: &run.position,
+    });
+    Excitation::of(&flights.collect::<Vec<_>>()).unwrap()
+}
+
+/// `1.96 / √Σ (ω/σ)²` is the deviation of the slope of phases over frequencies, by least squares through the origin.
+#[test]
+fn lines_tell_how_much_can_be_found() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let runs = [0, 1, 2].map(|_| run(&mut random, 0.1, 0.0));
+    let own = excited(&runs, true);
+    assert!(own.has_lines && own.of_stick && !own.is_still);
+    assert_eq!(own.most_parameters(), Some(16));
+    assert!((own.highest().unwrap() - TAU * 97.0 / 60.0).abs() < 1e-9);
+    let points = of(&runs, |run| &run.stick);
+    let (top, sd) = (points[7].frequency, points[7].sd);
+    let least = own.least_delay().unwrap();
+    assert!(
+        least < 1.96 * sd / top && least > 1.96 * sd / top / 8.0,
+        "{least}"
+    );
+    assert_eq!(own.starved(16, 1), None);
+    assert_eq!(own.starved(17, 1).map(|own| own.told), Some(16));
+    assert!(own.advice().is_none());
+    // A hand that does what it likes.
+    let noisy = [0, 1, 2].map(|_| run(&mut random, 30.0, 0.0));
+    let noisy = excited(&noisy, true);
+    assert!(noisy.most_parameters().unwrap() < 8, "{noisy}");
+}
+
+/// Jumps to a target that stays: without remnant all comes back the same, with much of it little does.
+#[test]
+fn bands_of_jumps_are_coherent_as_far_as_flights_are_alike() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut jump = |remnant: f64, samples: usize| {
+        let mut own = run(&mut random, remnant, 0.0);
+        // The loop is linear: what a jump adds to it is a flight of its own.
+        own.time.truncate(samples);
+        own.forcing = vec![5.0; own.time.len()];
+        let (mut x, mut z, mut noise) = (0.0, 0.0, 0.0);
+        (own.error, own.stick, own.position) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..samples {
+            let error = 5.0 - z;
+            let normal: f64 = StandardNormal.sample(&mut random);
+            noise = 0.7 * noise + remnant * normal;
+            let stick = GAIN * x + noise;
+            own.error.push(error);
+            own.stick.push(stick);
+            own.position.push(z);
+            x = POLE * x + error;
+            z += STEP * stick;
+        }
+        own
+    };
+    let clean: Vec<Run> = (0..3).map(|_| jump(0.0, 300)).collect();
+    let own = excited(&clean, true);
+    assert!(!own.has_lines && own.is_still && own.advice().is_some());
+    assert_eq!(own.most_parameters(), None);
+    for row in &own.rows {
+        assert!(row.coherence.unwrap() > 1.0 - 1e-9, "{row:?}");
+        // The transform of a jump of 5 is 5/ω.
+        assert!(
+            (0.5..2.0).contains(&(row.forcing * row.frequency / 5.0)),
+            "{row:?}"
+        );
+    }
+    let noisy: Vec<Run> = (0..3).map(|_| jump(3.0, 300)).collect();
+    let noisy = excited(&noisy, true);
+    assert!(noisy.coherent().count() < own.rows.len() / 2, "{noisy:?}");
+    let few = excited(&clean[..2], false);
+    assert!(!few.of_stick && few.rows.iter().all(|own| own.coherence.is_none()));
+    assert_eq!(few.highest(), None);
 }

@@ -14,13 +14,15 @@ use super::made::made;
 use super::number::{number, positive, whole, within};
 use super::overwrite::{OutputKind, Overwrite};
 use super::trials::Columns;
-use super::{Failure, Outcome, interrupt, terminal, vehicle};
+use super::{Failure, Outcome, excitation, interrupt, terminal, vehicle};
 use crate::atomic_file::AtomicFile;
+use crate::identification::frequency::flights;
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
     self, FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme,
     TrialSet, pilot_file,
 };
+use crate::inference::spectrum::Excitation;
 use crate::inference::{Method, Obstacle};
 use crate::models::Pilot;
 use crate::report::{self, Report};
@@ -228,6 +230,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(note);
     }
     args.check_outputs(&set)?;
+    let excited = Excitation::of(&flights(&set.fit));
+    (excited.iter().flat_map(excitation::words)).for_each(|words| terminal::note(&words));
     let sought = identification::refits::sought(&options).into_iter();
     let sought: Vec<_> = sought.map(|name| (name, None)).collect();
     let plan = args.refits.plan(&sought, set.fit.len())?;

@@ -2,7 +2,7 @@
 
 use super::describing;
 use super::refits::Refitted;
-use crate::cli::format;
+use crate::cli::{excitation, format};
 use crate::identification::statistics::rms;
 use crate::identification::{
     ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
@@ -60,6 +60,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
         "uncertainty": fit.uncertainty.as_ref().map(|own| uncertainty(own, refitted)),
         "closed_loop": fit.closed_loop.as_ref().map(closed_loop),
         "derived": derived(found, refitted),
+        "excitation": excitation::to_json(found.excitation.as_ref()),
         "describing_function": describing::to_json(&found.describing),
         "unknowns": fit.unknowns,
         "iterations": fit.iterations,

@@ -5,8 +5,10 @@ mod synth;
 
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, excitation, terminal};
+use crate::identification::frequency::flights;
 use crate::identification::trials::{ColumnNames, Summary, TrialError, TrialSet};
+use crate::inference::spectrum::Excitation;
 use crate::report::{short, significant, target_of};
 use crate::series::SeriesError;
 use clap::Subcommand;
@@ -129,7 +131,12 @@ fn to_json(set: &TrialSet) -> Value {
             })
         })
         .collect();
-    json!({ "trials": trials, "notes": set.notes })
+    let excitation = excited(set);
+    json!({
+        "trials": trials,
+        "notes": set.notes,
+        "excitation": excitation::to_json(excitation.as_ref()),
+    })
 }
 
 fn to_table(set: &TrialSet) -> String {
@@ -172,5 +179,10 @@ fn to_table(set: &TrialSet) -> String {
             trial.name, summary.largest_gap
         );
     }
-    text
+    text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
+}
+
+/// What the trials of the fit excite.
+fn excited(set: &TrialSet) -> Option<Excitation> {
+    Excitation::of(&flights(&set.fit))
 }

@@ -6,7 +6,7 @@
 
 mod derived;
 mod linearised;
-mod words;
+pub(crate) mod words;
 
 use crate::fit::Solved;
 use crate::loops::Looped;
@@ -170,7 +170,7 @@ fn method(posed: &Posed<'_>) -> Option<Method> {
 }
 
 /// The shared parameters as the search sees them.
-fn names(posed: &Posed<'_>) -> Vec<String> {
+pub(crate) fn names(posed: &Posed<'_>) -> Vec<String> {
     let mut names = vec![String::new(); posed.shared];
     for (unknown, stands) in &posed.unknowns {
         let prefix = if unknown.log { "ln " } else { "" };

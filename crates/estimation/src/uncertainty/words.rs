@@ -8,7 +8,7 @@ use pilotage_inference::{Direction, Method};
 use pilotage_text::counted;
 
 /// A direction in which the data do not change, over parameters with these names.
-pub(super) fn direction(direction: &Direction, names: &[String]) -> String {
+pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     let parts: Vec<(&String, f64)> = (names.iter().zip(direction.0.iter().copied()))
         .filter(|(_, part)| *part != 0.0)
         .collect();

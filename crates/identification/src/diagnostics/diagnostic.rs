@@ -1,6 +1,6 @@
 //! What may be odd about a fit, with the words and the code of each.
 
-use pilotage_inference::spectrum::Contradiction;
+use pilotage_inference::spectrum::{Contradiction, Starved};
 use thiserror::Error;
 
 /// One reason to look twice at a fit.
@@ -157,6 +157,9 @@ pub enum Diagnostic {
     /// The describing function of the flights is not that of the fit.
     #[error(transparent)]
     Contradicted(Contradiction),
+    /// Sines tell fewer numbers than are sought.
+    #[error(transparent)]
+    Starved(Starved),
     /// The model explains little of what was recorded.
     #[error(
         "the model explains {:.0} % of the variance of what was recorded: another --order, --vehicle \
@@ -374,6 +377,7 @@ impl Diagnostic {
             Self::IdlePilot => "idle-pilot",
             Self::Outlier { .. } => "outlier",
             Self::Contradicted(_) => "describing-function",
+            Self::Starved(_) => "few-lines",
             Self::PoorFit { .. } => "poor-fit",
             Self::StickSign { .. } => "stick-sign",
             Self::VehicleSize { .. } => "vehicle-size",

@@ -10,6 +10,7 @@ mod solution;
 pub use diagnostic::Diagnostic;
 
 use super::{Fit, FitOptions, Trial, frequency};
+use pilotage_inference::spectrum::Excitation;
 
 /// What speaks against taking `fit` at its word, the gravest first.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
@@ -18,6 +19,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics.extend(flown::diagnostics(fit, options, trials));
     diagnostics.extend(solution::diagnostics(fit, options));
     diagnostics.extend(contradicted(fit, options, trials));
+    diagnostics.extend(starved(fit, trials));
     if diagnostics.contains(&Diagnostic::ConstantData) {
         // What a pilot of nothing is like, nobody needs to know.
         diagnostics.retain(Diagnostic::is_fatal);
@@ -37,4 +39,11 @@ fn contradicted(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Dia
     let describing = frequency::describing(trials, &fit.theta, options);
     let found = describing.contradicted().filter(|_| fit.converged)?;
     Some(Diagnostic::Contradicted(found))
+}
+
+/// Where sines tell fewer numbers than θ has.
+fn starved(fit: &Fit, trials: &[Trial]) -> Option<Diagnostic> {
+    let excitation = Excitation::of(&frequency::flights(trials))?;
+    let found = excitation.starved(fit.theta.len(), 1)?;
+    Some(Diagnostic::Starved(found))
 }

@@ -137,7 +137,7 @@ fn shown(frequencies: &[f64]) -> String {
 }
 
 /// The flights that have this output.
-fn records<'a>(
+pub(super) fn records<'a>(
     flights: &'a [Flight<'a>],
     output: impl Fn(&Flight<'a>) -> Option<&'a [f64]>,
 ) -> Vec<Record<'a>> {

@@ -13,14 +13,18 @@
 //! | `window` | whole periods of the forcing functions, and their lines |
 //! | `fourier` | transforms of any length |
 //! | `local` | lines without transients, and the remnant between them |
+//! | `excitation`, `bands` | what flights excite, whatever drives them |
 //! | `checked` | pilot and loop, beside those of a model |
 
+mod bands;
 mod checked;
+mod excitation;
 mod fourier;
 mod local;
 mod window;
 
 pub use checked::{Checked, Contradiction, Describing, Flight, Model};
+pub use excitation::{Excitation, Row as Excited, Starved};
 pub use fourier::fourier;
 use local::{Line, line};
 use nalgebra::Complex;

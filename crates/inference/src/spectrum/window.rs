@@ -4,6 +4,7 @@ use super::fourier::amplitudes;
 use nalgebra::Complex;
 use std::cmp::Ordering;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Fewest samples of a run of which a spectrum is taken.
 const FEWEST: usize = 32;
@@ -16,8 +17,10 @@ const AROUND: usize = 6;
 /// Power of a line over that floor, and over that of the largest line.
 const ABOVE: f64 = 100.0;
 const LEAST: f64 = 1e-5;
+/// Bins for each line of a sum of sines, at least; steps after equal times have power in most.
+const FEW: usize = 5;
 /// Part of the power that the lines of a sum of sines have at least.
-const CONCENTRATED: f64 = 0.98;
+const CONCENTRATED: f64 = 0.999;
 /// Junctions within this factor of what is inside go on equally smoothly; of these the longest window comes first.
 const SMOOTH: f64 = 10.0;
 /// Part of the power beside the lines where a window needs no rival.
@@ -187,7 +190,7 @@ fn concentrated(signals: &[&[f64]], length: usize) -> Option<(f64, usize, Vec<Ve
         let all = amplitudes(&x[x.len() - length..]);
         let power: Vec<f64> = all.iter().map(Complex::norm_sqr).collect();
         let own = lines_of(&power);
-        if own.is_empty() {
+        if own.is_empty() || own.len() * FEW > power.len() {
             return None;
         }
         let total: f64 = power.iter().sum();
@@ -200,12 +203,16 @@ fn concentrated(signals: &[&[f64]], length: usize) -> Option<(f64, usize, Vec<Ve
 /// Bins that stand above their neighbours.
 fn lines_of(power: &[f64]) -> Vec<usize> {
     let most = power.iter().copied().fold(0.0, f64::max);
+    // Every second bin may be a line, so that a median would be one.
+    let quartile = |bins: Range<usize>| {
+        let mut all: Vec<f64> = power[bins].to_vec();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 4).copied().unwrap_or(0.0)
+    };
+    // On both sides: a jump or a ramp has much power below and little above.
     let floor = |k: usize| {
-        let near = k.saturating_sub(AROUND).max(1)..(k + AROUND + 1).min(power.len());
-        let mut others: Vec<f64> = near.filter(|other| *other != k).map(|k| power[k]).collect();
-        others.sort_by(f64::total_cmp);
-        // Every second bin may be a line, so that the median would be one.
-        others.get(others.len() / 4).copied().unwrap_or(most)
+        let below = quartile(k.saturating_sub(AROUND).max(1)..k);
+        below.max(quartile(k + 1..(k + AROUND + 1).min(power.len())))
     };
     let is_line = |k: &usize| power[*k] > ABOVE * floor(*k) && power[*k] > LEAST * most;
     (1..power.len()).filter(is_line).collect()

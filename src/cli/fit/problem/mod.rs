@@ -12,6 +12,7 @@ use crate::cli::made::made;
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
+use crate::estimation::beforehand::beforehand;
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
@@ -63,7 +64,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &posed, &fitted)?;
     interrupt::listen("stopping")?;
-    let fit = solved(args, &posed);
+    let before = beforehand(&posed, &|| interrupt::is_asked());
+    (before.words().iter()).for_each(|words| terminal::note(words));
+    let mut fit = solved(args, &posed);
+    fit.diagnostics.extend(before.doubts(&fit));
     let judged = validated(&file, &fit, &part::open)?;
     let refitted = match &plan {
         Some(plan) => refitted(args, plan, &posed, &fit, begin)?,
@@ -74,6 +78,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         fit: &fit,
         judged: &judged,
         refitted: refitted.as_ref(),
+        before: Some(&before),
     };
     for own in &fitted {
         own.write(&posed, &fit, path)?;
@@ -119,6 +124,7 @@ pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
         fit: &fit,
         judged: &judged,
         refitted: None,
+        before: None,
     }))
 }
 

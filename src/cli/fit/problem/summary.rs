@@ -1,9 +1,11 @@
 //! What a fit of a problem gave, for people and for scripts.
 
 use super::sure;
+use crate::cli::excitation;
 use crate::cli::fit::describing;
 use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
+use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::{Fit, Posed};
@@ -13,6 +15,7 @@ use crate::report::significant;
 use crate::sqp::Status;
 use pilotage_text::counted;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 
 /// A fit, and the runs that were kept out of it.
 #[derive(Clone, Copy)]
@@ -25,6 +28,8 @@ pub struct Outcomes<'a> {
     pub judged: &'a [RunFit],
     /// The fit, solved again.
     pub refitted: Option<&'a Refitted>,
+    /// What was known before the solve; none where nobody asked.
+    pub before: Option<&'a Beforehand>,
 }
 
 impl<'a> Outcomes<'a> {
@@ -70,6 +75,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
+        "excitation": told_before(outcomes.before),
         "describing_function": describing::to_json(&fit.describing),
         "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
@@ -91,6 +97,22 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "starts": starts.collect::<Vec<_>>(),
         "runs": runs,
         "seconds": fit.seconds,
+    })
+}
+
+/// What the runs excite, and what nothing measured depends on where the search begins.
+fn told_before(before: Option<&Beforehand>) -> Value {
+    let own = before.and_then(|own| own.excitation.as_ref());
+    let told = before.and_then(|own| own.identifiability.as_ref());
+    json!({
+        "forcing": excitation::to_json(own),
+        "identifiability": told.map(|own| json!({
+            "starts": own.starts,
+            "singular_values": own.singular_values,
+            "sd": own.deviations.iter().cloned().collect::<BTreeMap<String, f64>>(),
+            "flat": own.flat,
+            "weak": own.weak,
+        })),
     })
 }
 

@@ -1,0 +1,130 @@
+//! Coherence over flights, in octaves, where forcing functions are no sums of sines: jumps, ramps.
+
+use super::Flight;
+use super::excitation::Row;
+use nalgebra::Complex;
+use std::f64::consts::{PI, TAU};
+
+/// Frequencies of a band, at most.
+const IN_BAND: usize = 8;
+/// Highest frequency of a band, far above what a hand can do [rad/s].
+const TOP: f64 = 32.0;
+/// Flights of which a coherence is known: with one or two it is large by chance.
+const FEWEST: usize = 3;
+
+/// Octaves from one turn in the shortest flight up to half of the lowest sampling frequency. None without samples.
+///
+/// Signals are taken by their increments, which a flight that begins and ends at rest has within itself; a target jumps
+/// from where the vehicle begins.
+pub(super) fn bands(flights: &[Flight<'_>], of_stick: bool) -> Option<Vec<Row>> {
+    let known: Vec<&Flight<'_>> = flights.iter().filter(|own| own.time.len() > 2).collect();
+    let duration = |own: &&Flight<'_>| own.time[own.time.len() - 1] - own.time[0];
+    let shortest = known.iter().map(duration).fold(f64::INFINITY, f64::min);
+    let slowest = known
+        .iter()
+        .map(|own| duration(own) / (own.time.len() - 1) as f64)
+        .fold(0.0, f64::max);
+    let (first, top) = (TAU / shortest, TOP.min(PI / slowest));
+    if known.is_empty() || !first.is_finite() || !top.is_finite() {
+        return None;
+    }
+    let count = (top / first).log2().ceil().clamp(0.0, 32.0) as i32;
+    let row = |band: i32| {
+        let (low, high) = (
+            first * 2f64.powi(band),
+            (first * 2f64.powi(band + 1)).min(top),
+        );
+        let bins = (((high - low) / first).round() as usize).clamp(1, IN_BAND);
+        let step = (high - low) / bins as f64;
+        let all: Vec<f64> = (0..bins).map(|k| low + step * k as f64).collect();
+        averaged(&known, of_stick, (low * high).sqrt(), &all, shortest)
+    };
+    Some((0..count).map(row).collect())
+}
+
+/// A band of these frequencies [rad/s]; of the flights their first `duration` seconds.
+fn averaged(
+    flights: &[&Flight<'_>],
+    of_stick: bool,
+    centre: f64,
+    all: &[f64],
+    duration: f64,
+) -> Row {
+    let (mut driven, mut coherent, mut possible, mut power) = (0.0, 0.0, 0.0, 0.0);
+    let mut runs = 0;
+    for omega in all {
+        let transformed: Vec<[Complex<f64>; 2]> = flights
+            .iter()
+            .filter_map(|own| transforms(own, of_stick, *omega, duration))
+            .collect();
+        runs = transformed.len();
+        let own: f64 = transformed.iter().map(|[f, _]| f.norm_sqr()).sum();
+        let response: f64 = transformed.iter().map(|[_, u]| u.norm_sqr()).sum();
+        let cross: Complex<f64> = transformed.iter().map(|[f, u]| f.conj() * u).sum();
+        driven += own / (runs as f64 * omega * omega);
+        power += response / (runs as f64 * omega * omega);
+        coherent += cross.norm_sqr();
+        possible += own * response;
+    }
+    let n = runs as f64;
+    // A coherence of n values has at least 1/n by chance.
+    let coherence = ((n * coherent / possible - 1.0) / (n - 1.0)).clamp(0.0, 1.0);
+    let coherence = Some(coherence).filter(|own| runs >= FEWEST && own.is_finite());
+    let bins = all.len() as f64;
+    let sd = |own: f64| ((1.0 - own) / (2.0 * n * bins * own)).sqrt();
+    Row {
+        frequency: centre,
+        forcing: (driven / bins).sqrt(),
+        coherence,
+        remnant: coherence.map(|own| (1.0 - own) * power / bins / (PI * duration)),
+        sd: coherence.filter(|own| *own > 0.0).map(sd),
+    }
+}
+
+/// Transforms of the increments of target and response. None without a response.
+fn transforms(
+    flight: &Flight<'_>,
+    of_stick: bool,
+    omega: f64,
+    duration: f64,
+) -> Option<[Complex<f64>; 2]> {
+    let response = if of_stick {
+        flight.stick?
+    } else {
+        flight.position
+    };
+    let end = flight.time[0] + duration;
+    let origin = flight
+        .position
+        .iter()
+        .copied()
+        .find(|own| own.is_finite())?;
+    // What is a target jumps from there; a disturbance is not measured from it.
+    let is_target = |own: &[f64]| {
+        let pairs = own.iter().zip(&flight.error).zip(flight.position);
+        pairs.clone().next().is_some()
+            && pairs
+                .take(1)
+                .all(|((f, e), z)| (f - z - e).abs() <= 1e-9 * (1.0 + f.abs()))
+    };
+    let of = |values: &[f64], from: Option<f64>| {
+        let (mut last, mut sum) = (from, Complex::new(0.0, 0.0));
+        for (time, value) in flight
+            .time
+            .iter()
+            .zip(values)
+            .filter(|(time, x)| **time <= end && x.is_finite())
+        {
+            let step = value - last.unwrap_or(*value);
+            sum += Complex::from_polar(step, -omega * (time - flight.time[0]));
+            last = Some(*value);
+        }
+        sum
+    };
+    let forcing = flight
+        .forcing
+        .iter()
+        .map(|own| of(own, is_target(own).then_some(origin)));
+    let forcing = forcing.sum();
+    Some([forcing, of(response, None)])
+}

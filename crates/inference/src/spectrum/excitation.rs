@@ -1,0 +1,161 @@
+//! What the forcing functions of flights excite, before any fit.
+
+use super::bands::bands;
+use super::checked::records;
+use super::{Flight, Point, response};
+use std::fmt;
+
+/// Coherence from which a line or a band tells something: half of the power is the forcing function's.
+const COHERENT: f64 = 0.5;
+/// Standard deviations of a delay that is told from none.
+const TOLD: f64 = 1.96;
+
+/// What flights excite, at lines or in bands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Excitation {
+    /// The forcing functions are sums of sines: rows are their lines; else bands of an octave.
+    pub has_lines: bool,
+    /// No target moves after the flight has begun.
+    pub is_still: bool,
+    /// Whether the response is the stick; else no flight has one, and it is the position.
+    pub of_stick: bool,
+    /// By ascending frequency.
+    pub rows: Vec<Row>,
+}
+
+/// A line or a band.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// Its frequency; the geometric mean of a band's ends [rad/s].
+    pub frequency: f64,
+    /// Amplitude of the forcing function, root mean square over the flights: of a line in its unit, of a band that of the
+    /// Fourier transform, in its unit times s.
+    pub forcing: f64,
+    /// Coherence of forcing function and response; none of a band where flights are fewer than three.
+    pub coherence: Option<f64>,
+    /// One-sided spectral density of what in the response is not the forcing function's [its unit squared per rad/s].
+    pub remnant: Option<f64>,
+    /// Standard deviation of a phase there \[rad\].
+    pub sd: Option<f64>,
+}
+
+impl Excitation {
+    /// Of flights with the same forcing functions. None where no flight has three samples.
+    pub fn of(flights: &[Flight<'_>]) -> Option<Self> {
+        let of_stick = flights.iter().any(|own| own.stick.is_some());
+        let (points, _) = match of_stick {
+            true => response(&records(flights, |own| own.stick)),
+            false => response(&records(flights, |own| Some(own.position))),
+        };
+        let has_lines = !points.is_empty();
+        let rows = match has_lines {
+            true => points.iter().map(Row::of).collect(),
+            false => bands(flights, of_stick)?,
+        };
+        let is_still = flights
+            .iter()
+            .all(|own| own.forcing.iter().all(|own| stands_still(own)));
+        Some(Self {
+            has_lines,
+            is_still,
+            of_stick,
+            rows,
+        })
+    }
+
+    /// Rows that tell something.
+    pub fn coherent(&self) -> impl Iterator<Item = &Row> {
+        let is_coherent = |own: &&Row| own.coherence.is_some_and(|own| own >= COHERENT);
+        self.rows.iter().filter(is_coherent)
+    }
+
+    /// The highest frequency at which the flights tell anything [rad/s].
+    pub fn highest(&self) -> Option<f64> {
+        self.coherent().last().map(|own| own.frequency)
+    }
+
+    /// How many parameters of a response from error to stick the lines can tell: gain and phase of each (Ljung, *System
+    /// Identification*, 2nd ed., section 13.2: n sines excite persistently of order 2n). None of bands.
+    pub fn most_parameters(&self) -> Option<usize> {
+        self.has_lines.then(|| 2 * self.coherent().count())
+    }
+
+    /// The shortest delay that is told from none \[s\], all else known: `1.96 / √Σ (ω/σ)²` with the standard deviations σ of
+    /// the phases.
+    pub fn least_delay(&self) -> Option<f64> {
+        let told = self
+            .coherent()
+            .filter_map(|own| Some((own.frequency / own.sd?).powi(2)));
+        let sum: f64 = told.sum();
+        (sum > 0.0).then(|| TOLD / sum.sqrt())
+    }
+
+    /// What of a model with so many parameters the lines cannot tell, of so many measured signals.
+    pub fn starved(&self, asked: usize, signals: usize) -> Option<Starved> {
+        let told = self.most_parameters()? * signals.max(1);
+        (asked > told).then_some(Starved { told, asked })
+    }
+
+    /// What to fly instead, where targets do not move.
+    pub fn advice(&self) -> Option<&'static str> {
+        self.is_still.then_some(
+            "targets that stand still tell a pilot with lead half of the crossover; a target that moves as a sum of sines \
+             tells it, lead and delay: `pilotage trials synth --target sines`, docs/guidance.md, section 1",
+        )
+    }
+}
+
+/// More parameters than lines tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the target's lines that come back tell {told} numbers, gain and phase each, and {asked} are sought: fly after more \
+     sines (`pilotage trials synth --target sines --count 8`; docs/guidance.md, section 1), or seek fewer"
+)]
+pub struct Starved {
+    /// Numbers that they tell.
+    pub told: usize,
+    /// Parameters that are sought.
+    pub asked: usize,
+}
+
+/// What is excited, in a line.
+impl fmt::Display for Excitation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let signal = if self.of_stick { "stick" } else { "position" };
+        match self.has_lines {
+            true => write!(f, "excitation: {} lines; ", self.rows.len())?,
+            false => write!(f, "excitation: no sum of sines; ")?,
+        }
+        match self.highest() {
+            _ if self.rows.iter().all(|own| own.coherence.is_none()) => {
+                write!(f, "coherence is not known of fewer than three flights")?;
+            }
+            Some(highest) => write!(
+                f,
+                "the {signal} is coherent with what drives the loop up to {highest:.2} rad/s"
+            )?,
+            None => write!(f, "the {signal} is not coherent with what drives the loop")?,
+        }
+        if let Some(most) = self.most_parameters() {
+            write!(f, "; at most {most} parameters from error to {signal}")?;
+        }
+        self.least_delay()
+            .map_or(Ok(()), |least| write!(f, "; delays from {least:.3} s on"))
+    }
+}
+
+impl Row {
+    fn of(point: &Point) -> Self {
+        Self {
+            frequency: point.frequency,
+            forcing: point.amplitude,
+            coherence: Some(point.coherence),
+            remnant: Some(point.remnant),
+            sd: Some(point.sd),
+        }
+    }
+}
+
+fn stands_still(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[0] == pair[1])
+}

@@ -1,0 +1,78 @@
+//! What flights excite, for people and for scripts.
+
+use super::format::aligned;
+use crate::inference::spectrum::{Excitation, Excited};
+use crate::report::significant;
+use serde_json::{Value, json};
+
+/// One object; `null` where nothing is known.
+pub fn to_json(excitation: Option<&Excitation>) -> Value {
+    let Some(own) = excitation else {
+        return Value::Null;
+    };
+    let of = |of: &dyn Fn(&Excited) -> Option<f64>| own.rows.iter().map(of).collect::<Vec<_>>();
+    json!({
+        "kind": if own.has_lines { "lines" } else { "bands" },
+        "signal": signal(own),
+        "frequency_rad_per_s": of(&|row| Some(row.frequency)),
+        "forcing": of(&|row| Some(row.forcing)),
+        "coherence": of(&|row| row.coherence),
+        "remnant_density": of(&|row| row.remnant),
+        "phase_sd_deg": of(&|row| row.sd.map(f64::to_degrees)),
+        "coherent_up_to_rad_per_s": own.highest(),
+        "most_parameters": own.most_parameters(),
+        "least_delay_s": own.least_delay(),
+        "words": words(own),
+    })
+}
+
+/// What it says, and what to fly instead.
+pub fn words(own: &Excitation) -> Vec<String> {
+    let advice = own.advice().map(str::to_owned);
+    std::iter::once(own.to_string()).chain(advice).collect()
+}
+
+/// A table of lines or bands, and what they say.
+pub fn to_text(own: &Excitation) -> String {
+    let forcing = if own.has_lines {
+        "target [m]"
+    } else {
+        "target [m s]"
+    };
+    let remnant = match own.of_stick {
+        true => "remnant [1/(rad/s)]",
+        false => "remnant [m²/(rad/s)]",
+    };
+    let header = [
+        "frequency [rad/s]",
+        forcing,
+        "coherence",
+        remnant,
+        "phase sd [deg]",
+    ];
+    let mut rows = vec![header.map(str::to_owned)];
+    let shown = |own: Option<f64>| own.map_or("-".to_owned(), |own| significant(own, 3));
+    for row in &own.rows {
+        rows.push([
+            significant(row.frequency, 4),
+            significant(row.forcing, 3),
+            row.coherence
+                .map_or("-".to_owned(), |own| format!("{own:.3}")),
+            shown(row.remnant),
+            shown(row.sd.map(f64::to_degrees)),
+        ]);
+    }
+    let kind = if own.has_lines { "lines" } else { "octaves" };
+    let notes = words(own)
+        .into_iter()
+        .map(|words| format!("note: {words}\n"));
+    format!(
+        "\n{kind} of the target, and what of them comes back in the {}\n{}",
+        signal(own),
+        aligned(&rows)
+    ) + &notes.collect::<String>()
+}
+
+fn signal(own: &Excitation) -> &'static str {
+    if own.of_stick { "stick" } else { "position" }
+}
