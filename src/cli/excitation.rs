@@ -32,6 +32,14 @@ pub fn words(own: &Excitation) -> Vec<String> {
     std::iter::once(own.to_string()).chain(advice).collect()
 }
 
+/// In words: the first lines of a fit.
+pub fn first_lines(own: &Excitation) -> String {
+    words(own)
+        .iter()
+        .map(|words| format!("{words}\n"))
+        .collect()
+}
+
 /// A table of lines or bands, and what they say.
 pub fn to_text(own: &Excitation) -> String {
     let forcing = if own.has_lines {
@@ -63,14 +71,11 @@ pub fn to_text(own: &Excitation) -> String {
         ]);
     }
     let kind = if own.has_lines { "lines" } else { "octaves" };
-    let notes = words(own)
-        .into_iter()
-        .map(|words| format!("note: {words}\n"));
     format!(
         "\n{kind} of the target, and what of them comes back in the {}\n{}",
         signal(own),
         aligned(&rows)
-    ) + &notes.collect::<String>()
+    ) + &first_lines(own)
 }
 
 fn signal(own: &Excitation) -> &'static str {

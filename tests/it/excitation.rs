@@ -103,7 +103,10 @@ fn more_parameters_than_lines_tell_are_told() {
         let words = [&["fit", &runs[0], &runs[1]], &flags[..]].concat();
         let ended = folder.pilotage(&words);
         assert!(
-            ended.stderr.contains(&format!("excitation: {count} lines")),
+            ended.json()["excitation"]["words"][0]
+                .as_str()
+                .unwrap()
+                .starts_with(&format!("excitation: {count} lines")),
             "{ended:?}"
         );
         let fit = ended.json();

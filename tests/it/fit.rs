@@ -91,7 +91,7 @@ fn the_summary_names_every_parameter_and_says_what_to_type_next() {
     assert_eq!(ended.code, 0, "{ended:?}");
     // Forward Euler at 20 Hz is not the equations.
     let verdict = "converged, in doubt (2): ";
-    assert!(ended.stdout.starts_with(verdict), "{}", ended.stdout);
+    assert!(ended.stdout.contains(verdict), "{}", ended.stdout);
     assert!(ended.stdout.contains("\ndiagnostic (mesh-error): "));
     assert!(
         ended
@@ -181,9 +181,7 @@ fn a_solve_that_does_not_converge_is_written_marked_and_ends_with_code_1() {
     ]);
     assert_eq!((ended.code, ended.stderr.as_str()), (1, ""), "{ended:?}");
     assert!(
-        ended
-            .stdout
-            .starts_with("NOT CONVERGED (iteration-limit): "),
+        ended.stdout.contains("\nNOT CONVERGED (iteration-limit): "),
         "{}",
         ended.stdout
     );

@@ -98,15 +98,9 @@ impl Beforehand {
             .collect()
     }
 
-    /// All that is worth a word before the solve.
+    /// What speaks against a fit, before the solve.
     pub fn words(&self) -> Vec<String> {
-        let mut all: Vec<String> = self.excitation.iter().map(ToString::to_string).collect();
-        all.extend(
-            self.excitation
-                .iter()
-                .filter_map(|own| own.advice().map(str::to_owned)),
-        );
-        all.extend(self.starved.map(|own| own.to_string()));
+        let mut all: Vec<String> = self.starved.iter().map(ToString::to_string).collect();
         if let Some(own) = &self.identifiability {
             let at = counted(own.starts, "start");
             let both = own.flat.iter().chain(&own.weak);

@@ -231,7 +231,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
     args.check_outputs(&set)?;
     let excited = Excitation::of(&flights(&set.fit));
-    (excited.iter().flat_map(excitation::words)).for_each(|words| terminal::note(&words));
+    if let Some(own) = excited.filter(|_| !args.json && !args.logs_to_stdout()) {
+        terminal::print(&excitation::first_lines(&own))?;
+    }
     let sought = identification::refits::sought(&options).into_iter();
     let sought: Vec<_> = sought.map(|name| (name, None)).collect();
     let plan = args.refits.plan(&sought, set.fit.len())?;

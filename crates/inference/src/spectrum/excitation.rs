@@ -139,7 +139,9 @@ impl fmt::Display for Excitation {
         if let Some(most) = self.most_parameters() {
             write!(f, "; at most {most} parameters from error to {signal}")?;
         }
+        // After jumps that are all alike a delay is not told from a lag.
         self.least_delay()
+            .filter(|_| self.has_lines)
             .map_or(Ok(()), |least| write!(f, "; delays from {least:.3} s on"))
     }
 }

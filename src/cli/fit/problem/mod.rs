@@ -11,7 +11,7 @@ use super::refits::{NOTHING, Plan, Refitted};
 use crate::cli::made::made;
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
-use crate::cli::{Failure, Outcome, interrupt, recognise, terminal};
+use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::fit::Progress;
 use crate::estimation::validation::validated;
@@ -65,6 +65,9 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     check_outputs(args, path, &posed, &fitted)?;
     interrupt::listen("stopping")?;
     let before = beforehand(&posed, &|| interrupt::is_asked());
+    if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
+        terminal::print(&excitation::first_lines(own))?;
+    }
     (before.words().iter()).for_each(|words| terminal::note(words));
     let mut fit = solved(args, &posed);
     fit.diagnostics.extend(before.doubts(&fit));
