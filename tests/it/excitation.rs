@@ -213,3 +213,20 @@ fn predicted_deviations_are_those_of_the_derivative() {
         .chain(told["weak"].as_array().unwrap());
     assert!(words.count() == 1 && ended.stderr.contains("m.c"), "{told}");
 }
+
+/// Noise that drives the system moves nothing that is simulated, and is told by what is predicted all the same.
+#[test]
+fn noise_in_the_loop_is_not_called_without_effect() {
+    let folder = Folder::new();
+    let problem = example("problems/remnant/problem.toml");
+    let text = std::fs::read_to_string(&problem).unwrap();
+    let here = problem.parent().unwrap();
+    for entry in std::fs::read_dir(here).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        folder.write(&name, std::fs::read_to_string(here.join(&name)).unwrap());
+    }
+    folder.write("problem.toml", text.replace("starts = 2", "starts = 1"));
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""), "{ended:?}");
+    assert!(ended.json()["excitation"]["identifiability"].is_null());
+}

@@ -27,7 +27,8 @@ pub struct Beforehand {
     pub excitation: Option<Excitation>,
     /// What is more than that tells.
     pub starved: Option<Starved>,
-    /// What is measured, by the parameters; none where that is not known, and of FMUs, which calls may end.
+    /// What is measured, by the parameters; none where that is not known, of FMUs, which calls may end, and
+    /// where noise drives the system.
     pub identifiability: Option<Identifiability>,
 }
 
@@ -63,7 +64,8 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
         starved: excitation
             .as_ref()
             .and_then(|own| own.starved(asked, signals)),
-        identifiability: match has_fmu {
+        // Noise that drives the system moves nothing that is simulated.
+        identifiability: match has_fmu || posed.filter.is_some() {
             true => None,
             false => identifiability(posed, stop),
         },
