@@ -67,12 +67,14 @@
 //! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
 //! | `bound`, `loss` | what outputs keep, and what residuals cost |
 //! | [`collocation`], [`layout`] | the nonlinear program |
+//! | `coarse` | the same with fewer intervals and samples, solved first |
 //! | `course` | simulations with error control, and the meshes that they ask for |
 //! | `refinement` | local errors, and meshes that make them small |
 //! | [`condensed`] | its QP by elimination of the states, and what outputs make of parameters |
 //! | [`simd`] | numbers of several points at once, for vector instructions |
 
 mod bound;
+mod coarse;
 pub mod collocation;
 pub mod condensed;
 pub mod constraints;
@@ -93,6 +95,7 @@ mod sparse;
 pub mod tableau;
 
 pub use bound::{Bound, BoundAt};
+pub use coarse::nearer;
 pub use collocation::Collocation;
 pub use condensed::{Condensed, Sensitivities, Sensitivity};
 pub use constraints::ParameterConstraints;

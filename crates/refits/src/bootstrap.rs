@@ -1,6 +1,6 @@
 //! Bootstraps: the problem solved again with other data (Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993).
 
-use crate::solved::{Coordinate, Solved, Watch, solve};
+use crate::solved::{Coordinate, Solved, Watch, solve_from_afar};
 use pilotage_collocation::{Collocation, Run};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -69,7 +69,7 @@ pub fn resampled(
         }
         let sample = draw(*number);
         let (problem, z) = posed(solved, &sample);
-        let found = solve(&problem, z, &solved.options, watch);
+        let found = solve_from_afar(&problem, z, &solved.options, watch);
         if found.is_none() && (watch.stops)() {
             return None;
         }

@@ -66,6 +66,21 @@ impl Default for Watch<'_> {
     }
 }
 
+/// As [`solve`], from the solution of other data: on a coarser mesh first, where that is much smaller.
+pub(crate) fn solve_from_afar(
+    problem: &Collocation,
+    z: Vec<f64>,
+    options: &SqpOptions,
+    watch: &Watch<'_>,
+) -> Option<Iterate> {
+    let mut see = |_: &pilotage_sqp::Iteration| match (watch.stops)() {
+        true => ControlFlow::Break(Status::Stopped),
+        false => ControlFlow::Continue(()),
+    };
+    let (z, _) = pilotage_collocation::nearer(problem, z, options, &mut see);
+    solve(problem, z, options, watch)
+}
+
 /// Solves from these variables; none where that does not converge.
 pub(crate) fn solve(
     problem: &Collocation,

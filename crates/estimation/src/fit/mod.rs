@@ -3,7 +3,6 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | `begin` | the nonlinear program of a start |
-//! | `coarse` | the same with fewer intervals and samples |
 //! | `race` | all starts, and which is best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
@@ -14,7 +13,6 @@
 
 mod begin;
 mod check;
-mod coarse;
 mod predicted;
 mod race;
 mod refine;

@@ -1,6 +1,5 @@
 //! The SQP from one point, begun again with other scales where it makes no progress.
 
-use super::coarse::coarser;
 use crate::posed::Posed;
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status, Work};
@@ -66,16 +65,8 @@ pub fn nearer(
     limit: usize,
     see: &SeeIterates<'_>,
 ) -> ((Collocation, Vec<f64>), Work) {
-    let Some(coarse) = coarser(&problem) else {
-        return ((problem, z), Work::default());
-    };
-    let begin = problem.carried(&z, &coarse);
-    let solved = once(posed, (coarse, begin), limit, see);
-    let work = solved.solution.work;
-    let z = match solved.solution.status {
-        Status::Converged => (solved.problem).carried(&solved.solution.iterate.z, &problem),
-        _ => z,
-    };
+    let options = sqp_options(posed, limit);
+    let (z, work) = pilotage_collocation::nearer(&problem, z, &options, &mut |own| see(own));
     ((problem, z), work)
 }
 

@@ -2,7 +2,10 @@
 //! on the fine one (mesh continuation; Ascher, Mattheij & Russell, *Numerical Solution of Boundary Value Problems for
 //! Ordinary Differential Equations*, section 9.4).
 
-use pilotage_collocation::{Collocation, Recording, Run};
+use crate::solve::solve;
+use crate::{Collocation, Recording, Run};
+use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
+use std::ops::ControlFlow;
 
 /// Of so many intervals one is left, and of so many samples their mean. It is odd, so that the mean stands at the time
 /// of the one in the middle.
@@ -11,9 +14,28 @@ const PARTS: usize = 5;
 /// Fewest intervals and samples of a run that is made coarser: fewer are solved in milliseconds as they are.
 const FEWEST: usize = 200;
 
+/// Variables near a solution, from these: those of the coarser problem, where there is one and it converges. What that
+/// cost stands beside.
+pub fn nearer(
+    problem: &Collocation,
+    z: Vec<f64>,
+    options: &SqpOptions,
+    see: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
+) -> (Vec<f64>, Work) {
+    let Some(coarse) = coarser(problem) else {
+        return (z, Work::default());
+    };
+    let solution = solve(&coarse, problem.carried(&z, &coarse), options, see);
+    let z = match solution.status {
+        Status::Converged => coarse.carried(&solution.iterate.z, problem),
+        _ => z,
+    };
+    (z, solution.work)
+}
+
 /// The problem with a fifth of its intervals and samples; none where it would not be much smaller, or not nearly the
 /// same: runs are short, inputs jump often, or a measured signal has values at few of the samples.
-pub(super) fn coarser(problem: &Collocation) -> Option<Collocation> {
+fn coarser(problem: &Collocation) -> Option<Collocation> {
     let runs = problem.runs.iter().map(thinned);
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }
@@ -73,7 +95,7 @@ fn averaged(own: &Recording, rows: &[usize]) -> Option<Recording> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pilotage_collocation::Loss;
+    use crate::Loss;
 
     fn run(inputs: impl Fn(usize) -> f64, values: impl Fn(usize) -> f64) -> Run {
         let time: Vec<f64> = (0..402).map(|k| 0.1 * (k - k / 401) as f64).collect();
