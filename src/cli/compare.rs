@@ -93,10 +93,14 @@ fn to_text(names: &[&str], compared: &Compared) -> String {
         ]
     }));
     let mut text = format!(
-        "{} problems on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others.\n\n",
+        "{} problems on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others{}.\n\n",
         names.len(),
         counted(compared.runs.len(), "run"),
-        all[0].figures.samples
+        all[0].figures.samples,
+        match all.iter().any(|own| own.is_begun) {
+            true => ", and 2 for each initial state that is estimated from them",
+            false => "",
+        }
     );
     text += &aligned(&rows);
     text += "\n";

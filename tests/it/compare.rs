@@ -198,32 +198,6 @@ fn free_initial_states_are_those_of_the_run_itself() {
     assert!((own - surprise - 4.0).abs() < 1e-3, "{own} {surprise}");
 }
 
-#[test]
-fn other_weights_and_units_are_other_data() {
-    let folder = flights(1, 9);
-    let first = std::fs::read_to_string(folder.path("first.toml")).unwrap();
-    let refused = |other: String, words: &str| {
-        folder.write("other.toml", other);
-        let ended = folder.pilotage(&["compare", "first.toml", "other.toml"]);
-        assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
-        assert!(ended.stderr.contains(words), "{}", ended.stderr);
-    };
-    let heavy = first.replace("run3.csv\"\n", "run3.csv\"\nweight = 7\n");
-    refused(
-        heavy,
-        "other.toml: the run run3.csv has the weight 7, and 1 in first.toml",
-    );
-    let metres = ONE.replace("y = \"x\"", "y = { value = \"x\", unit = \"m\" }");
-    folder.write(
-        "metres.toml",
-        metres.replace("x = {", "x = { unit = \"m\","),
-    );
-    refused(
-        first.replace("one.toml", "metres.toml"),
-        "other.toml: the column `y` is compared in m, and in no unit in first.toml",
-    );
-}
-
 /// A filter's predictions are judged beside simulations: the noise of these runs goes through the lag.
 #[test]
 fn predictions_are_compared_with_simulations() {
@@ -262,4 +236,109 @@ fn predictions_are_compared_with_simulations() {
     let fit = folder.pilotage(&["fit", "filtered.toml", "--json"]).json();
     let q = fit["parameters"]["q"]["value"].as_f64().unwrap();
     assert!((0.008..0.012).contains(&q), "{fit}");
+}
+
+#[test]
+fn other_weights_are_refused() {
+    let folder = flights(1, 7);
+    let heavy = problem("two", RUNS).replace("run3.csv\"\n", "run3.csv\"\nweight = 2\n");
+    folder.write("heavy.toml", heavy);
+    let ended = folder.pilotage(&["compare", "first.toml", "heavy.toml"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    let told = "heavy.toml: the run run3.csv has the weight 2, and 1 in first.toml";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+}
+
+/// A column in metres, read as it is and as centimetres; what the message says to write makes them comparable.
+#[test]
+fn a_column_in_other_units_is_refused() {
+    let folder = flights(1, 8);
+    for k in 1..=RUNS {
+        let name = format!("run{k}.csv");
+        let text = folder
+            .read(&name)
+            .replacen("time,u,y\n", "time,u,y [m]\n", 1);
+        folder.write(&name, text);
+    }
+    let metres = ONE.replace("y = \"x\"", "y = { value = \"x\", unit = \"m\" }");
+    let metres = metres.replace("x = { der", "x = { unit = \"m\", der");
+    let metres = metres.replace("u = {}", "u = { unit = \"m\" }");
+    let metres = metres.replace("fast = {", "fast = { unit = \"1/s\",");
+    folder.write("cm.toml", metres.replace("unit = \"m\"", "unit = \"cm\""));
+    folder.write("m.toml", metres);
+    folder.write("in_m.toml", problem("m", RUNS));
+    let scaled = problem("cm", RUNS).replace("sd = 0.05", "sd = 5");
+    folder.write("in_cm.toml", &scaled);
+    let ended = folder.pilotage(&["compare", "in_m.toml", "in_cm.toml"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    let told = "is read in cm, and in m in in_m.toml";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let advice = "expression = \"0.01 * m.y\" with unit = \"m\"";
+    assert!(ended.stderr.contains(advice), "{}", ended.stderr);
+    let written = scaled.replace(
+        "signal = \"m.y\"",
+        "expression = \"0.01 * m.y\"\nunit = \"m\"",
+    );
+    folder.write("in_cm.toml", written.replace("sd = 5", "sd = 0.05"));
+    let ended = folder.pilotage(&["compare", "in_m.toml", "in_cm.toml"]);
+    assert_ne!(ended.code, 2, "{ended:?}");
+}
+
+/// Runs that each begin elsewhere: a left-out run begins with what it tells of that itself. With θ held the least squares
+/// of a decay's begin are a line through the origin, and the estimate counts 2.
+#[test]
+fn a_left_out_run_tells_its_own_initial_state() {
+    let folder = Folder::new();
+    let decay = "[model]\nname = \"d\"\n[parameters]\nrate = { start = 1, min = 0, max = 9 }\n[states]\n\
+                 x = { start = 1, der = \"-rate * x\" }\n[outputs]\ny = \"x\"\n";
+    folder.write("decay.toml", decay);
+    let mut generator = ChaCha8Rng::seed_from_u64(12);
+    let mut recorded = Vec::new();
+    for k in 1..=3 {
+        let mut values = Vec::new();
+        for i in 0..=20 {
+            let t = 0.1 * f64::from(i);
+            let draw: f64 = StandardNormal.sample(&mut generator);
+            values.push((t, 10.0 * f64::from(k) * (-1.5 * t).exp() + 0.1 * draw));
+        }
+        let rows = values.iter().map(|(t, y)| format!("{t},{y}\n"));
+        folder.write(
+            &format!("run{k}.csv"),
+            format!("time,y\n{}", rows.collect::<String>()),
+        );
+        recorded.push(values);
+    }
+    let text = |last: &str| {
+        let run = |k: i32| format!("[[run]]\nfile = \"run{k}.csv\"\n");
+        format!(
+            "[system.m]\nmodel = \"decay.toml\"\n[[measured]]\nsignal = \"m.y\"\ncolumn = \"y\"\nsd = 0.1\n\
+             [parameters]\n\"m.rate\" = {{}}\n[initial]\n\"m.x\" = \"free\"\n{}{}{}{last}",
+            run(1),
+            run(2),
+            run(3)
+        )
+    };
+    folder.write("a.toml", text(""));
+    folder.write("b.toml", text(""));
+    folder.write("c.toml", text("use = \"validation\"\n"));
+    let fit = folder.pilotage(&["fit", "c.toml", "--json"]).json();
+    let rate = fit["parameters"]["m.rate"]["value"].as_f64().unwrap();
+    let last = &fit["runs"][2];
+    let shape = |t: f64| (-rate * t).exp();
+    let products: f64 = recorded[2].iter().map(|(t, y)| shape(*t) * y).sum();
+    let squares: f64 = recorded[2].iter().map(|(t, _)| shape(*t).powi(2)).sum();
+    let begin = products / squares;
+    let found = last["initial"]["m.x"].as_f64().unwrap();
+    assert!((found - begin).abs() < 1e-5 * begin, "{found} {begin}");
+    let surprise = recorded[2]
+        .iter()
+        .map(|(t, y)| ((y - begin * shape(*t)) / 0.1).powi(2) + (2.0 * PI * 0.01).ln());
+    let surprise = surprise.sum::<f64>() + 2.0;
+    let json = folder
+        .pilotage(&["compare", "a.toml", "b.toml", "--json"])
+        .json();
+    let held_out = json["problems"][0]["held_out"]["run3.csv"]
+        .as_f64()
+        .unwrap();
+    assert!((held_out - surprise).abs() < 1e-3, "{held_out} {surprise}");
 }

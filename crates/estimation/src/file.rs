@@ -1,5 +1,6 @@
 //! What a problem file says: instances, what was measured, what is sought. Nothing is opened here.
 
+use crate::names::matching;
 use pilotage_collocation::Scheme;
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Said;
@@ -57,6 +58,14 @@ impl ProblemFile {
 }
 
 impl ProblemFile {
+    /// The line of `[initial]` that is meant for a state: its own, else the last pattern.
+    pub(crate) fn initial_line(&self, state: &str) -> Option<usize> {
+        let mut lines = self.initial.iter().map(|(name, _)| &name.value);
+        let own = lines.clone().position(|name| name == state);
+        let state = [state.to_owned()];
+        own.or_else(|| lines.rposition(|name| !matching(name, &state).is_empty()))
+    }
+
     /// Names of what is measured or bounded.
     pub(crate) fn named_signals(&self) -> HashSet<String> {
         let mut names = HashSet::new();

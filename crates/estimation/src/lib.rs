@@ -47,7 +47,7 @@
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
 //! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
-//! | [`comparison`] | several problems on the same data |
+//! | [`folds`], `same_data`, [`comparison`] | fits to some of the runs; whether problems have the same data; several problems on the same data |
 
 mod active;
 mod assembly;
@@ -62,6 +62,7 @@ pub mod evaluate;
 pub mod events;
 pub mod file;
 pub mod fit;
+pub mod folds;
 mod followed;
 mod innovations;
 mod interval;
@@ -76,6 +77,7 @@ mod read;
 pub mod refits;
 pub mod result;
 mod runs;
+mod same_data;
 mod stability;
 pub mod starts;
 mod trouble;

@@ -9,7 +9,7 @@ use crate::assembly::Assembly;
 use crate::data::RunData;
 use crate::error::ProblemError;
 use crate::events::check_times;
-use crate::file::ProblemFile;
+use crate::file::{Initial, ProblemFile};
 use crate::fit::factor;
 use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
@@ -145,6 +145,25 @@ impl<'f> Posed<'f> {
             Stands::State(k) => vec![self.shared + k - self.joint.model.states.len()],
             shared => shared.variables(0),
         }
+    }
+
+    /// Names of the states whose initial values each run leaves open: those that are `free`. Ones that are `steady` are
+    /// searched too, and their equations tell them.
+    pub fn free_states(&self) -> impl Iterator<Item = &String> {
+        let is_free = |state: &&String| {
+            let line = self.file.initial_line(state);
+            line.is_some_and(|line| matches!(self.file.initial[line].1, Initial::Free))
+        };
+        self.joint.model.states.iter().filter(is_free)
+    }
+
+    /// Number of unknowns: shared parameters, those of runs, and free initial states.
+    pub fn count(&self) -> usize {
+        let stands = self.unknowns.iter().map(|(_, stands)| stands);
+        let own = stands
+            .filter(|stands| matches!(stands, Stands::State(_)))
+            .count();
+        self.shared + self.runs.len() * (own + self.free_states().count())
     }
 
     /// Name of the unit of what was measured, by its number, where it has one.

@@ -109,6 +109,18 @@ impl Found {
         let sum: f64 = self.values.iter().map(|(_, value)| value).sum();
         sum / self.values.len() as f64
     }
+
+    /// The mean of its values for these runs or subjects; of all where it has none for them.
+    pub fn mean_of(&self, labels: &[&String]) -> f64 {
+        let is_own =
+            |label: &Option<String>| label.as_ref().is_some_and(|own| labels.contains(&own));
+        let own = self.values.iter().filter(|(label, _)| is_own(label));
+        let own: Vec<f64> = own.map(|(_, value)| *value).collect();
+        match own.len() {
+            0 => self.mean(),
+            count => own.iter().sum::<f64>() / count as f64,
+        }
+    }
 }
 
 /// A run.

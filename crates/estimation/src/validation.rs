@@ -1,20 +1,49 @@
-//! Runs that were not fitted: simulated with what was found, from initial states that are sought where they are free.
+//! Runs that were not fitted, by what was found from others.
 
 use crate::error::ProblemError;
-use crate::file::{Calibration, Per, ProblemFile, RunLine, Set, Sought};
-use crate::fit::{begin, fit};
+use crate::file::{Calibration, Noise, Per, ProblemFile, RunLine, Set, Sought};
+use crate::fit::{Observer, begin, fit};
 use crate::posed::{Open, Posed};
 use crate::result::{Fit, Found, RunFit};
 use crate::starts::given;
 use crate::unknowns::calibration;
 use pilotage_cosim::description::Said;
 use pilotage_language::file::Formula;
+use pilotage_sqp::Status;
 use std::ops::ControlFlow;
 
-/// The validation runs of a problem, simulated. Parameters have their fitted values, those of a subject in its runs; one
-/// for each run has the mean of the fitted runs. Free initial states belong to what was before a run, of which the model
-/// says nothing: they are sought so that the run is met best, with all else held. Where that search does not converge they
-/// are at the first measurement or the model's start value.
+/// Asked again and again whether to go on.
+pub type GoesOn<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
+
+/// What an initial state counts that is estimated from the run that it is to predict: as in Akaike's criterion, the
+/// expected gain in −2 log likelihood, once for the fit to these data and once for others.
+const ESTIMATED: f64 = 2.0;
+
+/// A run that was not fitted.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// The run, with the parameters that others gave.
+    pub run: RunFit,
+    /// Its free initial states, estimated from the run itself with all parameters held.
+    pub initial: Vec<Found>,
+    /// False where that estimate has not converged: the run then has no figures.
+    pub is_answer: bool,
+}
+
+impl Judged {
+    /// −2 log likelihood of what was recorded, with 2 for each initial state that was estimated from it; not a number where
+    /// that estimate is none.
+    pub fn surprise(&self, noises: &[Noise]) -> f64 {
+        match self.is_answer {
+            true => self.run.surprise(noises) + ESTIMATED * self.initial.len() as f64,
+            false => f64::NAN,
+        }
+    }
+}
+
+/// The validation runs of a problem. Parameters have their fitted values, those of a subject in its runs; one for each run
+/// has the mean of the fitted runs. Where the problem leaves initial states free they are estimated from the run, with the
+/// parameters held; else the run is simulated.
 ///
 /// # Errors
 /// When a run cannot be read or does not fit the problem.
@@ -22,37 +51,62 @@ pub fn validated(
     file: &ProblemFile,
     found: &Fit,
     open: Open<'_>,
-) -> Result<Vec<RunFit>, ProblemError> {
+    goes_on: &GoesOn<'_>,
+) -> Result<Vec<Judged>, ProblemError> {
     if file.runs.iter().all(|run| run.fits) {
         return Ok(Vec::new());
     }
     let file = fixed(file, found);
     let posed = Posed::new(&file, open)?;
-    let begun = match free_initial(&posed) {
-        0 => None,
-        _ => Some(fit(&posed, &mut |_| ControlFlow::Continue(()))).filter(Fit::is_answer),
+    if posed
+        .runs
+        .iter()
+        .all(|run| run.initial.iter().all(Option::is_some))
+    {
+        return Ok(simulated(&posed));
+    }
+    let alone = (0..file.runs.len()).map(|own| {
+        let mut file = file.clone();
+        file.runs = vec![file.runs.swap_remove(own)];
+        estimated(&Posed::new(&file, open)?, goes_on)
+    });
+    alone.collect()
+}
+
+/// Runs of which nothing is unknown.
+fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
+    let (problem, z) = begin(posed, &given(posed), &|| false);
+    let judged = |run: RunFit| Judged {
+        run,
+        initial: Vec::new(),
+        is_answer: true,
     };
-    Ok(match begun {
-        Some(begun) => begun.runs,
-        None => {
-            let (problem, z) = begin(&posed, &given(&posed), &|| false);
-            Fit::runs(&posed, &problem, &z)
-        }
+    Fit::runs(posed, &problem, &z)
+        .into_iter()
+        .map(judged)
+        .collect()
+}
+
+/// One run whose initial states are estimated.
+fn estimated(posed: &Posed<'_>, goes_on: &GoesOn<'_>) -> Result<Judged, ProblemError> {
+    let observer: &mut Observer<'_> = &mut |_| goes_on();
+    let mut found = fit(posed, observer);
+    let is_free = |own: &Found| posed.free_states().any(|state| *state == own.name);
+    let initial = found.initial(posed).into_iter().filter(is_free).collect();
+    Ok(Judged {
+        initial,
+        is_answer: found.is_answer(),
+        run: found.runs.swap_remove(0),
     })
 }
 
-/// Number of free initial states of all runs.
-pub(crate) fn free_initial(posed: &Posed<'_>) -> usize {
-    let known = posed.runs.iter().flat_map(|run| &run.initial);
-    known.filter(|known| known.is_none()).count()
-}
-
-/// The problem of the validation runs, in which initial states alone are sought.
+/// The problem of the validation runs, in which no parameter is sought.
 fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     let mut file = file.clone();
     file.options.starts = 1;
     file.runs.retain(|run| !run.fits);
     file.stability = Default::default();
+    (file.options.starts, file.options.covariance) = (1, None);
     for run in &mut file.runs {
         run.fits = true;
     }

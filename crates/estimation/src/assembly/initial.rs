@@ -5,7 +5,7 @@ use super::{Assembly, Done, Known};
 use crate::data::{Rows, RunData};
 use crate::error::ProblemError;
 use crate::file::{Initial, Measured, Quantity};
-use crate::names::{Of, matching};
+use crate::names::Of;
 use crate::posed::{Stands, State};
 use pilotage_expression::Node;
 use pilotage_text::document::Place;
@@ -100,10 +100,7 @@ impl Assembly<'_> {
 
     /// The line of `[initial]` that is meant for a state: its own, else the last pattern.
     pub(super) fn initial_line(&self, state: &str) -> Option<usize> {
-        let mut lines = self.file.initial.iter().map(|(name, _)| &name.value);
-        let own = lines.clone().position(|name| name == state);
-        let state = [state.to_owned()];
-        own.or_else(|| lines.rposition(|name| !matching(name, &state).is_empty()))
+        self.file.initial_line(state)
     }
 
     /// The models' start values.

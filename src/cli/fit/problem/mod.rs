@@ -71,7 +71,13 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     (before.words().iter()).for_each(|words| terminal::note(words));
     let mut fit = solved(args, &posed);
     fit.diagnostics.extend(before.doubts(&fit));
-    let judged = validated(&file, &fit, &part::open)?;
+    // Whoever stopped the fit wants to see how good it is all the same.
+    let was_asked = interrupt::is_asked();
+    let goes_on = || match interrupt::is_asked() && !was_asked {
+        true => ControlFlow::Break(Status::Interrupted),
+        false => ControlFlow::Continue(()),
+    };
+    let judged = validated(&file, &fit, &part::open, &goes_on)?;
     let refitted = match &plan {
         Some(plan) => refitted(args, plan, &posed, &fit, begin)?,
         None => None,
@@ -121,7 +127,7 @@ pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
     let file = ProblemFile::read(path)?;
     let posed = Posed::new(&file, &part::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let judged = validated(&file, &fit, &part::open)?;
+    let judged = validated(&file, &fit, &part::open, &|| ControlFlow::Continue(()))?;
     Ok(page::figures(&summary::Outcomes {
         posed: &posed,
         fit: &fit,

@@ -5,7 +5,6 @@ use super::sure;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
 use crate::estimation::describing::FittedLoop;
-use crate::estimation::result::RunFit;
 use crate::inference::spectrum::Model;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
@@ -86,26 +85,18 @@ pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     all
 }
 
-/// A run, and what it is used for where that is not the fit.
-fn named(run: &RunFit, usage: &str) -> String {
-    match usage {
-        "fit" => run.name.clone(),
-        _ => format!("{} ({usage})", run.name),
-    }
-}
-
 /// A panel for each measured signal, with all runs.
 fn response(outcomes: &Outcomes<'_>) -> Figure {
     let posed = outcomes.posed;
     let panel = |(k, label): (usize, &String)| {
         let mut series = Vec::new();
-        for (run, usage) in outcomes.runs() {
-            let name = named(run, usage);
+        for own in outcomes.runs() {
+            let (run, name) = (own.run, own.name());
             series.push(recorded(&run.time, &run.recorded[k]).of(&name));
-            if outcomes.has_figures(usage) {
-                let (label, colour) = match usage {
-                    "fit" => ("model", "line-1"),
-                    _ => ("model, validation", "line-2"),
+            if own.has_figures {
+                let (label, colour) = match own.judged {
+                    None => ("model", "line-1"),
+                    Some(_) => ("model, validation", "line-2"),
                 };
                 series.push(Series::line(label, colour, &run.time, &run.predicted[k]).of(&name));
                 series.extend(run.ahead.as_ref().map(|own| {

@@ -8,6 +8,7 @@ use crate::cli::format::aligned;
 use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
 use crate::estimation::result::{Found, RunFit};
+use crate::estimation::validation::Judged;
 use crate::estimation::{Fit, Posed};
 use crate::inference::Interval;
 use crate::inference::residuals::LjungBox;
@@ -24,41 +25,71 @@ pub struct Outcomes<'a> {
     pub posed: &'a Posed<'a>,
     /// Its fit.
     pub fit: &'a Fit,
-    /// The validation runs, simulated with what was found.
-    pub judged: &'a [RunFit],
+    /// The validation runs, with what was found.
+    pub judged: &'a [Judged],
     /// The fit, solved again.
     pub refitted: Option<&'a Refitted>,
     /// What was known before the solve; none where nobody asked.
     pub before: Option<&'a Beforehand>,
 }
 
-impl<'a> Outcomes<'a> {
-    /// All runs, with what they are used for.
-    pub fn runs(self) -> impl Iterator<Item = (&'a RunFit, &'static str)> {
-        let fitted = self.fit.runs.iter().map(|run| (run, "fit"));
-        fitted.chain(self.judged.iter().map(|run| (run, "validation")))
+/// A run, and what it was used for.
+#[derive(Clone, Copy)]
+pub struct Used<'a> {
+    /// The run.
+    pub run: &'a RunFit,
+    /// Where it was not fitted, what was estimated from it.
+    pub judged: Option<&'a Judged>,
+    /// Whether it has figures: fitted runs have to fulfil the equations.
+    pub has_figures: bool,
+}
+
+impl Used<'_> {
+    /// `fit` or `validation`.
+    pub fn usage(self) -> &'static str {
+        match self.judged {
+            Some(_) => "validation",
+            None => "fit",
+        }
     }
 
-    /// Whether a run has figures: validation runs are simulated, fitted ones have to fulfil the equations.
-    pub fn has_figures(self, usage: &str) -> bool {
-        usage != "fit" || self.fit.is_met()
+    /// Its name, and what it is used for where that is not the fit.
+    pub fn name(self) -> String {
+        match self.judged {
+            Some(_) => format!("{} ({})", self.run.name, self.usage()),
+            None => self.run.name.clone(),
+        }
     }
 
     /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation; none
     /// where the run has no figures.
-    fn rms(self, run: &RunFit, usage: &str, k: usize) -> Option<(f64, f64)> {
-        let noise = self.posed.file.measured[k].noise;
-        self.has_figures(usage).then(|| rms(run, k, noise))
+    fn rms(self, k: usize, noise: Noise) -> Option<(f64, f64)> {
+        self.has_figures.then(|| rms(self.run, k, noise))
+    }
+}
+
+impl<'a> Outcomes<'a> {
+    /// All runs, with what they are used for.
+    pub fn runs(self) -> impl Iterator<Item = Used<'a>> {
+        let has_figures = self.fit.is_met();
+        let fitted = self.fit.runs.iter().map(move |run| Used {
+            run,
+            judged: None,
+            has_figures,
+        });
+        let judged = self.judged.iter().map(|own| Used {
+            run: &own.run,
+            judged: Some(own),
+            has_figures: own.is_answer,
+        });
+        fitted.chain(judged)
     }
 }
 
 /// The one object of `--json`.
 pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let Outcomes { posed, fit, .. } = *outcomes;
-    let runs = outcomes.runs().map(
-        |(run, usage)| json!({ "name": run.name, "use": usage, "measured": measured(outcomes, run, usage) }),
-    );
-    let runs: Vec<Value> = runs.collect();
+    let runs: Vec<Value> = outcomes.runs().map(|own| run(outcomes, own)).collect();
     // What does not fulfil the equations has no objective.
     let told = |figure: f64| fit.is_met().then_some(figure);
     let starts = fit.starts.iter();
@@ -172,14 +203,29 @@ fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     Value::Object(all.collect())
 }
 
-fn measured(outcomes: &Outcomes<'_>, run: &RunFit, usage: &str) -> Value {
+/// A run; of one that was not fitted also what was estimated from it.
+fn run(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
+    let mut told = json!({
+        "name": own.run.name,
+        "use": own.usage(),
+        "measured": measured(outcomes, own),
+    });
+    if let Some(judged) = own.judged.filter(|judged| !judged.initial.is_empty()) {
+        let initial = judged.initial.iter();
+        let initial = initial.map(|own| (own.name.clone(), json!(own.mean())));
+        told["initial"] = Value::Object(initial.collect());
+        told["converged"] = json!(judged.is_answer);
+    }
+    told
+}
+
+fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
     let mut all = Map::new();
     for (k, measured) in outcomes.posed.file.measured.iter().enumerate() {
-        let (residual, relative) = outcomes.rms(run, usage, k).unzip();
-        let is_told = outcomes.has_figures(usage);
-        let explained = run.explained(k).filter(|_| is_told);
-        let residuals = run.residuals(k, measured.noise);
-        let white = LjungBox::of(&residuals).filter(|_| is_told);
+        let (residual, relative) = own.rms(k, measured.noise).unzip();
+        let explained = own.run.explained(k).filter(|_| own.has_figures);
+        let residuals = own.run.residuals(k, measured.noise);
+        let white = LjungBox::of(&residuals).filter(|_| own.has_figures);
         let mut entry = json!({
             "rms_residual": residual,
             "rms_per_sd": relative,
@@ -189,7 +235,7 @@ fn measured(outcomes: &Outcomes<'_>, run: &RunFit, usage: &str) -> Value {
                 json!({ "lags": own.lags, "statistic": own.statistic, "p": own.p })
             }),
         });
-        if let Some(rms) = run.rms_ahead(k) {
+        if let Some(rms) = own.run.rms_ahead(k) {
             entry["rms_one_step"] = json!(rms);
         }
         all.insert(measured.column.value.clone(), entry);
@@ -238,6 +284,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
+    text += &judged(outcomes);
     text += &mesh(posed, fit);
     match (fit.starts.len(), fit.agreeing()) {
         (1, _) => {}
@@ -246,6 +293,22 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     }
     for diagnostic in &fit.diagnostics {
         text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
+    }
+    text
+}
+
+/// How validation runs begin, where that is not said.
+fn judged(outcomes: &Outcomes<'_>) -> String {
+    let all = outcomes.judged.iter();
+    let mut text = match all.clone().any(|own| !own.initial.is_empty()) {
+        true => {
+            "validation runs begin with free initial states estimated from them, all else held\n"
+                .into()
+        }
+        false => String::new(),
+    };
+    for own in all.filter(|own| !own.is_answer) {
+        text += &format!("{}: no initial states were found for it\n", own.run.name);
     }
     text
 }
@@ -351,23 +414,19 @@ pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> 
             .map(|&own| own.to_owned())
             .collect::<Vec<_>>(),
     ];
-    for (run, usage) in outcomes.runs() {
+    for own in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
-            let told = outcomes.rms(run, usage, k);
+            let told = own.rms(k, measured.noise);
             let shown = |own: Option<f64>| own.map_or("-".to_owned(), |own| significant(own, 4));
             let (plain, relative) = told.unzip();
-            let name = match usage {
-                "fit" => run.name.clone(),
-                _ => format!("{} ({usage})", run.name),
-            };
             let mut row = vec![
-                name,
+                own.name(),
                 measured.column.value.clone(),
                 shown(plain),
                 shown(relative),
             ];
             if posed.filter.is_some() {
-                row.insert(3, shown(run.rms_ahead(k)));
+                row.insert(3, shown(own.run.rms_ahead(k)));
             }
             rows.push(row);
         }
