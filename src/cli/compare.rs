@@ -1,19 +1,16 @@
 //! `pilotage compare`: which of several problems on the same data.
 
+use super::folds::Folds;
 use super::format::aligned;
-use super::progress::Spinner;
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::estimation::comparison::{Candidate, Compared, compare};
 use crate::estimation::{ProblemFile, part};
 use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
 use crate::inference::residuals::{LjungBox, autocorrelation};
 use crate::report::significant;
-use crate::sqp::Status;
 use pilotage_text::counted;
 use serde_json::{Map, Value, json};
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::time::Instant;
 
 const EXAMPLES: &str = "\
@@ -51,21 +48,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let files = args.problems.iter().map(|path| ProblemFile::read(path));
     let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
     interrupt::listen("stopping")?;
-    let (begin, spinner) = (Instant::now(), Mutex::new(Spinner::new()));
-    let compared = compare(&files, &part::open, &|done, all| {
-        if let Ok(mut spinner) = spinner.try_lock() {
-            spinner.show(format!("{done} of {all} fits"));
-        }
-        let seconds = begin.elapsed().as_secs_f64();
-        if interrupt::is_asked() {
-            ControlFlow::Break(Status::Interrupted)
-        } else if args.time_limit.is_some_and(|limit| seconds > limit) {
-            ControlFlow::Break(Status::TimeLimit)
-        } else {
-            ControlFlow::Continue(())
-        }
-    })?;
-    spinner.lock().unwrap_or_else(|e| e.into_inner()).clear();
+    let folds = Folds::since(Instant::now(), args.time_limit);
+    let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
+    folds.clear();
     let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&names, &compared)),
@@ -77,21 +62,52 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     })
 }
 
-fn to_text(names: &[&str], compared: &Compared) -> String {
-    let all = &compared.candidates;
-    let mut rows =
-        vec![["problem", "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
-    rows.extend(names.iter().zip(all).map(|(name, own)| {
-        let figures = &own.figures;
+/// A problem in the table.
+pub struct Line<'a> {
+    /// What it is called.
+    pub name: &'a str,
+    /// How its fit ended.
+    pub status: &'a str,
+    /// Whether it has figures.
+    pub is_met: bool,
+    /// The figures.
+    pub figures: &'a Contender,
+}
+
+/// The figures of all, as columns.
+pub fn table(what: &str, lines: &[Line<'_>]) -> String {
+    let mut rows = vec![[what, "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
+    rows.extend(lines.iter().map(|own| {
+        let told = |figure: f64| match own.is_met && figure.is_finite() {
+            true => significant(figure, 7),
+            false => "–".to_owned(),
+        };
         [
-            (*name).to_owned(),
-            own.fit.ending().to_owned(),
-            figures.unknowns.to_string(),
-            told(own, figures.aicc()),
-            told(own, figures.bic()),
-            told(own, figures.held_out.iter().sum()),
+            own.name.to_owned(),
+            own.status.to_owned(),
+            own.figures.unknowns.to_string(),
+            told(own.figures.aicc()),
+            told(own.figures.bic()),
+            told(own.figures.held_out.iter().sum()),
         ]
     }));
+    aligned(&rows)
+}
+
+fn lines<'a>(names: &[&'a str], compared: &'a Compared) -> Vec<Line<'a>> {
+    let all = names.iter().zip(&compared.candidates);
+    let line = |(name, own): (&&'a str, &'a Candidate)| Line {
+        name,
+        status: own.fit.ending(),
+        is_met: own.fit.is_met(),
+        figures: &own.figures,
+    };
+    all.map(line).collect()
+}
+
+/// What was compared, for people.
+pub fn to_text(names: &[&str], compared: &Compared) -> String {
+    let all = &compared.candidates;
     let mut text = format!(
         "{} problems on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others{}.\n\n",
         names.len(),
@@ -102,7 +118,7 @@ fn to_text(names: &[&str], compared: &Compared) -> String {
             false => "",
         }
     );
-    text += &aligned(&rows);
+    text += &table("problem", &lines(names, compared));
     text += "\n";
     for (name, own) in names.iter().zip(all) {
         let missing = compared.runs.iter().zip(&own.figures.held_out);
@@ -115,20 +131,10 @@ fn to_text(names: &[&str], compared: &Compared) -> String {
     }
     match &compared.choice {
         None => text + &refusal(names, compared),
-        Some((taken, comparisons)) => {
-            for own in comparisons {
-                text += &sentence(names, own);
-            }
-            text + &verdict(names, all, *taken)
+        Some(choice) => {
+            let figures: Vec<&Contender> = all.iter().map(|own| &own.figures).collect();
+            text + &words(names, &figures, choice, colour(&all[choice.0]))
         }
-    }
-}
-
-/// A figure of a fit that has one.
-fn told(own: &Candidate, figure: f64) -> String {
-    match own.fit.is_met() && figure.is_finite() {
-        true => significant(figure, 7),
-        false => "–".to_owned(),
     }
 }
 
@@ -139,14 +145,19 @@ fn refusal(names: &[&str], compared: &Compared) -> String {
         .map(|(name, _)| *name)
         .collect();
     match open.is_empty() {
-        true => format!(
-            "none is taken: fewer than {FEWEST_RUNS} runs are predicted by all when left out; record more, or cut runs in parts\n"
-        ),
+        true => format!("{}\n", few()),
         false => format!(
             "none is taken: {} has no answer; see `pilotage fit` on it\n",
             open.join(", ")
         ),
     }
+}
+
+/// Why none is taken where all have answers.
+pub fn few() -> String {
+    format!(
+        "none is taken: fewer than {FEWEST_RUNS} runs are predicted by all when left out; record more, or cut runs in parts"
+    )
 }
 
 /// A comparison in a sentence.
@@ -162,28 +173,35 @@ fn sentence(names: &[&str], own: &Comparison) -> String {
     }
 }
 
-/// What is taken, and what criteria of information say beside.
-fn verdict(names: &[&str], all: &[Candidate], taken: usize) -> String {
+/// Each comparison, what is taken, and what criteria of information say beside; with the largest correlation of
+/// neighbouring residuals, if they are not white.
+pub fn words(
+    names: &[&str],
+    figures: &[&Contender],
+    (taken, comparisons): &(usize, Vec<Comparison>),
+    colour: Option<f64>,
+) -> String {
     let best = |of: fn(&Contender) -> f64| {
-        let figures = all.iter().map(|own| of(&own.figures)).enumerate();
+        let figures = figures.iter().map(|own| of(own)).enumerate();
         figures
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .map_or(0, |(k, _)| k)
     };
     let (aicc, bic) = (best(Contender::aicc), best(Contender::bic));
-    let mut text = format!(
+    let mut text: String = comparisons.iter().map(|own| sentence(names, own)).collect();
+    text += &format!(
         "\ntaken: {}, the smallest that no larger one predicts better (at {} % for all comparisons)\n",
-        names[taken],
+        names[*taken],
         100.0 * SIZE
     );
     let others: Vec<String> = [("AICc", aicc), ("BIC", bic)]
         .into_iter()
-        .filter(|(_, k)| *k != taken)
+        .filter(|(_, k)| k != taken)
         .map(|(criterion, k)| format!("{criterion} takes {}", names[k]))
         .collect();
     if !others.is_empty() {
         text += &others.join(", ");
-        text += &match colour(&all[taken]) {
+        text += &match colour {
             Some(correlation) => format!(
                 "; it believes that residuals are white, and the next is correlated with the last by {}\n",
                 significant(correlation, 2)
@@ -194,12 +212,16 @@ fn verdict(names: &[&str], all: &[Candidate], taken: usize) -> String {
     text
 }
 
-/// The largest correlation of neighbouring residuals in a run whose residuals are not white; none where all may be.
 fn colour(own: &Candidate) -> Option<f64> {
     let residuals = own.fit.runs.iter().flat_map(|run| {
         let signals = run.recorded.iter().zip(&run.predicted);
         signals.map(|(y, h)| y.iter().zip(h).map(|(y, h)| y - h).collect::<Vec<f64>>())
     });
+    coloured(residuals)
+}
+
+/// The largest correlation of neighbouring residuals in a run whose residuals are not white; none where all may be.
+pub fn coloured(residuals: impl Iterator<Item = Vec<f64>>) -> Option<f64> {
     let coloured = residuals.filter(|r| LjungBox::of(r).is_some_and(|test| test.p < COLOURED));
     let lags = coloured.filter_map(|r| autocorrelation(&r, 1).get(1).copied());
     lags.max_by(|a, b| a.abs().total_cmp(&b.abs()))
@@ -208,26 +230,42 @@ fn colour(own: &Candidate) -> Option<f64> {
 /// Probability below which residuals are not white.
 const COLOURED: f64 = 0.01;
 
-fn to_json(names: &[&str], compared: &Compared) -> Value {
-    let problem = |(name, own): (&&str, &Candidate)| {
-        let figures = &own.figures;
-        let runs = compared.runs.iter().zip(&figures.held_out);
+/// The same for scripts.
+pub fn to_json(names: &[&str], compared: &Compared) -> Value {
+    let all = lines(names, compared);
+    let problem = |(line, own): (&Line<'_>, &Candidate)| {
+        let runs = compared.runs.iter().zip(&line.figures.held_out);
         let held_out: Map<String, Value> = runs.map(|(run, s)| (run.clone(), json!(s))).collect();
-        json!({
-            "file": name,
-            "status": own.fit.ending(),
-            "converged": own.fit.is_answer(),
-            "unknowns": figures.unknowns,
-            "samples": figures.samples,
-            "nllh": 0.5 * figures.surprise,
-            "aicc": figures.aicc(),
-            "bic": figures.bic(),
-            "held_out": held_out,
-            "doubts": own.fit.diagnostics.iter().map(|own| own.code()).collect::<Vec<_>>(),
-        })
+        let mut told = figures_json(line, own.fit.is_answer());
+        told["held_out"] = Value::Object(held_out);
+        told["doubts"] = own.fit.diagnostics.iter().map(|own| own.code()).collect();
+        told
     };
-    let comparisons = compared.choice.iter().flat_map(|(_, all)| all);
-    let comparisons = comparisons.map(|own| {
+    json!({
+        "problems": all.iter().zip(&compared.candidates).map(problem).collect::<Vec<_>>(),
+        "comparisons": comparisons_json(names, compared.choice.as_ref()),
+        "taken": compared.choice.as_ref().map(|(taken, _)| names[*taken]),
+    })
+}
+
+/// The figures of one.
+pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
+    json!({
+        "file": own.name,
+        "status": own.status,
+        "converged": is_answer,
+        "unknowns": own.figures.unknowns,
+        "samples": own.figures.samples,
+        "nllh": 0.5 * own.figures.surprise,
+        "aicc": own.figures.aicc(),
+        "bic": own.figures.bic(),
+    })
+}
+
+/// The comparisons that led to what is taken.
+pub fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)>) -> Value {
+    let all = choice.into_iter().flat_map(|(_, all)| all);
+    let told = all.map(|own| {
         json!({
             "before": names[own.before],
             "after": names[own.after],
@@ -236,9 +274,5 @@ fn to_json(names: &[&str], compared: &Compared) -> Value {
             "taken": own.is_taken,
         })
     });
-    json!({
-        "problems": names.iter().zip(&compared.candidates).map(problem).collect::<Vec<_>>(),
-        "comparisons": comparisons.collect::<Vec<_>>(),
-        "taken": compared.choice.as_ref().map(|(taken, _)| names[*taken]),
-    })
+    told.collect()
 }

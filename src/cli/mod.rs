@@ -10,6 +10,7 @@ mod export;
 mod failure;
 mod fit;
 mod folder;
+mod folds;
 mod format;
 mod info;
 mod init;

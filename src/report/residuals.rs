@@ -2,6 +2,7 @@
 //! with white noise have neither correlation nor colour (Ljung, *System Identification*, 2nd ed., section 16.6).
 
 use super::figure::{Axis, Figure, Panel, Series};
+use crate::inference::crossed::Crossed;
 use crate::inference::residuals::{autocorrelation, centred, is_even};
 use nalgebra::Complex;
 use std::f64::consts::PI;
@@ -85,6 +86,26 @@ pub fn residual_figure(
     Figure {
         panels,
         ..Figure::of(name, title, caption, Panel::default())
+    }
+}
+
+/// Residuals beside an input, by lag, with the band of 99 %.
+pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
+    let low: Vec<f64> = own.bands.iter().map(|half| -half).collect();
+    Panel {
+        x: Axis::linear("lag [s]"),
+        y: Axis::linear(format!("correlation ({label})")),
+        height: 220.0,
+        series: vec![
+            Series::band(
+                "99 % where nothing is left",
+                "quiet",
+                &own.lags,
+                [&low, &own.bands],
+            ),
+            Series::line("correlation", "line-1", &own.lags, &own.correlations),
+        ],
+        ..Panel::default()
     }
 }
 

@@ -4,6 +4,7 @@ use crate::active::{on_stability_bound, violated};
 use crate::events::Event;
 use crate::file::Mesh;
 use crate::fit::Solved;
+use crate::left_over::Beside;
 use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
@@ -95,6 +96,17 @@ pub enum Diagnostic {
     MeshMoves(f64),
     /// Of so many starts one alone led here.
     Alone(usize),
+    /// Residuals are correlated with an input that came before.
+    InputLeft {
+        /// The measured column.
+        measured: String,
+        /// The column that drives an input.
+        input: String,
+        /// By which time the input came before, where the correlation is largest \[s\].
+        lag: f64,
+        /// That correlation.
+        correlation: f64,
+    },
     /// What is no finite number where the search begins.
     Undefined(String),
     /// The solver did not converge, and an FMU failed a call on the way.
@@ -153,6 +165,7 @@ impl Diagnostic {
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
+            Self::InputLeft { .. } => "input-left",
             Self::Flat(_) => "flat",
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
@@ -207,6 +220,16 @@ impl fmt::Display for Diagnostic {
                     true => "[stability] keeps it stable where the first run begins alone",
                     false => "if not, add [stability] with closed_loop = true",
                 }
+            ),
+            Self::InputLeft {
+                measured,
+                input,
+                lag,
+                correlation,
+            } => write!(
+                f,
+                "the residuals of {measured} are correlated with {input}, most with what it was {lag:.3} s before \
+                 ({correlation:.2}): the model lacks a path or a delay from there, or has a wrong one"
             ),
             Self::OnStabilityBound(of) => write!(
                 f,
@@ -372,6 +395,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .map(Diagnostic::Flat),
     );
     all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
+    all.extend(of_inputs(fit));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {
@@ -416,6 +440,26 @@ fn is_linear(posed: &Posed<'_>) -> bool {
         .collect();
     let varies = graph.dependants(|variable| states.contains(&variable));
     slopes.iter().all(|node| !varies[node.index()])
+}
+
+/// Of all pairs together one in a hundred fits of right models has such a doubt.
+fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
+    let comparisons = fit.beside.iter().map(|own| own.crossed.before()).sum();
+    let doubt = |own: &Beside| {
+        let lag = own.crossed.left(comparisons)?;
+        Some(Diagnostic::InputLeft {
+            measured: own.measured.clone(),
+            input: own.input.clone(),
+            lag: own.crossed.lags[lag],
+            correlation: own.crossed.correlations[lag],
+        })
+    };
+    let is_said = fit.is_answer() && fit.chi2 > fit.resolution;
+    fit.beside
+        .iter()
+        .filter(|_| is_said)
+        .filter_map(doubt)
+        .collect()
 }
 
 fn of_lower(fit: &Fit) -> Option<Diagnostic> {

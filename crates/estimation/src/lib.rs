@@ -47,7 +47,8 @@
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
 //! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
-//! | [`folds`], `same_data`, [`comparison`] | fits to some of the runs; whether problems have the same data; several problems on the same data |
+//! | [`left_over`] | what residuals say of the next one and of inputs |
+//! | [`folds`], [`per_run`], `same_data`, [`orders`], [`comparison`] | fits to some of the runs; to each alone; whether problems have the same data; a problem with another order; several problems on the same data |
 
 mod active;
 mod assembly;
@@ -67,10 +68,13 @@ mod followed;
 mod innovations;
 mod interval;
 pub mod joint;
+pub mod left_over;
 mod likelihood;
 mod loops;
 mod names;
+pub mod orders;
 pub mod part;
+pub mod per_run;
 pub mod posed;
 mod ranges;
 mod read;

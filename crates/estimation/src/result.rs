@@ -5,6 +5,7 @@ use crate::events::Events;
 use crate::file::Noise;
 use crate::fit::{MET, Refinement, Solved};
 use crate::innovations::{Ahead, ahead};
+use crate::left_over::Beside;
 use crate::part::About;
 use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
@@ -62,6 +63,8 @@ pub struct Fit {
     pub cut: Option<Status>,
     /// Events of FMUs in its runs.
     pub events: Events,
+    /// Residuals beside what drove the system; none where the equations are not met.
+    pub beside: Vec<Beside>,
     /// What speaks against it.
     pub diagnostics: Vec<Diagnostic>,
     /// Difference of objectives that is of no importance.
@@ -250,6 +253,7 @@ impl Fit {
             cut: None,
             simulated_objective: None,
             events: Events::default(),
+            beside: Vec::new(),
             diagnostics: Vec::new(),
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,

@@ -12,6 +12,7 @@ mod linearised;
 pub mod multi_start;
 mod names;
 pub mod options;
+pub mod orders;
 pub mod pilot_file;
 pub mod problem;
 mod projection;

@@ -30,14 +30,17 @@
 //! | [`inference`] | information, what the data leave open |
 //! | [`covariance`], `meat`, `autoregression`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
-//! | [`residuals`], [`choice`] | what residuals say of a model; which of several models |
+//! | [`residuals`], [`crossed`] | what residuals say of a model, alone and beside what drove it |
+//! | [`choice`], [`homogeneity`] | which of several models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
 
 mod autoregression;
 pub mod choice;
 pub mod covariance;
+pub mod crossed;
 pub mod data;
 mod elimination;
+pub mod homogeneity;
 pub mod inference;
 pub mod interval;
 mod meat;

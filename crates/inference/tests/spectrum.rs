@@ -99,7 +99,7 @@ fn without_remnant_the_response_is_that_of_the_pilot() {
     }
 }
 
-/// 60 sets with 8 lines each: 95 of 100 regions of 95 % hold the truth, and the deviations are those that are told.
+/// 100 sets with 8 lines each: 95 of 100 regions of 95 % hold the truth, and the deviations are those that are told.
 #[test]
 fn the_error_bars_hold_the_truth_as_often_as_they_say() {
     for (runs, remnant, change, range) in [
@@ -109,7 +109,7 @@ fn the_error_bars_hold_the_truth_as_often_as_they_say() {
     ] {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let (mut held, mut all, mut squares) = (0, 0, 0.0);
-        for _ in 0..60 {
+        for _ in 0..100 {
             let own: Vec<Run> = (0..runs)
                 .map(|_| run(&mut random, remnant, change))
                 .collect();

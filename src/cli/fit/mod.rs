@@ -4,6 +4,7 @@ mod both;
 mod describing;
 mod log;
 mod next;
+mod orders;
 mod problem;
 mod refits;
 pub mod summary;
@@ -28,9 +29,12 @@ use crate::models::Pilot;
 use crate::report::{self, Report};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
+use orders::Orders;
+use problem::Checks;
 pub use problem::{FITTED, figures_of as figures_of_problem};
 pub use refits::HEAD as REFITS;
 use refits::{Refits, Refitted};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use summary::{to_json, to_text};
@@ -49,6 +53,10 @@ Examples:
   # Is there a better optimum? Twenty starts from anywhere beside those from the data.
   pilotage fit run*.csv --random-starts 20
 
+  # How many orders do the data tell? Runs that are left out decide; of a problem file too.
+  pilotage fit run*.csv --orders 1..4
+  pilotage fit problem.toml --orders 1..4
+
   # Which pilot brings the vehicle where it was flown: that of its response, or that of the stick?
   pilotage fit run*.csv --objective both --report both.html
 
@@ -61,6 +69,10 @@ Examples:
   pilotage fit run*.csv --profile
   pilotage fit problem.toml --profile pilot.gain,pilot.delay
   pilotage fit run*.csv --bootstrap 200 --seed 1 --resume refits.csv
+
+  # How well is each run predicted by a fit to the others? Is it one human, or does each run have its own?
+  pilotage fit problem.toml --leave-one-out
+  pilotage fit problem.toml --per-run --report fit.html
 
   # At most ten seconds, and from where that ended.
   pilotage fit run*.csv --time-limit 10
@@ -127,6 +139,10 @@ pub struct Args {
     #[arg(long, default_value_t = FitOptions::default().pilot.order as u8,
           value_parser = within(1..=MAX_ORDER as u8), allow_hyphen_values = true)]
     order: u8,
+    /// Compare these orders of the linear pilot, and go on with the one that is taken: the smallest that no larger one
+    /// beats at runs that are left out (as `pilotage compare`).
+    #[arg(long, value_name = "FIRST..LAST", value_parser = orders::orders, conflicts_with_all = ["order", "evaluate"])]
+    orders: Option<Orders>,
     /// Limit on |y_p| at every sample.
     #[arg(long, default_value_t = FitOptions::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
@@ -152,6 +168,8 @@ pub struct Args {
     covariance: Option<Method>,
     #[command(flatten)]
     refits: Refits,
+    #[command(flatten)]
+    checks: Checks,
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
@@ -210,6 +228,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             Failure::new("--evaluate takes a problem file").hint("`pilotage init` writes one")
         );
     }
+    if let Some(flag) = args.checks.flag() {
+        return Err(Failure::new(format!("{flag} takes a problem file"))
+            .hint("`pilotage init run*.csv -o problem.toml` writes that of these runs"));
+    }
     if let (Compared::Both, Some(flag)) = (args.objective, args.refits.flag()) {
         let message = format!("{flag} takes one fit, and --objective both are two");
         return Err(Failure::new(message).hint("fit one after the other"));
@@ -224,7 +246,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         return Err(Failure::new("--json and --log - both want stdout")
             .hint("give --log a file; or leave --json out: the log's last line has the result"));
     }
-    let options = args.options()?;
+    let mut options = args.options()?;
     let set = args.columns.read(&args.trials)?;
     for note in &set.notes {
         terminal::note(note);
@@ -233,6 +255,14 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let excited = Excitation::of(&flights(&set.fit));
     if let Some(own) = excited.filter(|_| !args.json && !args.logs_to_stdout()) {
         terminal::print(&excitation::first_lines(&own))?;
+    }
+    if let (Some(_), Some(flag)) = (&args.orders, args.refits.flag()) {
+        let message = format!("{flag} takes one order, and --orders compares several");
+        return Err(Failure::new(message).hint("give --order with that which was taken"));
+    }
+    if args.orders.is_some() && args.objective == Compared::Both {
+        let message = "--orders compares one fit, and --objective both are two";
+        return Err(Failure::new(message).hint("leave one of them out"));
     }
     let sought = identification::refits::sought(&options).into_iter();
     let sought: Vec<_> = sought.map(|name| (name, None)).collect();
@@ -249,6 +279,17 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let report_output = args.report.as_deref().map(open).transpose()?;
 
     interrupt::listen("stopping at the next iteration")?;
+    let chosen = args.orders.as_ref();
+    let chosen = chosen
+        .map(|own| own.flights(&args, &set, &options))
+        .transpose()?;
+    if let Some(chosen) = &chosen {
+        orders::tell(&args, chosen)?;
+        match chosen.taken {
+            Some(pilot) => options.pilot = pilot,
+            None => return args.without_order(&chosen.json),
+        }
+    }
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let mut watch = Watch::new(args.time_limit, log, args.verbose);
     let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
@@ -264,7 +305,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(output), Some(path)) = (report_output, &args.report) {
         save(output, path, &page(&found, refitted.as_ref()))?;
     }
-    args.tell(&found, refitted.as_ref())?;
+    args.tell(&found, refitted.as_ref(), chosen.map(|own| own.json))?;
     if let Some(log) = log {
         log.close(&found.fit)?;
     }
@@ -384,10 +425,29 @@ impl Args {
         }
     }
 
+    /// The end of a command that has found no order.
+    fn without_order(&self, orders: &Value) -> Result<Outcome, Failure> {
+        if self.json {
+            terminal::print(&format!("{:#}\n", json!({ "orders": orders })))?;
+        }
+        Ok(Outcome::No)
+    }
+
     /// The summary, away from the log.
-    fn tell(&self, found: &Identification, refitted: Option<&Refitted>) -> Result<(), Failure> {
+    fn tell(
+        &self,
+        found: &Identification,
+        refitted: Option<&Refitted>,
+        orders: Option<Value>,
+    ) -> Result<(), Failure> {
         let text = match self.json {
-            true => format!("{:#}\n", to_json(found, refitted)),
+            true => {
+                let mut told = to_json(found, refitted);
+                if let Some(orders) = orders {
+                    told["orders"] = orders;
+                }
+                format!("{told:#}\n")
+            }
             false => {
                 let refits = refitted.map_or(String::new(), Refitted::to_text);
                 to_text(found) + &refits + &self.next(found)

@@ -31,6 +31,7 @@ use crate::describing::describing;
 use crate::diagnostics::diagnostics;
 use crate::events::{Events, events};
 use crate::innovations;
+use crate::left_over::beside_inputs;
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
@@ -125,6 +126,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         found.uncertainty = linear
             .and_then(|own| uncertainty(posed, &last, &found, &own, simulated, looped.as_ref()));
         found.describing = describing(posed, &last);
+    }
+    if found.is_met() {
+        found.beside = beside_inputs(posed, &found.runs);
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);

@@ -1,25 +1,29 @@
 //! `pilotage fit problem.toml`: any pilot, any vehicle, any task.
 
+mod checks;
 mod evaluate;
 mod models;
 mod page;
 mod summary;
 mod sure;
 
-use super::Args;
 use super::refits::{NOTHING, Plan, Refitted};
+use super::{Args, orders};
 use crate::cli::made::made;
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::fit::Progress;
+use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
 use crate::report::Figure;
 use crate::sqp::{Iteration, Status};
+pub use checks::Checks;
 use models::Fitted;
 pub use models::HEAD as FITTED;
+use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
@@ -49,8 +53,21 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
 pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let mut file = ProblemFile::read(path)?;
     file.options.covariance = args.covariance.or(file.options.covariance);
+    let begin = Instant::now();
+    let mut chosen = None;
+    if let Some(orders) = &args.orders {
+        interrupt::listen("stopping")?;
+        let found = orders.problem(&file, (begin, args.time_limit))?;
+        orders::tell(args, &found)?;
+        match found.taken {
+            Some(taken) => file = taken,
+            None => return args.without_order(&found.json),
+        }
+        chosen = Some(found.json);
+    }
     let posed = Posed::new(&file, &part::open)?;
-    if let (true, Some(flag)) = (args.evaluate, args.refits.flag()) {
+    let solves_again = args.refits.flag().or(args.checks.flag());
+    if let (true, Some(flag)) = (args.evaluate, solves_again) {
         let message = format!("{flag} solves again, and --evaluate solves nothing");
         return Err(Failure::new(message).hint("leave one of them out"));
     }
@@ -60,10 +77,12 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let plan = args
         .refits
         .plan(&refits::sought(&posed), posed.runs.len())?;
-    let begin = Instant::now();
+    args.checks.check(posed.runs.len())?;
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &posed, &fitted)?;
-    interrupt::listen("stopping")?;
+    if args.orders.is_none() {
+        interrupt::listen("stopping")?;
+    }
     let before = beforehand(&posed, &|| interrupt::is_asked());
     if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
         terminal::print(&excitation::first_lines(own))?;
@@ -82,12 +101,15 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         Some(plan) => refitted(args, plan, &posed, &fit, begin)?,
         None => None,
     };
+    let checked = args.checks.run((&file, &fit), (begin, args.time_limit))?;
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
         judged: &judged,
         refitted: refitted.as_ref(),
         before: Some(&before),
+        processes: &processes(&posed, &fit),
+        checked: &checked,
     };
     for own in &fitted {
         own.write(&posed, &fit, path)?;
@@ -96,13 +118,21 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         overwrite::save(path, page::page(&outcome, &made()))?;
     }
     terminal::print(&match args.json {
-        true => format!("{:#}\n", summary::to_json(&outcome)),
+        true => format!("{:#}\n", with_orders(summary::to_json(&outcome), chosen)),
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
     Ok(match fit.is_answer() {
         true => Outcome::Done,
         false => Outcome::No,
     })
+}
+
+/// With what chose the order.
+fn with_orders(mut told: Value, orders: Option<Value>) -> Value {
+    if let Some(orders) = orders {
+        told["orders"] = orders;
+    }
+    told
 }
 
 /// A fit, solved again; none where that cannot be.
@@ -134,6 +164,8 @@ pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
         judged: &judged,
         refitted: None,
         before: None,
+        processes: &processes(&posed, &fit),
+        checked: &checks::Checked::default(),
     }))
 }
 

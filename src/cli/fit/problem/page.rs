@@ -10,7 +10,7 @@ use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::palette::colour;
-use crate::report::residuals::{Residuals, residual_figure};
+use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
 use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
 use crate::sqp::Status;
 
@@ -28,6 +28,7 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     let mut tables = vec![("Parameters", parameters)];
     tables.extend((outcomes.refitted).map(|own| ("Profiles and bootstrap", own.table())));
     tables.push(("Active constraints", active(fit)));
+    tables.extend(outcomes.checked.tables(fit));
     tables.push(("Data", data(outcomes)));
     let page = Overlay {
         title: &format!("fit of {}", posed.file.file),
@@ -73,6 +74,7 @@ pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     if fit.is_met() {
         all.extend((0..outcomes.posed.file.measured.len()).map(|k| residuals(outcomes, k)));
     }
+    all.extend(beside(fit));
     if let Ok(own) = &fit.uncertainty {
         all.push(correlation_figure(&own.names, &own.correlations));
     }
@@ -189,6 +191,26 @@ fn residuals(outcomes: &Outcomes<'_>, k: usize) -> Figure {
     residual_figure(&name, &title, caption, "", &all)
 }
 
+/// Residuals beside what drove the system, a panel for each pair; none without any.
+fn beside(fit: &Fit) -> Option<Figure> {
+    let panels = fit.beside.iter().map(|own| {
+        let label = format!("{}, {}", own.measured, own.input);
+        crossed_panel(&label, &own.crossed)
+    });
+    let panels: Vec<Panel> = panels.collect();
+    let caption = "Correlations of residuals with what the input was so long before; below 0, after. Outside of the band \
+                   the model may lack a path or a delay.";
+    (!panels.is_empty()).then(|| Figure {
+        panels,
+        ..Figure::of(
+            "residuals-inputs",
+            "Residuals and inputs",
+            caption,
+            Panel::default(),
+        )
+    })
+}
+
 fn parameters(fit: &Fit) -> Parameters {
     let mut rows = Vec::new();
     for (found, intervals) in sure::of(fit).chain(sure::derived(fit)) {
@@ -254,6 +276,9 @@ fn active(fit: &Fit) -> Parameters {
     }
 }
 
+const ONE_STEP: &str = "One step: variance accounted for by the model and an autoregressive process of its residuals, each \
+                        sample predicted from those before it; vaf is that of the model alone.";
+
 /// The runs, with what is left of each signal.
 fn data(outcomes: &Outcomes<'_>) -> Parameters {
     let header = run_header(outcomes.posed);
@@ -264,6 +289,9 @@ fn data(outcomes: &Outcomes<'_>) -> Parameters {
         header: header.to_vec(),
         numeric: (2..header.len()).collect(),
         rows: rows.collect(),
-        notes: Vec::new(),
+        notes: match outcomes.posed.filter {
+            Some(_) => Vec::new(),
+            None => vec![ONE_STEP.to_owned()],
+        },
     }
 }

@@ -1,5 +1,6 @@
 //! What a fit of a problem gave, for people and for scripts.
 
+use super::checks::Checked;
 use super::sure;
 use crate::cli::excitation;
 use crate::cli::fit::describing;
@@ -7,11 +8,12 @@ use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
 use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
+use crate::estimation::left_over::Beside;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::validation::Judged;
 use crate::estimation::{Fit, Posed};
-use crate::inference::Interval;
-use crate::inference::residuals::LjungBox;
+use crate::inference::residuals::{Explained, LjungBox};
+use crate::inference::{Autoregression, Interval};
 use crate::report::significant;
 use crate::sqp::Status;
 use pilotage_text::counted;
@@ -31,6 +33,10 @@ pub struct Outcomes<'a> {
     pub refitted: Option<&'a Refitted>,
     /// What was known before the solve; none where nobody asked.
     pub before: Option<&'a Beforehand>,
+    /// The noise of each measured signal.
+    pub processes: &'a [Option<Autoregression>],
+    /// The same problem on some of its runs.
+    pub checked: &'a Checked,
 }
 
 /// A run, and what it was used for.
@@ -69,6 +75,13 @@ impl Used<'_> {
 }
 
 impl<'a> Outcomes<'a> {
+    /// How much of a measured signal is explained one step ahead, by the model and the process in its residuals.
+    fn one_step(self, own: Used<'_>, k: usize) -> Option<Explained> {
+        let process = self.processes[k].as_ref().filter(|_| own.has_figures)?;
+        own.run
+            .one_step(k, self.posed.file.measured[k].noise, process)
+    }
+
     /// All runs, with what they are used for.
     pub fn runs(self) -> impl Iterator<Item = Used<'a>> {
         let has_figures = self.fit.is_met();
@@ -95,7 +108,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let starts = fit.starts.iter();
     let starts = starts
         .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
-    json!({
+    let mut told = json!({
         "status": fit.ending(),
         "converged": fit.is_answer(),
         "objective": told(fit.objective),
@@ -127,7 +140,24 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         },
         "starts": starts.collect::<Vec<_>>(),
         "runs": runs,
+        "cross_correlations": fit.beside.iter().map(beside).collect::<Vec<_>>(),
         "seconds": fit.seconds,
+    });
+    outcomes.checked.add_to(&mut told);
+    told
+}
+
+/// Residuals beside an input.
+fn beside(own: &Beside) -> Value {
+    let crossed = &own.crossed;
+    let outside = (0..crossed.lags.len()).filter(|k| crossed.is_outside(*k));
+    json!({
+        "measured": own.measured,
+        "input": own.input,
+        "lags": crossed.lags,
+        "correlations": crossed.correlations,
+        "bands": crossed.bands,
+        "outside": outside.map(|k| crossed.lags[k]).collect::<Vec<_>>(),
     })
 }
 
@@ -225,12 +255,18 @@ fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
         let (residual, relative) = own.rms(k, measured.noise).unzip();
         let explained = own.run.explained(k).filter(|_| own.has_figures);
         let residuals = own.run.residuals(k, measured.noise);
+        let process = outcomes.processes[k].as_ref();
+        let one_step = outcomes.one_step(own, k);
+        let order = process.map(Autoregression::order);
         let white = LjungBox::of(&residuals).filter(|_| own.has_figures);
         let mut entry = json!({
             "rms_residual": residual,
             "rms_per_sd": relative,
             "vaf": explained.map(|own| own.vaf),
             "fit": explained.map(|own| own.fit),
+            "one_step": one_step.map(|own| {
+                json!({ "vaf": own.vaf, "fit": own.fit, "order": order })
+            }),
             "ljung_box": white.map(|own| {
                 json!({ "lags": own.lags, "statistic": own.statistic, "p": own.p })
             }),
@@ -285,6 +321,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     }
     text += &aligned(&run_rows(posed, outcomes));
     text += &judged(outcomes);
+    text += &outcomes.checked.to_text(fit);
     text += &mesh(posed, fit);
     match (fit.starts.len(), fit.agreeing()) {
         (1, _) => {}
@@ -391,8 +428,8 @@ fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
     rows
 }
 
-/// What is told of each run and measured signal. With process noise the innovations are what is compared with their
-/// standard deviations.
+/// What is told of each run and measured signal: the free run of the model, and beside it one step ahead. With process
+/// noise the innovations are what is compared with their standard deviations.
 pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
     match posed.filter {
         Some(_) => &[
@@ -402,18 +439,21 @@ pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
             "one step ahead",
             "over its sd",
         ],
-        None => &["run", "column", "rms residual", "over sd"],
+        None => &[
+            "run",
+            "column",
+            "rms residual",
+            "over sd",
+            "vaf [%]",
+            "one step [%]",
+        ],
     }
 }
 
 /// For each run and measured signal its residual.
 pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> {
-    let mut rows = vec![
-        run_header(posed)
-            .iter()
-            .map(|&own| own.to_owned())
-            .collect::<Vec<_>>(),
-    ];
+    let header = run_header(posed).iter().map(|&own| own.to_owned());
+    let mut rows = vec![header.collect::<Vec<_>>()];
     for own in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
             let told = own.rms(k, measured.noise);
@@ -427,6 +467,10 @@ pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> 
             ];
             if posed.filter.is_some() {
                 row.insert(3, shown(own.run.rms_ahead(k)));
+            } else {
+                let explained = own.run.explained(k).filter(|_| own.has_figures);
+                row.push(shown(explained.map(|own| own.vaf)));
+                row.push(shown(outcomes.one_step(own, k).map(|own| own.vaf)));
             }
             rows.push(row);
         }

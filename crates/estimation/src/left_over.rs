@@ -1,0 +1,115 @@
+//! What a fit leaves in its residuals: what they say of the next one, and of what drove the system.
+
+use crate::data::filled;
+use crate::file::{Measured, Noise};
+use crate::posed::Posed;
+use crate::result::{Fit, RunFit};
+use pilotage_inference::Autoregression;
+use pilotage_inference::crossed::{Crossed, Pair};
+use pilotage_inference::residuals::Explained;
+
+/// Residuals of a measured signal beside a column that drives an input.
+#[derive(Debug, Clone)]
+pub struct Beside {
+    /// The measured column.
+    pub measured: String,
+    /// The column that drives an input.
+    pub input: String,
+    /// Their correlations.
+    pub crossed: Crossed,
+}
+
+/// The residuals of a signal in a run where something was recorded, in standard deviations, and their times \[s\].
+fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {
+    let residuals = run.residuals(k, noise).into_iter().zip(&run.time);
+    residuals.filter(|(e, _)| e.is_finite()).unzip()
+}
+
+/// The autoregressive process in the residuals of each measured signal; none where nothing was recorded, where the states that
+/// were found do not fulfil the equations, or where a filter predicts the next sample.
+pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
+    let measured = posed.file.measured.iter().enumerate();
+    let process = |(k, own): (usize, &Measured)| {
+        let series = fit.runs.iter().map(|run| known(run, k, own.noise));
+        let series: Vec<_> = series.filter(|(values, _)| !values.is_empty()).collect();
+        let is_told = fit.is_met() && posed.filter.is_none() && !series.is_empty();
+        is_told.then(|| Autoregression::of_series(&series))
+    };
+    measured.map(process).collect()
+}
+
+impl RunFit {
+    /// How much of a measured signal is explained one step ahead: by the model and what a process makes of the residuals up
+    /// to the sample before. Of a model whose noise is on the recording alone that is its best prediction, and no more
+    /// than the free run where residuals are white.
+    pub fn one_step(&self, k: usize, noise: Noise, process: &Autoregression) -> Option<Explained> {
+        let (residuals, time) = known(self, k, noise);
+        let mut expected = process.one_step(&residuals, &time).into_iter();
+        let samples = self.residuals(k, noise).into_iter();
+        let predicted = samples.enumerate().map(|(sample, residual)| {
+            let (h, sd) = (self.predicted[k][sample], self.deviations[k][sample]);
+            let next = if residual.is_finite() {
+                expected.next()
+            } else {
+                None
+            };
+            match (next, noise) {
+                (None, _) => h,
+                (Some(e), Noise::LogNormal) => h * (sd * e).exp(),
+                (Some(e), _) => h + sd * e,
+            }
+        });
+        Explained::of(&self.recorded[k], &predicted.collect::<Vec<_>>())
+    }
+}
+
+/// The residuals of each measured signal beside each column that drives an input, over all runs that were fitted; those
+/// whose samples are not evenly apart, and inputs that do not vary within runs, are left out.
+pub fn beside_inputs(posed: &Posed<'_>, runs: &[RunFit]) -> Vec<Beside> {
+    let mut columns: Vec<&str> = posed
+        .file
+        .inputs
+        .iter()
+        .map(|fed| &fed.column.value[..])
+        .collect();
+    columns.sort_unstable();
+    columns.dedup();
+    let mut all = Vec::new();
+    for (k, measured) in posed.file.measured.iter().enumerate() {
+        for column in &columns {
+            let pairs = posed.data.iter().zip(runs).map(|(data, run)| {
+                let series = &data.series;
+                let input = series
+                    .column(column)
+                    .map(|own| filled(&series.time, &own.values));
+                pair(
+                    known(run, k, measured.noise),
+                    (&series.time, input.as_deref()),
+                )
+            });
+            let pairs: Vec<Pair> = pairs.collect();
+            all.extend(Crossed::of(&pairs).map(|crossed| Beside {
+                measured: measured.column.value.clone(),
+                input: (*column).to_owned(),
+                crossed,
+            }));
+        }
+    }
+    all
+}
+
+/// Residuals with the input at their times.
+fn pair((residuals, time): (Vec<f64>, Vec<f64>), (times, input): (&[f64], Option<&[f64]>)) -> Pair {
+    let at = |t: &f64| {
+        let row = times.partition_point(|own| own < t);
+        input
+            .and_then(|input| input.get(row))
+            .copied()
+            .unwrap_or(0.0)
+    };
+    Pair {
+        input: time.iter().map(at).collect(),
+        residuals,
+        time,
+    }
+}

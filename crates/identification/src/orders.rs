@@ -1,0 +1,119 @@
+//! Which order of the linear pilot? Each is fitted to all trials, and to all but one, for each trial.
+
+use super::solve::Observer;
+use super::{FitError, FitOptions, Identification, InitialPosition, Trial, TrialSet, fit};
+use pilotage_inference::choice::Contender;
+use pilotage_models::Pilot;
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+/// A pilot of one order.
+#[derive(Debug, Clone)]
+pub struct Ordered {
+    /// The order.
+    pub order: usize,
+    /// The fit to all trials.
+    pub fit: super::Fit,
+    /// Its figures, with a noise level that is one more unknown. A trial that is left out is flown by the pilot alone, from
+    /// rest at its first recorded position; not a number where it cannot be, or a fit to the others has no answer.
+    pub figures: Contender,
+}
+
+/// Fits pilots of these orders.
+///
+/// # Errors
+/// As [`fit`](fit()).
+pub fn ordered(
+    trials: &TrialSet,
+    options: &FitOptions,
+    orders: RangeInclusive<usize>,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Ordered>, FitError> {
+    let mut all: Vec<Ordered> = Vec::new();
+    for order in orders {
+        let options = FitOptions {
+            pilot: Pilot { order },
+            ..options.clone()
+        };
+        let whole = fit(&trials.fit, &options, observer)?;
+        let is_answer = whole.is_answer();
+        let held_out = match is_answer {
+            true => held_out(trials, &options, &whole.theta, observer)?,
+            false => vec![f64::NAN; trials.fit.len()],
+        };
+        let (noise, samples) = noise(&whole);
+        let begins = match options.initial_position {
+            InitialPosition::Estimated => trials.fit.len(),
+            InitialPosition::Known => 0,
+        };
+        all.push(Ordered {
+            order,
+            figures: Contender {
+                unknowns: 2 * order + begins + 1,
+                samples,
+                surprise: samples as f64 * (1.0 + (TAU * noise).ln()),
+                held_out,
+            },
+            fit: whole,
+        });
+    }
+    Ok(all)
+}
+
+/// −2 log likelihood of each trial by the pilot of the others.
+fn held_out(
+    trials: &TrialSet,
+    options: &FitOptions,
+    theta: &[f64],
+    observer: &mut Observer<'_>,
+) -> Result<Vec<f64>, FitError> {
+    let options = FitOptions {
+        start: Some(theta.to_vec()),
+        random_starts: Some(0),
+        covariance: None,
+        ..options.clone()
+    };
+    let without = |k: usize| {
+        let mut others = trials.fit.clone();
+        let own = others.remove(k);
+        (others, own)
+    };
+    let mut all = Vec::new();
+    for k in 0..trials.fit.len() {
+        let (others, own) = without(k);
+        all.push(match others.is_empty() {
+            true => f64::NAN,
+            false => left_out(others, own, &options, observer)?,
+        });
+    }
+    Ok(all)
+}
+
+/// −2 log likelihood of a trial by the pilot of others.
+fn left_out(
+    others: Vec<Trial>,
+    own: Trial,
+    options: &FitOptions,
+    observer: &mut Observer<'_>,
+) -> Result<f64, FitError> {
+    let set = TrialSet {
+        fit: others,
+        validation: vec![own],
+        ..TrialSet::default()
+    };
+    let found = Identification::new(set, options.clone(), observer)?;
+    let (noise, _) = noise(&found.fit);
+    let flown = found.outcomes().last().and_then(|own| own.alone);
+    let is_answer = found.fit.is_answer();
+    let surprise = flown.filter(|_| is_answer).map(|run| {
+        let known = run.residual.iter().filter(|e| e.is_finite());
+        known.map(|e| e * e / noise + (TAU * noise).ln()).sum()
+    });
+    Ok(surprise.unwrap_or(f64::NAN))
+}
+
+/// The variance of the residuals of a fit, by maximum likelihood, and their number.
+fn noise(fit: &super::Fit) -> (f64, usize) {
+    let samples = fit.residuals().filter(|e| e.is_finite()).count();
+    (fit.objective / samples.max(1) as f64, samples)
+}

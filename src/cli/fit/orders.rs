@@ -1,0 +1,222 @@
+//! `--orders`: which order has the linear pilot? The fit goes on with the one that is taken.
+
+use super::watch::Watch;
+use super::{Args, MAX_ORDER};
+use crate::cli::compare::{self, Line, coloured, comparisons_json, figures_json, table, words};
+use crate::cli::folds::Folds;
+use crate::cli::{Failure, terminal};
+use crate::estimation::comparison::compare;
+use crate::estimation::orders::ordered;
+use crate::estimation::{ProblemFile, part};
+use crate::identification::orders::{self, Ordered};
+use crate::identification::{FitOptions, InitialState, Objective, TrialSet};
+use crate::inference::choice::{Comparison, Contender, choose};
+use crate::models::Pilot;
+use pilotage_text::counted;
+use serde_json::{Value, json};
+use std::ops::RangeInclusive;
+use std::time::Instant;
+
+/// Orders to compare.
+#[derive(Debug, Clone)]
+pub struct Orders(RangeInclusive<u8>);
+
+/// Orders as `1..5`, both among them.
+pub fn orders(text: &str) -> Result<Orders, String> {
+    let expected =
+        || format!("expected two orders from 1 to {MAX_ORDER}, the lower first, such as 1..5");
+    let (first, last) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse::<u8>().map_err(|_| expected());
+    let (first, last) = (number(first)?, number(last)?);
+    let is_range = 1 <= first && first < last && usize::from(last) <= MAX_ORDER;
+    is_range
+        .then_some(Orders(first..=last))
+        .ok_or_else(expected)
+}
+
+/// What is told of the comparison, and the winner; none where there is none.
+pub struct Chosen<T> {
+    pub text: String,
+    pub json: Value,
+    pub taken: Option<T>,
+}
+
+impl Orders {
+    /// Of a problem: the one of the order that is taken, whose search begins where its fit has ended.
+    pub fn problem(
+        &self,
+        file: &ProblemFile,
+        limits: (Instant, Option<f64>),
+    ) -> Result<Chosen<ProblemFile>, Failure> {
+        let folds = Folds::since(limits.0, limits.1);
+        let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
+        let all = ordered(file, range, &part::open, &|| folds.ask(0, 1))?;
+        let (mut known, last): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|own| own.fit.is_answer());
+        let last = last
+            .iter()
+            .map(|own| (own.order as usize, own.fit.ending()));
+        let last = unanswered(last);
+        if known.is_empty() {
+            return Ok(Chosen::none(last));
+        }
+        let files: Vec<ProblemFile> = known.iter().map(|own| own.file.clone()).collect();
+        let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
+        folds.clear();
+        let names: Vec<String> = known
+            .iter()
+            .map(|own| format!("order {}", own.order))
+            .collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let taken = compared.choice.as_ref().map(|(taken, _)| *taken);
+        Ok(Chosen {
+            text: compare::to_text(&names, &compared) + &last,
+            json: compare::to_json(&names, &compared),
+            taken: taken.map(|taken| known.swap_remove(taken).file),
+        })
+    }
+
+    /// Of flights: the order that is taken.
+    pub fn flights(
+        &self,
+        args: &Args,
+        set: &TrialSet,
+        options: &FitOptions,
+    ) -> Result<Chosen<Pilot>, Failure> {
+        check(options)?;
+        let mut watch = Watch::new(args.time_limit, None, args.verbose);
+        let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
+        let all = orders::ordered(set, options, range, &mut |progress| watch.see(progress));
+        watch.end();
+        let (known, last): (Vec<_>, Vec<_>) = all?.into_iter().partition(|own| own.fit.is_answer());
+        let last = unanswered((last.iter()).map(|own| (own.order, own.fit.status.as_str())));
+        if known.is_empty() {
+            return Ok(Chosen::none(last));
+        }
+        let figures: Vec<Contender> = known.iter().map(|own| own.figures.clone()).collect();
+        let choice = choose(&figures);
+        let told = Told::new(&known, set);
+        Ok(Chosen {
+            text: told.text(choice.as_ref()) + &last,
+            json: told.json(choice.as_ref()),
+            taken: choice.map(|(taken, _)| Pilot {
+                order: known[taken].order,
+            }),
+        })
+    }
+}
+
+impl<T> Chosen<T> {
+    fn none(text: String) -> Self {
+        Self {
+            text,
+            json: json!({ "problems": [], "comparisons": [], "taken": null }),
+            taken: None,
+        }
+    }
+}
+
+/// Why orders are not compared.
+fn unanswered<'a>(all: impl Iterator<Item = (usize, &'a str)>) -> String {
+    all.map(|(order, status)| {
+        format!("order {order} has no answer ({status}), and is not compared\n")
+    })
+    .collect()
+}
+
+/// A trial that is left out is flown from rest, and its position compared.
+fn check(options: &FitOptions) -> Result<(), Failure> {
+    if options.objective != Objective::Response {
+        let message = "--orders compares responses, and --objective stick fits the stick";
+        return Err(Failure::new(message).hint("leave --objective out"));
+    }
+    if options.initial_state != InitialState::AtRest {
+        let message = "--orders flies trials that are left out from rest, and --initial-state says that they are not";
+        return Err(Failure::new(message)
+            .hint("--initial-state at-rest, or a problem file, where free states are estimated"));
+    }
+    if options.start.is_some() {
+        let message = "--start has the parameters of one order, and --orders compares several";
+        return Err(Failure::new(message).hint("leave --start out"));
+    }
+    Ok(())
+}
+
+/// The orders of flights.
+struct Told<'a> {
+    all: &'a [Ordered],
+    set: &'a TrialSet,
+    names: Vec<String>,
+}
+
+impl<'a> Told<'a> {
+    fn new(all: &'a [Ordered], set: &'a TrialSet) -> Self {
+        let names = all
+            .iter()
+            .map(|own| format!("order {}", own.order))
+            .collect();
+        Self { all, set, names }
+    }
+
+    fn lines(&self) -> Vec<Line<'_>> {
+        let all = self.names.iter().zip(self.all);
+        all.map(|(name, own)| Line {
+            name,
+            status: own.fit.status.as_str(),
+            is_met: true,
+            figures: &own.figures,
+        })
+        .collect()
+    }
+
+    fn text(&self, choice: Option<&(usize, Vec<Comparison>)>) -> String {
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        let figures: Vec<&Contender> = self.all.iter().map(|own| &own.figures).collect();
+        let head = format!(
+            "{} orders on {}, {} values. Left out: −2 log likelihood of the runs, flown from rest by pilots of the others.\n\n",
+            names.len(),
+            counted(self.set.fit.len(), "run"),
+            figures[0].samples
+        );
+        let told = match choice {
+            None => format!("{}\n", compare::few()),
+            Some(choice) => {
+                let runs = self.all[choice.0].fit.runs.iter();
+                words(
+                    &names,
+                    &figures,
+                    choice,
+                    coloured(runs.map(|run| run.residual.clone())),
+                )
+            }
+        };
+        head + &table("pilot", &self.lines()) + "\n" + &told
+    }
+
+    fn json(&self, choice: Option<&(usize, Vec<Comparison>)>) -> Value {
+        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        let told = self.lines().into_iter().map(|line| {
+            let runs = self.set.fit.iter().zip(&line.figures.held_out);
+            let mut told = figures_json(&line, true);
+            told["held_out"] = runs
+                .map(|(run, own)| (run.name.clone(), json!(own)))
+                .collect();
+            told
+        });
+        json!({
+            "problems": told.collect::<Vec<_>>(),
+            "comparisons": comparisons_json(&names, choice),
+            "taken": choice.map(|(taken, _)| names[*taken]),
+        })
+    }
+}
+
+/// Tells what was chosen before the fit goes on; in `--json` it stands in the fit's object.
+pub fn tell<T>(args: &Args, chosen: &Chosen<T>) -> Result<(), Failure> {
+    match (args.json, args.logs_to_stdout()) {
+        (true, _) => {}
+        (false, true) => terminal::tell(&chosen.text),
+        (false, false) => terminal::print(&format!("{}\n", chosen.text))?,
+    }
+    Ok(())
+}
