@@ -33,9 +33,9 @@ z = { der = "slow * (x - z)" }
 y = "z"
 "#;
 
-const RUNS: usize = 6;
+pub const RUNS: usize = 6;
 
-fn problem(model: &str, runs: usize) -> String {
+pub fn problem(model: &str, runs: usize) -> String {
     let lines = (1..=runs).map(|k| format!("[[run]]\nfile = \"run{k}.csv\"\n"));
     format!(
         "[system.m]\nmodel = \"{model}.toml\"\n[inputs]\n\"m.u\" = \"u\"\n[[measured]]\nsignal = \"m.y\"\n\
@@ -45,7 +45,7 @@ fn problem(model: &str, runs: usize) -> String {
 }
 
 /// Runs of one lag, or of two, with noise as coloured as that of flights: AR(1) 0.9.
-fn flights(lags: usize, seed: u64) -> Folder {
+pub fn flights(lags: usize, seed: u64) -> Folder {
     let folder = Folder::new();
     folder.write("one.toml", ONE);
     folder.write("two.toml", TWO);

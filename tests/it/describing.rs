@@ -145,7 +145,9 @@ fn the_describing_function_is_that_of_the_human_whatever_is_fitted() {
 fn a_fit_that_is_not_what_was_flown_is_told() {
     let folder = flown();
     let wrong = problem(&folder, "0.6, fixed = true");
-    assert_eq!(codes(&wrong), ["describing-function"]);
+    assert_eq!(codes(&wrong)[0], "describing-function");
+    // The target tells of what is left in position and stick.
+    assert_eq!(codes(&wrong)[1..], ["input-left"; 2]);
     check_human(&wrong["describing_function"]["pilot"]);
     let vehicle = folder.pilotage(&["vehicle", "show"]).stdout;
     let gain = vehicle

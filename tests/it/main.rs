@@ -52,6 +52,7 @@ mod random_collocation;
 mod recovery;
 mod refits;
 mod schemes;
+mod selection;
 mod shipped;
 mod sqp_problems;
 mod starts;
