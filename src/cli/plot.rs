@@ -28,8 +28,8 @@ Examples:
   # Signals of two co-simulations, one over the other, one column wide.
   pilotage plot jacobi.csv strong.csv --figure quadcopter.z --width 85 -o z.png
 
-A page of --report holds its figures: nothing is fitted again. A problem file is fitted; a pilot file has no covariance,
-so its figures have no bands.";
+A page of --report holds its figures: nothing is fitted again. A problem file is fitted. Figures of a pilot file have the
+bands of its [uncertainty].";
 
 /// Arguments of `pilotage plot`.
 #[derive(Debug, clap::Args)]
@@ -202,7 +202,7 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
         },
         theta: &file.theta,
         vehicle: file.vehicle.as_ref(),
-        sure: None,
+        sure: file.spread.as_ref(),
     };
     let mut figures = bode_figures(&fitted);
     figures.push(pole_figure(&fitted));

@@ -166,7 +166,10 @@ pub fn all(report: &Report) -> Vec<Figure> {
         pilot: options.pilot,
         theta: &fit.theta,
         vehicle: options.loop_vehicle(),
-        sure: fit.uncertainty.as_ref(),
+        sure: fit
+            .uncertainty
+            .as_ref()
+            .and_then(crate::identification::Uncertainty::told),
     };
     let mut bode = bode_figures(&fitted);
     describing::add_to(&mut bode, &report.found.describing);

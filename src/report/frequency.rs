@@ -2,7 +2,7 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::number::significant;
-use crate::identification::Uncertainty;
+use crate::identification::Spread;
 use crate::identification::closed_loop::LinearVehicle;
 use crate::identification::frequency::{open_loop, pilot};
 use crate::inference::spectrum::Model;
@@ -28,7 +28,7 @@ pub struct Fitted<'a> {
     /// The vehicle of its closed loop; none where nobody said what was flown.
     pub vehicle: Option<&'a Quadcopter>,
     /// How sure θ is, where that is known.
-    pub sure: Option<&'a Uncertainty>,
+    pub sure: Option<&'a Spread>,
 }
 
 /// Gain and phase of the pilot, and of the open loop where the vehicle is known.
@@ -107,7 +107,7 @@ fn crossover(of: Curve<'_>, theta: &[f64]) -> Option<f64> {
 struct Bode<'a> {
     of: Curve<'a>,
     theta: &'a [f64],
-    sure: Option<&'a Uncertainty>,
+    sure: Option<&'a Spread>,
     /// The frequency in the middle [rad/s].
     middle: f64,
 }

@@ -2,7 +2,7 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::Fitted;
-use crate::identification::{ClosedLoop, Uncertainty};
+use crate::identification::{ClosedLoop, Spread};
 use crate::inference::{LEVEL, quantile};
 use crate::linear::eigenvalues;
 use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
@@ -87,18 +87,15 @@ fn roots(c: &[f64]) -> Vec<Complex<f64>> {
 /// The 95 % region of each of these roots: `{s: (s - r)ᵀ C⁻¹ (s - r) ≤ 2 F(2, ν)}`, with the covariance C by the delta
 /// method; along the axis alone, with Student's t, where the root is real.
 fn ellipses(
-    sure: &Uncertainty,
+    sure: &Spread,
     theta: &[f64],
     of: Roots<'_>,
     at: &[Complex<f64>],
 ) -> Vec<[Vec<f64>; 2]> {
-    if !sure.open.is_empty() {
-        return Vec::new();
-    }
     let slopes: Vec<Vec<Complex<f64>>> = (0..theta.len())
         .map(|k| slope(sure, theta, of, at, k))
         .collect();
-    let degrees = sure.degrees.iter().copied().fold(f64::INFINITY, f64::min);
+    let degrees = sure.least_degrees();
     let region = |(r, root): (usize, &Complex<f64>)| {
         let mut covariance = Matrix2::zeros();
         for (i, a) in slopes.iter().enumerate() {
@@ -123,7 +120,7 @@ fn ellipses(
 
 /// By how much each root moves with a component of θ (central differences; moved roots are those that are nearest).
 fn slope(
-    sure: &Uncertainty,
+    sure: &Spread,
     theta: &[f64],
     of: Roots<'_>,
     at: &[Complex<f64>],

@@ -84,7 +84,10 @@ fn told(fit: &Fit) -> String {
         .into_iter()
         .map(|note| format!("; {}", escape(&note)));
     let notes: String = notes.collect();
-    format!("<p>Intervals by the method {}{notes}.</p>", own.method)
+    format!(
+        "<p>Intervals by the method {}{notes}.</p>",
+        own.spread.method
+    )
 }
 
 /// What the solution lies on: limits of the stick, conditions of stability.

@@ -2,7 +2,8 @@
 
 use super::result::PilotDiagnostic;
 use super::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Trial, Uncertainty,
+    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Spread, Trial,
+    Uncertainty,
 };
 use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
@@ -43,6 +44,16 @@ pub enum PilotFileError {
         field: String,
         /// Its value.
         value: f64,
+    },
+    /// A table that does not say how sure θ is.
+    #[error("{file}:{line}: [uncertainty] {fault}")]
+    Uncertainty {
+        /// The file.
+        file: String,
+        /// Line of the field.
+        line: usize,
+        /// The field, and what is wrong with it.
+        fault: String,
     },
     /// A stick limit that is not positive.
     #[error("{file}:{line}: stick_limit = {value}; expected a finite number above 0")]
@@ -102,12 +113,17 @@ impl PilotFile {
                 value: stick_limit,
             });
         }
+        let theta = theta(&root.required("theta", root.table("theta")?)?)?;
         let vehicle = match (root.table("closed_loop")?, root.table("vehicle")?) {
             (Some(_), Some(table)) => Some(vehicle::of_table(&table)?),
             _ => None,
         };
         Ok(Self {
-            theta: theta(&root.required("theta", root.table("theta")?)?)?,
+            spread: match root.table("uncertainty")? {
+                Some(table) => Spread::of_table(&table, theta.len())?,
+                None => None,
+            },
+            theta,
             stick_limit,
             converged: root.boolean("converged")?.unwrap_or(true),
             vehicle,
@@ -262,8 +278,9 @@ pub fn units(pilot: Pilot) -> Vec<String> {
 fn uncertainty(own: &Uncertainty) -> String {
     let mut text = format!(
         "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
-        quoted(own.method.as_str())
+        quoted(own.spread.method.as_str())
     );
+    text += &own.told().map_or_else(String::new, Spread::to_toml);
     for (i, own) in own.intervals.iter().enumerate() {
         text += &format!(
             "theta{} = {{ sd = {}, low = {}, high = {} }}\n",
@@ -428,6 +445,7 @@ mod tests {
                 stick_limit: 1.0,
                 converged: false,
                 vehicle: Some(FitOptions::default().vehicle),
+                spread: None,
                 diagnostics: vec![PilotDiagnostic {
                     code: "constant-data".into(),
                     words: Diagnostic::ConstantData.to_string(),
@@ -481,7 +499,7 @@ mod tests {
                 fatal: true,
             }];
             let vehicle = Some(options.vehicle);
-            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, diagnostics });
+            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, spread: None, diagnostics });
             let table: toml::Table = text.parse().unwrap();
             prop_assert_eq!(table["status"].as_str(), Some(ended.status.as_str()));
             let found = table["fit"]["kkt"].as_float().unwrap();
@@ -497,5 +515,86 @@ mod tests {
         let expected = ["1/s³", "1/s²", "1/s", "1/(m·s³)", "1/(m·s²)", "1/(m·s)"];
         assert_eq!(units(Pilot { order: 3 }), expected);
         assert_eq!(units(Pilot { order: 12 })[12], "1/(m·s¹²)");
+    }
+
+    const THREE: &str = "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n\
+        degrees_of_freedom = [5, inf]\ncovariance = [[4, 1.9], [1.9, 1]]\ntheta1 = { sd = 2 }\n";
+
+    #[test]
+    fn how_sure_it_is_reads_back_to_the_same_bits() {
+        let spread = PilotFile::parse(THREE, "pilot.toml")
+            .unwrap()
+            .spread
+            .unwrap();
+        assert_eq!(spread.covariance, nalgebra::dmatrix![4.0, 1.9; 1.9, 1.0]);
+        assert_eq!(spread.degrees, [5.0, f64::INFINITY]);
+        let odd = Spread {
+            method: spread.method,
+            covariance: nalgebra::dmatrix![0.1 + 0.2, 1e-17; 1e-17, 1e-300],
+            degrees: vec![1.0 / 3.0, f64::INFINITY],
+        };
+        let text = format!(
+            "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n{}",
+            odd.to_toml()
+        );
+        assert_eq!(
+            PilotFile::parse(&text, "pilot.toml").unwrap().spread,
+            Some(odd)
+        );
+        // Older files say intervals alone.
+        let lines = THREE.lines().filter(|line| !line.starts_with("covariance"));
+        let text: String = lines.map(|line| format!("{line}\n")).collect();
+        assert_eq!(PilotFile::parse(&text, "pilot.toml").unwrap().spread, None);
+    }
+
+    #[test]
+    fn what_is_no_covariance_is_told() {
+        for (old, new, said) in [
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 2.1], [2.1, 1]]",
+                ":7: [uncertainty] covariance is not positive semidefinite",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9], [1.8, 1]]",
+                "is not symmetric",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9], [nan, 1]]",
+                "no finite number",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[-4, 0], [0, 1]]",
+                "a variance below 0",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9]]",
+                "is not 2 rows of 2 numbers",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[4, 1.9]",
+                "an array of rows of numbers",
+            ),
+            (
+                "[5, inf]",
+                "[5, 0]",
+                ":6: [uncertainty] degrees_of_freedom is not 2 numbers above 0",
+            ),
+            ("[5, inf]", "5", "an array of numbers"),
+            ("cr3", "cr4", "known are plain, sidpac, ar, cr3"),
+            ("theta1 = {", "theta3 = {", "theta3"),
+        ] {
+            let text = THREE.replace(old, new);
+            assert_ne!(text, THREE, "{old}");
+            let error = PilotFile::parse(&text, "pilot.toml")
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(said), "{new}: {error}");
+        }
     }
 }

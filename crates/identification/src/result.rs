@@ -1,6 +1,7 @@
 //! What a fit gives, and the file that hands it on.
 
 use super::{ClosedLoop, Diagnostic, Uncertainty};
+use crate::spread::Spread;
 use pilotage_models::Quadcopter;
 use pilotage_sqp::Status;
 
@@ -143,6 +144,8 @@ pub struct PilotFile {
     pub converged: bool,
     /// The vehicle of its closed loop; none where nobody said what was flown.
     pub vehicle: Option<Quadcopter>,
+    /// How sure θ is; none where the file does not say it of all components.
+    pub spread: Option<Spread>,
     /// What spoke against taking the fit at its word.
     pub diagnostics: Vec<PilotDiagnostic>,
 }

@@ -1,30 +1,23 @@
 //! How sure θ is: standard deviations and 95 % intervals, by `pilotage-inference`.
 
-use super::FitOptions;
+use super::{FitOptions, Spread};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_inference::{Data, Inference, Interval, Method, Row, Run};
 use pilotage_inference::{Direction, Noise};
 use pilotage_sqp::Iterate;
 
-/// Step of differences, per standard deviation.
-const STEP: f64 = 1e-3;
-
 /// How sure a fit is of θ, linearised at the solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertainty {
-    /// How the covariance was computed.
-    pub method: Method,
+    /// Covariance of θ, and how it was computed.
+    pub spread: Spread,
     /// Whose correlations these are: where runs are few, of another method.
     pub correlated_by: Method,
     /// The interval of each component of θ; a condition of stability that holds with equality takes its direction out.
     pub intervals: Vec<Interval>,
-    /// Covariance of θ.
-    pub covariance: DMatrix<f64>,
     /// Correlations of θ.
     pub correlations: DMatrix<f64>,
-    /// Degrees of freedom of Student's t for each component.
-    pub degrees: Vec<f64>,
     /// Cramér–Rao bounds `2√(H⁻¹)ᵢᵢ` relative to θ \[%\].
     pub cramer_rao: Vec<f64>,
     /// Insensitivities `√(1/Hᵢᵢ)` relative to θ \[%\].
@@ -57,7 +50,6 @@ impl Uncertainty {
             Interval::new(theta[k], sd, covariance.degrees[k], open, None)
         };
         Some(Self {
-            method: covariance.method,
             correlated_by: covariance.correlated_by,
             intervals: (0..theta.len()).map(interval).collect(),
             correlations: covariance.correlations(),
@@ -65,41 +57,32 @@ impl Uncertainty {
             insensitivity: percents(inference.insensitivity()),
             held: data.active.nrows(),
             open: inference.directions.clone(),
-            covariance: covariance.matrix,
-            degrees: covariance.degrees,
+            spread: Spread {
+                method: covariance.method,
+                covariance: covariance.matrix,
+                degrees: covariance.degrees,
+            },
         })
     }
 
-    /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
-    /// by central differences of `of`). One that depends on a direction which the data leave open is flat.
+    /// What numbers that follow from θ are as sure as; none where the data leave a direction open.
+    pub fn told(&self) -> Option<&Spread> {
+        self.open.is_empty().then_some(&self.spread)
+    }
+
+    /// [`Spread::derived`]; all are flat where the data leave a direction open.
     pub fn derived(
         &self,
         theta: &[f64],
         values: &[f64],
         of: impl Fn(&[f64]) -> Vec<f64>,
     ) -> Vec<Interval> {
-        let steps = self.covariance.diagonal().map(|v| STEP * v.sqrt());
-        let mut slopes = DMatrix::zeros(values.len(), theta.len());
-        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
-            let moved = |by: f64| {
-                let mut theta = theta.to_vec();
-                theta[k] += by;
-                DVector::from_vec(of(&theta))
-            };
-            slopes.set_column(k, &((moved(*step) - moved(-step)) / (2.0 * step)));
+        let open = [f64::NEG_INFINITY, f64::INFINITY];
+        let flat = |value: &f64| Interval::new(*value, f64::INFINITY, f64::INFINITY, open, None);
+        match self.told() {
+            Some(spread) => spread.derived(theta, values, of),
+            None => values.iter().map(flat).collect(),
         }
-        let degrees = self.degrees.iter().copied().fold(f64::INFINITY, f64::min);
-        let interval = |(i, value): (usize, &f64)| {
-            let gradient = slopes.row(i).transpose();
-            let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
-            let sd = match self.open.is_empty() {
-                true => variance.sqrt(),
-                false => f64::INFINITY,
-            };
-            let open = [f64::NEG_INFINITY, f64::INFINITY];
-            Interval::new(*value, sd, degrees, open, None)
-        };
-        values.iter().enumerate().map(interval).collect()
     }
 
     /// What one must know of it, in words.

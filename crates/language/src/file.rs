@@ -148,6 +148,29 @@ const SECTIONS: [Section; 5] = [
 /// Names that mean something everywhere.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
 
+/// The table in which a fit says how sure its parameters are.
+const UNCERTAINTY: &str = "uncertainty";
+
+/// The text of a model file with this table `[uncertainty]` at its end, in place of one that it has.
+pub fn with_uncertainty(text: &str, table: &str) -> String {
+    let mut is_old = false;
+    let mut kept = String::new();
+    for line in text.split_inclusive('\n') {
+        if line.starts_with('[') {
+            is_old = line.starts_with("[uncertainty]") || line.starts_with("[uncertainty.");
+        }
+        if !is_old {
+            kept += line;
+        }
+    }
+    let whole = format!("{}\n\n{table}", kept.trim_end());
+    // Written in another way, as no fit does, it stays.
+    match Document::parse(&whole, "") {
+        Ok(_) => whole,
+        Err(_) => text.to_owned(),
+    }
+}
+
 /// The text of a model file whose inputs, parameters and states start at other values; what is none of them is left
 /// out, and so is a byte-order mark.
 pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
@@ -225,7 +248,10 @@ impl ModelFile {
             "states",
             "locals",
             "outputs",
+            UNCERTAINTY,
         ])?;
+        // What a fit says of the parameters: nothing that is computed depends on it.
+        root.table(UNCERTAINTY)?;
         let reader = Reader {
             file,
             text,

@@ -56,4 +56,4 @@ mod units;
 pub use compiled::{Compiled, Trouble, parse, read};
 pub use error::{Fault, ModelFileError};
 pub use expressions::Expressions;
-pub use file::{ModelFile, Variable, is_model, with_starts};
+pub use file::{ModelFile, Variable, is_model, with_starts, with_uncertainty};

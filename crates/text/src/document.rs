@@ -366,12 +366,24 @@ impl<'a> TomlTable<'a> {
     /// # Errors
     /// When the value is of another kind.
     pub fn number(&self, field: &str) -> Result<Option<f64>, DocumentError> {
-        self.value(field, "a number", |value| match value {
-            DeValue::Float(number) => number.as_str().parse().ok(),
-            DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
-                .ok()
-                .map(|number| number as f64),
-            _ => None,
+        self.value(field, "a number", real)
+    }
+
+    /// An array of numbers.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn numbers(&self, field: &str) -> Result<Option<Vec<f64>>, DocumentError> {
+        self.value(field, "an array of numbers", |value| entries(value, real))
+    }
+
+    /// An array of rows of numbers.
+    ///
+    /// # Errors
+    /// When the value is of another kind.
+    pub fn rows(&self, field: &str) -> Result<Option<Vec<Vec<f64>>>, DocumentError> {
+        self.value(field, "an array of rows of numbers", |value| {
+            entries(value, |row| entries(row, real))
         })
     }
 
@@ -514,6 +526,26 @@ impl<'a> TomlTable<'a> {
             found: kind(value.get_ref()),
         })
     }
+}
+
+/// A number, written as integer or float.
+fn real(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(number) => number.as_str().parse().ok(),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
+            .ok()
+            .map(|number| number as f64),
+        _ => None,
+    }
+}
+
+/// Each entry of an array.
+fn entries<T>(value: &DeValue<'_>, of: impl Fn(&DeValue<'_>) -> Option<T>) -> Option<Vec<T>> {
+    value
+        .as_array()?
+        .iter()
+        .map(|own| of(own.get_ref()))
+        .collect()
 }
 
 /// A number or string as it is spelt.

@@ -386,7 +386,7 @@ impl Args {
     /// Refuses a covariance that was named where this fit has none of that kind.
     fn check_covariance(&self, found: &Identification) -> Result<(), Failure> {
         let sure = found.fit.uncertainty.as_ref();
-        match (self.covariance, sure.map(|own| own.method)) {
+        match (self.covariance, sure.map(|own| own.spread.method)) {
             (Some(asked), Some(method)) if asked != method => Err(impossible(asked)),
             _ => Ok(()),
         }

@@ -135,10 +135,10 @@ fn figures(found: &Identification) -> String {
 
 fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
     let mut told = json!({
-        "method": own.method.as_str(),
+        "method": own.spread.method.as_str(),
         "level": LEVEL,
-        "degrees_of_freedom": own.degrees,
-        "covariance": reals(&own.covariance),
+        "degrees_of_freedom": own.spread.degrees,
+        "covariance": reals(&own.spread.covariance),
         "correlations": reals(&own.correlations),
         "correlated_by": own.correlated_by.as_str(),
         "cramer_rao_percent": own.cramer_rao,
@@ -174,7 +174,7 @@ fn sureness(fit: &Fit) -> String {
     let Some(own) = &fit.uncertainty else {
         return String::new();
     };
-    let mut text = format!("  {}\n", how(own.method));
+    let mut text = format!("  {}\n", how(own.spread.method));
     for note in own.notes() {
         text += &format!("  note: {note}\n");
     }

@@ -2,6 +2,7 @@
 
 mod checks;
 mod evaluate;
+mod kept;
 mod models;
 mod page;
 mod summary;

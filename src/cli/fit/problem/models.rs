@@ -1,12 +1,13 @@
 //! Fitted instances as model files, from which everything else begins.
 
+use super::kept;
 use crate::cli::{Failure, overwrite};
 use crate::cosim::SystemDescription;
 use crate::cosim::description::Setting;
 use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
-use pilotage_language::with_starts;
+use pilotage_language::{with_starts, with_uncertainty};
 use std::path::{Path, PathBuf};
 
 /// First words of a fitted model's file.
@@ -104,10 +105,11 @@ impl Fitted {
             }
             return self.write_system(posed, head, &kept);
         };
-        overwrite::save(
-            &self.path,
-            head + &with_starts(&compiled.file.text, &values),
-        )?;
+        let mut text = with_starts(&compiled.file.text, &values);
+        if let Some(table) = kept::table(fit, &prefix) {
+            text = with_uncertainty(&text, &table);
+        }
+        overwrite::save(&self.path, head + &text)?;
         for (name, table) in &compiled.tables {
             let beside = self.path.with_file_name(name);
             let is_there = std::fs::read_to_string(&beside).is_ok_and(|text| text == table.text);

@@ -1,0 +1,138 @@
+//! The covariance of θ, what follows from it, and how a pilot file keeps it.
+
+use crate::pilot_file::PilotFileError;
+use nalgebra::{DMatrix, DVector};
+use pilotage_inference::{Interval, Method};
+use pilotage_text::document::{TomlTable, number};
+
+/// Step of differences, per standard deviation.
+const STEP: f64 = 1e-3;
+
+/// What intervals of numbers that follow from θ are made of; a pilot file keeps it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spread {
+    /// How the covariance was computed.
+    pub method: Method,
+    /// Covariance of θ.
+    pub covariance: DMatrix<f64>,
+    /// Degrees of freedom of Student's t for each component.
+    pub degrees: Vec<f64>,
+}
+
+impl Spread {
+    /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
+    /// by central differences of `of`).
+    pub fn derived(
+        &self,
+        theta: &[f64],
+        values: &[f64],
+        of: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Vec<Interval> {
+        let steps = self.covariance.diagonal().map(|v| STEP * v.sqrt());
+        let mut slopes = DMatrix::zeros(values.len(), theta.len());
+        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
+            let moved = |by: f64| {
+                let mut theta = theta.to_vec();
+                theta[k] += by;
+                DVector::from_vec(of(&theta))
+            };
+            slopes.set_column(k, &((moved(*step) - moved(-step)) / (2.0 * step)));
+        }
+        let interval = |(i, value): (usize, &f64)| {
+            let gradient = slopes.row(i).transpose();
+            let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+            let open = [f64::NEG_INFINITY, f64::INFINITY];
+            Interval::new(*value, variance.sqrt(), self.least_degrees(), open, None)
+        };
+        values.iter().enumerate().map(interval).collect()
+    }
+
+    /// Degrees of freedom of what depends on all components.
+    pub fn least_degrees(&self) -> f64 {
+        self.degrees.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// How sure θ is, from its table; none where it has no covariance, as where the data leave a direction open.
+    pub(super) fn of_table(
+        table: &TomlTable<'_>,
+        n: usize,
+    ) -> Result<Option<Self>, PilotFileError> {
+        let fields = ["method", "degrees_of_freedom", "covariance"].map(str::to_owned);
+        let fields: Vec<String> = (fields.into_iter())
+            .chain((1..=n).map(|i| format!("theta{i}")))
+            .collect();
+        table.only(&fields.iter().map(String::as_str).collect::<Vec<_>>())?;
+        let Some(rows) = table.rows("covariance")? else {
+            return Ok(None);
+        };
+        let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
+            file: table.file().to_owned(),
+            line: table.line(field),
+            fault: format!("{field} {fault}"),
+        };
+        if rows.len() != n || rows.iter().any(|row| row.len() != n) {
+            let found = format!("is not {n} rows of {n} numbers, as [theta] has {n} parameters");
+            return Err(fault("covariance", found));
+        }
+        let covariance = DMatrix::from_row_iterator(n, n, rows.into_iter().flatten());
+        if let Some(trouble) = trouble(&covariance) {
+            return Err(fault("covariance", trouble.to_owned()));
+        }
+        let degrees = table.numbers("degrees_of_freedom")?;
+        let degrees = table.required("degrees_of_freedom", degrees)?;
+        if degrees.len() != n || degrees.iter().any(|own| own.is_nan() || *own <= 0.0) {
+            let found = format!("is not {n} numbers above 0");
+            return Err(fault("degrees_of_freedom", found));
+        }
+        let method = table.required("method", table.string("method")?)?;
+        let known = Method::ALL.into_iter().find(|own| own.as_str() == method);
+        let names = Method::ALL.map(Method::as_str).join(", ");
+        let method =
+            known.ok_or_else(|| fault("method", format!("is `{method}`; known are {names}")))?;
+        Ok(Some(Self {
+            method,
+            covariance,
+            degrees,
+        }))
+    }
+
+    /// The fields that [`Spread::of_table`] reads, beside the method.
+    pub(super) fn to_toml(&self) -> String {
+        let row = |row: Vec<f64>| -> String {
+            let all: Vec<String> = row.into_iter().map(number).collect();
+            format!("[{}]", all.join(", "))
+        };
+        let rows = self.covariance.row_iter();
+        let rows: String = rows
+            .map(|own| format!("    {},\n", row(own.iter().copied().collect())))
+            .collect();
+        format!(
+            "degrees_of_freedom = {}\ncovariance = [                     # of theta1, theta2, ...\n{rows}]\n",
+            row(self.degrees.clone())
+        )
+    }
+}
+
+/// Why a matrix is no covariance. Rounding may leave an eigenvalue of a correlation matrix a little below 0.
+fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
+    if covariance.iter().any(|own| !own.is_finite()) {
+        return Some("has an entry that is no finite number");
+    }
+    let variances = covariance.diagonal();
+    if variances.iter().any(|own| *own < 0.0) {
+        return Some("has a variance below 0");
+    }
+    let correlations = DMatrix::from_fn(variances.len(), variances.len(), |i, j| {
+        let size = (variances[i] * variances[j]).sqrt();
+        if size > 0.0 {
+            covariance[(i, j)] / size
+        } else {
+            covariance[(i, j)]
+        }
+    });
+    if (&correlations - correlations.transpose()).amax() > 1e-6 {
+        return Some("is not symmetric");
+    }
+    let least = correlations.symmetric_eigenvalues().min();
+    (least < -1e-6).then_some("is not positive semidefinite")
+}

@@ -1,0 +1,84 @@
+//! How sure a fit is of an instance, as its model file keeps it.
+
+use crate::document::{number, quoted};
+use crate::estimation::Fit;
+use crate::estimation::uncertainty::Uncertainty;
+use crate::inference::Interval;
+
+/// The table `[uncertainty]` of an instance, whose variables have this prefix; none where nothing is known of them.
+pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
+    let own = fit.uncertainty.as_ref().ok()?;
+    let told: Vec<(&str, f64, Interval)> = (fit.parameters.iter().zip(&own.intervals))
+        .filter(|(found, _)| found.values.len() == 1)
+        .filter_map(|(found, all)| {
+            let name = found.name.strip_prefix(prefix)?;
+            Some((name, found.values[0].1, *all.first()?))
+        })
+        .collect();
+    if told.is_empty() {
+        return None;
+    }
+    let mut text = format!(
+        "[uncertainty]                      # 95 % intervals\nmethod = {}\n",
+        quoted(own.method.as_str())
+    );
+    text += &covariance(own, prefix, &told);
+    text += "\n[uncertainty.intervals]\n";
+    for (name, _, own) in &told {
+        let [sd, low, high] = [own.sd, own.low, own.high].map(number);
+        let name = key(name);
+        text += &format!("{name} = {{ sd = {sd}, low = {low}, high = {high} }}\n");
+    }
+    Some(text)
+}
+
+/// A name as a key; those of FMUs may have dots.
+fn key(name: &str) -> String {
+    let is_bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if is_bare {
+        name.to_owned()
+    } else {
+        quoted(name)
+    }
+}
+
+/// The covariance of those that the data tell, in their own units.
+fn covariance(own: &Uncertainty, prefix: &str, told: &[(&str, f64, Interval)]) -> String {
+    let mut known: Vec<(&str, usize, f64)> = Vec::new();
+    for (k, name) in own.names.iter().enumerate() {
+        let plain = name.strip_prefix("ln ");
+        let Some(plain) = plain.unwrap_or(name).strip_prefix(prefix) else {
+            continue;
+        };
+        let found = told.iter().find(|(own, ..)| *own == plain);
+        if let Some((_, value, _)) = found.filter(|(.., interval)| interval.sd.is_finite()) {
+            // d x = x d ln x.
+            let slope = if name.starts_with("ln ") { *value } else { 1.0 };
+            known.push((plain, k, slope));
+        }
+    }
+    if known.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = known.iter().map(|own| quoted(own.0)).collect();
+    let list = |all: Vec<f64>| {
+        let all: Vec<String> = all.into_iter().map(number).collect();
+        format!("[{}]", all.join(", "))
+    };
+    let matrix = &own.covariance.matrix;
+    let row = |(_, i, a): &(&str, usize, f64)| {
+        let row = known.iter().map(|(_, j, b)| a * b * matrix[(*i, *j)]);
+        format!("    {},\n", list(row.collect()))
+    };
+    let rows: String = known.iter().map(row).collect();
+    format!(
+        "parameters = [{}]\ndegrees_of_freedom = {}\ncovariance = [                     # of these parameters\n{rows}]\n",
+        names.join(", "),
+        list(
+            known
+                .iter()
+                .map(|known| own.covariance.degrees[known.1])
+                .collect()
+        )
+    )
+}
