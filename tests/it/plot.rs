@@ -116,6 +116,31 @@ fn figures_and_tables_become_numbers() {
     }
 }
 
+/// A pilot file has all that its bands and ellipses are drawn of.
+#[test]
+fn a_pilot_file_is_drawn_as_the_page_of_its_fit() {
+    let folder = fitted();
+    for figure in ["bode", "open-loop", "poles"] {
+        let of = |input: &str| {
+            let words = ["plot", input, "--figure", figure, "-o", "x.csv", "--force"];
+            let ended = folder.pilotage(&words);
+            assert_eq!(ended.code, 0, "{ended:?}");
+            folder.read("x.csv")
+        };
+        let (page, pilot) = (of("fit.html"), of("pilot.toml"));
+        assert_eq!(page, pilot, "{figure}");
+        assert!(pilot.contains(",95 %,"), "{figure}");
+    }
+    // An older file has intervals alone.
+    let text = folder.read("pilot.toml");
+    let (before, rest) = text.split_once("degrees_of_freedom").unwrap();
+    let (_, after) = rest.split_once("\n]\n").unwrap();
+    folder.write("old.toml", format!("{before}{after}"));
+    let words = ["plot", "old.toml", "--figure", "bode", "-o", "old.csv"];
+    assert_eq!(folder.pilotage(&words).code, 0);
+    assert!(!folder.read("old.csv").contains("95 %"));
+}
+
 /// Results lie over each other by the names of their columns, with units on the axes.
 #[test]
 fn results_are_laid_over_each_other() {

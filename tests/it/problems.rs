@@ -2,6 +2,7 @@
 //! tests/python/problems_reference.py from right-hand sides written by hand), and the command.
 
 use crate::command::{Folder, example};
+use crate::compare::{RUNS, flights, problem};
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::inference::Method;
@@ -194,6 +195,43 @@ fn a_problem_becomes_a_fitted_model_that_is_exported() {
     let refused = folder.pilotage(&["fit", "problem.toml", "-o", "decay.toml"]);
     assert_eq!(refused.code, 2, "{refused:?}");
     assert_eq!(folder.read("decay.toml"), DECAY);
+}
+
+/// The covariance in a model file is in the parameters' own units, of one that is sought by its logarithm too.
+#[test]
+fn a_fitted_model_keeps_how_sure_it_is() {
+    let folder = flights(2, 4);
+    let sought = "\"m.fast\" = { scale = \"log\" }\n\"m.slow\" = { start = 4 }";
+    let text = problem("two", RUNS).replace("\"m.*\" = {}", sought);
+    folder.write("log.toml", &text);
+    folder.write("again.toml", text.replace("two.toml", "m-fitted.toml"));
+    for (input, output) in [
+        ("log.toml", "m-fitted.toml"),
+        ("again.toml", "again-fitted.toml"),
+    ] {
+        let json = folder
+            .pilotage(&["fit", input, "--json", "-o", output])
+            .json();
+        let table: toml::Table = folder.read(output).parse().unwrap();
+        let own = &table["uncertainty"];
+        assert_eq!(own["method"].as_str(), Some("cr3"));
+        for (k, name) in ["fast", "slow"].into_iter().enumerate() {
+            assert_eq!(own["parameters"][k].as_str(), Some(name));
+            let sd = own["intervals"][name]["sd"].as_float().unwrap();
+            assert_eq!(
+                json["parameters"][format!("m.{name}")]["sd"].as_f64(),
+                Some(sd)
+            );
+            let variance = own["covariance"][k][k].as_float().unwrap();
+            assert!(
+                (variance.sqrt() / sd - 1.0).abs() < 1e-9,
+                "{name}: {variance} {sd}"
+            );
+        }
+        let across = own["covariance"][0][1].as_float().unwrap();
+        assert_eq!(own["covariance"][1][0].as_float(), Some(across));
+        assert_eq!(folder.pilotage(&["model", "check", output]).code, 0);
+    }
 }
 
 #[test]
