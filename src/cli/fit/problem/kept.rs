@@ -67,7 +67,8 @@ fn covariance(own: &Uncertainty, prefix: &str, told: &[(&str, f64, Interval)]) -
     };
     let matrix = &own.covariance.matrix;
     let row = |(_, i, a): &(&str, usize, f64)| {
-        let row = known.iter().map(|(_, j, b)| a * b * matrix[(*i, *j)]);
+        let row = (known.iter())
+            .map(|(_, j, b)| a * b * f64::midpoint(matrix[(*i, *j)], matrix[(*j, *i)]));
         format!("    {},\n", list(row.collect()))
     };
     let rows: String = known.iter().map(row).collect();
