@@ -254,7 +254,7 @@ fn student_s_noise_has_its_fisher_information() {
     );
 }
 
-/// `sd² (Σ ψ²/(N - 2))/(mean ψ')² (JᵀJ)⁻¹` (Huber, *Robust Statistics*, 1981, eq. 7.6.1).
+/// `sd² (Σ ψ²/(N - 2))/(mean ψ')² (JᵀJ)⁻¹` (Huber, *Robust Statistics*, 1981, section 7.6).
 #[test]
 fn huber_s_noise_has_his_covariance() {
     let measured = MEASURED.to_owned() + "sd = 0.05\nnoise = \"huber\"\n";

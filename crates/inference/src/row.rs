@@ -28,7 +28,8 @@ pub enum Noise {
 
 impl Noise {
     /// Huber's, of a signal with these residuals and their weights. The informations are means over the residuals and no
-    /// property of a distribution, so that `s² H⁻¹` is the covariance of Huber (*Robust Statistics*, 1981, eq. 7.6.1).
+    /// property of a distribution, so that `s² H⁻¹` is the covariance of Huber (*Robust Statistics*, 1981, section 7.6,
+    /// without its factor for few values).
     pub fn huber(threshold: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
         let (mut all, mut location, mut level) = (0.0, 0.0, 0.0);
         for (z, weight) in residuals {
