@@ -274,6 +274,11 @@ fn huber_s_noise_has_his_covariance() {
     let expected = j.tr_mul(&j).try_inverse().unwrap() * (0.05 / within).powi(2) * squares;
     assert_near(interval(&fit, "m.rate").sd, expected[(0, 0)].sqrt(), 1e-4);
     assert_near(interval(&fit, "m.x0").sd, expected[(1, 1)].sqrt(), 1e-4);
+    assert!(sure(&fit).notes.is_empty(), "{:?}", sure(&fit).notes);
+    // With a tenth of the level that the noise has, nearly all are outliers.
+    let fit = fitted(1, &format!("{}{BOTH}", measured.replace("0.05", "0.005")));
+    let note = &sure(&fit).notes[0];
+    assert!(note.contains("% of `x` lie beyond the threshold"), "{note}");
 }
 
 #[test]
