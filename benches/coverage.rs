@@ -1,10 +1,10 @@
 //! How often 95 % intervals hold the truth: data of a known truth, fitted many times.
 //!
-//!     cargo bench --bench coverage            # 200 sets a row, docs/uncertainty.md
+//!     cargo bench --bench coverage            # 300 sets a row, docs/uncertainty.md
 //!     cargo bench --bench coverage -- 50      # fewer
 //!
 //! Each row is a model, a number of runs and a kind of noise; each column a method, and what is taken unless one is
-//! named. A cell counts over sets and parameters; its error is some 1.5 % at 200 sets. Sets whose
+//! named. A cell counts over sets and parameters; its error is some 1 % at 300 sets. Sets whose
 //! variance came out negative are left out. The noise is recorded on top of the
 //! signal, or is the human's own: then it goes through the loop, and colours what is recorded as flights are.
 
@@ -12,7 +12,7 @@ use pilotage::estimation::{Posed, ProblemFile, fit, part};
 use pilotage::inference::Method;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Bernoulli, Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::fmt::Write;
 use std::ops::ControlFlow;
@@ -31,9 +31,16 @@ struct Case {
     /// The derivatives, from time, states, the human's noise and the run.
     rates: fn(f64, &[f64; 2], f64, usize) -> [f64; 2],
     initial: [f64; 2],
+    /// The state that is measured.
+    place: usize,
+    target: fn(f64, usize) -> f64,
+    /// Gain and offset of the sensor.
+    sensor: [f64; 2],
     level: f64,
     /// The noise is the human's.
     is_remnant: bool,
+    /// Part of the values whose noise is ten times as large.
+    outliers: f64,
 }
 
 const DECAY: Case = Case {
@@ -45,8 +52,12 @@ const DECAY: Case = Case {
     step: 0.02,
     rates: |_, x, _, _| [-0.7 * x[0], 0.0],
     initial: [3.0, 0.0],
+    place: 0,
+    target: |_, _| 0.0,
+    sensor: [1.0, 0.0],
     level: 0.05,
     is_remnant: false,
+    outliers: 0.0,
 };
 
 const SHORT: Case = Case {
@@ -72,10 +83,31 @@ const LOOP: Case = Case {
     truth: &[("m.gain", 1.5), ("m.lag", 0.3)],
     samples: 300,
     step: 0.1,
-    rates: |t, x, noise, run| [(1.5 * (target(t, run) - x[1]) + noise - x[0]) / 0.3, x[0]],
+    rates: |t, x, noise, run| {
+        let target = between_samples(sines, t, run);
+        [(1.5 * (target - x[1]) + noise - x[0]) / 0.3, x[0]]
+    },
     initial: [0.0, 0.0],
+    place: 1,
+    target: sines,
     level: 0.1,
-    is_remnant: false,
+    ..DECAY
+};
+
+/// The sensor and its noise level are sought too.
+const SENSOR: Case = Case {
+    name: "tracking loop; gain, offset and noise level of the sensor",
+    problem: "[inputs]\n\"m.target\" = \"target\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\ngain = \"free\"\n\
+              offset = \"free\"\nsd = \"sigma\"\n[parameters]\nsigma = { start = 0.3, min = 1e-3 }\n\"m.*\" = {}\n",
+    truth: &[
+        ("m.gain", 1.5),
+        ("m.lag", 0.3),
+        ("gain(y)", 1.1),
+        ("offset(y)", 0.2),
+        ("sigma", 0.1),
+    ],
+    sensor: [1.1, 0.2],
+    ..LOOP
 };
 
 const REMNANT: Case = Case {
@@ -85,24 +117,61 @@ const REMNANT: Case = Case {
     ..LOOP
 };
 
+/// After steps instead of sines.
+const STEPS: Case = Case {
+    name: "tracking loop, steps, human's noise",
+    rates: |t, x, noise, run| {
+        let target = between_samples(steps, t, run);
+        [(1.5 * (target - x[1]) + noise - x[0]) / 0.3, x[0]]
+    },
+    target: steps,
+    ..REMNANT
+};
+
+/// The sensor is sought, the noise is the human's.
+const BOTH: Case = Case {
+    name: "tracking loop; gain and offset of the sensor, human's noise",
+    problem: "[inputs]\n\"m.target\" = \"target\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\ngain = \"free\"\n\
+              offset = \"free\"\n[parameters]\n\"m.*\" = {}\n",
+    truth: SENSOR.truth,
+    sensor: SENSOR.sensor,
+    ..REMNANT
+};
+
+const HUBER: Case = Case {
+    name: "decay, 10 % outliers, Huber's loss",
+    problem: "[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.05\nnoise = \"huber\"\n[parameters]\n\"m.*\" = {}\n",
+    outliers: 0.1,
+    ..DECAY
+};
+
 const OWN: Case = Case {
     name: "decay, x0 for each run",
     problem: "[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\n[parameters]\n\"m.rate\" = {}\n\"m.x0\" = { per = \"run\" }\n",
     ..DECAY
 };
 
-/// Three sines, on straight lines between the samples, as the fit has them.
-fn target(t: f64, run: usize) -> f64 {
-    let at = |t: f64| -> f64 {
-        let sines = [(0.4, 0.0), (0.9, 1.3), (1.7, 2.1)];
-        let sines = sines
-            .iter()
-            .map(|(w, phase)| (w * t + phase + run as f64).sin());
-        sines.sum()
-    };
+/// Three sines.
+fn sines(t: f64, run: usize) -> f64 {
+    let sines = [(0.4, 0.0), (0.9, 1.3), (1.7, 2.1)];
+    let sines = sines
+        .iter()
+        .map(|(w, phase)| (w * t + phase + run as f64).sin());
+    sines.sum()
+}
+
+/// A new level every five seconds.
+fn steps(t: f64, run: usize) -> f64 {
+    const LEVELS: [f64; 6] = [1.0, -1.0, 0.5, 2.0, -0.5, 0.0];
+    LEVELS[(((t + 1e-9) / 5.0) as usize + run) % 6]
+}
+
+/// Straight lines between the samples, as the fit has them.
+fn between_samples(target: fn(f64, usize) -> f64, t: f64, run: usize) -> f64 {
     let sample = (t / LOOP.step + 1e-9).floor();
     let part = t / LOOP.step - sample;
-    (1.0 - part) * at(LOOP.step * sample) + part * at(LOOP.step * (sample + 1.0))
+    let at = |sample: f64| target(LOOP.step * sample, run);
+    (1.0 - part) * at(sample) + part * at(sample + 1.0)
 }
 
 /// Numbers of unit variance, each correlated with the one before.
@@ -120,7 +189,14 @@ fn noise(random: &mut ChaCha8Rng, count: usize, correlation: f64) -> Vec<f64> {
 
 /// A run as a CSV file: Runge and Kutta's method, four steps between samples.
 fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) -> String {
-    let noise = noise(random, case.samples, correlation);
+    let mut noise = noise(random, case.samples, correlation);
+    for own in &mut noise {
+        let mut is_outlier =
+            || -> bool { Bernoulli::new(case.outliers).is_ok_and(|own| own.sample(random)) };
+        if case.outliers > 0.0 && is_outlier() {
+            *own *= 10.0;
+        }
+    }
     let (mut x, h) = (case.initial, case.step / 4.0);
     let mut text = "time,target,y\n".to_owned();
     for (k, own) in noise.iter().enumerate() {
@@ -129,8 +205,8 @@ fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) 
             true => (case.level * own, 0.0),
             false => (0.0, case.level * own),
         };
-        let place = usize::from(case.name.contains("loop"));
-        writeln!(text, "{t},{},{}", target(t, run), x[place] + outside).expect("text");
+        let seen = case.sensor[0] * x[case.place] + case.sensor[1] + outside;
+        writeln!(text, "{t},{},{seen}", (case.target)(t, run)).expect("text");
         for j in 0..4 {
             let t = t + h * f64::from(j);
             let rates = |t: f64, x: [f64; 2]| (case.rates)(t, &x, inside, run);
@@ -191,7 +267,7 @@ fn main() {
     let sets = std::env::args()
         .filter_map(|word| word.parse().ok())
         .next()
-        .unwrap_or(200);
+        .unwrap_or(300);
     println!("| model | noise | runs | plain | sidpac | ar | cr3 | default |");
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let rows: Vec<(&Case, f64, usize)> = [
@@ -200,7 +276,11 @@ fn main() {
         (&FREE, &[0.98], &[1, 4, 8]),
         (&OWN, &[0.98], &[4]),
         (&LOOP, &[0.0, 0.98], &[1, 2, 4, 8]),
+        (&SENSOR, &[0.0, 0.9], &[1, 2, 4, 8]),
         (&REMNANT, &[0.0, 0.9], &[1, 2, 4, 8]),
+        (&STEPS, &[0.0, 0.9], &[1, 2, 4, 8]),
+        (&BOTH, &[0.0, 0.9], &[1, 2, 4, 8]),
+        (&HUBER, &[0.0], &[1, 4, 8]),
     ]
     .into_iter()
     .flat_map(|(case, noises, runs)| {

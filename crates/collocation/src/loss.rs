@@ -22,6 +22,12 @@ pub enum Loss {
         /// Degrees of freedom, above 0.
         dof: f64,
     },
+    /// `r²` up to the threshold k and `2k|r| - k²` beyond: what lies far off pulls no more than what lies at k (Huber, Ann.
+    /// Math. Stat. 35, 1964).
+    Huber {
+        /// k, in the output's unit, above 0.
+        threshold: f64,
+    },
     /// `2√2 (√(r² + s²) - s)`: Laplace noise of unit standard deviation where `|r| ≫ s`, smooth at 0.
     Absolute {
         /// s, in the output's unit, above 0.
@@ -49,6 +55,10 @@ impl Loss {
             Self::Square => r.powi(2),
             Self::Linear => output,
             Self::Student { dof } => (dof + 1.0) * (r * r / dof).ln_1p(),
+            Self::Huber { threshold: k } => match r.abs() {
+                size if size > k => k * (2.0 * size - k),
+                _ => r * r,
+            },
             Self::Absolute { smoothing: s } => 2.0 * SQRT_2 * r * r / (r.hypot(s) + s),
         }
     }
@@ -63,6 +73,10 @@ impl Loss {
                 let weight = (dof + 1.0) / (dof + r * r);
                 (weight, 0.0, -2.0 * weight * (r * r / (dof + r * r)))
             }
+            Self::Huber { threshold: k } => match k / r.abs() {
+                weight if weight < 1.0 => (weight, 0.0, -weight),
+                _ => (1.0, 0.0, 0.0),
+            },
             Self::Absolute { smoothing: s } => {
                 let size = r.hypot(s);
                 (SQRT_2 / size, 0.0, -SQRT_2 * (r / size).powi(2) / size)
@@ -81,6 +95,7 @@ impl Loss {
         match self {
             Self::Square | Self::Linear => {}
             Self::Student { dof } => assert!(dof > 0.0, "degrees of freedom above 0"),
+            Self::Huber { threshold } => assert!(threshold > 0.0, "a threshold above 0"),
             Self::Absolute { smoothing } => assert!(smoothing > 0.0, "a smoothing above 0"),
         }
     }

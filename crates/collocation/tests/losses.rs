@@ -15,11 +15,12 @@ use pilotage_sqp::{
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-const LOSSES: [Loss; 4] = [
+const LOSSES: [Loss; 5] = [
     Loss::Square,
     Loss::Linear,
     Loss::Student { dof: 3.0 },
     Loss::Absolute { smoothing: 0.2 },
+    Loss::Huber { threshold: 0.7 },
 ];
 
 /// Numbers within ±1 without a pattern.
@@ -179,6 +180,7 @@ fn gauss_newton_is_a_reweighted_square() {
                 Loss::Square => 2.0,
                 Loss::Linear => 0.0,
                 Loss::Student { dof } => 2.0 * (dof + 1.0) / (dof + r * r),
+                Loss::Huber { threshold } => 2.0 * (threshold / r.abs()).min(1.0),
                 Loss::Absolute { smoothing: s } => 8.0_f64.sqrt() / (r * r + s * s).sqrt(),
             };
             expected += own.weight * reweighted * change * change;
@@ -329,14 +331,8 @@ fn outliers() -> Vec<f64> {
     data
 }
 
-/// The least of the likelihood on a fine grid, which golden sections improve.
-#[test]
-fn students_loss_finds_the_most_likely_constant() {
-    let (data, dof) = (outliers(), 2.0);
-    let cost = |x: f64| -> f64 {
-        let terms = data.iter().map(|y| (1.0 + (y - x).powi(2) / dof).ln());
-        terms.sum::<f64>() * (dof + 1.0)
-    };
+/// Where a function is least: on a fine grid, which golden sections improve.
+fn least(cost: impl Fn(f64) -> f64) -> f64 {
     let grid = (0..2000).map(|k| 0.01 * f64::from(k));
     let best = grid.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
     let (mut low, mut high) = (best - 0.01, best + 0.01);
@@ -347,8 +343,41 @@ fn students_loss_finds_the_most_likely_constant() {
             false => low += part,
         }
     }
-    assert!((low - 1.0).abs() < 0.2, "near the ten: {low}");
-    assert_near(&constant(&data, Loss::Student { dof }), &[low; 2], 1e-6);
+    low
+}
+
+#[test]
+fn students_loss_finds_the_most_likely_constant() {
+    let (data, dof) = (outliers(), 2.0);
+    let found = least(|x| {
+        let terms = data.iter().map(|y| (1.0 + (y - x).powi(2) / dof).ln());
+        terms.sum::<f64>() * (dof + 1.0)
+    });
+    assert!((found - 1.0).abs() < 0.2, "near the ten: {found}");
+    assert_near(&constant(&data, Loss::Student { dof }), &[found; 2], 1e-6);
+}
+
+/// Where all ten are within the threshold k and the two beyond, the ten residuals add up to -2k.
+#[test]
+fn hubers_loss_finds_the_clipped_mean() {
+    let (data, threshold) = (outliers(), 0.3);
+    let found = least(|x| {
+        let cost = |r: f64| {
+            if r <= threshold {
+                r * r
+            } else {
+                threshold * (2.0 * r - threshold)
+            }
+        };
+        data.iter().map(|y| cost((y - x).abs())).sum()
+    });
+    let of_ten: f64 = data[..10].iter().sum();
+    assert_near(&[found], &[(of_ten + 2.0 * threshold) / 10.0], 1e-7);
+    assert_near(
+        &constant(&data, Loss::Huber { threshold }),
+        &[found; 2],
+        1e-6,
+    );
 }
 
 /// With a small smoothing the constant is the median; an odd number of data makes it one of them.

@@ -174,6 +174,8 @@ pub enum Noise {
     Laplace,
     /// Student's distribution, with this many degrees of freedom.
     Student(f64),
+    /// Huber's: normal up to this many standard deviations, exponential beyond.
+    Huber(f64),
 }
 
 /// For what a parameter has a value of its own.

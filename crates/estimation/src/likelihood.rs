@@ -1,6 +1,8 @@
 //! What a measured value says by the noise that it has.
 
 use crate::file::Noise;
+use pilotage_collocation::Loss;
+use statrs::function::erf::erf;
 use std::f64::consts::{LN_2, PI, SQRT_2};
 
 impl Noise {
@@ -8,7 +10,9 @@ impl Noise {
     pub fn residual(self, recorded: f64, predicted: f64, sd: f64) -> f64 {
         match self {
             Self::LogNormal => (recorded.ln() - predicted.ln()) / sd,
-            Self::Normal | Self::Laplace | Self::Student(_) => (recorded - predicted) / sd,
+            Self::Normal | Self::Laplace | Self::Student(_) | Self::Huber(_) => {
+                (recorded - predicted) / sd
+            }
         }
     }
 
@@ -20,6 +24,12 @@ impl Noise {
             Self::Normal => r * r + scale + (2.0 * PI).ln(),
             Self::LogNormal => r * r + scale + (2.0 * PI).ln() + 2.0 * recorded.ln(),
             Self::Laplace => 2.0 * SQRT_2 * r.abs() + scale + LN_2,
+            Self::Huber(k) => {
+                let within = (2.0 * PI).sqrt() * erf(k / SQRT_2);
+                let beyond = 2.0 / k * (-0.5 * k * k).exp();
+                let loss = Loss::Huber { threshold: k }.value(r, 0.0);
+                loss + scale + 2.0 * (within + beyond).ln()
+            }
             Self::Student(dof) => {
                 let constant = log_gamma(0.5 * dof) - log_gamma(0.5 * (dof + 1.0));
                 (dof + 1.0) * (r * r / dof).ln_1p() + scale + (dof * PI).ln() + 2.0 * constant
@@ -65,6 +75,7 @@ mod tests {
             Noise::LogNormal,
             Noise::Laplace,
             Noise::Student(4.0),
+            Noise::Huber(1.345),
         ] {
             // y = 2 + tan(v), or exp of it where values are above 0.
             let step = 1e-5;

@@ -12,7 +12,7 @@ use pilotage_inference::{Autoregression, Inference, LEVEL, quantile};
 use pilotage_refits::study::{self, Derive};
 use pilotage_refits::{Coordinate, Study, Threshold};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Exp1, StandardNormal, StudentT};
+use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
 
 /// Part of the largest effect on a run from which on it tells of a parameter.
 const TELLS: f64 = 1e-6;
@@ -197,14 +197,15 @@ impl Drawn<'_> {
         let time: Vec<f64> = there.map(|(_, time)| *time).collect();
         let count = time.len();
         let root = own.weight.sqrt();
-        let mut one = |of: fn(&mut ChaCha8Rng, f64) -> f64, dof: f64| {
+        let mut one = |of: fn(&mut ChaCha8Rng, f64) -> f64, shape: f64| {
             (0..count)
-                .map(|_| self.noise / root * of(random, dof))
+                .map(|_| self.noise / root * of(random, shape))
                 .collect()
         };
         match noise {
             Noise::Laplace => one(|random, _| laplace(random), 0.0),
             Noise::Student(dof) => one(student, dof),
+            Noise::Huber(threshold) => one(huber, threshold),
             Noise::Normal | Noise::LogNormal => {
                 let gauss = || StandardNormal.sample(random);
                 let drawn = self.processes[process].simulated(&time, gauss);
@@ -258,4 +259,17 @@ fn laplace(random: &mut ChaCha8Rng) -> f64 {
 /// Student's distribution with unit scale.
 fn student(random: &mut ChaCha8Rng, dof: f64) -> f64 {
     StudentT::new(dof).map_or(f64::NAN, |own| own.sample(random))
+}
+
+/// Huber's distribution with unit scale, of density exp(-ℓ/2): by rejection from the exponential distributions that are its
+/// tails, continued to 0.
+fn huber(random: &mut ChaCha8Rng, threshold: f64) -> f64 {
+    loop {
+        let [size, spare]: [f64; 2] = [Exp1.sample(random), Exp1.sample(random)];
+        let size = size / threshold;
+        if spare >= 0.5 * (threshold - size).max(0.0).powi(2) {
+            let is_above: bool = StandardUniform.sample(random);
+            return if is_above { size } else { -size };
+        }
+    }
 }

@@ -240,6 +240,7 @@ fn parametric_bootstraps_know_all_kinds_of_noise() {
         "noise = \"log-normal\"\nsd = \"sigma\"",
         "noise = \"laplace\"\nsd = \"sigma\"",
         "noise = \"student\"\nsd = \"sigma\"",
+        "noise = \"huber\"\nsd = \"sigma\"",
     ] {
         // Colour is drawn of normal noise alone.
         let method = if said.starts_with("noise = \"log") || said.starts_with("sd") {

@@ -254,6 +254,33 @@ fn student_s_noise_has_its_fisher_information() {
     );
 }
 
+/// `sd² (Σ ψ²/(N - 2))/(mean ψ')² (JᵀJ)⁻¹` (Huber, *Robust Statistics*, 1981, section 7.6).
+#[test]
+fn huber_s_noise_has_his_covariance() {
+    let measured = MEASURED.to_owned() + "sd = 0.05\nnoise = \"huber\"\n";
+    let fit = fitted(
+        1,
+        &format!("{measured}{BOTH}[fit]\ncovariance = \"plain\"\n"),
+    );
+    let (rate, x0) = (value(&fit, "m.rate"), value(&fit, "m.x0"));
+    let [mut squares, mut within] = [0.0; 2];
+    for (k, x) in recorded(0).iter().enumerate() {
+        let z = (x - x0 * (-rate * time(k)).exp()) / 0.05;
+        squares += z.clamp(-1.345, 1.345).powi(2) / (SAMPLES as f64 - 2.0);
+        within += f64::from(z.abs() < 1.345) / SAMPLES as f64;
+    }
+    assert!(within < 0.95, "some are beyond: {within}");
+    let j = jacobian(rate, x0);
+    let expected = j.tr_mul(&j).try_inverse().unwrap() * (0.05 / within).powi(2) * squares;
+    assert_near(interval(&fit, "m.rate").sd, expected[(0, 0)].sqrt(), 1e-4);
+    assert_near(interval(&fit, "m.x0").sd, expected[(1, 1)].sqrt(), 1e-4);
+    assert!(sure(&fit).notes.is_empty(), "{:?}", sure(&fit).notes);
+    // With a tenth of the level that the noise has, nearly all are outliers.
+    let fit = fitted(1, &format!("{}{BOTH}", measured.replace("0.05", "0.005")));
+    let note = &sure(&fit).notes[0];
+    assert!(note.contains("% of `x` lie beyond the threshold"), "{note}");
+}
+
 #[test]
 fn a_logarithm_has_a_symmetric_interval_and_what_is_tied_the_delta_method() {
     let rest = "[parameters]\n\"m.rate\" = { scale = \"log\" }\n\"m.x0\" = {}\nhalf_life = { value = \"ln(2) / m.rate\", \

@@ -10,6 +10,7 @@
 //! correlation over a time Δ is `exp(-rate Δ)` (R. H. Jones, *Fitting a continuous time autoregression to discrete data*,
 //! Applied Time Series Analysis II, 1981).
 
+use crate::burg;
 use crate::residuals::is_even;
 use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
 use nalgebra::DMatrix;
@@ -167,7 +168,14 @@ impl Autoregression {
             .unwrap_or(0);
         let most = MOST.min(shortest / ROWS);
         let likelihood = Likelihood::new(segments, most);
-        let first = partial(segments, most);
+        let residuals = |own: &Segment| {
+            own.rows
+                .column(own.rows.ncols() - 1)
+                .iter()
+                .copied()
+                .collect()
+        };
+        let first = burg::partial(segments.iter().map(residuals).collect(), most);
         let count: usize = segments.iter().map(|own| own.rows.nrows()).sum();
         // Hurvich & Tsai, Biometrika 76, 1989.
         let criterion = |order: usize| {
@@ -220,32 +228,6 @@ impl Autoregression {
             ..Self::new(&[])
         }
     }
-}
-
-/// Partial autocorrelations of the residuals as they are (Levinson).
-fn partial(segments: &[Segment], order: usize) -> Vec<f64> {
-    let lag = |k: usize| -> f64 {
-        let of = |own: &Segment| {
-            let e = own.rows.column(own.rows.ncols() - 1);
-            (k..e.len()).map(|t| e[t] * e[t - k]).sum::<f64>()
-        };
-        segments.iter().map(of).sum()
-    };
-    let r: Vec<f64> = (0..=order).map(lag).collect();
-    let mut found: Vec<f64> = Vec::new();
-    for k in 1..=order {
-        let so_far = Autoregression::new(&found);
-        let a = &so_far.predictors[k - 1];
-        let error = r[0] - a.iter().zip(&r[1..]).map(|(a, r)| a * r).sum::<f64>();
-        let next = r[k]
-            - a.iter()
-                .zip(r[1..k].iter().rev())
-                .map(|(a, r)| a * r)
-                .sum::<f64>();
-        let partial = if error > 0.0 { next / error } else { 0.0 };
-        found.push(partial.clamp(-LARGEST, LARGEST));
-    }
-    found
 }
 
 #[cfg(test)]

@@ -28,13 +28,14 @@
 //! | [`data`], `row` | what is given: rows of residuals, what is known beforehand, active constraints |
 //! | `elimination` | constraints and the runs' own unknowns, taken out |
 //! | [`inference`] | information, what the data leave open |
-//! | [`covariance`], `meat`, `autoregression`, `restricted` | the methods |
+//! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | [`residuals`], [`crossed`] | what residuals say of a model, alone and beside what drove it |
 //! | [`choice`], [`homogeneity`] | which of several models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
 
 mod autoregression;
+mod burg;
 pub mod choice;
 pub mod covariance;
 pub mod crossed;

@@ -8,6 +8,8 @@ use std::ops::Range;
 /// Part of a run's length up to which correlations are summed (Morelli & Klein, *Aircraft System Identification*, 2nd
 /// ed., section 5.6).
 const LAGS: usize = 5;
+/// Part of a column that is rounding.
+const ROUNDING: f64 = 1e-8;
 /// Least eigenvalue of the information that the other runs leave, per that of all.
 const TOLD_BY_OTHERS: f64 = 1e-8;
 
@@ -28,8 +30,7 @@ impl Inference<'_> {
             let runs = self.data.runs.iter().zip(&self.all.runs);
             let segments = runs.filter_map(|(run, own)| {
                 let range = run.signals[k].clone();
-                let part =
-                    |matrix: &DMatrix<f64>| matrix.rows(range.start, range.len()).into_owned();
+                let part = |matrix: &DMatrix<f64>| part_of(matrix, &range);
                 let residuals =
                     DMatrix::from_columns(&[run.residuals.rows(range.start, range.len())]);
                 let columns = [part(&own.basis), part(&own.shared), residuals];
@@ -159,6 +160,18 @@ impl Inference<'_> {
     pub(crate) fn sandwiched(&self, meat: &DMatrix<f64>) -> DMatrix<f64> {
         &self.inverse * meat * &self.inverse
     }
+}
+
+/// The rows of a signal. A column that is rounding there is zero: a noise level changes no location, and what is left of that
+/// by rounding may be the residuals themselves, which the fit would then seem to have followed.
+fn part_of(matrix: &DMatrix<f64>, range: &Range<usize>) -> DMatrix<f64> {
+    let mut part = matrix.rows(range.start, range.len()).into_owned();
+    for (k, mut column) in part.column_iter_mut().enumerate() {
+        if column.norm() <= ROUNDING * matrix.column(k).norm() {
+            column.fill(0.0);
+        }
+    }
+    part
 }
 
 /// `Σ_ij J_iᵀ R(i - j) J_j` over a range of rows.

@@ -15,6 +15,35 @@ pub enum Noise {
         /// Degrees of freedom.
         dof: f64,
     },
+    /// Huber's, whose score is `z` within ± the threshold and the threshold beyond.
+    Huber {
+        /// In standard deviations.
+        threshold: f64,
+        /// Mean slope of the score, `E ψ'`: the part of the residuals within the threshold.
+        of_location: f64,
+        /// The same of the noise level's, `E(z²ψ' + zψ)`.
+        of_level: f64,
+    },
+}
+
+impl Noise {
+    /// Huber's, of a signal with these residuals and their weights. The informations are means over the residuals and no
+    /// property of a distribution, so that `s² H⁻¹` is the covariance of Huber (*Robust Statistics*, 1981, section 7.6,
+    /// without its factor for few values).
+    pub fn huber(threshold: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (mut all, mut location, mut level) = (0.0, 0.0, 0.0);
+        for (z, weight) in residuals {
+            let is_within = z.abs() <= threshold;
+            all += weight;
+            location += if is_within { weight } else { 0.0 };
+            level += weight * z.abs() * if is_within { 2.0 * z.abs() } else { threshold };
+        }
+        Self::Huber {
+            threshold,
+            of_location: location / all,
+            of_level: level / all,
+        }
+    }
 }
 
 /// A measured value as up to two rows: one of its location `h`, one of its noise level `ln sd`.
@@ -48,6 +77,11 @@ impl Row {
                 (dof + 1.0) / (dof + 3.0),
                 2.0 * dof / (dof + 3.0),
             ),
+            Noise::Huber {
+                threshold,
+                of_location,
+                of_level,
+            } => (z.clamp(-threshold, threshold), of_location, of_level),
         };
         let root = weight.sqrt();
         Self {
@@ -64,13 +98,23 @@ mod tests {
     use super::*;
     use statrs::distribution::{Continuous, Laplace, Normal, StudentsT};
 
+    /// `∫ exp(-ρ)` of Huber's loss ρ with the threshold 1.345: √(2π)(2Φ(1.345) - 1) + 2 exp(-1.345²/2)/1.345.
+    const HUBER_INTEGRAL: f64 = 2.6607238093896783;
+
     /// Mean and variance of both residuals, by integration over the density.
     #[test]
     fn residuals_have_mean_zero_and_unit_variance() {
         let normal = Normal::new(0.0, 1.0).unwrap();
         let laplace = Laplace::new(0.0, 0.5_f64.sqrt()).unwrap();
         let student = StudentsT::new(0.0, 1.0, 4.0).unwrap();
-        let cases: [(Noise, &dyn Fn(f64) -> f64); 3] = [
+        let huber = |z: f64| {
+            let beyond = (z.abs() - 1.345).max(0.0);
+            (-0.5 * (z * z - beyond * beyond)).exp() / HUBER_INTEGRAL
+        };
+        let values = (-4_000_000..=4_000_000).map(|k| 1e-5 * f64::from(k));
+        let fitted = Noise::huber(1.345, values.map(|z| (z, huber(z))));
+        let cases: [(Noise, &dyn Fn(f64) -> f64); 4] = [
+            (fitted, &huber),
             (Noise::Normal, &|z| normal.pdf(z)),
             (Noise::Laplace { smoothing: 1e-6 }, &|z| laplace.pdf(z)),
             (Noise::Student { dof: 4.0 }, &|z| student.pdf(z)),

@@ -375,6 +375,31 @@ fn the_noise_of_residuals_is_found_without_their_bias() {
 }
 
 /// Runs with unknowns of their own alone, and parameters that constraints hold altogether.
+/// A noise level has rows of its own, and changes no location but by rounding, which may be of the residuals' shape.
+#[test]
+fn what_is_rounding_in_a_signal_takes_nothing_from_its_residuals() {
+    let toy = Toy::new(9, 1, [60, 2, 0]).data();
+    let (shared, e) = (&toy.runs[0].shared, &toy.runs[0].residuals);
+    let levels = e.map(|e| (e * e - 1.0) / 2_f64.sqrt());
+    let processes = |rounding: f64| {
+        let j = DMatrix::from_fn(120, 3, |t, i| match (t < 60, i < 2) {
+            (true, true) => shared[(t, i)],
+            (true, false) => rounding * e[t],
+            (false, level) => f64::from(u8::from(!level)) * 2_f64.sqrt(),
+        });
+        let both = e.iter().chain(&levels).copied();
+        let mut run = Run::of(j, DVector::from_iterator(120, both));
+        run.time = (0..120).map(|t| f64::from(t % 60)).collect();
+        run.signals = vec![0..60, 60..120];
+        Inference::new(&Data::of(vec![run])).unwrap().coloured()
+    };
+    let (exact, rounded) = (processes(0.0), processes(1e-14));
+    for (exact, rounded) in exact.iter().zip(&rounded) {
+        assert!((exact.variance - rounded.variance).abs() < 1e-9 * exact.variance);
+        assert_eq!(exact.order(), rounded.order());
+    }
+}
+
 #[test]
 fn nothing_shared_is_a_problem_too() {
     let data = Toy::new(14, 2, [30, 0, 2]).data();

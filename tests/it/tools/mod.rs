@@ -15,6 +15,7 @@ mod pack;
 mod pages;
 mod python;
 mod references;
+mod regression;
 mod remnant;
 mod results;
 mod third_party;

@@ -237,6 +237,7 @@ fn loss(noise: Noise) -> Loss {
             smoothing: LAPLACE_SMOOTHING,
         },
         Noise::Student(dof) => Loss::Student { dof },
+        Noise::Huber(threshold) => Loss::Huber { threshold },
     }
 }
 

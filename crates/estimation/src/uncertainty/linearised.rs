@@ -31,13 +31,16 @@ pub(crate) fn linearised(
     let found = Sensitivities::new(problem, at)?;
     let terms = terms(posed);
     let signals = terms.iter().map(Terms::end).max().unwrap_or(0);
+    let outputs = outputs(posed, problem, &at.z);
+    let noises = noises(posed, &outputs);
     let priors = signals..problem.measured;
     let (mut runs, mut shared_priors) = (Vec::new(), Vec::new());
     for (j, own) in found.runs.iter().enumerate() {
         let place = Place {
             recordings: &posed.runs[j].measured,
+            noises: &noises,
             time: &posed.runs[j].time,
-            outputs: problem.outputs_at_samples(&at.z, j),
+            outputs: &outputs[j],
             sensitivity: own,
         };
         let mut rows = Rows::default();
@@ -68,11 +71,17 @@ pub(crate) fn linearised(
 /// For each run, the residuals of the measured signals at other variables of a problem of the same runs.
 pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<DVector<f64>> {
     let terms = terms(posed);
+    let outputs = outputs(posed, problem, z);
+    let noises = noises(posed, &outputs);
     let of_run = |j: usize| {
-        let (recordings, outputs) = (&posed.runs[j].measured, problem.outputs_at_samples(z, j));
         let mut all = Vec::new();
         for own in &terms {
-            let rows = values(recordings, &outputs, own.residual);
+            let term = own.residual;
+            let rows = values(
+                &posed.runs[j].measured[term],
+                &outputs[j][term],
+                noises[term],
+            );
             let rows: Vec<Row> = rows.map(|(_, row)| row).collect();
             all.extend(rows.iter().map(|row| row.location));
             all.extend(
@@ -117,26 +126,51 @@ fn terms(posed: &Posed<'_>) -> Vec<Terms> {
 
 /// The samples at which a term has a value, and what it says there.
 fn values<'a>(
-    recordings: &'a [Recording],
-    outputs: &'a [Vec<f64>],
-    term: usize,
+    own: &'a Recording,
+    outputs: &'a [f64],
+    noise: Noise,
 ) -> impl Iterator<Item = (usize, Row)> + 'a {
-    let own = &recordings[term];
-    let noise = match own.loss {
+    there(own, outputs).map(move |(k, z)| (k, Row::new(noise, z, own.weight)))
+}
+
+/// The samples at which a term has a value, and its residual.
+fn there<'a>(own: &'a Recording, outputs: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
+    let pairs = own.values.iter().zip(outputs).enumerate();
+    let there = pairs.filter(|(_, (y, _))| y.is_finite());
+    there.map(|(k, (y, h))| (k, y - h))
+}
+
+/// For each run, the outputs of all terms at the samples.
+fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f64>>> {
+    let runs = 0..posed.runs.len();
+    runs.map(|j| problem.outputs_at_samples(z, j)).collect()
+}
+
+/// The noise of each term; Huber's by the residuals of all runs.
+fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
+    let terms = posed.runs.first().map_or(0, |run| run.measured.len());
+    let noise = |term: usize| match posed.runs[0].measured[term].loss {
         Loss::Square | Loss::Linear => Noise::Normal,
         Loss::Student { dof } => Noise::Student { dof },
         Loss::Absolute { smoothing } => Noise::Laplace { smoothing },
+        Loss::Huber { threshold } => {
+            let runs = posed.runs.iter().zip(outputs);
+            let residuals = runs.flat_map(|(run, outputs)| {
+                let own = &run.measured[term];
+                there(own, &outputs[term]).map(|(_, z)| (z, own.weight))
+            });
+            Noise::huber(threshold, residuals)
+        }
     };
-    let pairs = own.values.iter().zip(&outputs[term]).enumerate();
-    let there = pairs.filter(|(_, (y, _))| y.is_finite());
-    there.map(move |(k, (y, h))| (k, Row::new(noise, y - h, own.weight)))
+    (0..terms).map(noise).collect()
 }
 
 /// A run at a solution.
 struct Place<'a> {
     recordings: &'a [Recording],
+    noises: &'a [Noise],
     time: &'a [f64],
-    outputs: Vec<Vec<f64>>,
+    outputs: &'a [Vec<f64>],
     sensitivity: &'a Sensitivity,
 }
 
@@ -150,7 +184,12 @@ struct Rows {
 
 impl Place<'_> {
     fn values(&self, term: usize) -> Vec<(usize, Row)> {
-        values(self.recordings, &self.outputs, term).collect()
+        values(
+            &self.recordings[term],
+            &self.outputs[term],
+            self.noises[term],
+        )
+        .collect()
     }
 
     fn gradient(&self, term: usize, sample: usize) -> RowDVector<f64> {

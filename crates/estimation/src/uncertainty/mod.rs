@@ -155,6 +155,7 @@ pub(crate) fn uncertainty(
         names,
     };
     found.notes.extend(words::held(posed, sensitivities));
+    found.notes.extend(words::beyond(posed, fit));
     let more = words::notes(&found, fit);
     found.notes.extend(more);
     Ok(found)

@@ -1,6 +1,7 @@
 //! What the data leave open, in the parameters' own words.
 
 use super::Uncertainty;
+use crate::file::Noise;
 use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use pilotage_collocation::Sensitivities;
@@ -62,6 +63,32 @@ pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
             held.join(", ")
         )],
     }
+}
+
+/// Signals with Huber's noise of which more than half lies beyond the threshold: the few values within, of which those are
+/// most that the parameters can meet, then say how fast the score falls.
+pub(super) fn beyond(posed: &Posed<'_>, fit: &Fit) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (k, measured) in posed.file.measured.iter().enumerate() {
+        let Noise::Huber(threshold) = measured.noise else {
+            continue;
+        };
+        let residuals = fit
+            .runs
+            .iter()
+            .flat_map(|run| run.residuals(k, measured.noise));
+        let sizes: Vec<f64> = residuals.filter(|r| r.is_finite()).map(f64::abs).collect();
+        let beyond = sizes.iter().filter(|size| **size > threshold).count();
+        if 2 * beyond > sizes.len() {
+            notes.push(format!(
+                "{} % of `{}` lie beyond the threshold of its noise \"huber\", which is for outliers: standard deviations hang \
+                 on the few within; state a larger sd",
+                100 * beyond / sizes.len(),
+                measured.column.value
+            ));
+        }
+    }
+    notes
 }
 
 /// What is to be said of intervals beside what the data leave open.

@@ -368,7 +368,18 @@ fn losses() {
     };
     let laplace = |b: f64| known().map(|(t, y)| (y - b * t).abs()).sum();
     let logarithmic = |b: f64| known().map(|(t, y)| (y.ln() - (b * t).ln()).powi(2)).sum();
-    let of: [(&str, Cost<'_>, f64); 3] = [
+    let huber = |b: f64| {
+        let cost = |r: f64| {
+            if r < 0.8 {
+                r * r
+            } else {
+                0.8 * (2.0 * r - 0.8)
+            }
+        };
+        known().map(|(t, y)| cost(((y - b * t) / 0.1).abs())).sum()
+    };
+    let of: [(&str, Cost<'_>, f64); 4] = [
+        ("\"huber\"\nthreshold = 0.8", &huber, 1e-7),
         ("\"student\"\ndof = 3", &student, 1e-6),
         // Its kinks are rounded off.
         ("\"laplace\"", &laplace, 1e-3),
