@@ -129,3 +129,95 @@ fn one_run_is_one_run() {
         "{ended:?}"
     );
 }
+
+/// The swung model's parameter moves by 4 parts in a thousand at the last refinement for 1e-3, by less than one for 1e-4.
+#[test]
+fn a_refinement_that_moves_a_parameter_is_told() {
+    let folder = Folder::new();
+    let swung = MODEL.replace("b - k * x", "sin(w * time) - k * x^3");
+    let swung = swung.replace(
+        "b = { start = 0, max = 0.5 }",
+        "w = { start = 6, unit = \"rad/s\" }",
+    );
+    folder.write("m.toml", swung);
+    folder.write("run.csv", "time,x\n0,1\n1,0.5\n2,0.4\n4,0.13\n8,0.2\n");
+    let told = |tolerance: &str| {
+        let text = format!(
+            "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n[parameters]\n\"m.k\" = {{}}\n\
+             [[run]]\nfile = \"run.csv\"\n[fit]\nmesh_tolerance = {tolerance}\n"
+        );
+        folder.write("problem.toml", text);
+        words(&fit(&folder).json(), "mesh-moves")
+    };
+    assert!(
+        told("1e-3").unwrap().contains("3.5e-3"),
+        "{:?}",
+        told("1e-3")
+    );
+    assert_eq!(told("1e-4"), None);
+}
+
+/// From 1, decaying no slower than with 0.5, x is not above 0.9 at 4 s; with nothing to decay it is.
+#[test]
+fn equations_and_constraints_that_are_not_met_are_told() {
+    let told = |least: f64| {
+        let rest = format!(
+            "[parameters]\n\"m.k\" = {{ min = {least}, max = 2 }}\n[[constraint]]\nexpression = \"m.x\"\nmin = 0.9\n"
+        );
+        let json = fit(&problem("", &rest, RUN)).json();
+        (words(&json, "not-met"), json)
+    };
+    let (not_met, json) = told(0.5);
+    assert!(not_met.is_some(), "{json}");
+    assert_eq!(json["objective"], Value::Null);
+    let (not_met, json) = told(0.0);
+    assert_eq!(not_met, None, "{json}");
+    assert!(json["objective"].is_number());
+}
+
+/// What grows asks for a pole on the right, which `[stability]` keeps away; what decays does not.
+#[test]
+fn a_model_that_is_kept_stable_is_told() {
+    let sought = "[parameters]\n\"m.k\" = { start = 0.5 }\n[stability]\nmodels = [\"m\"]\n";
+    let growing = "time,x\n0,1\n1,1.2\n2,1.5\n4,2.2\n";
+    let why = words(&fit(&problem("", sought, growing)).json(), "model-on-bound").unwrap();
+    assert!(
+        why.starts_with("`m`") && why.contains("lies on the bound"),
+        "{why}"
+    );
+    let json = fit(&problem("", sought, "time,x\n0,1\n1,0.6\n2,0.4\n4,0.2\n")).json();
+    assert_eq!(words(&json, "model-on-bound"), None, "{json}");
+}
+
+/// With process noise a limit of an output is no constraint: the response to 1 goes beyond 0.6, not beyond 2.
+#[test]
+fn an_output_beyond_its_limit_is_told_where_noise_drives() {
+    let folder = Folder::new();
+    let rows = (0..60).map(|k| {
+        let t = 0.1 * f64::from(k);
+        let noise = 0.03 * (7.0 * t).sin() + 0.02 * (17.0 * t * t).cos();
+        format!("{t},1,{}\n", 1.0 - (-t).exp() + noise)
+    });
+    folder.write("run.csv", format!("time,u,y\n{}", rows.collect::<String>()));
+    let told = |limit: f64| {
+        folder.write(
+            "m.toml",
+            format!(
+                "[model]\nname = \"m\"\n[inputs]\nu = {{}}\nw = {{}}\n[parameters]\nk = {{ start = 1, min = 0.1, max = 5 }}\n\
+                 [states]\nx = {{ der = \"k * (u - x) + w\" }}\n[outputs]\ny = {{ value = \"x\", limit = [-{limit}, {limit}] }}\n"
+            ),
+        );
+        folder.write(
+            "problem.toml",
+            "[system.m]\nmodel = \"m.toml\"\n[inputs]\n\"m.u\" = \"u\"\n[process_noise]\n\"m.w\" = { density = 0.001 }\n\
+             [[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.03\n[parameters]\n\"m.k\" = {}\n\
+             [[run]]\nfile = \"run.csv\"\n[fit]\nobjective = \"prediction-error\"\n",
+        );
+        let json = fit(&folder).json();
+        assert_eq!(json["status"], "converged", "{json}");
+        words(&json, "beyond-limit")
+    };
+    let why = told(0.6).unwrap();
+    assert!(why.contains("m.y"), "{why}");
+    assert_eq!(told(2.0), None);
+}
