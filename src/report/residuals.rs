@@ -89,6 +89,9 @@ pub fn residual_figure(
     }
 }
 
+/// What the lines beside a correlation mean.
+const LEFT: &str = "99 % where nothing is left";
+
 /// Residuals beside an input, by lag, with the band of 99 %.
 pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
     let low: Vec<f64> = own.bands.iter().map(|half| -half).collect();
@@ -97,12 +100,9 @@ pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
         y: Axis::linear(format!("correlation ({label})")),
         height: 220.0,
         series: vec![
-            Series::band(
-                "99 % where nothing is left",
-                "quiet",
-                &own.lags,
-                [&low, &own.bands],
-            ),
+            // As lines, since axes do not follow bands as far as these are wide.
+            Series::line(LEFT, "quiet", &own.lags, &low),
+            Series::line(LEFT, "quiet", &own.lags, &own.bands),
             Series::line("correlation", "line-1", &own.lags, &own.correlations),
         ],
         ..Panel::default()
