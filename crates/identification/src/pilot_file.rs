@@ -530,7 +530,7 @@ mod tests {
         assert_eq!(spread.degrees, [5.0, f64::INFINITY]);
         let odd = Spread {
             method: spread.method,
-            covariance: nalgebra::dmatrix![0.1 + 0.2, 1e-17; 1e-17, 1e-300],
+            covariance: nalgebra::dmatrix![0.1 + 0.2, 1e-151; 1e-151, 1e-300],
             degrees: vec![1.0 / 3.0, f64::INFINITY],
         };
         let text = format!(
