@@ -123,7 +123,7 @@ fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
         return Some("has a variance below 0");
     }
     let correlations = DMatrix::from_fn(variances.len(), variances.len(), |i, j| {
-        let size = (variances[i] * variances[j]).sqrt();
+        let size = variances[i].sqrt() * variances[j].sqrt();
         if size > 0.0 {
             covariance[(i, j)] / size
         } else {
