@@ -15,6 +15,8 @@ pub struct GrowingFile {
     part: PathBuf,
     file: File,
     left_behind: Option<PathBuf>,
+    /// Whether the user said a relative path.
+    is_relative: bool,
 }
 
 impl GrowingFile {
@@ -25,6 +27,8 @@ impl GrowingFile {
     /// ([`io::ErrorKind::IsADirectory`]), or another process is writing the same file
     /// ([`io::ErrorKind::ResourceBusy`]).
     pub fn create(path: &Path) -> io::Result<Self> {
+        let is_relative = path.is_relative();
+        let path = &super::anchored(path);
         if let Some(device) = super::device(path)? {
             return Ok(Self::straight(path, device));
         }
@@ -48,6 +52,7 @@ impl GrowingFile {
             part,
             file,
             left_behind,
+            is_relative,
         })
     }
 
@@ -58,17 +63,25 @@ impl GrowingFile {
             part: path.to_owned(),
             file,
             left_behind: None,
+            is_relative: false,
         }
     }
 
     /// Where the part of an earlier process, which did not come to its end, has been put.
     pub fn left_behind(&self) -> Option<&Path> {
-        self.left_behind.as_deref()
+        self.left_behind.as_deref().map(|path| self.as_said(path))
     }
 
     /// Where the file is until it is complete.
     pub fn part(&self) -> &Path {
-        &self.part
+        self.as_said(&self.part)
+    }
+
+    fn as_said<'a>(&self, path: &'a Path) -> &'a Path {
+        match self.is_relative {
+            true => super::as_said(path),
+            false => path,
+        }
     }
 
     /// Puts the file in its place.

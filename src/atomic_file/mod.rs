@@ -7,9 +7,13 @@ mod guard;
 pub use growing::GrowingFile;
 pub use guard::{Planned, Refusal, check};
 
-use std::fs::{File, OpenOptions};
+use pilotage_process::leftovers::{self, Kind, Leftover};
+use std::collections::BTreeSet;
+use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::{Duration, SystemTime};
 use tempfile::NamedTempFile;
 
 /// An output that is opened before long work and put in its place at the end.
@@ -21,8 +25,9 @@ pub struct AtomicFile(Place);
 
 #[derive(Debug)]
 enum Place {
-    /// A temporary file, and its name when it is complete.
-    Beside(NamedTempFile, PathBuf),
+    /// A temporary file, and its name when it is complete. A signal removes it; what a kill leaves, the next file that is
+    /// written into the folder.
+    Beside(NamedTempFile, PathBuf, Leftover),
     Straight(File),
 }
 
@@ -32,18 +37,28 @@ impl AtomicFile {
     /// # Errors
     /// When the folder does not exist or cannot be written, or when `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
+        let path = &anchored(path);
         if let Some(device) = device(path)? {
             return Ok(Self(Place::Straight(device)));
         }
         // Before tempfile, whose message would name the temporary file.
         let path = place(path)?;
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".pilotage-");
+        builder.prefix(PREFIX);
         // As any program's output: readable by whom the user's umask allows, not by the user alone.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(guard::parent(&path))?;
-        Ok(Self(Place::Beside(file, path)))
+        let parent = guard::parent(&path);
+        remove_left_behind(parent);
+        let make = || {
+            let file = builder.tempfile_in(parent)?;
+            // Held until the file is in its place. Where the file system knows no locks, nothing is removed.
+            let _ = file.as_file().try_lock();
+            Ok(file)
+        };
+        let kind = |file: &NamedTempFile| Kind::File(file.path().to_owned());
+        let (file, leftover) = leftovers::make(make, kind)?;
+        Ok(Self(Place::Beside(file, path, leftover)))
     }
 
     /// Writes the content and puts the file in its place.
@@ -61,7 +76,7 @@ impl AtomicFile {
     /// When the file cannot be renamed; what stood at the path before is still there.
     pub fn finish(mut self) -> io::Result<()> {
         self.flush()?;
-        if let Place::Beside(file, path) = self.0 {
+        if let Place::Beside(file, path, _leftover) = self.0 {
             file.persist(&path).map_err(|error| error.error)?;
         }
         Ok(())
@@ -71,17 +86,45 @@ impl AtomicFile {
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &mut self.0 {
-            Place::Beside(file, _) => file.write(bytes),
+            Place::Beside(file, ..) => file.write(bytes),
             Place::Straight(file) => file.write(bytes),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
         match &mut self.0 {
-            Place::Beside(file, _) => file.flush(),
+            Place::Beside(file, ..) => file.flush(),
             Place::Straight(file) => file.flush(),
         }
     }
+}
+
+/// How the names of our temporary files begin.
+const PREFIX: &str = ".pilotage-";
+/// A temporary file without a lock may be one that is just being made, unless it is that old.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// Removes the temporary files of processes that were killed; looks into each folder once.
+fn remove_left_behind(folder: &Path) {
+    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    if !seen.insert(folder.to_owned()) {
+        return;
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_ours = |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(PREFIX);
+    for file in entries.filter(is_ours).map(|entry| entry.path()) {
+        if is_left_behind(&file).unwrap_or(false) {
+            let _ = std::fs::remove_file(&file);
+        }
+    }
+}
+
+fn is_left_behind(path: &Path) -> io::Result<bool> {
+    let metadata = path.symlink_metadata()?;
+    let age = SystemTime::now().duration_since(metadata.modified()?);
+    let is_old = age.is_ok_and(|age| age > GRACE);
+    Ok(metadata.is_file() && is_old && File::open(path)?.try_lock().is_ok())
 }
 
 /// A device or a pipe, such as `/dev/stdout`, if the path is one: nothing stands there that half a result
@@ -93,6 +136,39 @@ fn device(path: &Path) -> io::Result<Option<File>> {
         }
         _ => Ok(None),
     }
+}
+
+/// The working folder when the program began.
+static BEGUN_IN: OnceLock<PathBuf> = OnceLock::new();
+
+/// From now on relative paths of outputs are those from the present working folder, whoever changes it.
+pub fn stay() {
+    if let Ok(folder) = std::env::current_dir() {
+        let _ = BEGUN_IN.set(folder);
+    }
+}
+
+/// Goes back to the working folder of the begin, if somebody has left it.
+pub fn go_back() {
+    if let Some(folder) = BEGUN_IN.get() {
+        // Where it is gone, outputs go where they would have gone all the same.
+        let _ = std::env::set_current_dir(folder);
+    }
+}
+
+/// The path from wherever the process is.
+fn anchored(path: &Path) -> PathBuf {
+    match BEGUN_IN.get() {
+        Some(folder) => folder.join(path),
+        None => path.to_owned(),
+    }
+}
+
+/// The path as the user says it.
+fn as_said(path: &Path) -> &Path {
+    let folder = BEGUN_IN.get();
+    let inside = folder.and_then(|folder| path.strip_prefix(folder).ok());
+    inside.unwrap_or(path)
 }
 
 /// Where a file is to be written, links followed.
@@ -139,6 +215,36 @@ mod tests {
             assert_eq!(std::fs::read(at(file)).unwrap(), b"rows");
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let old = SystemTime::now() - 2 * GRACE;
+        for name in [
+            ".pilotage-dead",
+            ".pilotage-alive",
+            ".pilotage-young",
+            ".other",
+        ] {
+            let file = File::create(at(name)).unwrap();
+            if name != ".pilotage-young" {
+                file.set_modified(old).unwrap();
+            }
+        }
+        let alive = File::open(at(".pilotage-alive")).unwrap();
+        alive.try_lock().unwrap();
+        write(&at("new"), b"text").unwrap();
+        let mut names: Vec<_> = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name())
+            .collect();
+        names.sort();
+        assert_eq!(
+            names,
+            [".other", ".pilotage-alive", ".pilotage-young", "new"]
+        );
     }
 
     /// A pipe of our own: of a device of the system a failure would leave nothing.

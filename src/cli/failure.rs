@@ -16,6 +16,16 @@ pub enum Outcome {
     No,
 }
 
+impl Outcome {
+    /// The exit code.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::No => 1,
+        }
+    }
+}
+
 /// Bad use or bad input: exit code 2. Shown as `error: ...` and, where there is one, `hint: ...`.
 #[derive(Debug, Clone)]
 pub struct Failure {

@@ -2,17 +2,30 @@
 
 use super::{Failure, terminal};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 
+/// One Ctrl-C comes twice to a process that another one watches: from the terminal, and handed on.
+const TWICE: Duration = Duration::from_millis(200);
+
 /// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
-const KILLED: i32 = 130;
+const KILLED: u8 = 130;
 
 /// Listens from now on, and says on the first Ctrl-C what it does. Only once in a process.
 pub fn listen(stopping: &'static str) -> Result<(), Failure> {
+    let mut last: Option<Instant> = None;
     let handler = move || {
+        if last
+            .replace(Instant::now())
+            .is_some_and(|last| last.elapsed() < TWICE)
+        {
+            return;
+        }
         if ASKED.swap(true, Ordering::SeqCst) {
-            std::process::exit(KILLED);
+            pilotage_process::finished(KILLED);
+            pilotage_process::leftovers::remove();
+            std::process::exit(i32::from(KILLED));
         }
         terminal::note(&format!("{stopping}; Ctrl-C again kills"));
     };

@@ -12,6 +12,7 @@ mod fit;
 mod folder;
 mod folds;
 mod format;
+mod guard;
 mod info;
 mod init;
 mod interrupt;
@@ -84,7 +85,28 @@ enum Command {
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
 pub fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let command = Cli::parse().command;
+    crate::atomic_file::stay();
+    // Where they cannot be heard, files stay for the next run to remove.
+    let _ = pilotage_process::leftovers::remove_on_signals();
+    let is_watched = match pilotage_process::end_with_parent() {
+        Ok(is_watched) => is_watched,
+        Err(error) => return failed(&Failure::new(format!("cannot be watched: {error}"))),
+    };
+    if !is_watched && command.may_call_fmus() {
+        let code = guard::watched().unwrap_or_else(|failure| failed(&failure));
+        pilotage_process::leftovers::stay_if_ending();
+        return code;
+    }
+    let code = run(command);
+    pilotage_process::finished(code);
+    pilotage_process::leftovers::stay_if_ending();
+    ExitCode::from(code)
+}
+
+/// Runs a command; its exit code.
+fn run(command: Command) -> u8 {
+    let outcome = match command {
         Command::Demo(args) => demo::run(args),
         Command::Trials(args) => trials::run(args),
         Command::Init(args) => init::run(args),
@@ -103,11 +125,28 @@ pub fn main() -> ExitCode {
         Command::Probe(args) => validate::probe(args),
     };
     match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::No) => ExitCode::from(1),
+        Ok(outcome) => outcome.code(),
         Err(failure) => {
-            eprintln!("{failure}");
-            ExitCode::from(2)
+            terminal::tell(&format!("{failure}\n"));
+            2
+        }
+    }
+}
+
+fn failed(failure: &Failure) -> ExitCode {
+    terminal::tell(&format!("{failure}\n"));
+    ExitCode::from(2)
+}
+
+impl Command {
+    /// Whether it may run the code of FMUs in its own process.
+    fn may_call_fmus(&self) -> bool {
+        match self {
+            Self::Cosim(_) | Self::Linearize(_) => true,
+            Self::Fit(_) | Self::Compare(_) | Self::Init(_) | Self::Plot(_) | Self::Trials(_) => {
+                guard::arguments_name_fmus()
+            }
+            _ => false,
         }
     }
 }

@@ -47,8 +47,8 @@ pub struct Args {
     /// One run of many.
     #[arg(long)]
     run: Option<String>,
-    /// Width of the drawing \[mm\].
-    #[arg(long, default_value_t = 120.0, value_parser = positive, allow_hyphen_values = true)]
+    /// Width of the drawing \[mm\], from 40 to 2000.
+    #[arg(long, default_value_t = 120.0, value_parser = width, allow_hyphen_values = true)]
     width: f64,
     /// Pixels of a PNG in an inch.
     #[arg(long, default_value_t = 300.0, value_parser = positive, allow_hyphen_values = true)]
@@ -100,6 +100,18 @@ fn extension_of(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
+/// Widest drawing in pixels: more takes minutes and gigabytes.
+const WIDEST: f64 = 16_000.0;
+
+/// A width in which axes find room \[mm\].
+fn width(text: &str) -> Result<f64, String> {
+    let width = positive(text)?;
+    match (40.0..=2000.0).contains(&width) {
+        true => Ok(width),
+        false => Err("expected a width from 40 to 2000 mm".to_owned()),
+    }
+}
+
 impl Args {
     /// A figure as the bytes of a file of that name.
     fn drawn(&self, figure: &Figure, output: &Path) -> Result<Vec<u8>, Failure> {
@@ -120,6 +132,12 @@ impl Args {
             "svg" => Ok(to_svg(&figure, self.width).into_bytes()),
             "csv" => Ok(figure.to_csv().into_bytes()),
             "png" => {
+                let across = self.width / 25.4 * self.dpi;
+                if across > WIDEST {
+                    let message = format!("a drawing {across:.0} pixels wide");
+                    let hint = format!("take a smaller --dpi or --width: up to {WIDEST} pixels");
+                    return Err(Failure::new(message).hint(hint));
+                }
                 let png = to_png(&to_svg(&figure, self.width), self.dpi as f32);
                 png.map_err(|error| Failure::from(error).hint("write it as .svg"))
             }

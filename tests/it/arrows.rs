@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// workspace crates that it may name; between crates, cargo holds the arrows.
 const ARROWS: &[(&str, &[&str])] = &[
     ("src/date", &[]),
-    ("src/atomic_file", &[]),
+    ("src/atomic_file", &["process"]),
     (
         "src/export",
         &["abi", "sdk", "models", "language", "fmi", "atomic_file"],
@@ -39,7 +39,15 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("crates/fmi/src/message", &["abi"]),
     (
         "crates/fmi/src/binding",
-        &["abi", "text", "description", "version"],
+        &[
+            "abi",
+            "text",
+            "process",
+            "archive",
+            "description",
+            "surroundings",
+            "version",
+        ],
     ),
     ("crates/fmi/src/environment", &["abi", "binding", "message"]),
     (

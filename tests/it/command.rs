@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
 /// Pilot and quadcopter in closed loop.
@@ -64,6 +64,18 @@ impl Folder {
     /// Runs `pilotage` here.
     pub fn pilotage(&self, arguments: &[&str]) -> Ended {
         self.pilotage_with(arguments, &[])
+    }
+
+    /// Starts `pilotage` here, with variables in the environment; nobody reads what it says.
+    pub fn start(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Child {
+        Command::new(env!("CARGO_BIN_EXE_pilotage"))
+            .args(arguments)
+            .envs(variables.iter().copied())
+            .current_dir(self.0.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap()
     }
 
     /// The same with variables in the environment.

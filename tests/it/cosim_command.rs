@@ -363,7 +363,12 @@ fn rows_survive_a_crash_and_the_next_run_says_so() {
     folder.write("result.csv", "time,a.b\n0,1\n");
     let run = |fmu| folder.pilotage(&["cosim", fmu, "--stop-time", "2", "--step", "0.25"]);
     let ended = run("crash.fmu");
-    assert_eq!(ended.code, -1, "{ended:?}");
+    assert_eq!(ended.code, 1, "{ended:?}");
+    assert_eq!(
+        ended.stderr,
+        "error: `crash` of crash.fmu, in fmi2DoStep at 1.25 s, ended the process (signal: 6 (SIGABRT))\n\
+         hint: the rows until then are in result.csv.part\n"
+    );
     assert_eq!(folder.read("result.csv"), "time,a.b\n0,1\n");
     // All rows until the step in which the FMU crashed.
     let part = rows(&folder, "result.csv.part");

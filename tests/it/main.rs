@@ -56,6 +56,8 @@ mod selection;
 mod shipped;
 mod sqp_problems;
 mod starts;
+#[cfg(target_os = "linux")]
+mod strangers;
 mod system_examples;
 mod systems;
 mod threads;

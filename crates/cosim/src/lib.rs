@@ -46,7 +46,7 @@ pub use component::{
 pub use description::{DescriptionError, SystemDescription};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
-pub use master::{Ending, MasterError, Run, run};
+pub use master::{Components, Ending, MasterError, Run, run, run_open};
 pub use native_component::NativeComponent;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{

@@ -60,7 +60,8 @@ pub struct Loop {
 }
 
 /// Runs a system to the clock's stop and linearises it there. There is no linearization if the run ends
-/// earlier, or a component cannot be linearised: [`Run::ending`] says why.
+/// earlier, or a component cannot be linearised: [`Run::ending`] says why. The components are still alive, as after
+/// [`run_open`](super::run_open).
 ///
 /// # Errors
 /// As [`run`](super::run).

@@ -300,6 +300,17 @@ impl<'f> RunData<'f> {
                     );
                     return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
                 }
+                if let (Hold::Linear, None, Some([from, to])) =
+                    (hold, missing, gap(&self.series.time, &time))
+                {
+                    let fault = format!(
+                        "{}: the column `{}` is empty from {from} to {to} s, and an input is needed all the time; fill it, \
+                         end the run before or begin it after, or write hold = \"zero-order\" where it keeps its last value",
+                        self.line.file.display(),
+                        name.value
+                    );
+                    return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                }
                 Ok(Signal {
                     time,
                     values,
@@ -308,6 +319,28 @@ impl<'f> RunData<'f> {
             }
         }
     }
+}
+
+/// Where a column has no samples for much longer than between most of those that it has: a straight line would be made
+/// up. A column that is recorded less often than others has empty cells, and no such gap.
+fn gap(rows: &[f64], known: &[f64]) -> Option<[f64; 2]> {
+    const MUCH: f64 = 5.0;
+    let (first, last) = (*rows.first()?, *rows.last()?);
+    if rows.len() == known.len() {
+        return None;
+    }
+    let mut steps: Vec<f64> = known.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let usual = *steps.get(steps.len() / 2)?;
+    let ends = [first]
+        .into_iter()
+        .chain(known.iter().copied())
+        .chain([last]);
+    let ends: Vec<f64> = ends.collect();
+    let longest = ends
+        .windows(2)
+        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+    (longest[1] - longest[0] > MUCH * usual).then_some([longest[0], longest[1]])
 }
 
 /// Values at these times; where one is NaN, that on the straight line between its neighbours.
@@ -356,5 +389,28 @@ impl Signal {
         let part = ((time - self.time[from]) / span).clamp(0.0, 1.0);
         // Exact at both ends: a rounding error would be a jump.
         (1.0 - part) * self.values[from] + part * self.values[to]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gap;
+
+    #[test]
+    fn a_gap_is_much_longer_than_what_is_usual() {
+        let rows: Vec<f64> = (0..=300).map(|k| 0.1 * f64::from(k)).collect();
+        let kept = |is_kept: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            (0..=300).filter(|k| is_kept(*k)).map(|k| rows[k]).collect()
+        };
+        // All, every third, and one lost here and there.
+        assert_eq!(gap(&rows, &rows), None);
+        assert_eq!(gap(&rows, &kept(&|k| k % 3 == 0)), None);
+        assert_eq!(gap(&rows, &kept(&|k| k % 50 != 7)), None);
+        assert_eq!(
+            gap(&rows, &kept(&|k| !(100..200).contains(&k))),
+            Some([rows[99], rows[200]])
+        );
+        assert_eq!(gap(&rows, &kept(&|k| k >= 20)), Some([0.0, rows[20]]));
+        assert_eq!(gap(&rows, &kept(&|k| k < 250)), Some([rows[249], 30.0]));
     }
 }

@@ -77,8 +77,15 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
         unknowns,
         factor: posed.factor,
         threshold: Threshold {
-            noise: inference.noise() * posed.factor,
-            root: quantile(LEVEL, degrees.unwrap_or(f64::INFINITY)),
+            // A prior counts against the noise that was stated, and so does its part of the objective.
+            noise: match sure.is_penalised {
+                true => posed.factor,
+                false => inference.noise() * posed.factor,
+            },
+            root: match sure.is_penalised {
+                true => quantile(LEVEL, f64::INFINITY),
+                false => quantile(LEVEL, degrees.unwrap_or(f64::INFINITY)),
+            },
         },
         degrees,
         constraints: posed.names.parameters.clone(),

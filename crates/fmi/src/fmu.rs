@@ -1,6 +1,6 @@
 //! An FMU as a whole: opened, looked into, loaded, instantiated.
 
-use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits};
+use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits, Unpacked};
 use super::binary::{self, BinaryError};
 use super::binding::{Binding, BindingError, Loaded};
 use super::description::FmiVersion;
@@ -12,7 +12,6 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tempfile::TempDir;
 use thiserror::Error;
 
 /// Why an FMU cannot be used.
@@ -201,7 +200,12 @@ impl Fmu {
         for ((_, kinds), entry) in groups.into_iter().zip(entries) {
             let binding = bind(&path, &folder, entry, self.version(), &kinds)?;
             let folder = folder.clone();
-            loaded.push((kinds, Arc::new(Loaded { binding, folder })));
+            let loaded_one = Loaded {
+                binding,
+                folder,
+                fmu: path.clone(),
+            };
+            loaded.push((kinds, Arc::new(loaded_one)));
         }
         match loaded.is_empty() {
             true => Err(FmuError::NoKind { path }),
@@ -244,7 +248,7 @@ impl Fmu {
 /// Looks into an unpacked binary and loads it.
 fn bind(
     path: &Path,
-    folder: &TempDir,
+    folder: &Unpacked,
     entry: String,
     version: FmiVersion,
     kinds: &[InterfaceType],
@@ -261,7 +265,7 @@ fn bind(
         source,
     })?;
     // SAFETY: whoever asks to load an FMU trusts its code; the file's structure was checked.
-    let binding = unsafe { Binding::load(&library, version, kinds) };
+    let binding = unsafe { Binding::load(path, &library, version, kinds) };
     binding.map_err(|source| FmuError::Binding {
         path: path.to_owned(),
         entry,

@@ -45,6 +45,7 @@
 //! | [`instance`] | an instance, safe to call in any order |
 //! | [`memory`] | what FMUs get by callbacks, and whether they give it back |
 //! | [`simulate`] | a model exchange instance, integrated in time |
+//! | [`surroundings`] | what is the whole process's, and no FMU's to change |
 //! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
 //! What FMUs say goes to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, where a call
@@ -62,6 +63,7 @@ pub mod memory;
 mod message;
 pub mod platform;
 pub mod simulate;
+pub mod surroundings;
 mod version;
 
 pub use description::FmiVersion;
@@ -70,4 +72,4 @@ pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, InstanceOptions, Step};
 pub use message::Message;
 pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
-pub use version::{Function, InterfaceType, State};
+pub use version::{Function, InterfaceType, State, call_name};

@@ -68,6 +68,15 @@ impl Function {
         }
     }
 
+    /// A number that no other function has, for [`call_name`].
+    #[inline(always)]
+    pub(crate) const fn number(self) -> u32 {
+        match self {
+            Self::Fmi2(function) => FMI2 + function as u32,
+            Self::Fmi3(function) => FMI3 + function as u32,
+        }
+    }
+
     /// Whether it may be called in `state`.
     #[inline]
     pub fn is_legal_in(self, state: State) -> bool {
@@ -89,6 +98,31 @@ impl Function {
             None => format!("{}, which is no {prefix}Status", status.0),
         }
     }
+}
+
+/// What is going on while a library is loaded: its initialization runs.
+pub(crate) const LOADING: u32 = 1;
+/// What is going on while a library is unloaded: its finalization runs.
+pub(crate) const UNLOADING: u32 = 2;
+const FMI2: u32 = 1000;
+const FMI3: u32 = 2000;
+
+/// What a call is called whose number a process that loads FMUs has [noted](pilotage_process::call).
+pub fn call_name(number: u32) -> &'static str {
+    let name = match number {
+        LOADING => Some("the initialization of its library"),
+        UNLOADING => Some("the finalization of its library"),
+        FMI2..FMI3 => {
+            let function = fmi2::Function::ALL.get((number - FMI2) as usize);
+            function.map(|function| function.name())
+        }
+        FMI3.. => {
+            let function = fmi3::Function::ALL.get((number - FMI3) as usize);
+            function.map(|function| function.name())
+        }
+        _ => None,
+    };
+    name.unwrap_or("a call")
 }
 
 impl From<fmi2::Function> for Function {

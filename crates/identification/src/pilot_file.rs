@@ -588,6 +588,18 @@ mod tests {
             ("[5, inf]", "5", "an array of numbers"),
             ("cr3", "cr4", "known are plain, sidpac, ar, cr3"),
             ("theta1 = {", "theta3 = {", "theta3"),
+            ("sd = 2", "sd = -2", ":8: [uncertainty] sd is -2, below 0"),
+            (
+                "sd = 2",
+                "sd = 3",
+                ":8: [uncertainty] theta1 has sd = 3, and the covariance says 2",
+            ),
+            (
+                "sd = 2",
+                "sd = 2, low = 3, high = 1",
+                ":8: [uncertainty] low is 3, above high = 1",
+            ),
+            ("sd = 2", "sd = 2, foo = 1", "foo"),
         ] {
             let text = THREE.replace(old, new);
             assert_ne!(text, THREE, "{old}");

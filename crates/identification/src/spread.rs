@@ -62,13 +62,18 @@ impl Spread {
             .chain((1..=n).map(|i| format!("theta{i}")))
             .collect();
         table.only(&fields.iter().map(String::as_str).collect::<Vec<_>>())?;
-        let Some(rows) = table.rows("covariance")? else {
-            return Ok(None);
-        };
         let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
             file: table.file().to_owned(),
             line: table.line(field),
             fault: format!("{field} {fault}"),
+        };
+        for i in 1..=n {
+            if let Some(own) = table.table(&format!("theta{i}"))? {
+                check_interval(&own)?;
+            }
+        }
+        let Some(rows) = table.rows("covariance")? else {
+            return Ok(None);
         };
         if rows.len() != n || rows.iter().any(|row| row.len() != n) {
             let found = format!("is not {n} rows of {n} numbers, as [theta] has {n} parameters");
@@ -77,6 +82,19 @@ impl Spread {
         let covariance = DMatrix::from_row_iterator(n, n, rows.into_iter().flatten());
         if let Some(trouble) = trouble(&covariance) {
             return Err(fault("covariance", trouble.to_owned()));
+        }
+        for i in 1..=n {
+            let field = format!("theta{i}");
+            let sd = match table.table(&field)? {
+                Some(own) => own.number("sd")?,
+                None => None,
+            };
+            let expected = covariance[(i - 1, i - 1)].sqrt();
+            let differs = |sd: &f64| sd.is_finite() && (sd - expected).abs() > 1e-6 * expected;
+            if let Some(sd) = sd.filter(differs) {
+                let found = format!("has sd = {sd}, and the covariance says {expected}");
+                return Err(fault(&field, found));
+            }
         }
         let degrees = table.numbers("degrees_of_freedom")?;
         let degrees = table.required("degrees_of_freedom", degrees)?;
@@ -110,6 +128,27 @@ impl Spread {
             "degrees_of_freedom = {}\ncovariance = [                     # of theta1, theta2, ...\n{rows}]\n",
             row(self.degrees.clone())
         )
+    }
+}
+
+/// Refuses an interval `{ sd, low, high }` that is none.
+fn check_interval(table: &TomlTable<'_>) -> Result<(), PilotFileError> {
+    table.only(&["sd", "low", "high"])?;
+    let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
+        file: table.file().to_owned(),
+        line: table.line(field),
+        fault: format!("{field} {fault}"),
+    };
+    let [sd, low, high] = ["sd", "low", "high"].map(|field| table.number(field));
+    let (sd, low, high) = (sd?, low?, high?);
+    if let Some(sd) = sd.filter(|sd| *sd < 0.0) {
+        return Err(fault("sd", format!("is {sd}, below 0")));
+    }
+    match low.zip(high) {
+        Some((low, high)) if low > high => {
+            Err(fault("low", format!("is {low}, above high = {high}")))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -63,6 +63,17 @@ impl Interval {
         };
         let is_low =
             bound.is_some_and(|bound| (bound - range[0]).abs() <= (bound - range[1]).abs());
+        if !value.is_finite() {
+            // What has no value has no deviation.
+            let [low, high] = range;
+            let (sd, class) = (f64::NAN, Class::Flat);
+            return Self {
+                sd,
+                low,
+                high,
+                class,
+            };
+        }
         match (bound.is_some(), is_low) {
             (true, true) => return own(range[0], high, Class::OnBound),
             (true, false) => return own(low, range[1], Class::OnBound),

@@ -1,6 +1,12 @@
 //! Terms of a log likelihood as rows of a least-squares problem.
 
+use std::f64::consts::SQRT_2;
+
 /// Noise of a measured value, by its residual `z = (y - h)/sd`.
+///
+/// The informations of Laplace's, Student's and Huber's are means over the residuals, so that `s² H⁻¹` is the covariance of
+/// an M-estimate (Huber, *Robust Statistics*, 1981, section 7.6, without its factor for few values) whatever scale was
+/// stated: the scale decides, if at all, which estimate is taken, and not how sure it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
     /// Normal noise.
@@ -9,41 +15,86 @@ pub enum Noise {
     Laplace {
         /// Where it is rounded off, in standard deviations.
         smoothing: f64,
+        /// Mean slope of the score, `E ψ'`.
+        of_location: f64,
+        /// The same of the noise level's, `E(z²ψ' + zψ)`.
+        of_level: f64,
     },
     /// Student's t of unit scale.
     Student {
         /// Degrees of freedom.
         dof: f64,
+        /// As above.
+        of_location: f64,
+        /// As above.
+        of_level: f64,
     },
     /// Huber's, whose score is `z` within ± the threshold and the threshold beyond.
     Huber {
         /// In standard deviations.
         threshold: f64,
-        /// Mean slope of the score, `E ψ'`: the part of the residuals within the threshold.
+        /// As above: the part of the residuals within the threshold.
         of_location: f64,
-        /// The same of the noise level's, `E(z²ψ' + zψ)`.
+        /// As above.
         of_level: f64,
     },
 }
 
 impl Noise {
-    /// Huber's, of a signal with these residuals and their weights. The informations are means over the residuals and no
-    /// property of a distribution, so that `s² H⁻¹` is the covariance of Huber (*Robust Statistics*, 1981, section 7.6,
-    /// without its factor for few values).
-    pub fn huber(threshold: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
-        let (mut all, mut location, mut level) = (0.0, 0.0, 0.0);
-        for (z, weight) in residuals {
-            let is_within = z.abs() <= threshold;
-            all += weight;
-            location += if is_within { weight } else { 0.0 };
-            level += weight * z.abs() * if is_within { 2.0 * z.abs() } else { threshold };
-        }
-        Self::Huber {
-            threshold,
-            of_location: location / all,
-            of_level: level / all,
+    /// Laplace's, of a signal with these residuals and their weights. All of its slope is at 0, where few residuals are:
+    /// their density there is that of Laplace's distribution with their mean size.
+    pub fn laplace(smoothing: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
+        let [size] = means(residuals, |z| [z.abs()]);
+        Self::Laplace {
+            smoothing,
+            of_location: SQRT_2 / (size + smoothing),
+            of_level: SQRT_2 * size,
         }
     }
+
+    /// Student's, of a signal with these residuals and their weights.
+    pub fn student(dof: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
+        let [location, level] = means(residuals, |z| {
+            let room = dof + z * z;
+            let slope = (dof + 1.0) * (dof - z * z) / (room * room);
+            [slope, z * z * slope + (dof + 1.0) * z * z / room]
+        });
+        // Of a few wild residuals it may be negative: then Student's own.
+        let or = |mean: f64, own: f64| if mean > 0.05 * own { mean } else { own };
+        Self::Student {
+            dof,
+            of_location: or(location, (dof + 1.0) / (dof + 3.0)),
+            of_level: or(level, 2.0 * dof / (dof + 3.0)),
+        }
+    }
+
+    /// Huber's, of a signal with these residuals and their weights.
+    pub fn huber(threshold: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
+        let [of_location, of_level] = means(residuals, |z| match z.abs() <= threshold {
+            true => [1.0, 2.0 * z * z],
+            false => [0.0, z.abs() * threshold],
+        });
+        Self::Huber {
+            threshold,
+            of_location,
+            of_level,
+        }
+    }
+}
+
+/// Means of some values of weighted residuals.
+fn means<const N: usize>(
+    residuals: impl Iterator<Item = (f64, f64)>,
+    values: impl Fn(f64) -> [f64; N],
+) -> [f64; N] {
+    let (mut sums, mut all) = ([0.0; N], 0.0);
+    for (z, weight) in residuals {
+        all += weight;
+        for (sum, value) in sums.iter_mut().zip(values(z)) {
+            *sum += weight * value;
+        }
+    }
+    sums.map(|sum| sum / all)
 }
 
 /// A measured value as up to two rows: one of its location `h`, one of its noise level `ln sd`.
@@ -69,14 +120,16 @@ impl Row {
     pub fn new(noise: Noise, z: f64, weight: f64) -> Self {
         let (psi, of_location, of_level) = match noise {
             Noise::Normal => (z, 1.0, 2.0),
-            Noise::Laplace { smoothing } => {
-                (std::f64::consts::SQRT_2 * z / z.hypot(smoothing), 2.0, 1.0)
-            }
-            Noise::Student { dof } => (
-                (dof + 1.0) * z / (dof + z * z),
-                (dof + 1.0) / (dof + 3.0),
-                2.0 * dof / (dof + 3.0),
-            ),
+            Noise::Laplace {
+                smoothing,
+                of_location,
+                of_level,
+            } => (SQRT_2 * z / z.hypot(smoothing), of_location, of_level),
+            Noise::Student {
+                dof,
+                of_location,
+                of_level,
+            } => ((dof + 1.0) * z / (dof + z * z), of_location, of_level),
             Noise::Huber {
                 threshold,
                 of_location,
@@ -111,13 +164,15 @@ mod tests {
             let beyond = (z.abs() - 1.345).max(0.0);
             (-0.5 * (z * z - beyond * beyond)).exp() / HUBER_INTEGRAL
         };
-        let values = (-4_000_000..=4_000_000).map(|k| 1e-5 * f64::from(k));
-        let fitted = Noise::huber(1.345, values.map(|z| (z, huber(z))));
+        let values = || (-4_000_000..=4_000_000).map(|k| 1e-5 * f64::from(k));
+        let of_huber = Noise::huber(1.345, values().map(|z| (z, huber(z))));
+        let of_laplace = Noise::laplace(1e-6, values().map(|z| (z, laplace.pdf(z))));
+        let of_student = Noise::student(4.0, values().map(|z| (z, student.pdf(z))));
         let cases: [(Noise, &dyn Fn(f64) -> f64); 4] = [
-            (fitted, &huber),
+            (of_huber, &huber),
             (Noise::Normal, &|z| normal.pdf(z)),
-            (Noise::Laplace { smoothing: 1e-6 }, &|z| laplace.pdf(z)),
-            (Noise::Student { dof: 4.0 }, &|z| student.pdf(z)),
+            (of_laplace, &|z| laplace.pdf(z)),
+            (of_student, &|z| student.pdf(z)),
         ];
         for (noise, density) in cases {
             let mut moments = [0.0; 4];
@@ -135,6 +190,70 @@ mod tests {
             for (moment, expected) in moments.iter().zip([0.0, 1.0, 0.0, 1.0]) {
                 assert!((moment - expected).abs() < 2e-4, "{noise:?}: {moments:?}");
             }
+        }
+    }
+
+    /// Of a mean, whatever scale was stated: the variance that the rows give is that over many samples.
+    #[test]
+    fn a_wrong_scale_makes_no_interval_wrong() {
+        use rand_chacha::ChaCha8Rng;
+        use rand_chacha::rand_core::SeedableRng;
+        use rand_distr::{Distribution, Exp1, StandardUniform, StudentT};
+        type Fitted = fn(&[f64]) -> Noise;
+        let laplace: Fitted = |z| Noise::laplace(1e-3, z.iter().map(|&z| (z, 1.0)));
+        let student: Fitted = |z| Noise::student(4.0, z.iter().map(|&z| (z, 1.0)));
+        for (seed, noise, stated) in [
+            (1, laplace, 0.2),
+            (2, laplace, 1.0),
+            (3, laplace, 20.0),
+            (4, student, 0.2),
+            (5, student, 1.0),
+            (6, student, 5.0),
+        ] {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let is_laplace = seed <= 3;
+            let mut draw = || -> f64 {
+                let sign = if StandardUniform.sample(&mut random) {
+                    1.0
+                } else {
+                    -1.0
+                };
+                let exponential: f64 = Exp1.sample(&mut random);
+                let t: f64 = StudentT::new(4.0).unwrap().sample(&mut random);
+                match is_laplace {
+                    true => sign * exponential / SQRT_2,
+                    false => t,
+                }
+            };
+            const SETS: usize = 600;
+            let (mut squares, mut variances) = (0.0, 0.0);
+            for _ in 0..SETS {
+                let y: Vec<f64> = (0..400).map(|_| draw() / stated).collect();
+                // Scoring with the rows themselves, from the median.
+                let mut sorted = y.clone();
+                sorted.sort_by(f64::total_cmp);
+                let mut mean = 0.5 * (sorted[199] + sorted[200]);
+                let mut variance = 0.0;
+                for _ in 0..if is_laplace { 1 } else { 60 } {
+                    let z: Vec<f64> = y.iter().map(|y| y - mean).collect();
+                    let noise = noise(&z);
+                    let rows: Vec<Row> = z.iter().map(|&z| Row::new(noise, z, 1.0)).collect();
+                    let h: f64 = rows.iter().map(|row| row.location_scale.powi(2)).sum();
+                    let g: f64 = rows
+                        .iter()
+                        .map(|row| row.location_scale * row.location)
+                        .sum();
+                    let s2 = rows.iter().map(|row| row.location.powi(2)).sum::<f64>() / 399.0;
+                    variance = s2 / h;
+                    if !is_laplace {
+                        mean += g / h;
+                    }
+                }
+                squares += mean * mean;
+                variances += variance;
+            }
+            let ratio = (variances / squares).sqrt();
+            assert!((ratio - 1.0).abs() < 0.12, "{seed}: {ratio}");
         }
     }
 }

@@ -110,6 +110,25 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// Whether a figure of some loop has this name.
+    pub fn is_name(name: &str) -> bool {
+        let of_pole = |part: &str| {
+            let number = name
+                .strip_prefix("pole")
+                .and_then(|rest| rest.strip_suffix(part));
+            number.is_some_and(|number| number.parse::<u32>().is_ok())
+        };
+        [
+            "crossover_frequency",
+            "phase_margin",
+            "effective_delay",
+            "gain_margin",
+        ]
+        .contains(&name)
+            || of_pole("_re")
+            || of_pole("_im")
+    }
+
     /// The value of the figure of the same name; not a number where there is none.
     pub fn value_in(&self, others: &[Self]) -> f64 {
         let own = others.iter().find(|other| other.name == self.name);

@@ -14,11 +14,13 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::system::flags::Wiring;
 use super::system::tables::InputTable;
 use super::system::{self, Built};
-use super::{Failure, Outcome, interrupt, terminal};
-use crate::atomic_file::GrowingFile;
+use super::{Failure, Outcome, guard, interrupt, terminal};
+use crate::atomic_file::{self, GrowingFile};
 use crate::cosim::{
-    Clock, CsvRecorder, Ending, MasterError, Selection, System, SystemDescription, Thinned,
+    Clock, Components, CsvRecorder, Ending, MasterError, Selection, System, SystemDescription,
+    Thinned,
 };
+use crate::error_chain::error_chain;
 use clap::Parser;
 use std::ffi::OsString;
 use std::io;
@@ -133,13 +135,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let part = file.part().to_owned();
     let recorder = Thinned::new(CsvRecorder::new(file), selection, every);
     let mut watch = Watch::new(recorder, args.progress, &clock);
-    let run = crate::cosim::run(
+    pilotage_process::record(&format!("{}{}", guard::ROWS, part.display()));
+    let run = crate::cosim::run_open(
         system,
         &clock,
         args.coupling.component_tolerance(),
         coupling,
         &mut watch,
     );
+    // An FMU may have left it.
+    atomic_file::go_back();
     let run = match run {
         Ok(run) => run,
         Err(error) => {
@@ -179,10 +184,29 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(message) = &ending.message {
         terminal::tell(&format!("{}: {message}\n", ending.severity));
     }
-    Ok(match run.ending {
+    let outcome = match run.ending {
         Ending::Completed | Ending::EndRequested { .. } => Outcome::Done,
         Ending::Stopped { .. } | Ending::Discarded { .. } | Ending::Failed { .. } => Outcome::No,
-    })
+    };
+    end(run.components, outcome);
+    Ok(outcome)
+}
+
+/// Terminates and frees the components, now that everything is told: what goes wrong in it costs no more than a warning.
+pub fn end(mut components: Components, outcome: Outcome) {
+    pilotage_process::finished(outcome.code());
+    if let Some(Ending::Failed {
+        instance,
+        stage,
+        source,
+        ..
+    }) = components.terminate()
+    {
+        let why = error_chain(source.as_ref());
+        terminal::tell(&format!(
+            "warning: `{instance}` failed to {stage}, after the run: {why}\n"
+        ));
+    }
 }
 
 fn no_stop() -> Failure {

@@ -4,7 +4,7 @@ pub mod files;
 mod text;
 mod verdict;
 
-use super::cosim::ending;
+use super::cosim::{self, ending};
 use super::made::{made, with_sums};
 use super::number::{number, positive};
 use super::overwrite::{self, OutputKind, Overwrite};
@@ -140,6 +140,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let mut recorder = Thinned::new(SeriesRecorder::default(), None, u64::MAX);
     let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)
         .map_err(|error| system::explain(error, &description))?;
+    // An FMU may have left it.
+    crate::atomic_file::go_back();
     let Some(linearization) = linearization else {
         let ending = ending::Words::of(&run);
         let message = ending.message.unwrap_or_default();
@@ -165,12 +167,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             text::summary(run.time, &coupled, matrices, &views, &linearization)
         }
     })?;
-    Ok(
-        match views.iter().any(|view| view.verdict() == Verdict::Unstable) {
-            true => Outcome::No,
-            false => Outcome::Done,
-        },
-    )
+    let outcome = match views.iter().any(|view| view.verdict() == Verdict::Unstable) {
+        true => Outcome::No,
+        false => Outcome::Done,
+    };
+    cosim::end(run.components, outcome);
+    Ok(outcome)
 }
 
 impl Args {

@@ -3,13 +3,16 @@
 use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, terminal};
+use crate::error_chain::error_chain;
 use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi_check::Finding;
 use crate::fmi_check::behaviour::{self, BehaviourCheck, Told, What};
+use pilotage_process::{Child, Ended};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -23,23 +26,26 @@ pub struct ProbeArgs {
     check: BehaviourCheck,
 }
 
-/// Runs the hidden command: tells each stage before it begins, since a binary may end the process, and
-/// each finding; one JSON object a line.
+/// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding;
+/// one JSON object a line, in memory that no FMU closes or prints into.
 pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
-    let mut broken = None;
-    behaviour::run(&args.fmu, args.check, &mut |told| {
-        let line = match told {
+    let ours = behaviour::run(&args.fmu, args.check, &mut |told| {
+        tell(&match told {
             Told::Stage(stage) => json!({ "stage": stage }),
             Told::Finding(finding) => json!({ "finding": finding_to_json(&finding) }),
-        };
-        // The FMU may have printed, too, without ending its line.
-        if let Err(failure) = terminal::print(&format!("\n{line}\n")) {
-            broken.get_or_insert(failure);
-        }
+        });
     });
-    match broken {
-        Some(failure) => Err(failure),
-        None => Ok(Outcome::Done),
+    if let Err(trouble) = ours {
+        tell(&json!({ "trouble": error_chain(&trouble) }));
+    }
+    Ok(Outcome::Done)
+}
+
+/// Hands a line to whoever watches; by hand, as under a debugger, it is printed.
+fn tell(line: &Value) {
+    match pilotage_process::is_attached() {
+        true => pilotage_process::record(&line.to_string()),
+        false => drop(terminal::print(&format!("{line}\n"))),
     }
 }
 
@@ -99,87 +105,116 @@ fn try_one(
         ))
     };
     let program = std::env::current_exe().map_err(failed)?;
-    let mut child = Command::new(program)
-        .arg("probe")
+    let mut command = Command::new(program);
+    command
+        .args(["probe", "--check", &check.to_string(), "--"])
         .arg(path)
-        .args(["--check", &check.to_string()])
         .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(failed)?;
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
+    let mut child = Child::start(command, true).map_err(failed)?;
     // Read while it runs: a chatty FMU must not fill the pipe and wait.
-    let said = child
-        .stdout
-        .take()
-        .map(|from| thread::spawn(|| lines(from)));
-    let noise = child
-        .stderr
-        .take()
-        .map(|from| thread::spawn(|| lines(from)));
-    let status = wait(&mut child, limit).map_err(failed)?;
-    // A grandchild may keep the pipe open after a kill; then what was said is not waited for.
-    let collect = |thread: Option<thread::JoinHandle<Vec<String>>>| {
-        thread.and_then(|t| t.join().ok()).unwrap_or_default()
-    };
-    let (said, noise) = (collect(said), collect(noise));
+    let noise = child.process().stderr.take().map(Tail::of);
+    let ended = child.wait(Some(limit), AFTERWARDS).map_err(failed)?;
+    let (records, lost) = child.page().records();
     let mut findings = Vec::new();
     let mut stage = "starting".to_owned();
-    for value in said
+    for value in records
         .iter()
         .filter_map(|line| serde_json::from_str::<Value>(line).ok())
     {
         if let Some(text) = value["stage"].as_str() {
             stage = text.to_owned();
         }
+        if let Some(trouble) = value["trouble"].as_str() {
+            return Err(Failure::new(trouble).hint("this is no fault of the FMU"));
+        }
         findings.extend(finding_from_json(&value["finding"]));
     }
-    if let Some(why) = ended_badly(status, &noise, limit) {
-        findings.push(Finding::behaviour(
-            description,
-            check.kind,
-            behaviour::severity_of_crash(&stage),
-            format!("{why} while {stage}"),
-        ));
+    let mut find = |severity, what| {
+        findings.push(Finding::behaviour(description, check.kind, severity, what));
+    };
+    if lost > 0 {
+        find(
+            Severity::Note,
+            format!("there is no room for {lost} more findings of {check}"),
+        );
+    }
+    if let Some(why) = ended_badly(ended, limit, noise) {
+        let severity = behaviour::severity_of_crash(&stage);
+        find(severity, format!("{why} while {stage}"));
     }
     Ok(findings)
 }
 
-fn lines(from: impl Read) -> Vec<String> {
-    BufReader::new(from).lines().map_while(Result::ok).collect()
+/// How long a process may take to end when it has told everything.
+const AFTERWARDS: Duration = Duration::from_secs(2);
+
+/// The last that a process wrote to a pipe.
+struct Tail {
+    last: Arc<Mutex<Vec<u8>>>,
+    reader: thread::JoinHandle<()>,
 }
 
-/// Why the process ended, if it did not end by itself.
-fn ended_badly(status: Option<ExitStatus>, noise: &[String], limit: Duration) -> Option<String> {
-    match status {
-        None => Some(format!(
-            "it did not come back within {} s",
-            limit.as_secs_f64()
-        )),
-        Some(status) if status.success() => None,
-        Some(status) => {
-            let last = noise.iter().rev().find(|line| !line.trim().is_empty());
-            let said = last.map(|line| format!(", saying {line:?},"));
-            Some(format!(
-                "it ended the process ({status}){}",
-                said.unwrap_or_default()
-            ))
+impl Tail {
+    /// So much is kept \[bytes\].
+    const KEPT: usize = 4096;
+
+    fn of(mut from: impl Read + Send + 'static) -> Self {
+        let last = Arc::new(Mutex::new(Vec::new()));
+        let kept = last.clone();
+        let reader = thread::spawn(move || {
+            let mut room = vec![0; 1 << 16];
+            while let Ok(n @ 1..) = from.read(&mut room) {
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                kept.extend_from_slice(&room[..n]);
+                let beyond = kept.len().saturating_sub(Self::KEPT);
+                kept.drain(..beyond);
+            }
+        });
+        Self { last, reader }
+    }
+
+    /// The last line that is not empty. A process that was not in the group may keep the pipe open: it is not waited
+    /// for long.
+    fn line(self) -> Option<String> {
+        let begun = Instant::now();
+        while !self.reader.is_finished() && begun.elapsed() < Duration::from_millis(200) {
+            thread::sleep(Duration::from_millis(1));
         }
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(&last);
+        let mut lines = text.lines().rev().filter(|line| !line.trim().is_empty());
+        lines.next().map(str::to_owned)
     }
 }
 
-/// Waits for a process; kills it if it takes too long, and then gives no status.
-fn wait(child: &mut Child, limit: Duration) -> std::io::Result<Option<ExitStatus>> {
-    let started = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait()? {
-            return Ok(Some(status));
-        }
-        if started.elapsed() > limit {
-            child.kill()?;
-            child.wait()?;
-            return Ok(None);
-        }
-        thread::sleep(Duration::from_millis(2));
+/// Why the process ended, if it did not end by itself.
+fn ended_badly(ended: Ended, limit: Duration, noise: Option<Tail>) -> Option<String> {
+    let early = |status: ExitStatus| {
+        let said = noise.and_then(Tail::line);
+        let said = said.map(|line| format!(", saying {line:?},"));
+        format!(
+            "it ended the process ({status}){}",
+            said.unwrap_or_default()
+        )
+    };
+    match ended {
+        Ended::Late => Some(format!(
+            "it did not come back within {} s",
+            limit.as_secs_f64()
+        )),
+        Ended::Early(status) => Some(early(status)),
+        Ended::Done { badly: None, .. } => None,
+        Ended::Done {
+            badly: Some(Some(status)),
+            ..
+        } => Some(format!("{} after everything was done,", early(status))),
+        Ended::Done {
+            badly: Some(None), ..
+        } => Some(format!(
+            "it kept the process from ending for {} s",
+            AFTERWARDS.as_secs()
+        )),
     }
 }

@@ -131,6 +131,54 @@ binaries! {
         ["-Clink-arg=-nostdlib", "--cfg", "unresolved", "-Crelro-level=off"];
 }
 
+/// The binary of `hostile.c`. What links Rust's programs also compiles C.
+#[cfg(target_os = "linux")]
+fn hostile_binary() -> &'static [u8] {
+    static BINARY: OnceLock<Vec<u8>> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        let library = folder.path().join("library");
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/foreign/hostile.c");
+        let done = Command::new("cc")
+            .args(["-shared", "-fPIC", "-O1", "-w", "-fvisibility=hidden", "-o"])
+            .arg(&library)
+            .arg(source)
+            .args(["-lm", "-lpthread", "-ldl"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{said}");
+        std::fs::read(library).unwrap()
+    })
+}
+
+/// The FMU of `hostile.c` that does that: `ACT@FUNCTION`.
+#[cfg(target_os = "linux")]
+pub fn hostile(act: &str) -> Vec<u8> {
+    let variable = |name: &str, reference: u32, causality: &str, start: &str| {
+        format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" causality=\"{causality}\"{start}</Real></ScalarVariable>"
+        )
+    };
+    let u = variable("u", 0, "input", "><Real start=\"0\">");
+    let x = variable("x", 1, "output", " initial=\"exact\"><Real start=\"1\">");
+    let description = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+<fmiModelDescription fmiVersion=\"2.0\" modelName=\"hostile\" guid=\"{act}\">
+<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\"/>
+<LogCategories><Category name=\"logStatusWarning\"/></LogCategories>
+<DefaultExperiment startTime=\"0\" stopTime=\"1\" stepSize=\"0.1\"/>
+<ModelVariables>{u}{x}</ModelVariables>
+<ModelStructure><Outputs><Unknown index=\"2\" dependencies=\"\"/></Outputs></ModelStructure>
+</fmiModelDescription>"
+    );
+    archive(&[
+        ("modelDescription.xml", description.as_bytes()),
+        (&binary_entry(), hostile_binary()),
+        ("resources/act", act.as_bytes()),
+    ])
+}
+
 /// A zip archive of these files.
 pub fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));

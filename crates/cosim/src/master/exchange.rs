@@ -176,25 +176,6 @@ impl Exchange {
         });
         self.history.push(time, points);
     }
-
-    /// Terminates the components that still can be, and says how the run ended at `time`.
-    pub(super) fn end(&mut self, stopped: Option<Ending>, time: f64) -> Ending {
-        let culprit = match &stopped {
-            Some(Ending::Discarded { instance, .. } | Ending::Failed { instance, .. }) => instance,
-            _ => "",
-        };
-        let mut failure = None;
-        for wired in self.wired.iter_mut().filter(|w| w.name != culprit) {
-            if let Err(source) = wired.component.terminate() {
-                failure.get_or_insert(wired.failure(Stage::Terminate, source));
-            }
-        }
-        match (stopped, failure) {
-            (Some(ending), _) => ending,
-            (None, Some(failure)) => failure.at(time),
-            (None, None) => Ending::Completed,
-        }
-    }
 }
 
 /// Lets all components step at the same time. Of several failures the first component's is told, whichever came first.

@@ -21,6 +21,7 @@ use self::exchange::Exchange;
 use self::initialize::initialize;
 use self::stepper::Stepper;
 use self::summary::Wires;
+use self::wired::Wired;
 use super::algorithms::{Algorithm, Control, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
 use super::clock::Clock;
 use super::component::{Component, ComponentError, Experiment};
@@ -211,6 +212,47 @@ pub struct Run {
     pub unrecorded: Vec<String>,
     /// What was done, and how far the coupling is to be trusted.
     pub report: Report,
+    /// The components, still alive.
+    pub components: Components,
+}
+
+/// The components of a run. They are terminated when this goes, or [before](Self::terminate): when the results are safe,
+/// since code of strangers may crash even then.
+pub struct Components {
+    wired: Vec<Wired>,
+    /// Where they stand \[s\].
+    time: f64,
+    /// Who failed and is not called any more.
+    culprit: Option<String>,
+}
+
+impl Components {
+    /// Terminates those that still can be. The first that fails is told.
+    pub fn terminate(&mut self) -> Option<Ending> {
+        let mut failed = None;
+        for mut wired in self.wired.drain(..) {
+            if self.culprit.as_ref() != Some(&wired.name)
+                && let Err(source) = wired.component.terminate()
+            {
+                let failure = wired.failure(Stage::Terminate, source);
+                failed.get_or_insert(failure.at(self.time));
+            }
+        }
+        failed
+    }
+}
+
+impl Drop for Components {
+    fn drop(&mut self) {
+        self.terminate();
+    }
+}
+
+impl std::fmt::Debug for Components {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names = self.wired.iter().map(|wired| &wired.name);
+        f.debug_list().entries(names).finish()
+    }
 }
 
 /// Steps a system from the clock's start to its stop, recording every output at each of the clock's
@@ -226,7 +268,33 @@ pub fn run(
     coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
+    let mut run = run_open(system, clock, tolerance, coupling, recorder)?;
+    run.terminate();
+    Ok(run)
+}
+
+/// As [`run`], but the components are not terminated: [`Run::terminate`] does that when the results are safe.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_open(
+    system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    coupling: impl Into<Coupling>,
+    recorder: &mut dyn Recorder,
+) -> Result<Run, MasterError> {
     run_and_look(system, clock, tolerance, coupling.into(), recorder, None)
+}
+
+impl Run {
+    /// Terminates and frees the components. If one of a run that was completed fails at that, the run has failed.
+    pub fn terminate(&mut self) {
+        let failed = self.components.terminate();
+        if let (Ending::Completed, Some(failed)) = (&self.ending, failed) {
+            self.ending = failed;
+        }
+    }
 }
 
 /// What looks at a component at the end of a run.
@@ -275,14 +343,27 @@ pub(super) fn run_and_look(
     if let (None, Some(look)) = (&stop, look) {
         stop = (stepper.exchange.look(look).err()).map(|failure| failure.at(time));
     }
-    let ending = stepper.exchange.end(stop, time);
+    let ending = stop.unwrap_or(Ending::Completed);
+    let culprit = match &ending {
+        Ending::Discarded { instance, .. } | Ending::Failed { instance, .. } => {
+            Some(instance.clone())
+        }
+        _ => None,
+    };
     let name = |&i: &usize| stepper.exchange.wired[i].name.clone();
+    let order = stepper.order().iter().map(name).collect();
+    let report = wires.report(&stepper, &coupling, steps, time - clock.start());
     Ok(Run {
         ending,
         steps,
         time: last_row,
-        order: stepper.order().iter().map(name).collect(),
-        report: wires.report(&stepper, &coupling, steps, time - clock.start()),
+        order,
+        report,
+        components: Components {
+            wired: stepper.exchange.wired,
+            time,
+            culprit,
+        },
         signals: stepper.exchange.signals,
         unrecorded: stepper.exchange.unrecorded,
     })

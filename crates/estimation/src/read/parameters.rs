@@ -5,6 +5,7 @@ use super::{Entry, Read, Reader};
 use crate::file::{Initial, Per, Prior, Sought};
 use pilotage_cosim::description::Said;
 use pilotage_language::file::Formula;
+use pilotage_linear::Figure;
 use pilotage_text::document::TomlTable;
 use pilotage_text::is_identifier;
 
@@ -27,6 +28,12 @@ impl Reader<'_> {
             if !is_identifier(field) || ["time", "pi", "y"].contains(&field) {
                 let fault =
                     format!("`{field}` cannot be a name; take another of letters, digits and _");
+                return Err(at(table, field, fault));
+            }
+            if Figure::is_name(field) {
+                let fault = format!(
+                    "`{field}` is what the figure of the loop itself is called; take another name"
+                );
                 return Err(at(table, field, fault));
             }
             let formula = self.formula(table, field)?;

@@ -146,20 +146,20 @@ fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f
     runs.map(|j| problem.outputs_at_samples(z, j)).collect()
 }
 
-/// The noise of each term; Huber's by the residuals of all runs.
+/// The noise of each term, by the residuals of all runs.
 fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
     let terms = posed.runs.first().map_or(0, |run| run.measured.len());
-    let noise = |term: usize| match posed.runs[0].measured[term].loss {
-        Loss::Square | Loss::Linear => Noise::Normal,
-        Loss::Student { dof } => Noise::Student { dof },
-        Loss::Absolute { smoothing } => Noise::Laplace { smoothing },
-        Loss::Huber { threshold } => {
-            let runs = posed.runs.iter().zip(outputs);
-            let residuals = runs.flat_map(|(run, outputs)| {
-                let own = &run.measured[term];
-                there(own, &outputs[term]).map(|(_, z)| (z, own.weight))
-            });
-            Noise::huber(threshold, residuals)
+    let noise = |term: usize| {
+        let runs = posed.runs.iter().zip(outputs);
+        let residuals = runs.flat_map(|(run, outputs)| {
+            let own = &run.measured[term];
+            there(own, &outputs[term]).map(|(_, z)| (z, own.weight))
+        });
+        match posed.runs[0].measured[term].loss {
+            Loss::Square | Loss::Linear => Noise::Normal,
+            Loss::Student { dof } => Noise::student(dof, residuals),
+            Loss::Absolute { smoothing } => Noise::laplace(smoothing, residuals),
+            Loss::Huber { threshold } => Noise::huber(threshold, residuals),
         }
     };
     (0..terms).map(noise).collect()

@@ -100,6 +100,14 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
                 .to_owned(),
         );
     }
+    for found in &fit.derived {
+        if let Some((_, value)) = found.values.iter().find(|(_, value)| !value.is_finite()) {
+            notes.push(format!(
+                "`{}` is {value} at the solution: it has no interval",
+                found.name
+            ));
+        }
+    }
     let deviations = own.covariance.deviations();
     for (k, error) in own.mesh_errors.iter().flatten().enumerate() {
         if *error > deviations[k] && deviations[k] > 0.0 && fit.chi2 > fit.resolution {
@@ -114,6 +122,16 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     }
     if own.is_penalised {
         notes.push("priors are part of the fit: intervals are penalised".to_owned());
+        // Of `own.noise` residuals are as large as stated; a sought level has 1.
+        let squared = own.noise * own.noise;
+        if fit.chi2 > fit.resolution && !(0.25..=4.0).contains(&squared) {
+            notes.push(format!(
+                "the residuals are {:.2} times the stated sd, against which priors count: they are weighed {} in the fit and in \
+                 profiles; state the sd of the noise, or seek it as a parameter (sd = \"noise\")",
+                own.noise,
+                if squared < 1.0 { "too much" } else { "too little" }
+            ));
+        }
     }
     notes
 }

@@ -11,10 +11,12 @@ mod subject;
 mod values;
 
 use super::Finding;
+use pilotage_fmi::archive::ArchiveError;
 use pilotage_fmi::binding::{BindingError, Missing};
 use pilotage_fmi::description::{ModelDescription, Severity};
 use pilotage_fmi::fmu::Library;
 use pilotage_fmi::memory::{self, Watch};
+use pilotage_fmi::surroundings::Surroundings;
 use pilotage_fmi::{CallError, Fmu, FmuError, InterfaceType, take_stray_messages};
 use pilotage_text::error_chain::error_chain;
 use std::collections::BTreeSet;
@@ -229,7 +231,10 @@ impl From<FmuError> for Stop {
 }
 
 /// Runs a check. The FMU's code runs in this process, and may end it.
-pub fn run(path: &Path, check: BehaviourCheck, tell: &mut dyn FnMut(Told)) {
+///
+/// # Errors
+/// What is our own trouble and no fault of the FMU: it cannot be unpacked here.
+pub fn run(path: &Path, check: BehaviourCheck, tell: &mut dyn FnMut(Told)) -> Result<(), FmuError> {
     let mut teller = Teller {
         tell,
         stage: String::new(),
@@ -240,8 +245,15 @@ pub fn run(path: &Path, check: BehaviourCheck, tell: &mut dyn FnMut(Told)) {
         let why = match &stop {
             Stop::Call(error) => error_chain(error),
             Stop::Fmu(error) => error_chain(error),
-            Stop::Told => return,
+            Stop::Told => return Ok(()),
         };
+        if let Stop::Fmu(
+            error @ (FmuError::Read { .. }
+            | FmuError::Archive(ArchiveError::Write { .. } | ArchiveError::Open { .. })),
+        ) = stop
+        {
+            return Err(error);
+        }
         let severity = match &stop {
             Stop::Fmu(error) if teller.is_no_fault(error) => Severity::Note,
             _ => Severity::Error,
@@ -249,6 +261,7 @@ pub fn run(path: &Path, check: BehaviourCheck, tell: &mut dyn FnMut(Told)) {
         let what = format!("while {}: {why}", teller.stage);
         teller.find(what, severity, None);
     }
+    Ok(())
 }
 
 /// Tells stages and findings of one check.
@@ -266,6 +279,7 @@ impl Teller<'_> {
         let mut fmu = Fmu::open(path)?;
         self.description = fmu.description().clone();
         self.stage("loading");
+        let before = Surroundings::look();
         let library = fmu.load()?;
         let unresolved = library.bindings().find_map(|binding| binding.unresolved());
         if let Some(unresolved) = unresolved.filter(|_| check.what == What::Load) {
@@ -273,16 +287,26 @@ impl Teller<'_> {
                 "a symbol is missing, calling it would end the process: {unresolved}"
             ));
         }
+        let done = self.run_check(check, &library);
+        for what in before.changed() {
+            self.warn(format!(
+                "it changes {what}, which is the whole process's and not its own"
+            ));
+        }
+        done
+    }
+
+    fn run_check(&mut self, check: BehaviourCheck, library: &Library) -> Result<(), Stop> {
         match check.what {
             What::Load => Ok(()),
-            What::Guid => self.guid(&library),
-            What::Simulate => self.simulate(&library),
-            What::Reset => self.reset(&library),
-            What::State => self.state(&library),
-            What::Instances => self.instances(&library),
-            What::Steps => self.steps(&library),
-            What::Derivatives => self.derivatives(&library),
-            What::Clocks => self.clocks(&library),
+            What::Guid => self.guid(library),
+            What::Simulate => self.simulate(library),
+            What::Reset => self.reset(library),
+            What::State => self.state(library),
+            What::Instances => self.instances(library),
+            What::Steps => self.steps(library),
+            What::Derivatives => self.derivatives(library),
+            What::Clocks => self.clocks(library),
         }
     }
 

@@ -12,10 +12,10 @@ pub use entries::{NameFault, name_fault, plain_name};
 pub use error::ArchiveError;
 
 use self::entries::{Entry, check_local_names, first_duplicate, list_entries, plain};
+use pilotage_process::Folder;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 use zip::ZipArchive;
 
 /// Name of the description in the archive.
@@ -146,15 +146,12 @@ impl Archive {
     ///
     /// # Errors
     /// If an entry is damaged, or the folder cannot be written.
-    pub fn unpack(&mut self) -> Result<TempDir, ArchiveError> {
+    pub fn unpack(&mut self) -> Result<Unpacked, ArchiveError> {
         let write_error = |path: &Path| {
             let path = path.to_owned();
             move |source| ArchiveError::Write { path, source }
         };
-        let folder = tempfile::Builder::new()
-            .prefix("pilotage-fmu-")
-            .tempdir()
-            .map_err(write_error(&std::env::temp_dir()))?;
+        let folder = Unpacked::create().map_err(write_error(&std::env::temp_dir()))?;
         for index in 0..self.entries.len() {
             let entry = &self.entries[index];
             let target = folder.path().join(&entry.name);
@@ -202,6 +199,30 @@ impl Archive {
             });
         }
         Ok(())
+    }
+}
+
+/// A temporary folder with an unpacked FMU.
+#[derive(Debug)]
+pub struct Unpacked {
+    _folder: Folder,
+    path: PathBuf,
+}
+
+impl Unpacked {
+    fn create() -> io::Result<Self> {
+        let folder = Folder::create()?;
+        let path = folder.path().join("fmu");
+        fs::create_dir(&path)?;
+        Ok(Self {
+            _folder: folder,
+            path,
+        })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 }
 

@@ -7,15 +7,17 @@ mod open;
 
 pub use missing::Missing;
 
+use crate::archive::Unpacked;
 use crate::description::FmiVersion;
-use crate::version::InterfaceType;
+use crate::surroundings;
+use crate::version::{InterfaceType, LOADING, UNLOADING};
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
 use pilotage_text::error_chain::error_chain;
 use std::ffi::{CStr, c_char};
+use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tempfile::TempDir;
 use thiserror::Error;
 
 /// Why a library cannot be used, though its headers are good.
@@ -106,8 +108,19 @@ pub struct Binding {
     /// Whether some symbol that the library needs could not be found when it was loaded.
     unresolved: Option<String>,
     path: PathBuf,
+    /// By which whoever watches this process knows it.
+    place: u32,
     /// Kept last, so that it is unloaded after all else is gone.
-    library: Library,
+    library: ManuallyDrop<Library>,
+}
+
+impl Drop for Binding {
+    fn drop(&mut self) {
+        // SAFETY: it is not used again.
+        let unload = || unsafe { ManuallyDrop::drop(&mut self.library) };
+        pilotage_process::call(self.place, UNLOADING, unload);
+        surroundings::keep();
+    }
 }
 
 /// A library in use and the folder that it was unpacked into.
@@ -115,7 +128,9 @@ pub struct Binding {
 pub(super) struct Loaded {
     // Unloaded before its folder goes: fields drop in this order.
     pub(super) binding: Binding,
-    pub(super) folder: Arc<TempDir>,
+    pub(super) folder: Arc<Unpacked>,
+    /// The file.
+    pub(super) fmu: PathBuf,
 }
 
 /// Looks a function up.
@@ -128,7 +143,7 @@ unsafe fn symbol<T: Copy>(library: &Library, name: &CStr) -> Option<T> {
 }
 
 impl Binding {
-    /// Loads a library that is for these kinds of instances, and looks its functions up.
+    /// Loads a library of an FMU that is for these kinds of instances, and looks its functions up.
     ///
     /// # Errors
     /// If it cannot be loaded, lacks a function that is always needed, or is of another version.
@@ -137,12 +152,16 @@ impl Binding {
     /// The library's initialization runs, and its code will run in this process; whoever calls this
     /// trusts it. [`binary::check`](super::binary::check) tells damaged files first.
     pub(crate) unsafe fn load(
+        fmu: &Path,
         path: &Path,
         version: FmiVersion,
         kinds: &[InterfaceType],
     ) -> Result<Self, BindingError> {
+        let place = pilotage_process::place(&fmu.display().to_string());
         // SAFETY: handed on to the caller.
-        let (library, unresolved) = unsafe { open::open(path) }.map_err(BindingError::of_loader)?;
+        let load = || unsafe { open::open(path) };
+        let loaded = surroundings::kept(|| pilotage_process::call(place, LOADING, load));
+        let (library, unresolved) = loaded.map_err(BindingError::of_loader)?;
         let functions = match version {
             FmiVersion::V2 => Functions::Fmi2(fmi2::Functions::of(&library)),
             FmiVersion::V3 => Functions::Fmi3(fmi3::Functions::of(&library)),
@@ -152,7 +171,8 @@ impl Binding {
             kinds: kinds.to_owned(),
             unresolved,
             path: path.to_owned(),
-            library,
+            place,
+            library: ManuallyDrop::new(library),
         };
         let mut needed = binding.needed().into_iter();
         if let Some(symbol) = needed.find(|&name| !binding.has(name)) {
@@ -297,9 +317,24 @@ pub(super) unsafe fn owned(text: *const c_char) -> Option<String> {
         return None;
     }
     // SAFETY: not NULL, and the caller vouches for the rest.
-    Some(
-        unsafe { CStr::from_ptr(text) }
-            .to_string_lossy()
-            .into_owned(),
-    )
+    let bytes = unsafe { CStr::from_ptr(text) }.to_bytes();
+    Some(String::from_utf8_lossy(bytes).into_owned())
+}
+
+/// As [`owned`], but no more than anybody would read of a message: an FMU may log hundreds of megabytes.
+///
+/// # Safety
+/// As there.
+pub(super) unsafe fn owned_message(text: *const c_char) -> Option<String> {
+    const LONGEST: usize = 1 << 16;
+    if text.is_null() {
+        return None;
+    }
+    // SAFETY: as there.
+    let bytes = unsafe { CStr::from_ptr(text) }.to_bytes();
+    let mut shown = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]).into_owned();
+    if bytes.len() > LONGEST {
+        shown += &format!(" ... ({} bytes in all)", bytes.len());
+    }
+    Some(shown)
 }

@@ -1,8 +1,8 @@
 //! One call into an FMU: allowed or not, there or not, and what its status means.
 
 use super::{CallError, Instance};
-use crate::Message;
 use crate::version::{Function, State};
+use crate::{Message, surroundings};
 use pilotage_abi::{fmi2, fmi3};
 
 /// Calls the function that the FMU's version has for this, if the instance's state allows it; an error if
@@ -15,13 +15,13 @@ macro_rules! call {
             $crate::binding::Functions::Fmi2(f) => {
                 let function = $crate::Function::Fmi2(pilotage_abi::fmi2::Function::$F2);
                 let call = $self.ready(function, f.$f2)?;
-                let status = call($self.component $(, $a2)*);
+                let status = $self.during(function, || call($self.component $(, $a2)*));
                 $self.check(function, status)
             }
             $crate::binding::Functions::Fmi3(f) => {
                 let function = $crate::Function::Fmi3(pilotage_abi::fmi3::Function::$F3);
                 let call = $self.ready(function, f.$f3)?;
-                let status = call($self.component $(, $a3)*);
+                let status = $self.during(function, || call($self.component $(, $a3)*));
                 $self.check(function, pilotage_abi::fmi2::Status(status.0))
             }
         }
@@ -31,7 +31,7 @@ macro_rules! call {
             $crate::binding::Functions::Fmi2(f) => {
                 let function = $crate::Function::Fmi2(pilotage_abi::fmi2::Function::$F2);
                 let call = $self.ready(function, f.$f2)?;
-                let status = call($self.component $(, $a2)*);
+                let status = $self.during(function, || call($self.component $(, $a2)*));
                 $self.check(function, status)
             }
             $crate::binding::Functions::Fmi3(_) => Err($crate::CallError::OtherVersion {
@@ -49,7 +49,7 @@ macro_rules! call {
             $crate::binding::Functions::Fmi3(f) => {
                 let function = $crate::Function::Fmi3(pilotage_abi::fmi3::Function::$F3);
                 let call = $self.ready(function, f.$f3)?;
-                let status = call($self.component $(, $a3)*);
+                let status = $self.during(function, || call($self.component $(, $a3)*));
                 $self.check(function, pilotage_abi::fmi2::Status(status.0))
             }
         }
@@ -66,6 +66,14 @@ impl Instance {
             return Err(CallError::NotAllowed { function, state });
         }
         pointer.ok_or(CallError::MissingFunction { function })
+    }
+
+    /// Calls, and notes for whoever watches this process that it does; afterwards numbers are rounded as before.
+    #[inline(always)]
+    pub(super) fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
+        let done = pilotage_process::call(self.place, function.number(), call);
+        surroundings::keep();
+        done
     }
 
     /// Turns a returned status into a result and, if it is bad, into a state.

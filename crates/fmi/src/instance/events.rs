@@ -159,6 +159,7 @@ impl Instance {
 
     /// `fmi2SetTime`, `fmi3SetTime` \[s\].
     pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
+        pilotage_process::at(self.place, time);
         // SAFETY: as above.
         unsafe { call!(self, fmi2 SetTime.set_time(time), fmi3 SetTime.set_time(time)) }
     }

@@ -51,6 +51,8 @@ use std::sync::Arc;
 pub struct Instance {
     loaded: Arc<Loaded>,
     component: *mut c_void,
+    /// By which whoever watches this process knows it.
+    place: u32,
     /// The FMU may keep the address until it is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
     /// Freed after the FMU's instance, which may keep addresses that it should not.
@@ -241,12 +243,14 @@ impl Drop for Instance {
         unsafe {
             match &self.loaded.binding.functions {
                 Functions::Fmi2(f) => {
-                    let free = self.ready(fmi2::Function::FreeInstance.into(), f.free_instance);
-                    let _ = free.map(|free| free(self.component));
+                    let function = fmi2::Function::FreeInstance.into();
+                    let free = self.ready(function, f.free_instance);
+                    let _ = free.map(|free| self.during(function, || free(self.component)));
                 }
                 Functions::Fmi3(f) => {
-                    let free = self.ready(fmi3::Function::FreeInstance.into(), f.free_instance);
-                    let _ = free.map(|free| free(self.component));
+                    let function = fmi3::Function::FreeInstance.into();
+                    let free = self.ready(function, f.free_instance);
+                    let _ = free.map(|free| self.during(function, || free(self.component)));
                 }
             }
         }

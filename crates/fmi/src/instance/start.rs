@@ -6,6 +6,7 @@ use crate::description::ModelDescription;
 use crate::environment::{self, IntermediateUpdate, Registered};
 use crate::logger;
 use crate::memory::{self, PoisonedTexts};
+use crate::surroundings;
 use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
@@ -93,11 +94,13 @@ impl Instance {
         kind: InterfaceType,
         options: InstanceOptions,
     ) -> Result<Self, CallError> {
+        let place = pilotage_process::place(&format!("`{name}` of {}", loaded.fmu.display()));
         let facts = Facts::of(description, kind).ok_or(CallError::OtherKind { kind })?;
         let environment = Registered::new(name, loaded.clone(), options.intermediate_update);
         let run = (options.event_mode_used, options.early_return_allowed);
         let start = Start {
             loaded: &loaded,
+            place,
             environment: environment.pointer(),
             name,
             token: &description.guid,
@@ -127,6 +130,7 @@ impl Instance {
         let mut instance = Self {
             loaded,
             component: made,
+            place,
             _callbacks: callbacks,
             _texts: texts,
             environment,
@@ -167,6 +171,7 @@ impl Instance {
 /// What both versions need to make an instance.
 struct Start<'a> {
     loaded: &'a Loaded,
+    place: u32,
     environment: *mut c_void,
     name: &'a str,
     token: &'a str,
@@ -175,6 +180,11 @@ struct Start<'a> {
 }
 
 impl Start<'_> {
+    fn during<T>(&self, function: Function, make: impl FnOnce() -> T) -> T {
+        let number = function.number();
+        surroundings::kept(|| pilotage_process::call(self.place, number, make))
+    }
+
     /// `fmi2Instantiate`, with all callbacks: some FMUs crash where the memory callbacks are NULL.
     fn fmi2(
         &self,
@@ -199,7 +209,7 @@ impl Start<'_> {
         let visible = if self.visible { TRUE } else { FALSE };
         // SAFETY: all strings end with a NUL and live until the call returns; the callbacks live
         // as long as the instance.
-        let made = unsafe {
+        let make = || unsafe {
             instantiate(
                 name.as_ptr(),
                 kind,
@@ -210,6 +220,7 @@ impl Start<'_> {
                 TRUE,
             )
         };
+        let made = self.during(function, make);
         Ok((made, callbacks, PoisonedTexts::new([name, guid, resources])))
     }
 
@@ -238,7 +249,8 @@ impl Start<'_> {
                     let function = F::InstantiateModelExchange;
                     let call = f.instantiate_model_exchange;
                     let call = call.ok_or(missing(function))?;
-                    let made = call(name, token, resources, visible, true, environment, log);
+                    let make = || call(name, token, resources, visible, true, environment, log);
+                    let made = self.during(Function::Fmi3(function), make);
                     (made, function)
                 }
                 InterfaceType::CoSimulation => {
@@ -248,20 +260,23 @@ impl Start<'_> {
                     let update = Some(environment::intermediate_update());
                     let (events, early) = run;
                     let (list, len) = (variables.as_ptr(), variables.len());
-                    let made = call(
-                        name,
-                        token,
-                        resources,
-                        visible,
-                        true,
-                        events,
-                        early,
-                        list,
-                        len,
-                        environment,
-                        log,
-                        update,
-                    );
+                    let make = || {
+                        call(
+                            name,
+                            token,
+                            resources,
+                            visible,
+                            true,
+                            events,
+                            early,
+                            list,
+                            len,
+                            environment,
+                            log,
+                            update,
+                        )
+                    };
+                    let made = self.during(Function::Fmi3(function), make);
                     (made, function)
                 }
                 InterfaceType::ScheduledExecution => {
@@ -270,18 +285,21 @@ impl Start<'_> {
                     let call = call.ok_or(missing(function))?;
                     let update = Some(environment::clock_update as _);
                     let lock = Some(environment::no_preemption as _);
-                    let made = call(
-                        name,
-                        token,
-                        resources,
-                        visible,
-                        true,
-                        environment,
-                        log,
-                        update,
-                        lock,
-                        lock,
-                    );
+                    let make = || {
+                        call(
+                            name,
+                            token,
+                            resources,
+                            visible,
+                            true,
+                            environment,
+                            log,
+                            update,
+                            lock,
+                            lock,
+                        )
+                    };
+                    let made = self.during(Function::Fmi3(function), make);
                     (made, function)
                 }
             }

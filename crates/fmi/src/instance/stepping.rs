@@ -79,12 +79,15 @@ impl Instance {
 
     #[inline(always)]
     fn step(&mut self, t: f64, h: f64, is_final: bool) -> Result<Option<Step>, CallError> {
+        pilotage_process::at(self.place, t);
         match &self.loaded.binding.functions {
             Functions::Fmi2(f) => {
-                let call = self.ready(fmi2::Function::DoStep.into(), f.do_step)?;
+                let function = fmi2::Function::DoStep.into();
+                let call = self.ready(function, f.do_step)?;
                 let no_set_state_prior = if is_final { TRUE } else { FALSE };
                 // SAFETY: the instance is alive and in a state that allows the call.
-                match unsafe { call(self.component, t, h, no_set_state_prior) } {
+                let step = || unsafe { call(self.component, t, h, no_set_state_prior) };
+                match self.during(function, step) {
                     Status::OK => Ok(Some(Step::Done)),
                     status => self.not_done(status),
                 }

@@ -5,7 +5,7 @@
 //! System V calling convention (Linux, macOS) an assembly entry makes a `va_list` of the registers and
 //! the C library formats; elsewhere the format is shown as it came, with the values left out.
 
-use crate::binding::owned;
+use crate::binding::owned_message;
 use crate::environment;
 use crate::message::Message;
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
@@ -29,8 +29,12 @@ unsafe extern "C" fn receive(
 ) {
     // SAFETY: handed on from the caller.
     let (instance_name, category, text) = unsafe {
-        let category = owned(category).unwrap_or_default();
-        (owned(instance_name), category, expand(format, values))
+        let category = owned_message(category).unwrap_or_default();
+        (
+            owned_message(instance_name),
+            category,
+            expand(format, values),
+        )
     };
     let message = Message::new(status, instance_name, category, &text);
     environment::deliver(environment, message);
@@ -92,16 +96,16 @@ mod sys_v {
 
     /// The format with its values.
     ///
-    /// `%n`, which writes to memory, is not expanded: the format is shown as it is.
+    /// What writes to memory, or more than anybody reads, is not expanded: the format is shown as it is.
     ///
     /// # Safety
     /// `format` is NULL or ends with a NUL; `values` fits it.
     pub(super) unsafe fn expand(format: *const Char, values: *mut c_void) -> String {
         // SAFETY: handed on from the caller.
-        let Some(raw) = (unsafe { owned(format) }) else {
+        let Some(raw) = (unsafe { owned_message(format) }) else {
             return String::new();
         };
-        if !raw.contains('%') || writes_to_memory(&raw) {
+        if !raw.contains('%') || !is_harmless(&raw) {
             return raw;
         }
         let mut text = vec![0u8; LONGEST];
@@ -116,31 +120,58 @@ mod sys_v {
         }
     }
 
-    /// Whether a format has a conversion `n`.
-    fn writes_to_memory(format: &str) -> bool {
+    /// Whether a format has no conversion `n`, and none whose width or precision may be longer than what is kept: the C
+    /// library would fill a width of 2147483647 for seconds.
+    fn is_harmless(format: &str) -> bool {
         let mut rest = format;
         while let Some((_, conversion)) = rest.split_once('%') {
             let is_modifier = |c: char| "#0- +'I*.$hlqjzt".contains(c) || c.is_ascii_digit();
             let kind = conversion.trim_start_matches(is_modifier);
-            if kind.starts_with('n') {
-                return true;
+            let modifiers = &conversion[..conversion.len() - kind.len()];
+            let mut numbers = modifiers.split(|c: char| !c.is_ascii_digit());
+            let is_long = |digits: &str| {
+                !digits.is_empty() && !digits.parse().is_ok_and(|n: usize| n < LONGEST)
+            };
+            // A text ends where it ends, whatever precision is given for it.
+            let is_given = match kind.starts_with('s') {
+                true => modifiers
+                    .split('.')
+                    .next()
+                    .is_some_and(|width| width.contains('*')),
+                false => modifiers.contains('*'),
+            };
+            if kind.starts_with('n') || is_given || numbers.any(is_long) {
+                return false;
             }
             rest = kind.get(1..).unwrap_or("");
         }
-        false
+        true
     }
 
     #[cfg(test)]
     mod tests {
-        use super::writes_to_memory;
+        use super::is_harmless;
 
         #[test]
-        fn conversions_that_write_are_seen() {
-            for bad in ["%n", "a %d %hhn", "%%%n", "%*.3ln", "%1$n"] {
-                assert!(writes_to_memory(bad), "{bad}");
+        fn conversions_that_do_harm_are_seen() {
+            for bad in [
+                "%n",
+                "a %d %hhn",
+                "%%%n",
+                "%*.3ln",
+                "%1$n",
+                "%2147483647d",
+                "%.99999999999999999999f",
+                "%*d",
+                "%.*f",
+                "%*s",
+            ] {
+                assert!(!is_harmless(bad), "{bad}");
             }
-            for good in ["", "%", "n", "%%n", "%d n", "%s%%n", "100 %"] {
-                assert!(!writes_to_memory(good), "{good}");
+            for good in [
+                "", "%", "n", "%%n", "%d n", "%s%%n", "100 %", "%.*s", "%-12.6e", "%2$s", "é%sé",
+            ] {
+                assert!(is_harmless(good), "{good}");
             }
         }
     }
@@ -174,7 +205,7 @@ unsafe extern "C" fn entry(
 #[cfg(not(all(target_arch = "x86_64", unix)))]
 unsafe fn expand(format: *const Char, _values: *mut c_void) -> String {
     // SAFETY: handed on from the caller.
-    unsafe { owned(format) }.unwrap_or_default()
+    unsafe { owned_message(format) }.unwrap_or_default()
 }
 
 /// The logger callback with the type that the standard gives it.

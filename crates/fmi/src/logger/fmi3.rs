@@ -1,6 +1,6 @@
 //! What the logger callback of FMI 3.0 receives: plain text (section 2.2.3).
 
-use crate::binding::owned;
+use crate::binding::owned_message;
 use crate::environment;
 use crate::message::Message;
 use pilotage_abi::fmi2;
@@ -18,8 +18,8 @@ unsafe extern "C" fn receive(
 ) {
     // SAFETY: handed on from the caller.
     let (category, text) = unsafe {
-        let category = owned(category).unwrap_or_default();
-        (category, owned(message).unwrap_or_default())
+        let category = owned_message(category).unwrap_or_default();
+        (category, owned_message(message).unwrap_or_default())
     };
     let message = Message::new(fmi2::Status(status.0), None, category, &text);
     environment::deliver(environment, message);

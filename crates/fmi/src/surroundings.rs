@@ -1,0 +1,163 @@
+//! What is the whole process's and no FMU's to change: how numbers are rounded, the working folder, signals, locale.
+//!
+//! Rounding is set back after each call, the working folder after loading and making instances: what is computed and
+//! written by others must not depend on an FMU. All else is [seen](Surroundings) only.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether some FMU has changed the rounding.
+static CHANGED: AtomicBool = AtomicBool::new(false);
+/// Whether some FMU has left the working folder.
+static LEFT: AtomicBool = AtomicBool::new(false);
+
+/// Calls, and goes back to the working folder and the rounding of before.
+pub(crate) fn kept<T>(call: impl FnOnce() -> T) -> T {
+    let folder = std::env::current_dir().ok();
+    let done = call();
+    keep();
+    if let Some(folder) =
+        folder.filter(|folder| std::env::current_dir().ok().as_ref() != Some(folder))
+    {
+        LEFT.store(true, Ordering::Release);
+        // Should it be gone, the paths of outputs do not hang on it.
+        let _ = std::env::set_current_dir(folder);
+    }
+    done
+}
+
+/// What can be seen of the surroundings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Surroundings {
+    folder: Option<PathBuf>,
+    locale: Option<String>,
+    /// The system's own words for this process, by their names; none where it does not tell.
+    status: Vec<String>,
+}
+
+/// What Linux tells of a process in `/proc/self/status`, and what it is.
+const STATUS: [(&str, &str); 4] = [
+    ("Umask:", "the umask"),
+    ("SigIgn:", "which signals are ignored"),
+    ("SigCgt:", "which signals are handled"),
+    ("SigBlk:", "which signals are blocked"),
+];
+
+impl Surroundings {
+    /// As they are now. What changed before is forgotten.
+    pub fn look() -> Self {
+        CHANGED.store(false, Ordering::Release);
+        LEFT.store(false, Ordering::Release);
+        Self::now()
+    }
+
+    fn now() -> Self {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let value = |name: &str| status.lines().find_map(|line| line.strip_prefix(name));
+        let values = STATUS.map(|(name, _)| value(name).unwrap_or_default().trim().to_owned());
+        Self {
+            folder: std::env::current_dir().ok(),
+            locale: locale(),
+            status: values.into(),
+        }
+    }
+
+    /// What FMUs have changed since then.
+    pub fn changed(&self) -> Vec<&'static str> {
+        let now = Self::now();
+        let status = (STATUS.iter().zip(&self.status).zip(&now.status))
+            .filter(|((_, before), after)| before != after)
+            .map(|(((_, what), _), _)| *what);
+        let folder = LEFT.load(Ordering::Acquire) || self.folder != now.folder;
+        [
+            (CHANGED.load(Ordering::Acquire), "how numbers are rounded"),
+            (folder, "the working folder"),
+            (self.locale != now.locale, "the locale"),
+        ]
+        .into_iter()
+        .filter_map(|(is_changed, what)| is_changed.then_some(what))
+        .chain(status)
+        .collect()
+    }
+}
+
+/// The locale of C; `None` where we do not know how to ask.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn locale() -> Option<String> {
+    use std::ffi::{c_char, c_int};
+    const LC_ALL: c_int = 6;
+    unsafe extern "C" {
+        /// C library: with NULL, tells the locale.
+        fn setlocale(category: c_int, locale: *const c_char) -> *const c_char;
+    }
+    // SAFETY: NULL asks only; what comes back is copied at once.
+    unsafe { crate::binding::owned(setlocale(LC_ALL, std::ptr::null())) }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn locale() -> Option<String> {
+    None
+}
+
+/// Sets the rounding to what Rust expects, after a call of an FMU: to the nearest, subnormal numbers kept, no exception
+/// trapped.
+#[inline(always)]
+pub(crate) fn keep() {
+    #[cfg(target_arch = "x86_64")]
+    if mxcsr::control() != mxcsr::DEFAULT {
+        reset();
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[cold]
+fn reset() {
+    mxcsr::set(mxcsr::DEFAULT);
+    CHANGED.store(true, Ordering::Release);
+}
+
+/// The control register of the SSE unit, which computes all `f64` (Intel SDM, volume 1, section 10.2.3).
+#[cfg(target_arch = "x86_64")]
+mod mxcsr {
+    use std::arch::asm;
+
+    /// All exceptions masked, nothing else.
+    pub(super) const DEFAULT: u32 = 0x1f80;
+    /// All but the flags of what has happened.
+    const CONTROL: u32 = 0xffc0;
+
+    #[inline(always)]
+    pub(super) fn control() -> u32 {
+        let mut value = 0u32;
+        // SAFETY: writes four bytes to where the pointer leads.
+        unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
+        value & CONTROL
+    }
+
+    pub(super) fn set(value: u32) {
+        // SAFETY: reads four bytes; the value is the one that Rust expects.
+        unsafe {
+            asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack, preserves_flags))
+        };
+    }
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use std::hint::black_box;
+
+    #[test]
+    fn a_changed_rounding_is_set_back_and_told() {
+        let third = black_box(1.0) / black_box(3.0);
+        let before = Surroundings::look();
+        keep();
+        assert_eq!(before.changed(), [""; 0]);
+        // Towards zero.
+        mxcsr::set(0x7f80);
+        keep();
+        assert_eq!(black_box(1.0) / black_box(3.0), third);
+        assert_eq!(before.changed(), ["how numbers are rounded"]);
+        assert_eq!(Surroundings::look().changed(), [""; 0]);
+    }
+}

@@ -1,0 +1,319 @@
+//! A process with a page, started and watched.
+
+use crate::leftovers::{self, Kind, Leftover};
+use crate::page::Page;
+use std::io;
+use std::process::{Command, ExitStatus};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Tells the child who its parent is and where its page lies: `PID:PATH`.
+const VARIABLE: &str = "PILOTAGE_WATCHED_BY";
+
+/// Between two looks whether it still runs.
+const BETWEEN: Duration = Duration::from_millis(2);
+
+/// A process that is watched. It is killed when this goes.
+#[derive(Debug)]
+pub struct Child {
+    child: std::process::Child,
+    page: Page,
+    /// Whether it leads a process group of its own.
+    is_group: bool,
+    is_over: bool,
+    _leftover: Leftover,
+}
+
+/// How a process ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// It said that its work was done, with that exit code. `badly`: it then ended by itself in another way.
+    Done {
+        /// The exit code.
+        code: u8,
+        /// How it really ended, if not so; `None` inside: it had to be killed.
+        badly: Option<Option<ExitStatus>>,
+    },
+    /// It ended before it said so.
+    Early(ExitStatus),
+    /// It took longer than it might, and was killed.
+    Late,
+}
+
+impl Child {
+    /// Starts the command with a page. In a process group of its own (`is_group`) it gets no Ctrl-C from the terminal,
+    /// and all that it starts ends with it.
+    ///
+    /// # Errors
+    /// When there is no page to be had, or the process does not start.
+    pub fn start(mut command: Command, is_group: bool) -> io::Result<Self> {
+        let page = Page::create()?;
+        let mut value = std::ffi::OsString::from(format!("{}:", std::process::id()));
+        value.push(page.path());
+        command.env(VARIABLE, value);
+        #[cfg(unix)]
+        if is_group {
+            std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        }
+        let kind = |child: &std::process::Child| match is_group {
+            true => Kind::Group(child.id()),
+            false => Kind::Process(child.id()),
+        };
+        let (child, leftover) = leftovers::make(|| command.spawn(), kind)?;
+        Ok(Self {
+            child,
+            page,
+            is_group,
+            is_over: false,
+            _leftover: leftover,
+        })
+    }
+
+    /// The shared memory.
+    pub fn page(&self) -> &Page {
+        &self.page
+    }
+
+    /// The process.
+    pub fn process(&mut self) -> &mut std::process::Child {
+        &mut self.child
+    }
+
+    /// From now on SIGINT goes to the child, and so ends this process too. A Ctrl-C at the terminal, which is sent to both,
+    /// comes to it twice.
+    ///
+    /// # Errors
+    /// When the system does not let it listen.
+    #[cfg(unix)]
+    pub fn hand_on_interrupts(&self) -> io::Result<()> {
+        use rustix::process::Signal;
+        use signal_hook::consts::SIGINT;
+        let heard = leftovers::not_ignored([SIGINT]);
+        let mut signals = signal_hook::iterator::Signals::new(heard)?;
+        let child = self.child.id();
+        let hand_on = move || {
+            for _ in signals.forever() {
+                send(child, Signal::INT);
+            }
+        };
+        thread::Builder::new()
+            .name("interrupts".into())
+            .spawn(hand_on)
+            .map(drop)
+    }
+
+    /// Nothing: there are no such signals here.
+    ///
+    /// # Errors
+    /// None.
+    #[cfg(not(unix))]
+    pub fn hand_on_interrupts(&self) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// Waits for its end: at most so long for its work, and at most `after` from when it said that this was done. What
+    /// it left in the temporary folder is removed.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn wait(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
+        let ended = self.wait_for_end(limit, after)?;
+        if !matches!(ended, Ended::Done { badly: None, .. }) {
+            crate::folder::sweep();
+        }
+        Ok(ended)
+    }
+
+    fn wait_for_end(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
+        let started = Instant::now();
+        let mut done: Option<Instant> = None;
+        loop {
+            if let Some(status) = self.try_end()? {
+                return Ok(match self.page.outcome() {
+                    None => Ended::Early(status),
+                    Some(code) => {
+                        // `exit` within a call may have the very same code.
+                        let is_good =
+                            status.code() == Some(i32::from(code)) && self.page.going().is_empty();
+                        let badly = (!is_good).then_some(Some(status));
+                        Ended::Done { code, badly }
+                    }
+                });
+            }
+            if let (None, Some(_)) = (done, self.page.outcome()) {
+                done = Some(Instant::now());
+            }
+            if let (Some(since), Some(code)) = (done, self.page.outcome())
+                && since.elapsed() > after
+            {
+                self.kill();
+                let badly = Some(None);
+                return Ok(Ended::Done { code, badly });
+            }
+            if done.is_none() && limit.is_some_and(|limit| started.elapsed() > limit) {
+                self.kill();
+                return Ok(Ended::Late);
+            }
+            thread::sleep(BETWEEN);
+        }
+    }
+
+    /// Its status, if it has ended. Whatever it started ends too.
+    fn try_end(&mut self) -> io::Result<Option<ExitStatus>> {
+        #[cfg(unix)]
+        if self.is_group && !self.is_over {
+            // Seen, but not yet forgotten by the system: its number is nobody else's.
+            if !has_ended(self.child.id())? {
+                return Ok(None);
+            }
+            kill_group(self.child.id());
+        }
+        let status = self.child.try_wait()?;
+        self.is_over |= status.is_some();
+        Ok(status)
+    }
+
+    /// Kills it, and whatever it started.
+    pub fn kill(&mut self) {
+        if self.is_over {
+            return;
+        }
+        #[cfg(unix)]
+        if self.is_group {
+            kill_group(self.child.id());
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        self.is_over = true;
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Sends a signal to a process, if it is still there.
+#[cfg(unix)]
+fn send(process: u32, signal: rustix::process::Signal) {
+    if let Some(pid) = i32::try_from(process)
+        .ok()
+        .and_then(rustix::process::Pid::from_raw)
+    {
+        let _ = rustix::process::kill_process(pid, signal);
+    }
+}
+
+/// Asks a process to end, which removes what it has, and waits a moment for that.
+#[cfg(unix)]
+pub(crate) fn end(process: u32) {
+    use rustix::process::Signal;
+    send(process, Signal::TERM);
+    let begun = Instant::now();
+    // Another thread may have taken its status: then there is no such child any more.
+    while !has_ended(process).unwrap_or(true) && begun.elapsed() < Duration::from_secs(2) {
+        thread::sleep(BETWEEN);
+    }
+    send(process, Signal::KILL);
+    crate::folder::sweep_of(process);
+}
+
+/// Kills a process group, if it is still there.
+#[cfg(unix)]
+pub(crate) fn kill_group(leader: u32) {
+    use rustix::process::{Pid, Signal, kill_process_group};
+    if let Some(pid) = i32::try_from(leader).ok().and_then(Pid::from_raw) {
+        let _ = kill_process_group(pid, Signal::KILL);
+    }
+}
+
+/// Whether a child has ended; its status stays to be asked for.
+#[cfg(unix)]
+fn has_ended(child: u32) -> io::Result<bool> {
+    use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
+    let pid = i32::try_from(child).ok().and_then(Pid::from_raw);
+    let Some(pid) = pid else { return Ok(true) };
+    let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+    Ok(waitid(WaitId::Pid(pid), options)?.is_some())
+}
+
+/// Whether this process was started by [`Child::start`]: then it takes its page, and ends when its parent does.
+///
+/// # Errors
+/// When the page is gone or broken.
+pub fn end_with_parent() -> io::Result<bool> {
+    let Some(value) = std::env::var_os(VARIABLE) else {
+        return Ok(false);
+    };
+    // A process that an FMU starts has the variable too, but another parent.
+    let bytes = value.as_encoded_bytes();
+    let Some(colon) = bytes.iter().position(|&byte| byte == b':') else {
+        return Ok(false);
+    };
+    let parent = std::str::from_utf8(&bytes[..colon])
+        .ok()
+        .and_then(|text| text.parse::<u32>().ok());
+    let Some(parent) = parent else {
+        return Ok(false);
+    };
+    if !is_parent(parent) {
+        return match is_alive(parent) {
+            true => Ok(false),
+            // It was killed before we could look at it: there is nobody to work for.
+            false => Err(io::Error::other("whoever started this process is gone")),
+        };
+    }
+    #[cfg(unix)]
+    let path: std::path::PathBuf = {
+        use std::os::unix::ffi::OsStrExt;
+        std::ffi::OsStr::from_bytes(&bytes[colon + 1..]).into()
+    };
+    #[cfg(not(unix))]
+    let path: std::path::PathBuf = String::from_utf8_lossy(&bytes[colon + 1..])
+        .into_owned()
+        .into();
+    crate::page::attach(&path)?;
+    let watch = move || {
+        while is_parent(parent) {
+            thread::sleep(Duration::from_millis(50));
+        }
+        leftovers::remove();
+        #[cfg(unix)]
+        {
+            let own = rustix::process::getpid();
+            if rustix::process::getpgrp() == own {
+                let _ = rustix::process::kill_process_group(own, rustix::process::Signal::KILL);
+            }
+            // Nothing that an FMU has asked for at the end of the process.
+            let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+        }
+        std::process::abort();
+    };
+    thread::Builder::new().name("parent".into()).spawn(watch)?;
+    Ok(true)
+}
+
+#[cfg(unix)]
+fn is_parent(number: u32) -> bool {
+    let parent = rustix::process::getppid();
+    parent.is_some_and(|pid| u32::try_from(pid.as_raw_nonzero().get()) == Ok(number))
+}
+
+#[cfg(unix)]
+pub(crate) fn is_alive(number: u32) -> bool {
+    let pid = i32::try_from(number)
+        .ok()
+        .and_then(rustix::process::Pid::from_raw);
+    pid.is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
+}
+
+#[cfg(not(unix))]
+pub(crate) fn is_alive(_number: u32) -> bool {
+    true
+}
+
+#[cfg(not(unix))]
+fn is_parent(_number: u32) -> bool {
+    true
+}

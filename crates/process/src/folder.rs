@@ -1,0 +1,150 @@
+//! Temporary folders that do not outlive their process for long, whatever ends it.
+//!
+//! Each has the number of its process in its name, and holds a file `lock` that this process keeps locked. A folder whose
+//! process is no more and whose lock nobody holds is left behind: the first folder that a process makes removes those.
+
+use crate::child::is_alive;
+use crate::leftovers::{self, Kind, Leftover};
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io;
+use std::path::Path;
+use std::sync::Once;
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// How the names of our folders begin.
+const PREFIX: &str = "pilotage-run-";
+
+/// A temporary folder that only its user can enter.
+#[derive(Debug)]
+pub struct Folder {
+    // Fields drop in this order: nobody takes it for left behind before it is gone.
+    folder: TempDir,
+    _leftover: Leftover,
+    _lock: File,
+}
+
+impl Folder {
+    /// Makes one, and removes those that dead processes left.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn create() -> io::Result<Self> {
+        static SWEPT: Once = Once::new();
+        SWEPT.call_once(sweep);
+        let mut builder = tempfile::Builder::new();
+        let prefix = format!("{PREFIX}{}-", std::process::id());
+        builder.prefix(&prefix);
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+        let make = || {
+            let folder = builder.tempdir()?;
+            let lock = File::create_new(folder.path().join("lock"))?;
+            // Where the file system knows no locks, folders of others are never free, and stay.
+            let _ = lock.try_lock();
+            Ok((folder, lock))
+        };
+        let kind = |(folder, _): &(TempDir, File)| Kind::Folder(folder.path().to_owned());
+        let ((folder, lock), leftover) = leftovers::make(make, kind)?;
+        Ok(Self {
+            folder,
+            _leftover: leftover,
+            _lock: lock,
+        })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+/// Removes the folders of processes that are no more.
+pub fn sweep() {
+    sweep_if(|number| !is_alive(number));
+}
+
+/// Removes those of a process that was killed just now, as soon as it is really gone; waits for that a moment.
+pub(crate) fn sweep_of(process: u32) {
+    for _ in 0..50 {
+        if sweep_if(|number| number == process) {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Removes the folders of these processes whose locks are free; whether there is none left of them.
+fn sweep_if(is_dead: impl Fn(u32) -> bool) -> bool {
+    let entries = fs::read_dir(std::env::temp_dir()).into_iter().flatten();
+    let mut is_clean = true;
+    for entry in entries.flatten() {
+        let is_meant = process_of(&entry.file_name()).is_some_and(&is_dead);
+        if !is_meant {
+            continue;
+        }
+        let folder = entry.path();
+        match is_free(&folder) {
+            // Of another user, it cannot be removed and need not be.
+            true => drop(fs::remove_dir_all(folder)),
+            false => is_clean = false,
+        }
+    }
+    is_clean
+}
+
+/// The process in the name of a folder of ours.
+fn process_of(name: &OsStr) -> Option<u32> {
+    let (number, _) = name.to_str()?.strip_prefix(PREFIX)?.split_once('-')?;
+    number.parse().ok()
+}
+
+/// Whether nobody holds the lock: a process of the same number elsewhere, with the same temporary folder, may.
+fn is_free(folder: &Path) -> bool {
+    match File::open(folder.join("lock")) {
+        Ok(lock) => lock.try_lock().is_ok(),
+        // Killed while it was made or removed.
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder in the temporary folder, as a process of that number makes it.
+    fn folder(process: u32, has_lock: bool) -> TempDir {
+        let prefix = format!("{PREFIX}{process}-");
+        let folder = tempfile::Builder::new().prefix(&prefix).tempdir().unwrap();
+        if has_lock {
+            File::create(folder.path().join("lock")).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn folders_of_the_dead_are_removed_and_no_others() {
+        // A process that was and is no more.
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let dead = child.id();
+        child.wait().unwrap();
+        let own = std::process::id();
+        let (left, half) = (folder(dead, true), folder(dead, false));
+        let held = folder(dead, true);
+        let lock = File::open(held.path().join("lock")).unwrap();
+        lock.try_lock().unwrap();
+        let (new, unlocked) = (folder(own, false), folder(own, true));
+        let mine = Folder::create().unwrap();
+        sweep();
+        let there = [&left, &half, &held, &new, &unlocked].map(|own| own.path().exists());
+        assert_eq!(there, [false, false, true, true, true]);
+        assert!(mine.path().exists());
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = fs::metadata(mine.path()).unwrap().permissions().mode();
+            assert_eq!(mode & 0o777, 0o700);
+        }
+    }
+}

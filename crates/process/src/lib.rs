@@ -1,0 +1,23 @@
+//! Code that may crash, hang or exit, in a process that is watched: what it was doing is known afterwards, and nothing
+//! of it is left behind.
+//!
+//! FMUs are native code of strangers. A signal, `exit(0)` or `exec` in one ends the process that called it, and neither
+//! a handler of signals nor one of `exit` sees all of these endings. So a parent watches: the process that calls writes
+//! what it does into a [`Page`] of memory that both share, and what the parent finds there afterwards is what was
+//! true. A process has ended well only if it said so there ([`finished`]); its exit code alone means nothing.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | [`page`] | the shared memory: which call is going on, records, how it ended |
+//! | [`child`] | a process group with a page: started, waited for, killed |
+//! | [`folder`] | temporary folders, and what dead processes left of theirs |
+//! | [`leftovers`] | what is removed when a signal ends this process |
+
+pub mod child;
+pub mod folder;
+pub mod leftovers;
+pub mod page;
+
+pub use child::{Child, Ended, end_with_parent};
+pub use folder::Folder;
+pub use page::{Going, Page, at, attach, call, finished, is_attached, place, record};

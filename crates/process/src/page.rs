@@ -1,0 +1,269 @@
+//! Memory that a process and its parent share.
+//!
+//! Everything in it is an atomic: the other side may write at any time, and what runs there may be hostile. Lengths
+//! are never believed beyond the room that there is.
+
+use crate::folder::Folder;
+use memmap2::{MmapOptions, MmapRaw};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicPtr, AtomicU8, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Begins every page of this layout.
+const MAGIC: u64 = 0x7069_6c6f_7461_6701;
+/// How many names of places there are; the last stands for all beyond.
+const PLACES: usize = 128;
+/// Longest name of a place \[bytes\].
+const NAME: usize = 240;
+/// Room for records \[bytes\].
+const RECORDS: usize = 1 << 20;
+
+/// Somebody whose code is called: an instance of an FMU.
+#[repr(C)]
+struct Place {
+    /// The call that is going on; 0: none.
+    call: AtomicU32,
+    length: AtomicU32,
+    /// Bits of the time that the last call with one had \[s\].
+    time: AtomicU64,
+    name: [AtomicU8; NAME],
+}
+
+#[repr(C)]
+struct Layout {
+    magic: AtomicU64,
+    /// 0 while it runs, then one more than its exit code.
+    outcome: AtomicU32,
+    places: AtomicU32,
+    recorded: AtomicU64,
+    lost: AtomicU64,
+    all: [Place; PLACES],
+    records: [AtomicU8; RECORDS],
+}
+
+/// A page, on the side of the parent.
+#[derive(Debug)]
+pub struct Page {
+    map: MmapRaw,
+    path: PathBuf,
+    /// Where the file is.
+    _folder: Folder,
+}
+
+/// A call that was going on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Going {
+    /// Whose code: as it was [named](place).
+    pub name: String,
+    /// The number of the call.
+    pub call: u32,
+    /// The time of the last call that had one \[s\].
+    pub time: Option<f64>,
+}
+
+impl Page {
+    /// A page in a temporary folder of its own.
+    ///
+    /// # Errors
+    /// When there is no room for it: the file is written, so that memory that is there on paper alone ends nobody later.
+    pub fn create() -> io::Result<Self> {
+        let folder = Folder::create()?;
+        let path = folder.path().join("page");
+        let mut file = File::options()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .open(&path)?;
+        file.write_all(&vec![0; size_of::<Layout>()])?;
+        let map = map(&file)?;
+        layout(&map).magic.store(MAGIC, Ordering::Release);
+        Ok(Self {
+            map,
+            path,
+            _folder: folder,
+        })
+    }
+
+    /// The file by which the other process finds it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn layout(&self) -> &Layout {
+        layout(&self.map)
+    }
+
+    /// The exit code that the other process [said](finished) that it ends with.
+    pub fn outcome(&self) -> Option<u8> {
+        let told = self.layout().outcome.load(Ordering::Acquire);
+        u8::try_from(told.checked_sub(1)?).ok()
+    }
+
+    /// The calls that are going on, or were when the other process ended.
+    pub fn going(&self) -> Vec<Going> {
+        let layout = self.layout();
+        let places = layout.places.load(Ordering::Acquire) as usize;
+        let of = |place: &Place| {
+            let call = place.call.load(Ordering::Acquire);
+            let time = f64::from_bits(place.time.load(Ordering::Acquire));
+            let length = (place.length.load(Ordering::Acquire) as usize).min(NAME);
+            let name: Vec<u8> = place.name[..length].iter().map(load).collect();
+            (call != 0).then(|| Going {
+                name: String::from_utf8_lossy(&name).into_owned(),
+                call,
+                time: (!time.is_nan()).then_some(time),
+            })
+        };
+        layout.all[..places.min(PLACES)]
+            .iter()
+            .filter_map(of)
+            .collect()
+    }
+
+    /// What was [recorded](record), and how many records found no room.
+    pub fn records(&self) -> (Vec<String>, u64) {
+        let layout = self.layout();
+        let length = (layout.recorded.load(Ordering::Acquire) as usize).min(RECORDS);
+        let bytes: Vec<u8> = layout.records[..length].iter().map(load).collect();
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = text.lines().map(str::to_owned).collect();
+        (lines, layout.lost.load(Ordering::Acquire))
+    }
+}
+
+fn load(byte: &AtomicU8) -> u8 {
+    byte.load(Ordering::Relaxed)
+}
+
+fn map(file: &File) -> io::Result<MmapRaw> {
+    let length = file.metadata()?.len();
+    if length != size_of::<Layout>() as u64 {
+        let message = format!("a page of {length} bytes, expected {}", size_of::<Layout>());
+        return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+    }
+    MmapOptions::new().map_raw(file)
+}
+
+fn layout(map: &MmapRaw) -> &Layout {
+    // SAFETY: the map is as long as a `Layout` and aligned to a page of memory, any bytes are valid atomics, and it
+    // is shared by nothing but atomics. Nobody makes the file shorter: it stands in a folder of ours alone.
+    unsafe { &*map.as_ptr().cast::<Layout>() }
+}
+
+/// The page of this process, if its parent watches it.
+static ATTACHED: AtomicPtr<Layout> = AtomicPtr::new(std::ptr::null_mut());
+/// Names of the places of this process.
+static NAMES: Mutex<Vec<String>> = Mutex::new(Vec::new());
+/// Records are written one after another.
+static RECORDING: Mutex<()> = Mutex::new(());
+
+fn attached() -> Option<&'static Layout> {
+    // SAFETY: it is NULL or a page that is mapped until the process ends.
+    unsafe { ATTACHED.load(Ordering::Acquire).as_ref() }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Takes the page at that path for this process; only once.
+///
+/// # Errors
+/// When it cannot be opened, or is none.
+pub fn attach(path: &Path) -> io::Result<()> {
+    let file = OpenOptions::new().read(true).write(true).open(path)?;
+    let map = map(&file)?;
+    if layout(&map).magic.load(Ordering::Acquire) != MAGIC {
+        let message = format!("{} is no page", path.display());
+        return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+    }
+    let page = map.as_mut_ptr().cast::<Layout>();
+    // It stays until the process ends.
+    std::mem::forget(map);
+    ATTACHED.store(page, Ordering::Release);
+    Ok(())
+}
+
+/// Whether this process is watched.
+pub fn is_attached() -> bool {
+    attached().is_some()
+}
+
+/// Tells the parent that the work is done, and with which exit code: what ends this process from now on costs nothing.
+pub fn finished(code: u8) {
+    if let Some(page) = attached() {
+        page.outcome.store(u32::from(code) + 1, Ordering::Release);
+    }
+}
+
+/// The place of that name, to be given to [`call`].
+pub fn place(name: &str) -> u32 {
+    let mut names = lock(&NAMES);
+    let number = match names.iter().position(|own| own == name) {
+        Some(number) => return number.min(PLACES - 1) as u32,
+        None if names.len() >= PLACES => return PLACES as u32 - 1,
+        None => names.len(),
+    };
+    names.push(name.to_owned());
+    if let Some(page) = attached() {
+        let place = &page.all[number];
+        let name = match number + 1 == PLACES {
+            true => "one of many",
+            false => name,
+        };
+        let bytes = name.as_bytes();
+        let length = bytes.len().min(NAME);
+        for (to, &byte) in place.name.iter().zip(bytes) {
+            to.store(byte, Ordering::Relaxed);
+        }
+        place.length.store(length as u32, Ordering::Release);
+        place.time.store(f64::NAN.to_bits(), Ordering::Release);
+        page.places.store(number as u32 + 1, Ordering::Release);
+    }
+    number as u32
+}
+
+/// Notes that the code of a place is called, for as long as `work` takes; `number` is the caller's own, not 0.
+#[inline(always)]
+pub fn call<T>(place: u32, number: u32, work: impl FnOnce() -> T) -> T {
+    let Some(page) = attached() else {
+        return work();
+    };
+    let place = &page.all[place as usize % PLACES];
+    // An inner call within an outer one (a callback) gives the outer one back.
+    let outer = place.call.load(Ordering::Relaxed);
+    place.call.store(number, Ordering::Release);
+    let done = work();
+    place.call.store(outer, Ordering::Release);
+    done
+}
+
+/// Notes the time \[s\] that a place has come to.
+#[inline(always)]
+pub fn at(place: u32, time: f64) {
+    if let Some(page) = attached() {
+        let place = &page.all[place as usize % PLACES];
+        place.time.store(time.to_bits(), Ordering::Relaxed);
+    }
+}
+
+/// Hands a line to the parent. Where there is no room left, it is counted.
+pub fn record(line: &str) {
+    let Some(page) = attached() else { return };
+    let _one = lock(&RECORDING);
+    let from = page.recorded.load(Ordering::Acquire) as usize;
+    let Some(room) = (page.records.get(from..)).filter(|room| room.len() > line.len()) else {
+        page.lost.fetch_add(1, Ordering::AcqRel);
+        return;
+    };
+    let bytes = line
+        .bytes()
+        .map(|byte| if byte == b'\n' { b' ' } else { byte });
+    for (to, byte) in room.iter().zip(bytes.chain([b'\n'])) {
+        to.store(byte, Ordering::Relaxed);
+    }
+    let to = from + line.len() + 1;
+    page.recorded.store(to as u64, Ordering::Release);
+}

@@ -1,0 +1,147 @@
+//! Commands that call FMUs run in a process that this one watches: whatever an FMU does to it, the end is told.
+//!
+//! An FMU that ends the process with `exit(0)`, or by a signal, or that puts another program in its place, never looks
+//! like success: only what the process itself [says](pilotage_process::finished) counts.
+
+use super::{Failure, terminal};
+use crate::fmi::call_name;
+use pilotage_process::{Child, Ended, Going};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, ExitStatus};
+use std::time::Duration;
+
+/// Begins the record that says where rows go.
+pub const ROWS: &str = "rows ";
+
+/// How long FMUs may take to be freed when the work is done.
+const AFTERWARDS: Duration = Duration::from_secs(5);
+
+/// Starts this program again with the same arguments, waits for it, and tells how it ended.
+pub fn watched() -> Result<ExitCode, Failure> {
+    let cannot = |error: std::io::Error| {
+        let why = format!("cannot start a process for the FMUs: {error}");
+        Failure::new(why).hint("is there room in the temporary folder, and may it be written?")
+    };
+    let mut arguments = std::env::args_os();
+    let name = arguments.next().unwrap_or_default();
+    let mut command = Command::new(std::env::current_exe().map_err(cannot)?);
+    command.args(arguments);
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::arg0(&mut command, name);
+    #[cfg(not(unix))]
+    drop(name);
+    let mut child = Child::start(command, false).map_err(cannot)?;
+    // Where they cannot be handed on, the process ends by itself a moment after this one.
+    let _ = child.hand_on_interrupts();
+    let ended = child.wait(None, AFTERWARDS).map_err(cannot)?;
+    pilotage_process::leftovers::stay_if_ending();
+    let going = child.page().going();
+    Ok(match ended {
+        Ended::Done { code, badly } => {
+            if let Some(status) = badly {
+                let how = match status {
+                    Some(status) => format!("ended the process ({status})"),
+                    None => format!("did not come back within {} s", AFTERWARDS.as_secs()),
+                };
+                let who = whose(&going).unwrap_or_else(|| "an FMU".to_owned());
+                terminal::tell(&format!(
+                    "warning: {who} {how} when the work was done; nothing is lost\n"
+                ));
+            }
+            ExitCode::from(code)
+        }
+        Ended::Early(status) => early(status, &going, &child),
+        Ended::Late => ExitCode::FAILURE,
+    })
+}
+
+/// The process ended before its work was done.
+fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
+    #[cfg(unix)]
+    if let Some(code) = asked_for(status) {
+        return ExitCode::from(code);
+    }
+    let Some(who) = whose(going) else {
+        // A panic has told itself.
+        if status.code() != Some(101) {
+            terminal::tell(&format!(
+                "error: the process ended before its work was done ({status})\n"
+            ));
+        }
+        return ExitCode::FAILURE;
+    };
+    let (records, _) = child.page().records();
+    let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
+    let rows = rows.map(Path::new).filter(|rows| rows.is_file());
+    let rows = rows.map_or_else(String::new, |rows| {
+        format!("\nhint: the rows until then are in {}", rows.display())
+    });
+    terminal::tell(&format!(
+        "error: {who} ended the process ({status}){rows}\n"
+    ));
+    ExitCode::FAILURE
+}
+
+/// Who was called, with what, and when.
+fn whose(going: &[Going]) -> Option<String> {
+    let one = |going: &Going| {
+        let time = going
+            .time
+            .map_or_else(String::new, |time| format!(" at {time} s"));
+        format!("{}, in {}{time},", going.name, call_name(going.call))
+    };
+    let all: Vec<String> = going.iter().map(one).collect();
+    (!all.is_empty()).then(|| all.join(" or "))
+}
+
+/// The exit code of a process that the user ended, as shells have it.
+#[cfg(unix)]
+fn asked_for(status: ExitStatus) -> Option<u8> {
+    use std::os::unix::process::ExitStatusExt;
+    const HANGUP: i32 = 1;
+    const INTERRUPT: i32 = 2;
+    const TERMINATE: i32 = 15;
+    let signal = status.signal()?;
+    let is_asked = [HANGUP, INTERRUPT, TERMINATE].contains(&signal);
+    is_asked.then(|| u8::try_from(128 + signal).unwrap_or(1))
+}
+
+/// Whether an argument is an FMU, or a file that names one.
+pub fn arguments_name_fmus() -> bool {
+    const DEEP: usize = 4;
+    std::env::args_os().skip(2).any(|argument| {
+        // `--vehicle=path` and `name=path`.
+        let text = argument.to_string_lossy().into_owned();
+        let value = text
+            .rsplit_once('=')
+            .map(|(_, value)| OsString::from(value));
+        [Some(argument), value]
+            .into_iter()
+            .flatten()
+            .any(|path| names_fmu(Path::new(&path), DEEP))
+    })
+}
+
+fn names_fmu(path: &Path, deep: usize) -> bool {
+    let is = |ending: &str| {
+        path.extension()
+            .is_some_and(|own| own.eq_ignore_ascii_case(ending))
+    };
+    if is("fmu") || path.join("modelDescription.xml").is_file() {
+        return true;
+    }
+    if deep == 0 || !is("toml") {
+        return false;
+    }
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return false;
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = text.split(['"', '\'']).skip(1).step_by(2);
+    let named = named.filter(|name| !name.is_empty() && !name.contains('\n'));
+    let paths: Vec<PathBuf> = named.map(|name| folder.join(name)).collect();
+    paths
+        .iter()
+        .any(|named| named != path && names_fmu(named, deep - 1))
+}

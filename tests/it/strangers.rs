@@ -1,0 +1,160 @@
+//! FMUs that crash, exit, hang or change what is not theirs: how each command ends, and what it says. The table is
+//! strangers.txt, the FMU foreign/hostile.c.
+
+use crate::command::{Folder, example};
+use crate::foreign;
+use rayon::prelude::*;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+/// A folder with `a.fmu` that does that.
+fn folder(act: &str) -> Folder {
+    let folder = Folder::new();
+    folder.write("a.fmu", foreign::hostile(act));
+    folder
+}
+
+/// A command by its name in the table.
+fn arguments(command: &str) -> &'static [&'static str] {
+    match command {
+        "cosim" => &[
+            "cosim",
+            "a.fmu",
+            "--stop-time",
+            "0.5",
+            "--step",
+            "0.1",
+            "-o",
+            "r.csv",
+        ],
+        "linearize" => &["linearize", "a.fmu", "--at", "0.5", "--step", "0.1"],
+        "validate" => &["validate", "a.fmu", "--time-limit", "0.5"],
+        other => panic!("no command {other}"),
+    }
+}
+
+/// Every row of the table: `act@place command => exit code: words, words`. The exit code, all words and an empty
+/// temporary folder.
+#[test]
+fn endings() {
+    let rows: Vec<&str> = (include_str!("strangers.txt").lines())
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .collect();
+    let wrong: Vec<String> = rows.par_iter().filter_map(|row| misses(row)).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(rows.len() >= 60, "{} rows", rows.len());
+}
+
+/// What is not as a row says.
+fn misses(row: &str) -> Option<String> {
+    let (what, expected) = row.split_once(" => ").unwrap();
+    let (act, command) = what.split_once(' ').unwrap();
+    let (code, words) = expected.split_once(':').unwrap();
+    let temporary = tempfile::tempdir().unwrap();
+    let path = temporary.path().to_str().unwrap().to_owned();
+    let folder = folder(act.trim());
+    let ended = folder.pilotage_with(arguments(command.trim()), &[("TMPDIR", &path)]);
+    let text = format!("{}{}", ended.stdout, ended.stderr);
+    let unsaid: Vec<&str> = (words.split('|').map(str::trim))
+        .filter(|word| !word.is_empty() && !text.contains(word))
+        .collect();
+    let left = std::fs::read_dir(temporary.path()).unwrap().count();
+    let is_right = ended.code.to_string() == code.trim() && unsaid.is_empty() && left == 0;
+    (!is_right).then(|| {
+        format!(
+            "{row}\n  exit code {}, not said: {unsaid:?}, {left} left in the temporary folder\n  {}\n",
+            ended.code,
+            text.replace('\n', "\n  ")
+        )
+    })
+}
+
+/// What is still there of a run that a signal ended at some moment: nothing that is half, nothing in the temporary
+/// folder once the next run has begun, and no process.
+#[test]
+fn signals_leave_nothing_behind() {
+    const SIGNALS: [&str; 3] = ["TERM", "HUP", "KILL"];
+    let hang = foreign::hostile("hang@fmi2DoStep");
+    let good = foreign::hostile("good@nowhere");
+    let trials = example("trials/trials.toml");
+    let fit = trials.to_str().unwrap();
+    let long = [
+        "cosim",
+        "a.fmu",
+        "--stop-time",
+        "100000",
+        "--step",
+        "0.1",
+        "-o",
+        "r.csv",
+    ];
+    let commands: [(&[&str], &Vec<u8>); 4] = [
+        (&long, &good),
+        (arguments("cosim"), &hang),
+        (&["validate", "a.fmu"], &hang),
+        (
+            &["fit", fit, "-o", "pilot.toml", "--report", "fit.html"],
+            &good,
+        ),
+    ];
+    let mut wait = 3;
+    for (command, fmu) in commands {
+        for signal in SIGNALS {
+            // As under `nohup`, whose children ignore it too.
+            if signal == "HUP" && is_hangup_ignored() {
+                continue;
+            }
+            for _ in 0..4 {
+                // Moments from the start of the process to the midst of its work, the same each time.
+                wait = (wait * 37) % 211;
+                let temporary = tempfile::tempdir().unwrap();
+                let variables = [("TMPDIR", temporary.path().to_str().unwrap())];
+                let folder = Folder::new();
+                folder.write("a.fmu", fmu);
+                let mut child = folder.start(command, &variables);
+                std::thread::sleep(Duration::from_millis(wait));
+                let id = child.id().to_string();
+                let name = format!("-{signal}");
+                let killed = Command::new("kill").args([&name, &id]).output().unwrap();
+                let status = child.wait().unwrap();
+                let what =
+                    format!("{command:?}, SIG{signal} after {wait} ms: {status}, {killed:?}");
+                // A process that was watched notices within a moment that it is alone.
+                std::thread::sleep(Duration::from_millis(150));
+                let left = |folder: &Path| -> Vec<String> {
+                    let entries = std::fs::read_dir(folder).unwrap();
+                    entries
+                        .map(|e| e.unwrap().file_name().to_string_lossy().into_owned())
+                        .collect()
+                };
+                if signal == "KILL" {
+                    // Whoever is next clears it up.
+                    let next = ["validate", "a.fmu", "--time-limit", "0.01"];
+                    folder.pilotage_with(&next, &variables);
+                }
+                let kept = left(temporary.path());
+                let inside: Vec<_> = kept
+                    .iter()
+                    .map(|name| left(&temporary.path().join(name)))
+                    .collect();
+                assert_eq!(kept, [""; 0], "{what}: {inside:?}");
+                let outputs = ["a.fmu", "r.csv", "r.csv.part", "pilot.toml", "fit.html"];
+                for name in folder.files() {
+                    let is_hidden = signal == "KILL" && name.starts_with(".pilotage-");
+                    assert!(
+                        outputs.contains(&name.as_str()) || is_hidden,
+                        "{what}: {name}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Whether this process ignores SIGHUP, the first bit of the mask.
+fn is_hangup_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    u64::from_str_radix(mask.unwrap().trim(), 16).unwrap() & 1 != 0
+}
