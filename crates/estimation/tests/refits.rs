@@ -132,11 +132,13 @@ fn profiles_are_fits_with_the_parameter_fixed() {
         }
         let is_bounded = own.points.iter().any(|point| !point.constraints.is_empty());
         assert_eq!(is_bounded, range.starts_with("max"), "{range}");
-        // At the ends the objective is above the least one by the threshold: χ² where the level is sought, else s² t².
+        // At the ends the objective is above the least one by the threshold: χ² where the level is sought or a prior counts
+        // against the stated one, else s² t².
         let degrees = fit.samples as f64 - 2.0;
-        let excess = match other {
-            "sigma" => quantile(0.95, f64::INFINITY).powi(2),
-            _ => quantile(0.95, degrees).powi(2) * fit.chi2 / degrees,
+        let is_stated = other == "sigma" || rate.contains("prior");
+        let excess = match is_stated {
+            true => quantile(0.95, f64::INFINITY).powi(2),
+            false => quantile(0.95, degrees).powi(2) * fit.chi2 / degrees,
         };
         for end in own.ends {
             let End::Crossed(at) = end else {
