@@ -236,20 +236,32 @@ fn an_estimated_noise_level_has_its_fisher_information() {
     assert_near(interval(&fit, "m.rate").sd, expected[(0, 0)].sqrt(), 1e-4);
 }
 
+/// The slopes of Student's score `ψ = 5z/(4 + z²)` and of `zψ`, by differences, as means over the residuals.
 #[test]
-fn student_s_noise_has_its_fisher_information() {
+fn student_s_noise_has_its_observed_information() {
     let measured =
         "[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\nsd = \"sigma\"\nnoise = \"student\"\n";
     let rest =
         format!("{BOTH}sigma = {{ start = 0.1, min = 0.001 }}\n[fit]\ncovariance = \"plain\"\n");
     let fit = fitted(1, &format!("{measured}{rest}"));
     let sigma = value(&fit, "sigma");
-    let j = jacobian(value(&fit, "m.rate"), value(&fit, "m.x0"));
-    let expected = (j.tr_mul(&j)).try_inverse().unwrap() * sigma.powi(2) * (7.0 / 5.0);
+    let (rate, x0) = (value(&fit, "m.rate"), value(&fit, "m.x0"));
+    let psi = |z: f64| 5.0 * z / (4.0 + z * z);
+    let d = 1e-6;
+    let [mut of_location, mut of_level] = [0.0; 2];
+    for (k, x) in recorded(0).iter().enumerate() {
+        let z = (x - x0 * (-rate * time(k)).exp()) / sigma;
+        of_location += (psi(z + d) - psi(z - d)) / (2.0 * d * SAMPLES as f64);
+        // ∂z/∂ ln sd is -z.
+        let (above, below) = (z * (1.0 + d), z * (1.0 - d));
+        of_level += (above * psi(above) - below * psi(below)) / (2.0 * d * SAMPLES as f64);
+    }
+    let j = jacobian(rate, x0);
+    let expected = j.tr_mul(&j).try_inverse().unwrap() * sigma.powi(2) / of_location;
     assert_near(interval(&fit, "m.x0").sd, expected[(1, 1)].sqrt(), 1e-4);
     assert_near(
         interval(&fit, "sigma").sd,
-        sigma * (7.0 / 8.0 / SAMPLES as f64).sqrt(),
+        sigma / (of_level * SAMPLES as f64).sqrt(),
         1e-4,
     );
 }
