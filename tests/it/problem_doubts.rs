@@ -221,3 +221,73 @@ fn an_output_beyond_its_limit_is_told_where_noise_drives() {
     assert!(why.contains("m.y"), "{why}");
     assert_eq!(told(2.0), None);
 }
+
+/// Decays with noise in steps of 0.001, to which something is added.
+fn decays(added: impl Fn(usize, usize) -> f64) -> Folder {
+    let folder = Folder::new();
+    folder.write(
+        "m.toml",
+        "[model]\nname = \"m\"\n[parameters]\nk = { start = 1, min = 0.1, max = 5 }\n[states]\nx = { start = 1, der = \"-k * x\" }\n",
+    );
+    let mut problem =
+        "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n\
+                       [parameters]\n\"m.k\" = {}\n"
+            .to_owned();
+    // A linear congruential generator: the uniform noise of any seed will do.
+    let mut seed = 1_u32;
+    let mut noise = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        0.04 * (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5)
+    };
+    for run in 0..4 {
+        let rows = (0..60).map(|row| {
+            let t = 0.05 * row as f64;
+            let x = (-0.8 * t).exp() + noise() + added(run, row);
+            format!("{t},{}\n", (1000.0 * x).round() / 1000.0)
+        });
+        folder.write(
+            &format!("{run}.csv"),
+            format!("time,x\n{}", rows.collect::<String>()),
+        );
+        problem += &format!("[[run]]\nfile = \"{run}.csv\"\n");
+    }
+    folder.write("problem.toml", problem);
+    folder
+}
+
+#[test]
+fn samples_and_runs_that_stand_out_are_told() {
+    let told = |added: &dyn Fn(usize, usize) -> f64| {
+        let json = fit(&decays(added)).json();
+        assert_eq!(json["status"], "converged", "{json}");
+        ["outlier", "jump", "misfit"].map(|code| words(&json, code))
+    };
+    assert_eq!(told(&|_, _| 0.0), [None, None, None]);
+    let spikes = |run, row| f64::from(run == 2 && (row == 20 || row == 40)) * 0.5;
+    let [outlier, jump, _] = told(&spikes);
+    let outlier = outlier.unwrap();
+    assert!(outlier.starts_with("x of 2.csv at "), "{outlier}");
+    assert!(outlier.contains("2 such samples"), "{outlier}");
+    assert_eq!(jump, None);
+    let steps = |run, row| f64::from(run == 1 && row >= 30) * 0.5;
+    let [outlier, jump, _] = told(&steps);
+    let jump = jump.unwrap();
+    assert!(
+        jump.contains("in 1.csv jump by 5.") && jump.contains("at 1.5 s"),
+        "{jump}"
+    );
+    assert_eq!(outlier, None);
+    let drifts = |run, row| f64::from(run == 3) * 0.01 * row as f64;
+    let [outlier, jump, misfit] = told(&drifts);
+    let misfit = misfit.unwrap();
+    assert!(misfit.starts_with("x of 3.csv is fitted "), "{misfit}");
+    assert_eq!([outlier, jump], [None, None]);
+    // Student's noise has such samples.
+    let folder = decays(spikes);
+    let text = folder.read("problem.toml").replace(
+        "column = \"x\"\n",
+        "column = \"x\"\nsd = 0.01\nnoise = \"student\"\n",
+    );
+    folder.write("problem.toml", text);
+    assert_eq!(words(&fit(&folder).json(), "outlier"), None);
+}

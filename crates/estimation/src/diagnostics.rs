@@ -5,6 +5,7 @@ use crate::events::Event;
 use crate::file::Mesh;
 use crate::fit::Solved;
 use crate::left_over::Beside;
+use crate::outliers::{of_runs, of_samples};
 use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
@@ -107,6 +108,45 @@ pub enum Diagnostic {
         /// That correlation.
         correlation: f64,
     },
+    /// Samples that break away from their neighbours in the residuals, and come back.
+    Outlier {
+        /// The measured column.
+        measured: String,
+        /// Run of the largest.
+        run: String,
+        /// Its time \[s\].
+        time: f64,
+        /// Recorded minus modelled there.
+        value: f64,
+        /// Its unit.
+        unit: Option<String>,
+        /// How many such samples there are.
+        count: usize,
+        /// Their part of the column's sum of squares, 0 to 1.
+        share: f64,
+    },
+    /// Residuals that jump and do not come back.
+    Jump {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// Time of the first sample after it \[s\].
+        time: f64,
+        /// How far.
+        size: f64,
+        /// Its unit.
+        unit: Option<String>,
+    },
+    /// A run that is fitted far worse than the others.
+    Misfit {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// Its rms residual over the median of all runs'.
+        ratio: f64,
+    },
     /// What is no finite number where the search begins.
     Undefined(String),
     /// The solver did not converge, and an FMU failed a call on the way.
@@ -166,6 +206,9 @@ impl Diagnostic {
             Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
             Self::InputLeft { .. } => "input-left",
+            Self::Outlier { .. } => "outlier",
+            Self::Jump { .. } => "jump",
+            Self::Misfit { .. } => "misfit",
             Self::Flat(_) => "flat",
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
@@ -230,6 +273,47 @@ impl fmt::Display for Diagnostic {
                 f,
                 "the residuals of {measured} are correlated with {input}, most with what it was {lag:.3} s before \
                  ({correlation:.2}): the model lacks a path or a delay from there, or has a wrong one"
+            ),
+            Self::Outlier {
+                measured,
+                run,
+                time,
+                value,
+                unit,
+                count,
+                share,
+            } => write!(
+                f,
+                "{measured} of {run} at {time} s is {value:.3e}{} from the model and breaks away from its neighbours ({}, \
+                 {:.0} % of the column's sum of squares): empty the cells if they are errors, or fit with noise = \
+                 \"student\"",
+                spaced(unit.as_deref()),
+                match count {
+                    1 => "one such sample".to_owned(),
+                    _ => format!("{count} such samples"),
+                },
+                100.0 * share,
+            ),
+            Self::Jump {
+                measured,
+                run,
+                time,
+                size,
+                unit,
+            } => write!(
+                f,
+                "the residuals of {measured} in {run} jump by {size:.3e}{} at {time} s and do not come back: part of the \
+                 column may have another origin or unit",
+                spaced(unit.as_deref()),
+            ),
+            Self::Misfit {
+                measured,
+                run,
+                ratio,
+            } => write!(
+                f,
+                "{measured} of {run} is fitted {ratio:.1} times as badly as that of the others: an origin, an input or a \
+                 unit may be another there, or another pilot flew; see what the fit is without it"
             ),
             Self::OnStabilityBound(of) => write!(
                 f,
@@ -319,6 +403,11 @@ impl fmt::Display for Diagnostic {
     }
 }
 
+/// A unit after a number.
+fn spaced(unit: Option<&str>) -> String {
+    unit.map(|unit| format!(" {unit}")).unwrap_or_default()
+}
+
 /// What a fit that was cut had still to do.
 fn undone(starts: usize, refinement: bool, events: bool) -> String {
     let starts = (starts > 0).then(|| counted(starts, "start"));
@@ -396,6 +485,12 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     );
     all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     all.extend(of_inputs(fit));
+    if is_said(fit) {
+        for k in 0..posed.file.measured.len() {
+            all.extend(of_samples(posed, fit, k));
+            all.extend(of_runs(posed, fit, k));
+        }
+    }
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {
@@ -454,12 +549,13 @@ fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
             correlation: own.crossed.correlations[lag],
         })
     };
-    let is_said = fit.is_answer() && fit.chi2 > fit.resolution;
-    fit.beside
-        .iter()
-        .filter(|_| is_said)
-        .filter_map(doubt)
-        .collect()
+    let pairs = fit.beside.iter().filter(|_| is_said(fit));
+    pairs.filter_map(doubt).collect()
+}
+
+/// Whether residuals are those of an answer, and more than the solver leaves over.
+fn is_said(fit: &Fit) -> bool {
+    fit.is_answer() && fit.chi2 > fit.resolution
 }
 
 fn of_lower(fit: &Fit) -> Option<Diagnostic> {

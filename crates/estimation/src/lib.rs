@@ -47,7 +47,7 @@
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
 //! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
-//! | [`left_over`] | what residuals say of the next one and of inputs |
+//! | [`left_over`], `outliers` | what residuals say of the next one and of inputs; samples and runs that stand out of them |
 //! | [`folds`], [`per_run`], `same_data`, [`orders`], [`comparison`] | fits to some of the runs; to each alone; whether problems have the same data; a problem with another order; several problems on the same data |
 
 mod active;
@@ -73,6 +73,7 @@ mod likelihood;
 mod loops;
 mod names;
 pub mod orders;
+mod outliers;
 pub mod part;
 pub mod per_run;
 pub mod posed;

@@ -7,13 +7,6 @@ pub fn rms<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
-/// The middle one, of an even number the upper one in the middle; none of none.
-pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Least and greatest.
 pub fn range(values: &[f64]) -> [f64; 2] {
     let present = || values.iter().copied();

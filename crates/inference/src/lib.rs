@@ -30,6 +30,7 @@
 //! | [`inference`] | information, what the data leave open |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
+//! | [`outliers`] | samples and runs that stand out |
 //! | [`residuals`], [`crossed`] | what residuals say of a model, alone and beside what drove it |
 //! | [`choice`], [`homogeneity`] | which of several models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
@@ -45,6 +46,7 @@ pub mod homogeneity;
 pub mod inference;
 pub mod interval;
 mod meat;
+pub mod outliers;
 pub mod residuals;
 mod restricted;
 mod row;

@@ -1,7 +1,8 @@
 //! A trial in a few numbers, to see at a glance whether it is what it should be.
 
 use super::Trial;
-use crate::statistics::{median, range, rms};
+use crate::statistics::{range, rms};
+use pilotage_inference::outliers::median;
 
 /// A few numbers about one run.
 #[derive(Debug, Clone, PartialEq)]
