@@ -232,6 +232,14 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
 
 /// Tables over time, laid over each other by the names of their columns.
 fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
+    let alone = |path: &&PathBuf| {
+        let kinds = [FileKind::Page, FileKind::Pilot, FileKind::Problem];
+        recognise::of(path).is_some_and(|kind| kinds.contains(&kind))
+    };
+    if let Some(path) = inputs.iter().find(alone) {
+        let message = format!("{} is drawn alone", path.display());
+        return Err(Failure::new(message).hint("several files are results, .csv, in one figure"));
+    }
     let all = inputs
         .iter()
         .map(|path| Ok((path.display().to_string(), Series::read_table(path)?)));

@@ -106,6 +106,16 @@ fn what_a_fit_refuses_is_a_comment() {
 }
 
 #[test]
+fn what_is_no_model_is_told() {
+    let folder = Folder::new();
+    folder.write("run.csv", "time,x0,y\n0,1,1\n1,0.5,0.5\n");
+    let ended = folder.pilotage(&["init", "run.csv", "--pilot", "crosover"]);
+    let why = "error: `crosover` is neither a file nor a built-in model; did you mean `crossover`?\nhint: `pilotage models` \
+               lists the built-in ones\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, why));
+}
+
+#[test]
 fn an_fmu_that_a_fit_refuses_is_refused() {
     let folder = Folder::new();
     folder.write("run.csv", "time,x0,y\n0,1,1\n1,0.5,0.5\n");

@@ -189,6 +189,18 @@ fn what_cannot_be_drawn_is_told() {
             "error: page.html ",
         ),
         (
+            "plot a.csv --figure car.speed --width 39",
+            "error: invalid value '39' for '--width <WIDTH>': expected a width from 40 to 2000 mm\n",
+        ),
+        (
+            "plot a.csv --figure car.speed -o a.png --width 2000 --dpi 1200",
+            "error: a drawing 94488 pixels wide\nhint: take a smaller --dpi or --width: up to 16000 pixels\n",
+        ),
+        (
+            "plot a.csv page.html",
+            "error: page.html is drawn alone\nhint: several files are results, .csv, in one figure\n",
+        ),
+        (
             "plot page.html",
             "error: page.html holds no figure\nhint: name a page that --report wrote\n",
         ),

@@ -222,6 +222,15 @@ fn an_output_beyond_its_limit_is_told_where_noise_drives() {
     assert_eq!(told(2.0), None);
 }
 
+#[test]
+fn a_derived_quantity_has_no_name_of_the_loop_s_figures() {
+    let derived = "[parameters]\n\"m.k\" = {}\n[derived]\nphase_margin = \"2 * m.k\"";
+    let ended = fit(&problem("", derived, RUN));
+    let why = "`phase_margin` is what the figure of the loop itself is called; take another name";
+    assert_eq!(ended.code, 2);
+    assert!(ended.stderr.contains(why), "{}", ended.stderr);
+}
+
 /// Decays with noise in steps of 0.001, to which something is added.
 fn decays(added: impl Fn(usize, usize) -> f64) -> Folder {
     let folder = Folder::new();

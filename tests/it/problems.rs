@@ -215,6 +215,10 @@ fn a_fitted_model_keeps_how_sure_it_is() {
         let table: toml::Table = folder.read(output).parse().unwrap();
         let own = &table["uncertainty"];
         assert_eq!(own["method"].as_str(), Some("cr3"));
+        assert_eq!(
+            own["correlated_by"],
+            toml::Value::from(json["uncertainty"]["correlated_by"].as_str().unwrap())
+        );
         for (k, name) in ["fast", "slow"].into_iter().enumerate() {
             assert_eq!(own["parameters"][k].as_str(), Some(name));
             let sd = own["intervals"][name]["sd"].as_float().unwrap();

@@ -189,6 +189,32 @@ fn a_killed_bootstrap_goes_on_with_the_same_numbers() {
     assert_eq!(folder.read("kept.csv").lines().count(), 65);
 }
 
+/// The fit is there, and not all that was asked for.
+#[test]
+fn refits_that_a_limit_ends_are_told_and_exit_with_1() {
+    let folder = Folder::new();
+    decay(&folder, 4);
+    let fit = [
+        "fit",
+        "problem.toml",
+        "--json",
+        "--force",
+        "--time-limit",
+        "0.5",
+    ];
+    let ended = folder.pilotage(&[&fit[..], &["--bootstrap", "1000000"]].concat());
+    let json = ended.json();
+    assert_eq!((ended.code, &json["status"]), (1, &"converged".into()));
+    let bootstrap = &json["uncertainty"]["bootstrap"];
+    assert!(bootstrap["missing"].as_u64().unwrap() > 0, "{bootstrap}");
+    assert!(
+        ended.stderr.contains("the bootstrap was stopped with "),
+        "{ended:?}"
+    );
+    let whole = folder.pilotage(&[&fit[..], &["--profile"]].concat());
+    assert_eq!(whole.code, 0, "{whole:?}");
+}
+
 #[test]
 fn what_cannot_be_is_refused() {
     let folder = Folder::new();
@@ -248,6 +274,19 @@ fn what_cannot_be_is_refused() {
     );
     folder.write("kept.csv", text.replace("\n0,", "\nx,"));
     refused(&["--bootstrap", "2", "--resume", "kept.csv"], "`x,");
+    // A value that somebody wrote there.
+    let (at, line) = (text.find("\n0,").unwrap(), text.rfind(',').unwrap());
+    let changed = format!("{}0,NaN{}", &text[..=at], &text[line..]);
+    folder.write("kept.csv", changed);
+    refused(
+        &["--bootstrap", "2", "--resume", "kept.csv"],
+        "was changed since",
+    );
+    folder.write("kept.csv", text.replace('\n', "\r\n"));
+    refused(
+        &["--bootstrap", "2", "--resume", "kept.csv"],
+        "kept.csv was changed since: its lines end with CR LF",
+    );
     let both = ["fit", &trials(), "--objective", "both", "--bootstrap", "9"];
     let ended = folder.pilotage(&both);
     assert_eq!(ended.code, 2);

@@ -48,6 +48,10 @@ pub enum Fault {
     #[error("the expression is empty; write a number, a name or a formula")]
     Empty,
 
+    // What a fit says of it.
+    #[error("[uncertainty] {0}")]
+    Uncertainty(String),
+
     // Names.
     #[error("unknown name `{name}`{}; known are {known}", did_you_mean(suggestion.as_deref()))]
     UnknownName {

@@ -1,6 +1,7 @@
 //! What a model file declares.
 
 use crate::error::{Fault, ModelFileError};
+use crate::sure;
 use crate::syntax::{Expression, Part};
 use pilotage_text::document::{Document, DocumentError, Position, TomlTable, number};
 use pilotage_text::is_identifier;
@@ -148,9 +149,6 @@ const SECTIONS: [Section; 5] = [
 /// Names that mean something everywhere.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
 
-/// The table in which a fit says how sure its parameters are.
-const UNCERTAINTY: &str = "uncertainty";
-
 /// The text of a model file with this table `[uncertainty]` at its end, in place of one that it has.
 pub fn with_uncertainty(text: &str, table: &str) -> String {
     let mut is_old = false;
@@ -248,10 +246,10 @@ impl ModelFile {
             "states",
             "locals",
             "outputs",
-            UNCERTAINTY,
+            sure::TITLE,
         ])?;
         // What a fit says of the parameters: nothing that is computed depends on it.
-        root.table(UNCERTAINTY)?;
+        root.table(sure::TITLE)?;
         let reader = Reader {
             file,
             text,
@@ -287,6 +285,13 @@ impl ModelFile {
             outputs: next()?,
         };
         declared.check_names(&reader)?;
+        if let Some(table) = root.table(sure::TITLE)? {
+            // A fit may seek a constant input, or where a state begins.
+            let is_known = |name: &str| declared.variables().any(|own| own.0.name == name);
+            if let Some((byte, fault)) = sure::check(table, &is_known)? {
+                return Err(reader.at(byte, fault));
+            }
+        }
         Ok(declared)
     }
 

@@ -31,7 +31,7 @@
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | [mod@file] | what a file declares |
+//! | [mod@file], `sure` | what a file declares; what a fit says of its parameters |
 //! | `token`, [`syntax`], [`functions`] | expressions as they are written |
 //! | `scope`, `units`, `dimension` | what names mean, circles, units through the equations |
 //! | [`tables`] | the files of `table("file.csv", x)` |
@@ -47,6 +47,7 @@ pub mod expressions;
 pub mod file;
 pub mod functions;
 mod scope;
+mod sure;
 pub mod syntax;
 pub mod tables;
 mod token;

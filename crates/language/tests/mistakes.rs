@@ -256,3 +256,49 @@ fn depth_length_and_number_have_limits() {
     let many: String = (0..60_000).map(|k| format!("+sin(u+{k})*u")).collect();
     insta::assert_snapshot!([of(&deep), of(&long), of(&many), wide].join("\n"));
 }
+
+/// What a fit says is refused where it cannot be.
+#[test]
+fn an_uncertainty_that_cannot_be_is_refused() {
+    const SURE: &str = r#"[uncertainty]
+method = "cr3"
+correlated_by = "ar"
+parameters = ["gain", "lag"]
+degrees_of_freedom = [3, 3]
+covariance = [
+    [0.04, 0.01],
+    [0.01, 0.09],
+]
+[uncertainty.intervals]
+gain = { sd = 0.2, low = -inf, high = 0.5 }
+lag = { sd = 0.3, low = -1, high = 1.1 }
+tau = { sd = inf, low = -inf, high = inf }
+"#;
+    let whole = GOOD.to_owned() + SURE;
+    parse(&whole, "model.toml", &table).expect("it can be");
+    let of = |(right, wrong): (&str, &str)| {
+        assert!(whole.contains(right), "{right}");
+        let text = whole.replace(right, wrong);
+        let error = parse(&text, "model.toml", &table).expect_err(wrong);
+        error.to_string()
+    };
+    let all = [
+        ("method = \"cr3\"", "method = 3"),
+        ("method = \"cr3\"", "way = 3"),
+        ("\"lag\"]", "\"lagg\"]"),
+        ("[3, 3]", "[3]"),
+        ("[3, 3]", "[3, nan]"),
+        ("[0.04, 0.01]", "[0.04]"),
+        ("0.09]", "nan]"),
+        ("0.09]", "-0.09]"),
+        ("0.01]", "0.1]"),
+        ("0.01]", "0.02]"),
+        ("sd = 0.2,", "sd = 0.25,"),
+        ("sd = 0.2,", "sd = -0.2,"),
+        ("low = -1", "low = 2"),
+        ("tau = { sd = inf", "tau_ = { sd = inf"),
+        ("tau = { sd = inf", "tau = { width = inf"),
+    ]
+    .map(of);
+    insta::assert_snapshot!(all.join("\n"));
+}

@@ -87,6 +87,13 @@ pub struct Profile {
     pub lower: Option<usize>,
 }
 
+impl Profile {
+    /// Whether it was stopped before its ends were found.
+    pub fn is_stopped(&self) -> bool {
+        self.ends.iter().any(|end| matches!(end, End::Stopped(_)))
+    }
+}
+
 /// The profiles of these coordinates, in parallel over them and their sides. The same numbers for any number of threads.
 /// [`Watch::done`] is called twice for each.
 ///

@@ -309,7 +309,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(log) = log {
         log.close(&found.fit)?;
     }
-    Ok(match found.fit.is_answer() {
+    let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
+    Ok(match found.fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,
     })

@@ -36,7 +36,8 @@ impl Instance {
     /// Of a built-in model, a model file or an FMU.
     pub fn open(name: &str, given: &str) -> Result<Self, Failure> {
         let path = Path::new(given);
-        let is_name = library::find(given).is_some() && !path.is_file();
+        let is_other = !path.exists() && path.extension().is_none();
+        let is_name = is_other || library::find(given).is_some() && !path.is_file();
         match is_name {
             true => Ok(Self::of_model(name, given, &open::named(given, None)?)),
             false if recognise::is_fmu(path) => {

@@ -19,8 +19,9 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
         return None;
     }
     let mut text = format!(
-        "[uncertainty]                      # 95 % intervals\nmethod = {}\n",
-        quoted(own.method.as_str())
+        "[uncertainty]                      # 95 % intervals\nmethod = {}\ncorrelated_by = {}\n",
+        quoted(own.method.as_str()),
+        quoted(own.correlated_by.as_str())
     );
     text += &covariance(own, prefix, &told);
     text += "\n[uncertainty.intervals]\n";

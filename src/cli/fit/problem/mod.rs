@@ -122,7 +122,8 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => format!("{:#}\n", with_orders(summary::to_json(&outcome), chosen)),
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
-    Ok(match fit.is_answer() {
+    let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
+    Ok(match fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,
     })

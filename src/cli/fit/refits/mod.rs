@@ -10,6 +10,7 @@ use crate::inference::LEVEL;
 use crate::refits::study::ENOUGH_RUNS;
 use crate::refits::{Kind, Profile, Replicate, Spread, Study, Watch, spread};
 use crate::suggestion::{did_you_mean, suggestion};
+use pilotage_text::counted;
 use resume::Kept;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -182,6 +183,15 @@ impl Plan {
         let names = study.unknowns.iter();
         let names = names.map(|own| (own.name.clone(), own.label.clone()));
         let derived = study.derived.iter().map(|name| (name.clone(), None));
+        let profiles = self.profiles(study, &stops);
+        let stopped = profiles.iter().filter(|(_, own)| own.is_stopped()).count();
+        if stopped > 0 {
+            let profiles = counted(stopped, "profile");
+            terminal::note(&format!(
+                "{profiles} of {} stopped before the end",
+                self.profile.len()
+            ));
+        }
         Ok(Refitted {
             names: names.chain(derived).collect(),
             unknowns: study.unknowns.len(),
@@ -192,7 +202,7 @@ impl Plan {
                 study.threshold.noise / study.factor,
                 study.degrees,
             ),
-            profiles: self.profiles(study, &stops),
+            profiles,
             bootstrap: self.bootstrapped(study, &stops)?,
         })
     }
@@ -259,6 +269,15 @@ impl Plan {
             terminal::note(&found.stopped(self.resume.as_deref()));
         }
         Ok(Some(found))
+    }
+}
+
+impl Refitted {
+    /// Whether all that was asked for is done: nothing stopped it.
+    pub fn is_whole(&self) -> bool {
+        let bootstrap = self.bootstrap.as_ref();
+        bootstrap.is_none_or(|own| own.missing() == 0)
+            && !self.profiles.iter().any(|(_, own)| own.is_stopped())
     }
 }
 

@@ -64,7 +64,8 @@ impl Kept {
             Some(values) => values.iter().map(|value| format!(",{value:?}")).collect(),
             None => ",-".to_owned(),
         };
-        let line = format!("{}{values}\n", replicate.number);
+        let line = format!("{}{values}", replicate.number);
+        let line = format!("{line},{}\n", sum(&line));
         let written = self.file.write_all(line.as_bytes());
         written.map_err(|error| Failure::cannot_write(&self.path, &error))
     }
@@ -94,19 +95,29 @@ fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failur
     let line = |(k, line): (usize, &str)| {
         let replicate = replicate(line).filter(|own| {
             let values = own.values.as_ref();
-            values.is_none_or(|values| {
-                values.len() == count && values.iter().all(|value| !value.is_infinite())
-            })
+            values.is_none_or(|values| values.len() == count)
         });
         replicate.ok_or_else(|| {
-            let message = format!("{}:{}: `{line}` is no refit", path.display(), k + 2);
+            let message = format!(
+                "{}:{}: `{line}` is no refit, or was changed since",
+                path.display(),
+                k + 2
+            );
             Failure::new(message).hint("remove the line, or give --resume another file")
         })
     };
     lines.lines().enumerate().map(line).collect()
 }
 
+/// By which a line that was changed is told from one that was written.
+fn sum(line: &str) -> String {
+    sha256(line.as_bytes())[..8].to_owned()
+}
+
 fn replicate(line: &str) -> Option<Replicate> {
+    let (line, _) = line
+        .rsplit_once(',')
+        .filter(|(line, own)| sum(line) == **own)?;
     let (number, values) = line.split_once(',')?;
     Some(Replicate {
         number: number.parse().ok()?,
@@ -125,6 +136,7 @@ fn replicate(line: &str) -> Option<Replicate> {
 
 fn refused(path: &Path, text: &str) -> Failure {
     let what = match text.starts_with(HEAD) {
+        true if text.contains('\r') => "was changed since: its lines end with CR LF",
         true => "holds refits of another fit, kind or seed",
         false => "is there, and no file of bootstrap refits",
     };

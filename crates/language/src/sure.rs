@@ -1,0 +1,121 @@
+//! What a fit says of a model's parameters, `[uncertainty]`: nothing that is computed depends on it, and it is read by
+//! people and by other tools; so it is refused where it cannot be.
+
+use crate::error::Fault;
+use pilotage_text::document::{DocumentError, TomlTable};
+
+/// The table in which a fit says how sure its parameters are.
+pub const TITLE: &str = "uncertainty";
+/// Rounding of what was written.
+const ROUNDED: f64 = 1e-6;
+
+/// A fault and the byte of the text at which it is.
+pub type Misplaced = (usize, Fault);
+
+/// Checks the table of a file in which these are known.
+///
+/// # Errors
+/// When a value is of another kind.
+pub fn check(
+    table: TomlTable<'_>,
+    is_known: &dyn Fn(&str) -> bool,
+) -> Result<Option<Misplaced>, DocumentError> {
+    table.only(&[
+        "method",
+        "correlated_by",
+        "parameters",
+        "degrees_of_freedom",
+        "covariance",
+        "intervals",
+    ])?;
+    table.string("method")?;
+    table.string("correlated_by")?;
+    let names = table.strings("parameters")?.unwrap_or_default();
+    let fault = |field: &str, words: String| {
+        let byte = table.byte_of_name(field);
+        Ok(Some((byte, Fault::Uncertainty(words))))
+    };
+    if let Some(k) = names.iter().position(|(name, _)| !is_known(name)) {
+        let words = format!("`{}` is no variable of the model", names[k].0);
+        let byte = table.content("parameters", Some(k)).byte(0);
+        return Ok(Some((byte, Fault::Uncertainty(words))));
+    }
+    let count = names.len();
+    let degrees = table.numbers("degrees_of_freedom")?.unwrap_or_default();
+    let is_positive = degrees.iter().all(|own| *own > 0.0);
+    if degrees.len() != count || !is_positive {
+        let words = format!("degrees_of_freedom is not {count} numbers above 0");
+        return fault("degrees_of_freedom", words);
+    }
+    let rows = table.rows("covariance")?.unwrap_or_default();
+    if let Some(words) = wrong(&rows, count) {
+        return fault("covariance", format!("covariance {words}"));
+    }
+    let Some(intervals) = table.table("intervals")? else {
+        return Ok(None);
+    };
+    for name in intervals.names() {
+        if !is_known(name) {
+            let words = format!("`{name}` is no variable of the model");
+            let byte = intervals.byte_of_name(name);
+            return Ok(Some((byte, Fault::Uncertainty(words))));
+        }
+        let own = intervals.required(name, intervals.table(name)?)?;
+        own.only(&["sd", "low", "high"])?;
+        let [sd, low, high] = [own.number("sd")?, own.number("low")?, own.number("high")?];
+        let place = names.iter().position(|(own, _)| *own == name);
+        let variance = place.map(|k| rows[k][k]);
+        let words = match (sd, low, high) {
+            (Some(sd), ..) if !(sd >= 0.0) => Some(format!("sd of `{name}` is {sd}")),
+            (_, Some(low), Some(high)) if !(low <= high) => {
+                Some(format!("of `{name}` low is {low} and high {high}"))
+            }
+            (Some(sd), ..) => variance.filter(|own| !is_near(own.sqrt(), sd)).map(|own| {
+                let other = own.sqrt();
+                format!("`{name}` has sd = {sd}, and the covariance says {other}")
+            }),
+            _ => None,
+        };
+        if let Some(words) = words {
+            let byte = intervals.byte_of_name(name);
+            return Ok(Some((byte, Fault::Uncertainty(words))));
+        }
+    }
+    Ok(None)
+}
+
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= ROUNDED * a.abs().max(b.abs())
+}
+
+/// Why a matrix is no covariance of so many.
+fn wrong(rows: &[Vec<f64>], count: usize) -> Option<String> {
+    if rows.len() != count || rows.iter().any(|row| row.len() != count) {
+        return Some(format!("is not {count} rows of {count} numbers"));
+    }
+    if rows.iter().flatten().any(|value| !value.is_finite()) {
+        return Some("is not finite".to_owned());
+    }
+    for i in 0..count {
+        for j in 0..=i {
+            let most = (rows[i][i] * rows[j][j]).sqrt();
+            if rows[i][i] < 0.0 || rows[i][j].abs() > most * (1.0 + ROUNDED) {
+                return Some(format!(
+                    "has {} in row {}, more than its variances allow",
+                    rows[i][j],
+                    i + 1
+                ));
+            }
+            if !is_near(rows[i][j], rows[j][i]) {
+                return Some(format!(
+                    "is not symmetric: row {} has {}, row {} has {}",
+                    i + 1,
+                    rows[i][j],
+                    j + 1,
+                    rows[j][i]
+                ));
+            }
+        }
+    }
+    None
+}
