@@ -26,11 +26,12 @@ impl Outcome {
     }
 }
 
-/// Bad use or bad input: exit code 2. Shown as `error: ...` and, where there is one, `hint: ...`.
+/// Bad use or bad input, exit code 2; or an FMU ended by itself before there was any result, exit code 1. Shown as `error: ...` and, where there is one, `hint: ...`.
 #[derive(Debug, Clone)]
 pub struct Failure {
     message: String,
     hint: Option<String>,
+    code: u8,
 }
 
 impl Failure {
@@ -39,7 +40,19 @@ impl Failure {
         Self {
             message: message.into(),
             hint: None,
+            code: 2,
         }
+    }
+
+    /// Of an FMU that ran: exit code 1.
+    pub fn ran(mut self) -> Self {
+        self.code = 1;
+        self
+    }
+
+    /// The exit code.
+    pub fn code(&self) -> u8 {
+        self.code
     }
 
     /// A file that cannot be written.

@@ -81,6 +81,16 @@ enum Command {
     /// Load and step one FMU, telling each stage: what `validate` runs in a process of its own.
     #[command(hide = true)]
     Probe(validate::ProbeArgs),
+    /// Run one FMU for another process: what `--isolate` starts.
+    #[command(hide = true)]
+    Isolated(IsolatedArgs),
+}
+
+/// Arguments of `pilotage isolated`.
+#[derive(Debug, clap::Args)]
+struct IsolatedArgs {
+    /// Over which questions come.
+    channel: std::path::PathBuf,
 }
 
 /// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
@@ -123,12 +133,19 @@ fn run(command: Command) -> u8 {
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),
         Command::Probe(args) => validate::probe(args),
+        Command::Isolated(args) => match crate::cosim::isolated::serve(&args.channel) {
+            Ok(()) => Ok(Outcome::Done),
+            Err(error) => Err(Failure::new(format!(
+                "no channel {}: {error}",
+                args.channel.display()
+            ))),
+        },
     };
     match outcome {
         Ok(outcome) => outcome.code(),
         Err(failure) => {
             terminal::tell(&format!("{failure}\n"));
-            2
+            failure.code()
         }
     }
 }

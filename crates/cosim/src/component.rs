@@ -2,6 +2,7 @@
 
 use pilotage_linear::StateSpace;
 pub use pilotage_units::{Base, Conversion, Unit};
+use serde::{Deserialize, Serialize};
 
 /// Why a component's call failed, in the component's own words.
 pub type ComponentError = Box<dyn std::error::Error + Send + Sync>;
@@ -173,7 +174,7 @@ pub struct Abilities {
 }
 
 /// How far a step came.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Progress {
     /// To its end.
     Done,
@@ -190,7 +191,7 @@ pub enum Progress {
 }
 
 /// When a simulation starts and ends and how exact it shall be.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
     /// Start time \[s\].
     pub start: f64,
@@ -259,7 +260,7 @@ impl Variable {
 }
 
 /// Type of a variable's values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ValueKind {
     /// Floating point.
     Real,
@@ -326,7 +327,7 @@ impl std::fmt::Display for Role {
 }
 
 /// A value of any kind; an enumeration's is an integer.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Value {
     /// Of a real.
     Real(f64),

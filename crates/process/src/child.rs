@@ -158,8 +158,26 @@ impl Child {
         }
     }
 
+    /// Removes what it has left in the temporary folder, after it was killed.
+    pub fn sweep(&self) {
+        crate::folder::sweep_of(self.child.id());
+    }
+
+    /// Memory that it has now \[bytes\]; none where the system does not tell.
+    pub fn memory(&self) -> Option<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+        let line = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmRSS:"))?;
+        let kilobytes: u64 = line.trim().strip_suffix(" kB")?.trim().parse().ok()?;
+        Some(1024 * kilobytes)
+    }
+
     /// Its status, if it has ended. Whatever it started ends too.
-    fn try_end(&mut self) -> io::Result<Option<ExitStatus>> {
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn try_end(&mut self) -> io::Result<Option<ExitStatus>> {
         #[cfg(unix)]
         if self.is_group && !self.is_over {
             // Seen, but not yet forgotten by the system: its number is nobody else's.

@@ -10,14 +10,17 @@
 //! | --- | --- |
 //! | [`page`] | the shared memory: which call is going on, records, how it ended |
 //! | [`child`] | a process group with a page: started, waited for, killed |
+//! | [`channel`] | questions and answers between two processes |
 //! | [`folder`] | temporary folders, and what dead processes left of theirs |
 //! | [`leftovers`] | what is removed when a signal ends this process |
 
+pub mod channel;
 pub mod child;
 pub mod folder;
 pub mod leftovers;
 pub mod page;
 
+pub use channel::Channel;
 pub use child::{Child, Ended, end_with_parent};
 pub use folder::Folder;
 pub use page::{Going, Page, at, attach, call, finished, is_attached, place, record};

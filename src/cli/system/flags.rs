@@ -3,6 +3,7 @@
 use super::super::Failure;
 use super::super::overwrite::{OutputKind, Overwrite};
 use super::super::recognise::{self, FileKind};
+use super::isolation::Isolation;
 use super::{Built, build, parameters, save};
 use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, Setting, Wire};
 use crate::cosim::{System, SystemDescription};
@@ -38,6 +39,8 @@ pub struct Wiring {
     /// `value` and, if wanted, `unit`). What --set says comes first.
     #[arg(long, value_name = "FILE")]
     parameters: Vec<PathBuf>,
+    #[command(flatten)]
+    isolation: Isolation,
     /// Write the system as a system file: instances, wires and values, whether arguments or a system file
     /// said them. Files are named from its folder.
     #[arg(long, value_name = "FILE")]
@@ -89,7 +92,7 @@ impl Wiring {
             .map(|path| (path, OutputKind::System));
         let written: Vec<(&Path, OutputKind)> = outputs.iter().copied().chain(saved).collect();
         overwrite.check(&read, &written)?;
-        let mut built = build(description, |system, description| {
+        let mut built = build(description, &self.isolation, |system, description| {
             let settings = self.settings(system)?;
             description.override_wiring(connections, settings);
             Ok(())

@@ -3,6 +3,7 @@
 //! | module | what it does |
 //! | --- | --- |
 //! | `flags` | arguments that say what is simulated |
+//! | `isolation` | FMUs in processes of their own |
 //! | `resolve` | what `model = "..."` means |
 //! | `tables` | tables that feed inputs |
 //! | `parameters` | start values from a file |
@@ -11,14 +12,16 @@
 
 mod advice;
 pub mod flags;
+pub mod isolation;
 mod parameters;
 mod resolve;
 mod save;
 pub mod tables;
 
+use self::isolation::Isolation;
 use self::resolve::{Resolved, resolve};
 use self::tables::InputTable;
-use super::Failure;
+use super::{Failure, recognise};
 use crate::cosim::master::Stage;
 use crate::cosim::{MasterError, System, SystemDescription};
 use std::path::{Path, PathBuf};
@@ -37,19 +40,21 @@ pub struct Built {
 
 /// Opens all instances of a description and wires them.
 pub fn open(description: SystemDescription) -> Result<Built, Failure> {
-    build(description, |_, _| Ok(()))
+    build(description, &Isolation::default(), |_, _| Ok(()))
 }
 
 /// Opens all instances and wires them; `finish` may change wires and values when the instances are there.
 fn build(
     mut description: SystemDescription,
+    isolation: &Isolation,
     finish: impl FnOnce(&System, &mut SystemDescription) -> Result<(), Failure>,
 ) -> Result<Built, Failure> {
+    isolation.check(&description.instances)?;
     let mut system = System::new();
     let mut files = Vec::new();
     for instance in &description.instances {
         let place = &instance.source.place;
-        match resolve(instance)? {
+        match resolve(instance, isolation)? {
             Resolved::Model(component) => system
                 .add(&instance.name, component)
                 .map_err(|error| Failure::from(error).at(place.as_ref()))?,
@@ -92,5 +97,10 @@ pub fn explain(error: MasterError, description: &SystemDescription) -> Failure {
         _ => Vec::new(),
     };
     let place = names.iter().find_map(|name| description.place_of(name));
-    Failure::from(error).at(place)
+    let has_run = isolation::is_gone(&error);
+    let failure = Failure::from(error).at(place);
+    match has_run {
+        true => failure.ran(),
+        false => failure,
+    }
 }

@@ -3,6 +3,7 @@
 use super::super::Failure;
 use super::super::model::open;
 use super::super::recognise::{self, FileKind};
+use super::isolation::Isolation;
 use crate::cosim::description::{InstanceDescription, InstanceSource, Interface};
 use crate::cosim::{Component, NativeComponent, fmu_component};
 use crate::document::{self, Document};
@@ -23,7 +24,7 @@ pub enum Resolved {
 }
 
 /// Opens what an instance is made of.
-pub fn resolve(instance: &InstanceDescription) -> Result<Resolved, Failure> {
+pub fn resolve(instance: &InstanceDescription, isolation: &Isolation) -> Result<Resolved, Failure> {
     let place = instance.source.place.as_ref();
     let folder = place.and_then(|place| Path::new(&place.file).parent());
     if let (Some(order), Some(file)) = (&instance.order, instance.source.value.file()) {
@@ -38,7 +39,7 @@ pub fn resolve(instance: &InstanceDescription) -> Result<Resolved, Failure> {
     }
     let resolved = match &instance.source.value {
         InstanceSource::BuiltIn(name) => built_in(name, instance, folder),
-        InstanceSource::Model(file) => model(file, instance).map(Resolved::Model),
+        InstanceSource::Model(file) => model(file, instance, isolation).map(Resolved::Model),
         InstanceSource::Table(file) => table(file),
     };
     resolved.map_err(|failure| failure.at(place))
@@ -111,7 +112,11 @@ fn table(file: &Path) -> Result<Resolved, Failure> {
     Ok(Resolved::Table(file.to_owned()))
 }
 
-fn model(file: &Path, instance: &InstanceDescription) -> Result<Box<dyn Component>, Failure> {
+fn model(
+    file: &Path,
+    instance: &InstanceDescription,
+    isolation: &Isolation,
+) -> Result<Box<dyn Component>, Failure> {
     let kinds = [
         FileKind::Fmu,
         FileKind::Archive,
@@ -127,6 +132,9 @@ fn model(file: &Path, instance: &InstanceDescription) -> Result<Box<dyn Componen
         true => Ok(Box::new(NativeComponent::new(native(file)?))),
         false => {
             let kind = instance.interface.map(kind);
+            if isolation.is_of(&instance.name) {
+                return isolation.open(file, &instance.name, kind);
+            }
             Ok(fmu_component::open(file, &instance.name, kind)?)
         }
     }

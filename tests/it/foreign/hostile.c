@@ -44,6 +44,18 @@ static int deep(int n) {
     return deep(n + 1) + room[0];
 }
 
+/* Writes over all memory that is shared with whoever watches. */
+static void forge(void) {
+    FILE *maps = fopen("/proc/self/maps", "r");
+    char line[1024];
+    while (fgets(line, sizeof line, maps)) {
+        unsigned long from, to;
+        if (!strstr(line, "pilotage-run-") || !strstr(line, "rw-s")) continue;
+        if (sscanf(line, "%lx-%lx", &from, &to) == 2) memset((void *)from, 0xff, to - from);
+    }
+    fclose(maps);
+}
+
 static void act(const char *what, Model *m) {
     if (!strcmp(what, "abort")) abort();
     if (!strcmp(what, "segv")) *(volatile int *)8 = 1;
@@ -73,6 +85,8 @@ static void act(const char *what, Model *m) {
     if (!strcmp(what, "closeout")) { close(1); close(2); }
     if (!strcmp(what, "chdir")) { if (chdir("/")) abort(); }
     if (!strcmp(what, "umask")) umask(0777);
+    if (!strcmp(what, "memory")) for (int i = 0; i < 400; i++) memset(malloc(1000000), i + 1, 1000000);
+    if (!strcmp(what, "forge")) forge();
     if (!strcmp(what, "locale")) setlocale(LC_ALL, "C.UTF-8");
     if (!strcmp(what, "rounding")) fesetround(FE_UPWARD);
     if (!strcmp(what, "handlers")) { signal(SIGINT, SIG_IGN); signal(SIGTERM, SIG_IGN); }

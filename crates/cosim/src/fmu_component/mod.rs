@@ -21,7 +21,7 @@ use super::component::{
 };
 use pilotage_fmi::description::{DefaultExperiment, FmiVersion, ModelDescription};
 use pilotage_fmi::instance::Saved;
-use pilotage_fmi::{Fmu, FmuError, Instance, Step, fmu};
+use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a component of it: of the wanted kind, if it has that one, else
@@ -32,25 +32,68 @@ use std::path::Path;
 pub fn open(
     path: &Path,
     name: &str,
-    wanted: Option<pilotage_fmi::InterfaceType>,
+    wanted: Option<InterfaceType>,
 ) -> Result<Box<dyn Component>, FmuError> {
     let mut fmu = Fmu::open(path)?;
-    let kinds: Vec<pilotage_fmi::InterfaceType> =
-        fmu.kinds().iter().map(|(kind, _)| *kind).collect();
-    let has = |kind: &pilotage_fmi::InterfaceType| kinds.contains(kind);
-    let first = wanted.filter(has);
+    let kind = chosen(&fmu, wanted);
     let library = fmu.load()?;
-    let is_model_exchange = match first {
-        Some(kind) => kind == pilotage_fmi::InterfaceType::ModelExchange,
-        None => {
-            !has(&pilotage_fmi::InterfaceType::CoSimulation)
-                && has(&pilotage_fmi::InterfaceType::ModelExchange)
-        }
-    };
-    Ok(match is_model_exchange {
-        true => Box::new(ModelExchangeComponent::new(&library, name)?),
-        false => Box::new(FmuComponent::new(&library, name)?),
+    Ok(match kind {
+        InterfaceType::ModelExchange => Box::new(ModelExchangeComponent::new(&library, name)?),
+        _ => Box::new(FmuComponent::new(&library, name)?),
     })
+}
+
+/// What an FMU is used for.
+fn chosen(fmu: &Fmu, wanted: Option<InterfaceType>) -> InterfaceType {
+    let kinds = fmu.kinds();
+    let has = |kind: &InterfaceType| kinds.iter().any(|(own, _)| own == kind);
+    let order = [InterfaceType::CoSimulation, InterfaceType::ModelExchange];
+    let kind = wanted.into_iter().chain(order).find(has);
+    kind.unwrap_or(InterfaceType::CoSimulation)
+}
+
+/// What the description says of the component that [`open`] makes: none of the FMU's code runs for it.
+#[derive(Debug, Clone)]
+pub struct Outline {
+    /// The variables.
+    pub variables: Vec<Variable>,
+    /// What it can do.
+    pub abilities: Abilities,
+    /// When it suggests to end \[s\].
+    pub suggested_stop: Option<f64>,
+}
+
+impl Outline {
+    /// Of an FMU.
+    ///
+    /// # Errors
+    /// If the archive or the description is bad.
+    pub fn read(path: &Path, wanted: Option<InterfaceType>) -> Result<Self, FmuError> {
+        let fmu = Fmu::open(path)?;
+        let description = fmu.description();
+        let (variables, abilities) = match chosen(&fmu, wanted) {
+            InterfaceType::ModelExchange => {
+                let access = Access::of(description);
+                let abilities = model_exchange::abilities(description, &access);
+                (variables(description, &Arrays::default()), abilities)
+            }
+            _ => {
+                let arrays = Arrays::of(description);
+                let variables = variables(description, &arrays);
+                let access = Access::with(description, arrays);
+                let is_fmi3 = description.fmi_version == FmiVersion::V3;
+                let fmi3 = is_fmi3.then(|| Fmi3::of(description).0);
+                let abilities = abilities(description, &access, fmi3.as_ref());
+                (variables, abilities)
+            }
+        };
+        let experiment = description.default_experiment.unwrap_or_default();
+        Ok(Self {
+            variables,
+            abilities,
+            suggested_stop: experiment.stop_time,
+        })
+    }
 }
 
 /// An instance of an FMU for co-simulation.
@@ -95,13 +138,12 @@ impl FmuComponent {
                 (Some(fmi3), options)
             }
         };
-        let instance =
-            library.instantiate_with(name, pilotage_fmi::InterfaceType::CoSimulation, options)?;
+        let instance = library.instantiate_with(name, InterfaceType::CoSimulation, options)?;
         let arrays = Arrays::of(description);
         let variables = variables(description, &arrays);
         let access = Access::with(description, arrays);
         Ok(Self {
-            abilities: abilities(description, &instance, &access, fmi3.as_ref()),
+            abilities: abilities(description, &access, fmi3.as_ref()),
             fmi3,
             time: 0.0,
             saved: Vec::new(),
@@ -282,12 +324,7 @@ impl Component for FmuComponent {
 }
 
 /// What the description says that the FMU can do. Reals of 32 bits and arrays have no derivatives here.
-fn abilities(
-    description: &ModelDescription,
-    instance: &Instance,
-    access: &Access,
-    fmi3: Option<&Fmi3>,
-) -> Abilities {
+fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3>) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
     };
@@ -301,7 +338,7 @@ fn abilities(
             None => cs.can_interpolate_inputs,
         },
         output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,
-        directional_derivatives: instance.provides_directional_derivatives() && is_simple,
+        directional_derivatives: cs.provides_directional_derivative && is_simple,
     }
 }
 

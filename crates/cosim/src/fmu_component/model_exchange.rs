@@ -7,7 +7,7 @@ use super::variables::variables;
 use crate::component::{
     Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
 };
-use pilotage_fmi::description::DefaultExperiment;
+use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
 use pilotage_fmi::simulate::{RunWork, SavedRun};
 use pilotage_fmi::{FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
@@ -28,7 +28,7 @@ pub struct ModelExchangeComponent {
     /// Over how long a time outputs are looked at to see their slopes [s].
     glance: f64,
     has_begun: bool,
-    can_save: bool,
+    abilities: Abilities,
     saved: Vec<Option<SavedRun>>,
     /// Inputs as they were set last.
     last: Vec<f64>,
@@ -42,9 +42,11 @@ impl ModelExchangeComponent {
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
         let instance = library.instantiate(name, pilotage_fmi::InterfaceType::ModelExchange)?;
+        let access = Access::of(description);
         Ok(Self {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
-            access: Access::of(description),
+            abilities: abilities(description, &access),
+            access,
             knowns: Knowns::of(description),
             variables: variables(description, &Arrays::default()),
             experiment: description.default_experiment.unwrap_or_default(),
@@ -52,8 +54,6 @@ impl ModelExchangeComponent {
             // As for steps of 10 ms, as long as none is known.
             glance: 1e-2 * GLANCE,
             has_begun: false,
-            can_save: (description.model_exchange.as_ref())
-                .is_some_and(|me| me.can_get_and_set_fmu_state),
             saved: Vec::new(),
             last: Vec::new(),
         })
@@ -62,6 +62,18 @@ impl ModelExchangeComponent {
     /// What the solution has cost so far.
     pub fn work(&self) -> RunWork {
         self.run.work()
+    }
+}
+
+/// What the description says that the FMU can do.
+pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abilities {
+    let me = description.model_exchange.as_ref();
+    Abilities {
+        rollback: me.is_some_and(|me| me.can_get_and_set_fmu_state),
+        variable_steps: true,
+        input_derivatives: !access.has_singles(),
+        output_derivatives: access.is_simple(),
+        ..Abilities::default()
     }
 }
 
@@ -146,13 +158,7 @@ impl Component for ModelExchangeComponent {
     }
 
     fn abilities(&self) -> Abilities {
-        Abilities {
-            rollback: self.can_save,
-            variable_steps: true,
-            input_derivatives: !self.access.has_singles(),
-            output_derivatives: self.access.is_simple(),
-            ..Abilities::default()
-        }
+        self.abilities
     }
 
     fn save(&mut self, place: usize) -> Result<(), ComponentError> {

@@ -1,0 +1,469 @@
+//! An FMU in a process of its own.
+//!
+//! Calls go over [memory](pilotage_process::channel) that both processes share. A crash, `exit`, hang or hunger for memory
+//! of the FMU ends its process and no other: the component fails, in words that name the call, the time and the signal, and
+//! whoever runs it goes on.
+//!
+//! ```no_run
+//! use pilotage_cosim::{Isolated, Limits, Program};
+//! use std::path::Path;
+//!
+//! // A program that does nothing but `pilotage_cosim::isolated::serve` with its last argument.
+//! let program = Program { path: "serve".into(), arguments: Vec::new() };
+//! let pilot = Isolated::open(&program, Limits::default(), Path::new("pilot.fmu"), "pilot", None)?;
+//! # Ok::<(), pilotage_cosim::component::ComponentError>(())
+//! ```
+
+mod serve;
+mod wire;
+
+pub use serve::serve;
+
+use crate::component::{
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+};
+use crate::fmu_component::Outline;
+use pilotage_fmi::{InterfaceType, call_name};
+use pilotage_process::{Channel, Child};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+use thiserror::Error;
+use wire::{Answer, Asked, Question, Set, Wanted};
+
+/// How long the process may take to end when the FMU is freed.
+const AFTERWARDS: Duration = Duration::from_secs(5);
+/// Between two looks at how much memory it has, while calls are short.
+const BETWEEN: Duration = Duration::from_millis(10);
+
+/// A command that ends in [`serve`]: it gets the path of a channel as its last argument.
+#[derive(Debug, Clone)]
+pub struct Program {
+    /// The program.
+    pub path: PathBuf,
+    /// What stands before the channel.
+    pub arguments: Vec<OsString>,
+}
+
+/// What an isolated FMU may use; without limit where there is none.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Limits {
+    /// Longest time of a call.
+    pub time: Option<Duration>,
+    /// Most memory of its process \[bytes\].
+    pub memory: Option<u64>,
+}
+
+/// Why an isolated FMU does not answer any more.
+#[derive(Debug, Clone, Error)]
+pub enum Gone {
+    /// Its process has ended.
+    #[error("{call} ended its process ({status})")]
+    Ended {
+        /// What was being called, and when.
+        call: String,
+        /// How it ended.
+        status: String,
+    },
+    /// A call took too long.
+    #[error("{call} did not come back within {} s", .limit.as_secs_f64())]
+    Late {
+        /// As above.
+        call: String,
+        /// The limit.
+        limit: Duration,
+    },
+    /// It took too much memory.
+    #[error("{call} took {} MB of memory, more than the limit of {} MB", .used / 1_000_000, .limit / 1_000_000)]
+    Hungry {
+        /// As above.
+        call: String,
+        /// What it had \[bytes\].
+        used: u64,
+        /// The limit \[bytes\].
+        limit: u64,
+    },
+    /// It has written over the memory by which it is asked.
+    #[error("{0} has written over memory that is not its own")]
+    Nonsense(String),
+    /// The system does not tell of it.
+    #[error("its process cannot be watched: {0}")]
+    Unwatched(String),
+}
+
+/// An FMU in a process of its own as a component.
+#[derive(Debug)]
+pub struct Isolated {
+    outline: Outline,
+    channel: Channel,
+    child: Child,
+    limits: Limits,
+    /// Question and answer as bytes.
+    bytes: Vec<u8>,
+    /// Why it is over, if it is.
+    gone: Option<Gone>,
+    is_free: bool,
+    next_jump: Option<f64>,
+    /// Reals that are set with the next question.
+    sets: Vec<Set>,
+    /// Reals that came with the answer to the last question, and their handles.
+    told: (Vec<u32>, Vec<f64>),
+    /// What was read first after the last step: it is read after the next one too.
+    read: Vec<u32>,
+    has_begun: bool,
+    has_stepped: bool,
+    /// When its memory was looked at last.
+    looked: Instant,
+}
+
+impl Isolated {
+    /// Starts a process and makes an instance of an FMU there: of the wanted kind, if it has that one, else co-simulation
+    /// before model exchange.
+    ///
+    /// # Errors
+    /// If the process does not start, or anything about the FMU is wrong.
+    pub fn open(
+        program: &Program,
+        limits: Limits,
+        path: &Path,
+        name: &str,
+        wanted: Option<InterfaceType>,
+    ) -> Result<Self, ComponentError> {
+        let outline = Outline::read(path, wanted)?;
+        let started = |error: std::io::Error| {
+            let why = format!("cannot start a process for {}: {error}", path.display());
+            ComponentError::from(why)
+        };
+        let folder = pilotage_process::Folder::create().map_err(started)?;
+        let place = folder.path().join("channel");
+        let channel = Channel::create(&place).map_err(started)?;
+        let mut command = Command::new(&program.path);
+        command.args(&program.arguments).arg(&place);
+        let child = Child::start(command, true).map_err(started)?;
+        let mut own = Self {
+            outline,
+            channel,
+            child,
+            limits,
+            bytes: Vec::new(),
+            gone: None,
+            is_free: false,
+            next_jump: None,
+            sets: Vec::new(),
+            told: (Vec::new(), Vec::new()),
+            read: Vec::new(),
+            has_begun: false,
+            has_stepped: false,
+            looked: Instant::now(),
+        };
+        // The folder may go as soon as the other end is open.
+        own.ask(Question::Open {
+            path: serve::bytes_of(path).into(),
+            name: name.into(),
+            wanted: wanted.map(|kind| match kind {
+                InterfaceType::ModelExchange => Wanted::ModelExchange,
+                _ => Wanted::CoSimulation,
+            }),
+        })?;
+        drop(folder);
+        Ok(own)
+    }
+
+    /// Asks, and waits for the answer.
+    fn ask(&mut self, question: Question<'_>) -> Result<Answer, ComponentError> {
+        if let Some(gone) = &self.gone {
+            return Err(gone.clone().into());
+        }
+        let mut bytes = std::mem::take(&mut self.bytes);
+        let sets = self.sets.as_slice().into();
+        wire::write(&Asked { sets, question }, &mut bytes)?;
+        self.sets.clear();
+        self.told.0.clear();
+        let heard = self.exchange(&mut bytes);
+        if let Err(gone) = heard {
+            return Err(self.end(gone));
+        }
+        let answer = wire::read(&bytes);
+        self.bytes = bytes;
+        match answer {
+            Ok(Answer::Failed(words)) => Err(wire::error(words)),
+            Ok(answer) => Ok(answer),
+            Err(_) => Err(self.nonsense()),
+        }
+    }
+
+    /// There is nothing to be asked of it any more.
+    fn end(&mut self, gone: Gone) -> ComponentError {
+        self.child.kill();
+        self.child.sweep();
+        self.gone = Some(gone.clone());
+        gone.into()
+    }
+
+    /// It answers another question.
+    fn nonsense(&mut self) -> ComponentError {
+        let call = call(&self.child);
+        self.end(Gone::Nonsense(call))
+    }
+
+    fn exchange(&mut self, bytes: &mut Vec<u8>) -> Result<(), Gone> {
+        let begun = Instant::now();
+        let (child, limits) = (&mut self.child, self.limits);
+        self.channel.send(bytes, || look(child, begun, limits))?;
+        (self.channel).receive(bytes, || look(child, begun, limits))?;
+        if limits.memory.is_some() && self.looked.elapsed() > BETWEEN {
+            self.looked = Instant::now();
+            look(child, self.looked, limits)?;
+        }
+        Ok(())
+    }
+
+    fn done(&mut self, question: Question<'_>) -> Result<(), ComponentError> {
+        match self.ask(question)? {
+            Answer::Done => Ok(()),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn moved(&mut self, question: Question<'_>) -> Result<Progress, ComponentError> {
+        match self.ask(question)? {
+            Answer::Moved(progress, next_jump, _) => {
+                self.next_jump = next_jump;
+                Ok(progress)
+            }
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn stepped(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<Progress, ComponentError> {
+        let outputs = std::mem::take(&mut self.read);
+        let question = Question::Step {
+            t,
+            h,
+            is_revocable,
+            outputs: outputs.as_slice().into(),
+        };
+        let answer = self.ask(question)?;
+        self.has_stepped = true;
+        let Answer::Moved(progress, next_jump, told) = answer else {
+            return Err(self.nonsense());
+        };
+        self.next_jump = next_jump;
+        if let Some(told) = told.filter(|told| told.len() == outputs.len()) {
+            self.told = (outputs, told);
+        }
+        Ok(progress)
+    }
+
+    fn reals(&mut self, question: Question<'_>, values: &mut [f64]) -> Result<(), ComponentError> {
+        match self.ask(question)? {
+            Answer::Reals(reals) if reals.len() == values.len() => {
+                values.copy_from_slice(&reals);
+                Ok(())
+            }
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    /// Frees the FMU, and waits until its process has ended.
+    fn free(&mut self) -> Result<(), ComponentError> {
+        self.is_free = true;
+        let limit = self
+            .limits
+            .time
+            .map_or(AFTERWARDS, |own| own.min(AFTERWARDS));
+        self.limits.time = Some(limit);
+        self.done(Question::Free)?;
+        let begun = Instant::now();
+        while self.child.try_end()?.is_none() && begun.elapsed() < limit {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+}
+
+/// Whether an answer is still to be hoped for.
+fn look(child: &mut Child, begun: Instant, limits: Limits) -> Result<(), Gone> {
+    let ended = child.try_end();
+    let gone = match ended {
+        Ok(Some(status)) => Gone::Ended {
+            call: call(child),
+            status: status.to_string(),
+        },
+        Err(error) => Gone::Unwatched(error.to_string()),
+        Ok(None) => {
+            if let Some(limit) = limits.time.filter(|limit| begun.elapsed() > *limit) {
+                let call = call(child);
+                return Err(Gone::Late { call, limit });
+            }
+            let Some(limit) = limits.memory else {
+                return Ok(());
+            };
+            match child.memory().filter(|used| *used > limit) {
+                Some(used) => Gone::Hungry {
+                    call: call(child),
+                    used,
+                    limit,
+                },
+                None => return Ok(()),
+            }
+        }
+    };
+    Err(gone)
+}
+
+/// What is, or was, being called.
+fn call(child: &Child) -> String {
+    let going = child.page().going();
+    let Some(going) = going.first() else {
+        return "it, between two calls,".to_owned();
+    };
+    let time = going.time.map(|time| format!(" at {time} s"));
+    format!("{}{}", call_name(going.call), time.unwrap_or_default())
+}
+
+impl Drop for Isolated {
+    fn drop(&mut self) {
+        if self.gone.is_none() && !self.is_free {
+            // What goes wrong now is nobody's loss.
+            let _ = self.free();
+        }
+    }
+}
+
+impl Component for Isolated {
+    fn variables(&self) -> &[Variable] {
+        &self.outline.variables
+    }
+
+    fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
+        self.done(Question::Setup(*experiment))
+    }
+
+    fn enter_initialization(&mut self) -> Result<(), ComponentError> {
+        self.done(Question::EnterInitialization)
+    }
+
+    fn exit_initialization(&mut self) -> Result<(), ComponentError> {
+        self.moved(Question::ExitInitialization)?;
+        self.has_begun = true;
+        Ok(())
+    }
+
+    fn words_of_discard(&mut self) -> Option<String> {
+        match self.ask(Question::WordsOfDiscard) {
+            Ok(Answer::Words(words)) => words,
+            _ => None,
+        }
+    }
+
+    /// After initialization with the next question.
+    fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
+        self.sets.push((handles.into(), values.into()));
+        match self.has_begun {
+            true => Ok(()),
+            false => self.done(Question::Nothing),
+        }
+    }
+
+    fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
+        if std::mem::take(&mut self.has_stepped) {
+            self.read = handles.into();
+        }
+        let (told, reals) = &self.told;
+        if self.sets.is_empty() && told == handles && !handles.is_empty() {
+            values.copy_from_slice(reals);
+            return Ok(());
+        }
+        self.reals(Question::GetReals(handles.into()), values)
+    }
+
+    fn set(&mut self, handle: u32, value: &Value) -> Result<(), ComponentError> {
+        let value = std::borrow::Cow::Borrowed(value);
+        self.done(Question::Set(handle, value))
+    }
+
+    fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
+        match self.ask(Question::Get(handle, kind))? {
+            Answer::Value(value) => Ok(value),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
+        self.stepped(t, h, false)
+    }
+
+    fn suggested_stop(&self) -> Option<f64> {
+        self.outline.suggested_stop
+    }
+
+    /// Frees it too: what goes wrong there is told as well.
+    fn terminate(&mut self) -> Result<(), ComponentError> {
+        if self.gone.is_some() {
+            // It has been told.
+            return Ok(());
+        }
+        self.done(Question::Terminate)?;
+        self.free()
+    }
+
+    fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
+        match self.ask(Question::Linearize(step))? {
+            Answer::Linear(system) => system.read().ok_or_else(|| self.nonsense()),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn abilities(&self) -> Abilities {
+        self.outline.abilities
+    }
+
+    fn save(&mut self, place: usize) -> Result<(), ComponentError> {
+        self.done(Question::Save(place))
+    }
+
+    fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
+        self.moved(Question::Restore(place)).map(drop)
+    }
+
+    fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
+        self.stepped(t, h, true)
+    }
+
+    fn set_input_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &[f64],
+    ) -> Result<(), ComponentError> {
+        self.done(Question::SetInputDerivatives(handles.into(), slopes.into()))
+    }
+
+    fn get_output_derivatives(
+        &mut self,
+        handles: &[u32],
+        slopes: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        self.reals(Question::GetOutputDerivatives(handles.into()), slopes)
+    }
+
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        self.next_jump.filter(|&next| next > t)
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        let question = Question::DirectionalDerivative {
+            outputs: outputs.into(),
+            inputs: inputs.into(),
+            seed: seed.into(),
+        };
+        self.reals(question, result)
+    }
+}

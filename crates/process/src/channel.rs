@@ -1,0 +1,296 @@
+//! Questions and answers between two processes, over memory that both share.
+//!
+//! Each way has room for one part of a message; longer ones go in parts. Who waits looks at the memory for a while, since
+//! most answers come within a microsecond, and then sleeps until the other side wakes it (`futex`; where the system has
+//! none, it looks again and again). Everything in the memory is an atomic, and no length in it is believed: what runs on
+//! the other side may be hostile.
+
+use memmap2::{MmapOptions, MmapRaw};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Room for a part [words of 8 bytes].
+const WORDS: usize = 8192;
+/// Longest message \[bytes\]: more than any instance of an FMU has to say at once.
+const LONGEST: usize = 1 << 30;
+/// How long the memory is looked at before sleep.
+const LOOKING: Duration = Duration::from_micros(200);
+/// Longest sleep: then the other side is looked after.
+const SLEEP: Duration = Duration::from_millis(2);
+
+const EMPTY: u32 = 0;
+const FULL: u32 = 1;
+
+/// One way.
+#[repr(C, align(64))]
+struct Way {
+    /// [`EMPTY`] or [`FULL`].
+    state: AtomicU32,
+    /// Whether somebody sleeps until the state changes.
+    sleeper: AtomicU32,
+    /// Bytes of the message that are still to come, those of this part among them.
+    left: AtomicU64,
+    words: [AtomicU64; WORDS],
+}
+
+#[repr(C)]
+struct Layout {
+    ways: [Way; 2],
+}
+
+/// One end of a channel.
+#[derive(Debug)]
+pub struct Channel {
+    map: MmapRaw,
+    /// The way on which this end sends.
+    own: usize,
+}
+
+impl Channel {
+    /// A channel in a new file: the end of whoever asks first.
+    ///
+    /// # Errors
+    /// When the file cannot be made, or there is no room for it.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let mut file = (File::options().read(true).write(true))
+            .create_new(true)
+            .open(path)?;
+        file.write_all(&vec![0; size_of::<Layout>()])?;
+        Self::of(&file, 0)
+    }
+
+    /// The other end.
+    ///
+    /// # Errors
+    /// When there is no channel.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        Self::of(&OpenOptions::new().read(true).write(true).open(path)?, 1)
+    }
+
+    fn of(file: &File, own: usize) -> io::Result<Self> {
+        let length = file.metadata()?.len();
+        if length != size_of::<Layout>() as u64 {
+            let message = format!("{length} bytes are no channel");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        }
+        let map = MmapOptions::new().map_raw(file)?;
+        Ok(Self { map, own })
+    }
+
+    fn way(&self, number: usize) -> &Way {
+        // SAFETY: the map is as long as a `Layout` and aligned to a page of memory, any bytes are valid atomics, and it
+        // is shared by nothing but atomics.
+        unsafe { &(*self.map.as_ptr().cast::<Layout>()).ways[number] }
+    }
+
+    /// Sends a message. `watch` is asked now and then while the other side lets this one wait.
+    ///
+    /// # Errors
+    /// Those of `watch`.
+    pub fn send<E>(
+        &self,
+        message: &[u8],
+        mut watch: impl FnMut() -> Result<(), E>,
+    ) -> Result<(), E> {
+        let way = self.way(self.own);
+        let mut rest = message;
+        loop {
+            way.wait_until(EMPTY, &mut watch)?;
+            let (part, next) = rest.split_at(rest.len().min(8 * WORDS));
+            way.left.store(rest.len() as u64, Ordering::Relaxed);
+            for (word, bytes) in way.words.iter().zip(part.chunks(8)) {
+                let mut own = [0; 8];
+                own[..bytes.len()].copy_from_slice(bytes);
+                word.store(u64::from_le_bytes(own), Ordering::Relaxed);
+            }
+            way.set(FULL);
+            rest = next;
+            if rest.is_empty() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Waits for a message, and puts it in place of what was in `message`. `watch` is asked now and then.
+    ///
+    /// # Errors
+    /// Those of `watch`.
+    pub fn receive<E>(
+        &self,
+        message: &mut Vec<u8>,
+        mut watch: impl FnMut() -> Result<(), E>,
+    ) -> Result<(), E> {
+        let way = self.way(1 - self.own);
+        message.clear();
+        let mut expected = None;
+        loop {
+            way.wait_until(FULL, &mut watch)?;
+            let left = usize::try_from(way.left.load(Ordering::Relaxed)).unwrap_or(usize::MAX);
+            let part = left.min(8 * WORDS);
+            let until = message.len() + part;
+            for word in &way.words[..part.div_ceil(8)] {
+                message.extend_from_slice(&word.load(Ordering::Relaxed).to_le_bytes());
+            }
+            message.truncate(until);
+            way.set(EMPTY);
+            // What nobody has written is not waited for: cut short, the message is none.
+            let is_next = expected.is_none_or(|expected| left == expected);
+            if left == part || left > LONGEST || !is_next {
+                return Ok(());
+            }
+            expected = Some(left - part);
+        }
+    }
+}
+
+impl Way {
+    fn set(&self, state: u32) {
+        self.state.store(state, Ordering::SeqCst);
+        if self.sleeper.load(Ordering::SeqCst) != 0 {
+            wake(&self.state);
+        }
+    }
+
+    #[inline]
+    /// A state that is none counts too: somebody has written over it, and then waiting would not end.
+    fn wait_until<E>(
+        &self,
+        state: u32,
+        watch: &mut impl FnMut() -> Result<(), E>,
+    ) -> Result<(), E> {
+        let other = if state == FULL { EMPTY } else { FULL };
+        if self.state.load(Ordering::Acquire) != other {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        loop {
+            for _ in 0..64 {
+                if self.state.load(Ordering::Acquire) != other {
+                    return Ok(());
+                }
+                std::hint::spin_loop();
+            }
+            if begun.elapsed() < LOOKING {
+                // Where processors are fewer than processes, the other side may want this one.
+                std::thread::yield_now();
+                continue;
+            }
+            watch()?;
+            self.sleeper.store(1, Ordering::SeqCst);
+            sleep(&self.state, other);
+            self.sleeper.store(0, Ordering::SeqCst);
+        }
+    }
+}
+
+/// Sleeps while the word has that value, for a while.
+#[cfg(any(target_os = "linux", target_os = "android"))]
+fn sleep(word: &AtomicU32, value: u32) {
+    use rustix::thread::futex::{Flags, Timespec, wait};
+    let limit = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::from(SLEEP.subsec_nanos()),
+    };
+    // It may end early, or not sleep at all: the word is looked at again.
+    let _ = wait(word, Flags::empty(), value, Some(&limit));
+}
+
+#[cfg(any(target_os = "linux", target_os = "android"))]
+fn wake(word: &AtomicU32) {
+    let _ = rustix::thread::futex::wake(word, rustix::thread::futex::Flags::empty(), 1);
+}
+
+#[cfg(not(any(target_os = "linux", target_os = "android")))]
+fn sleep(_word: &AtomicU32, _value: u32) {
+    std::thread::sleep(SLEEP.min(Duration::from_micros(50)));
+}
+
+#[cfg(not(any(target_os = "linux", target_os = "android")))]
+fn wake(_word: &AtomicU32) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+    use std::thread;
+
+    fn pair() -> (Channel, Channel, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("channel");
+        let first = Channel::create(&path).unwrap();
+        (first, Channel::open(&path).unwrap(), folder)
+    }
+
+    fn never() -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    #[test]
+    fn messages_of_all_lengths_come_back() {
+        let (first, second, _folder) = pair();
+        let echo = thread::spawn(move || {
+            let mut message = Vec::new();
+            loop {
+                second.receive(&mut message, never).unwrap();
+                second.send(&message, never).unwrap();
+                if message.is_empty() {
+                    return;
+                }
+            }
+        });
+        let mut back = Vec::new();
+        for length in [1, 7, 8, 9, 65_535, 65_536, 65_537, 300_001, 0] {
+            let message: Vec<u8> = (0..length).map(|k| (k * 7 + k / 251) as u8).collect();
+            first.send(&message, never).unwrap();
+            first.receive(&mut back, never).unwrap();
+            assert!(back == message, "{length}");
+        }
+        echo.join().unwrap();
+    }
+
+    #[test]
+    fn whoever_waits_is_asked_whether_to_go_on() {
+        let (first, _second, _folder) = pair();
+        let mut asked = 0;
+        let mut watch = || {
+            asked += 1;
+            if asked == 3 { Err("enough") } else { Ok(()) }
+        };
+        assert_eq!(first.receive(&mut Vec::new(), &mut watch), Err("enough"));
+        // There is room for one message that nobody takes.
+        first.send(b"one", || Err("waited")).unwrap();
+        assert_eq!(first.send(b"two", || Err("waited")), Err("waited"));
+    }
+
+    /// A length that no message has.
+    #[test]
+    fn what_the_other_side_says_of_lengths_is_not_believed() {
+        let (first, second, _folder) = pair();
+        first.send(b"short", never).unwrap();
+        first.way(0).left.store(u64::MAX, Ordering::Relaxed);
+        let mut message = Vec::new();
+        second.receive(&mut message, never).unwrap();
+        assert_eq!(message.len(), 8 * WORDS);
+        // A message of two parts, of which the second is of another one.
+        first.send(b"first", never).unwrap();
+        first.way(0).left.store(70_000, Ordering::Relaxed);
+        let sent = thread::spawn(move || first.send(b"other", never));
+        second.receive(&mut message, never).unwrap();
+        sent.join().unwrap().unwrap();
+        assert_eq!(message.len(), 8 * WORDS + 5);
+    }
+
+    #[test]
+    fn other_files_are_no_channels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("channel");
+        assert!(Channel::open(&path).is_err());
+        std::fs::write(&path, "short").unwrap();
+        let error = Channel::open(&path).unwrap_err().to_string();
+        assert_eq!(error, "5 bytes are no channel");
+        assert!(Channel::create(&path).is_err());
+    }
+}

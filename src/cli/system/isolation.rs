@@ -1,0 +1,105 @@
+//! FMUs in processes of their own: which, and what they may use.
+
+use super::super::Failure;
+use super::super::number::positive;
+use crate::cosim::component::ComponentError;
+use crate::cosim::description::InstanceDescription;
+use crate::cosim::isolated::Gone;
+use crate::cosim::{Component, Isolated, Limits, Program};
+use crate::error_chain::error_chain;
+use crate::fmi::InterfaceType;
+use crate::suggestion::{did_you_mean, suggestion};
+use std::error::Error;
+use std::path::Path;
+use std::time::Duration;
+
+/// The command that such a process runs.
+pub const COMMAND: &str = "isolated";
+/// Stands for all FMUs.
+const ALL: &str = "all";
+
+/// Whether an isolated FMU ended by itself, or had to be ended.
+pub fn is_gone(error: &(dyn Error + 'static)) -> bool {
+    let mut next = Some(error);
+    while let Some(error) = next {
+        if error.is::<Gone>() {
+            return true;
+        }
+        next = error.source();
+    }
+    false
+}
+
+/// Arguments that isolate FMUs.
+#[derive(Debug, Default, clap::Args)]
+pub struct Isolation {
+    /// Run these FMUs in processes of their own (`all` for all): one that crashes, exits, hangs or takes too much memory
+    /// ends the run with an error that names it, and the rows until then are kept. Takes some microseconds for each call.
+    #[arg(long, value_name = "INSTANCE", value_delimiter = ',')]
+    isolate: Vec<String>,
+    /// Longest time that a call to an isolated FMU may take [s].
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "isolate", allow_hyphen_values = true)]
+    step_limit: Option<f64>,
+    /// Most memory that the process of an isolated FMU may take [MB].
+    #[arg(long, value_name = "MB", value_parser = positive, requires = "isolate", allow_hyphen_values = true)]
+    memory_limit: Option<f64>,
+}
+
+impl Isolation {
+    /// Refuses names that are no FMU's.
+    pub fn check(&self, instances: &[InstanceDescription]) -> Result<(), Failure> {
+        for name in self.isolate.iter().filter(|name| *name != ALL) {
+            let known = instances.iter().map(|own| own.name.as_str());
+            let Some(own) = instances.iter().find(|own| own.name == *name) else {
+                let near = did_you_mean(suggestion(name, known.clone()));
+                let all: Vec<&str> = known.collect();
+                let message = format!("--isolate: there is no instance `{name}`{near}");
+                return Err(
+                    Failure::new(message).hint(format!("there are {}, or all", all.join(", ")))
+                );
+            };
+            let is_fmu = own
+                .source
+                .value
+                .file()
+                .is_some_and(super::recognise::is_fmu);
+            if !is_fmu {
+                let message = format!("--isolate: `{name}` is no FMU, and runs no code of others");
+                return Err(Failure::new(message).hint("leave it out"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether an instance is isolated.
+    pub fn is_of(&self, name: &str) -> bool {
+        self.isolate.iter().any(|own| own == name || own == ALL)
+    }
+
+    /// An FMU in a process of its own.
+    pub fn open(
+        &self,
+        file: &Path,
+        name: &str,
+        kind: Option<InterfaceType>,
+    ) -> Result<Box<dyn Component>, Failure> {
+        let failed = |error: ComponentError| {
+            let words = error_chain(error.as_ref());
+            match is_gone(error.as_ref()) {
+                true => Failure::new(format!("`{name}` of {}: {words}", file.display())).ran(),
+                false => Failure::new(words),
+            }
+        };
+        let program = std::env::current_exe().map_err(|error| failed(error.into()))?;
+        let program = Program {
+            path: program,
+            arguments: vec![COMMAND.into()],
+        };
+        let limits = Limits {
+            time: self.step_limit.map(Duration::from_secs_f64),
+            memory: self.memory_limit.map(|megabytes| (1e6 * megabytes) as u64),
+        };
+        let isolated = Isolated::open(&program, limits, file, name, kind).map_err(failed)?;
+        Ok(Box::new(isolated))
+    }
+}
