@@ -1,19 +1,25 @@
 //! What the master costs for each communication step: pilot and quadcopter as exported FMUs, coupled by
-//! the master and by a bare loop over the same functions. Run with `cargo bench --bench master`.
+//! the master and by a bare loop over the same functions; and what it costs more to be watched, and to be isolated. Run
+//! with `cargo bench --bench master`.
 
 use libloading::Library;
 use pilotage::cosim::recorder::Signal;
-use pilotage::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, Recorder, System, run};
+use pilotage::cosim::{
+    Algorithm, Clock, CsvRecorder, Ending, FmuComponent, Isolated, Limits, Program, Recorder,
+    System, isolated, run,
+};
 use pilotage::export::{Export, Provenance};
 use pilotage::fmi::{Fmu, fmu};
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
 use pilotage_abi::fmi2::functions::pointers;
 use pilotage_abi::fmi2::{CallbackFunctions, Component, FALSE, Function, Status, TRUE, Type};
+use pilotage_process::Page;
 use std::ffi::CString;
 use std::fs::File;
 use std::hint::black_box;
 use std::io::BufWriter;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const STEPS: u64 = 50_000;
@@ -25,7 +31,18 @@ const TARGET: f64 = 10.0;
 const PILOT_OUTPUTS: [u32; 2] = [3, 4];
 const VEHICLE_OUTPUTS: [u32; 6] = [2, 3, 4, 5, 6, 7];
 
+/// The argument of a process that serves an isolated FMU.
+const SERVES: &str = "isolated";
+
 fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let [_, word, channel] = arguments.as_slice()
+        && word == SERVES
+    {
+        pilotage_process::end_with_parent().expect("its parent is there");
+        isolated::serve(Path::new(channel)).expect("there is a channel");
+        return;
+    }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let files = ["pilot.fmu", "quadcopter.fmu"].map(|name| folder.path().join(name));
     let models = [
@@ -39,23 +56,33 @@ fn main() {
         let export = Export::new(model, provenance);
         export.write(file).expect("the model is exported");
     }
-    let libraries = files.map(|file| {
-        let mut fmu = Fmu::open(&file).expect("the FMU opens");
+    let libraries = files.each_ref().map(|file| {
+        let mut fmu = Fmu::open(file).expect("the FMU opens");
         fmu.load().expect("the FMU loads")
     });
     // In turn, so that whatever else the machine does falls on all of them; the least counts.
-    let mut least = [f64::INFINITY; 3];
+    let mut least = [f64::INFINITY; 5];
     for _ in 0..REPETITIONS {
         let times = [
             bare(&libraries),
-            coupled(&libraries, &mut Nothing),
-            coupled(&libraries, &mut CsvRecorder::new(BufWriter::new(file()))),
+            coupled(inside(&libraries), &mut Nothing),
+            coupled(
+                inside(&libraries),
+                &mut CsvRecorder::new(BufWriter::new(file())),
+            ),
+            coupled(one_isolated(&libraries, &files), &mut Nothing),
+            coupled(files.each_ref().map(|file| outside(file)), &mut Nothing),
         ];
         for (least, time) in least.iter_mut().zip(times) {
             *least = least.min(time);
         }
     }
-    let [bare, master, csv] = least;
+    // The library takes notes from here on.
+    let page = Page::create().expect("a page");
+    pilotage_process::attach(page.path()).expect("it is one");
+    let watched = (0..REPETITIONS).map(|_| coupled(inside(&libraries), &mut Nothing));
+    let watched = watched.fold(f64::INFINITY, f64::min);
+    let [bare, master, csv, one, both] = least;
     println!("{STEPS} Jacobi steps of {H} s, pilot and quadcopter FMU, µs per communication step:");
     println!("  bare loop over the FMUs' functions {bare:8.3}");
     println!(
@@ -65,6 +92,18 @@ fn main() {
     println!(
         "  master, rows into a CSV file      {csv:8.3}  overhead {:6.3}",
         csv - bare
+    );
+    println!(
+        "  master, calls noted (watched)      {watched:8.3}  over master {:6.3}",
+        watched - master
+    );
+    println!(
+        "  master, the quadcopter isolated    {one:8.3}  over master {:6.3}",
+        one - master
+    );
+    println!(
+        "  master, both isolated              {both:8.3}  over master {:6.3}",
+        both - master
     );
 }
 
@@ -87,12 +126,37 @@ impl Recorder for Nothing {
     }
 }
 
+type Both = [Box<dyn pilotage::cosim::Component>; 2];
+
+/// Instances in this process.
+fn inside(libraries: &[fmu::Library; 2]) -> Both {
+    libraries.each_ref().map(|library| {
+        let component = FmuComponent::new(library, "own").expect("the FMU instantiates");
+        Box::new(component) as Box<dyn pilotage::cosim::Component>
+    })
+}
+
+/// An instance in a process of its own.
+fn outside(file: &Path) -> Box<dyn pilotage::cosim::Component> {
+    let program = Program {
+        path: std::env::current_exe().expect("it is known"),
+        arguments: vec![SERVES.into()],
+    };
+    let isolated = Isolated::open(&program, Limits::default(), file, "own", None);
+    Box::new(isolated.expect("the FMU instantiates"))
+}
+
+/// The vehicle isolated.
+fn one_isolated(libraries: &[fmu::Library; 2], files: &[PathBuf; 2]) -> Both {
+    let [pilot, _] = inside(libraries);
+    [pilot, outside(&files[1])]
+}
+
 /// Microseconds per step, coupled by the master. Initialization is within, and small.
-fn coupled(libraries: &[fmu::Library; 2], recorder: &mut dyn Recorder) -> f64 {
+fn coupled(components: Both, recorder: &mut dyn Recorder) -> f64 {
     let mut system = System::new();
-    for (library, name) in libraries.iter().zip(["pilot", "quadcopter"]) {
-        let component = FmuComponent::new(library, name).expect("the FMU instantiates");
-        system.add(name, Box::new(component)).expect("names differ");
+    for (component, name) in components.into_iter().zip(["pilot", "quadcopter"]) {
+        system.add(name, component).expect("names differ");
     }
     system
         .connect("pilot.stick", "quadcopter.stick")

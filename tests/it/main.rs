@@ -33,6 +33,7 @@ mod fmu_binary;
 mod fmu_commands;
 mod foreign;
 mod init;
+mod isolated;
 mod joint_ode;
 mod linearize;
 mod mistakes;

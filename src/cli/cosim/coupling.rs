@@ -13,7 +13,7 @@ pub struct CouplingArgs {
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
     /// Degree of the polynomials that stand for outputs not known yet [default: 0, values are held].
-    #[arg(long, value_name = "0..2", value_parser = within(0..=2), allow_hyphen_values = true)]
+    #[arg(long, value_name = "0..2", value_parser = within(0..=2_u8), allow_hyphen_values = true)]
     extrapolation: Option<u8>,
     /// Choose the communication steps so that no input is wrong by more than this, relative to its
     /// magnitude; every multiple of --step is hit. FMUs must be able to go back (canGetAndSetFMUstate)
