@@ -6,7 +6,7 @@ use libloading::Library;
 use pilotage::cosim::recorder::Signal;
 use pilotage::cosim::{
     Algorithm, Clock, CsvRecorder, Ending, FmuComponent, Isolated, Limits, Program, Recorder,
-    System, isolated, run,
+    System, fmu_component::isolated, run,
 };
 use pilotage::export::{Export, Provenance};
 use pilotage::fmi::{Fmu, fmu};

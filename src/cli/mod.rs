@@ -133,13 +133,15 @@ fn run(command: Command) -> u8 {
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),
         Command::Probe(args) => validate::probe(args),
-        Command::Isolated(args) => match crate::cosim::isolated::serve(&args.channel) {
-            Ok(()) => Ok(Outcome::Done),
-            Err(error) => Err(Failure::new(format!(
-                "no channel {}: {error}",
-                args.channel.display()
-            ))),
-        },
+        Command::Isolated(args) => {
+            match crate::cosim::fmu_component::isolated::serve(&args.channel) {
+                Ok(()) => Ok(Outcome::Done),
+                Err(error) => Err(Failure::new(format!(
+                    "no channel {}: {error}",
+                    args.channel.display()
+                ))),
+            }
+        }
     };
     match outcome {
         Ok(outcome) => outcome.code(),

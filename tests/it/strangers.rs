@@ -28,6 +28,17 @@ fn arguments(command: &str) -> &'static [&'static str] {
             "-o",
             "r.csv",
         ],
+        "allowed" => &[
+            "cosim",
+            "a.fmu",
+            "--allow-nan",
+            "--stop-time",
+            "0.5",
+            "--step",
+            "0.1",
+            "-o",
+            "r.csv",
+        ],
         "isolated" => &[
             "cosim",
             "a.fmu",
@@ -117,9 +128,12 @@ fn signals_leave_nothing_behind() {
         "-o",
         "r.csv",
     ];
-    let commands: [(&[&str], &Vec<u8>); 4] = [
+    let isolated = [&long[..], &["--isolate", "all"]].concat();
+    let commands: [(&[&str], &Vec<u8>); 6] = [
         (&long, &good),
+        (&isolated, &good),
         (arguments("cosim"), &hang),
+        (arguments("isolated"), &hang),
         (&["validate", "a.fmu"], &hang),
         (
             &["fit", fit, "-o", "pilot.toml", "--report", "fit.html"],

@@ -10,8 +10,7 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`component`] | what a component offers: variables, and ten calls |
-//! | [`fmu_component`] | FMUs of FMI 2.0 and 3.0 as components: co-simulation, and model exchange with a solver |
-//! | [`isolated`] | FMUs in processes of their own as components |
+//! | [`fmu_component`] | FMUs of FMI 2.0 and 3.0 as components: co-simulation, and model exchange with a solver; in this process or in one of their own |
 //! | [`native_component`] | models in Rust as components |
 //! | [`system`] | who is wired to whom, checked |
 //! | [`description`] | what a system is made of, as files and command lines say it |
@@ -29,7 +28,6 @@ pub mod clock;
 pub mod component;
 pub mod description;
 pub mod fmu_component;
-pub mod isolated;
 pub mod linearize;
 pub mod master;
 pub mod native_component;
@@ -46,8 +44,8 @@ pub use component::{
     Variable,
 };
 pub use description::{DescriptionError, SystemDescription};
+pub use fmu_component::isolated::{Isolated, Limits, Program};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
-pub use isolated::{Isolated, Limits, Program};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{Components, Ending, MasterError, Run, run, run_open};
 pub use native_component::NativeComponent;

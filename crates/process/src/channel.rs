@@ -41,6 +41,10 @@ struct Layout {
     ways: [Way; 2],
 }
 
+/// Somebody has written over the memory: no message can be had from it any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spoiled;
+
 /// One end of a channel.
 #[derive(Debug)]
 pub struct Channel {
@@ -89,8 +93,8 @@ impl Channel {
     /// Sends a message. `watch` is asked now and then while the other side lets this one wait.
     ///
     /// # Errors
-    /// Those of `watch`.
-    pub fn send<E>(
+    /// Those of `watch`, and [`Spoiled`].
+    pub fn send<E: From<Spoiled>>(
         &self,
         message: &[u8],
         mut watch: impl FnMut() -> Result<(), E>,
@@ -117,8 +121,8 @@ impl Channel {
     /// Waits for a message, and puts it in place of what was in `message`. `watch` is asked now and then.
     ///
     /// # Errors
-    /// Those of `watch`.
-    pub fn receive<E>(
+    /// Those of `watch`, and [`Spoiled`].
+    pub fn receive<E: From<Spoiled>>(
         &self,
         message: &mut Vec<u8>,
         mut watch: impl FnMut() -> Result<(), E>,
@@ -136,9 +140,11 @@ impl Channel {
             }
             message.truncate(until);
             way.set(EMPTY);
-            // What nobody has written is not waited for: cut short, the message is none.
             let is_next = expected.is_none_or(|expected| left == expected);
-            if left == part || left > LONGEST || !is_next {
+            if left > LONGEST || !is_next {
+                return Err(Spoiled.into());
+            }
+            if left == part {
                 return Ok(());
             }
             expected = Some(left - part);
@@ -155,21 +161,26 @@ impl Way {
     }
 
     #[inline]
-    /// A state that is none counts too: somebody has written over it, and then waiting would not end.
-    fn wait_until<E>(
+    fn wait_until<E: From<Spoiled>>(
         &self,
         state: u32,
         watch: &mut impl FnMut() -> Result<(), E>,
     ) -> Result<(), E> {
         let other = if state == FULL { EMPTY } else { FULL };
-        if self.state.load(Ordering::Acquire) != other {
-            return Ok(());
+        // Neither is it for ever: nobody writes over that.
+        let found = || match self.state.load(Ordering::Acquire) {
+            found if found == other => None,
+            found if found == state => Some(Ok(())),
+            _ => Some(Err(Spoiled.into())),
+        };
+        if let Some(found) = found() {
+            return found;
         }
         let begun = Instant::now();
         loop {
             for _ in 0..64 {
-                if self.state.load(Ordering::Acquire) != other {
-                    return Ok(());
+                if let Some(found) = found() {
+                    return found;
                 }
                 std::hint::spin_loop();
             }
@@ -214,7 +225,6 @@ fn wake(_word: &AtomicU32) {}
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::convert::Infallible;
     use std::thread;
 
     fn pair() -> (Channel, Channel, tempfile::TempDir) {
@@ -224,7 +234,19 @@ mod tests {
         (first, Channel::open(&path).unwrap(), folder)
     }
 
-    fn never() -> Result<(), Infallible> {
+    #[derive(Debug, PartialEq)]
+    enum Why {
+        Spoiled,
+        Told(&'static str),
+    }
+
+    impl From<Spoiled> for Why {
+        fn from(_: Spoiled) -> Self {
+            Self::Spoiled
+        }
+    }
+
+    fn never() -> Result<(), Why> {
         Ok(())
     }
 
@@ -257,30 +279,40 @@ mod tests {
         let mut asked = 0;
         let mut watch = || {
             asked += 1;
-            if asked == 3 { Err("enough") } else { Ok(()) }
+            if asked == 3 {
+                Err(Why::Told("enough"))
+            } else {
+                Ok(())
+            }
         };
-        assert_eq!(first.receive(&mut Vec::new(), &mut watch), Err("enough"));
+        let received = first.receive(&mut Vec::new(), &mut watch);
+        assert_eq!(received, Err(Why::Told("enough")));
         // There is room for one message that nobody takes.
-        first.send(b"one", || Err("waited")).unwrap();
-        assert_eq!(first.send(b"two", || Err("waited")), Err("waited"));
+        let waited = || Err(Why::Told("waited"));
+        first.send(b"one", waited).unwrap();
+        assert_eq!(first.send(b"two", waited), Err(Why::Told("waited")));
     }
 
-    /// A length that no message has.
+    /// A length that no message has, a part of another message, a state that is none: each an error, and for ever.
     #[test]
-    fn what_the_other_side_says_of_lengths_is_not_believed() {
+    fn what_the_other_side_writes_is_not_believed() {
+        let mut message = Vec::new();
         let (first, second, _folder) = pair();
         first.send(b"short", never).unwrap();
         first.way(0).left.store(u64::MAX, Ordering::Relaxed);
-        let mut message = Vec::new();
-        second.receive(&mut message, never).unwrap();
-        assert_eq!(message.len(), 8 * WORDS);
-        // A message of two parts, of which the second is of another one.
+        assert_eq!(second.receive(&mut message, never), Err(Why::Spoiled));
         first.send(b"first", never).unwrap();
         first.way(0).left.store(70_000, Ordering::Relaxed);
-        let sent = thread::spawn(move || first.send(b"other", never));
-        second.receive(&mut message, never).unwrap();
-        sent.join().unwrap().unwrap();
-        assert_eq!(message.len(), 8 * WORDS + 5);
+        thread::scope(|scope| {
+            let sent = scope.spawn(|| first.send(b"other", never));
+            assert_eq!(second.receive(&mut message, never), Err(Why::Spoiled));
+            sent.join().unwrap().unwrap();
+        });
+        first.way(0).state.store(u32::MAX, Ordering::Relaxed);
+        for _ in 0..2 {
+            assert_eq!(second.receive(&mut message, never), Err(Why::Spoiled));
+            assert_eq!(first.send(b"more", never), Err(Why::Spoiled));
+        }
     }
 
     #[test]

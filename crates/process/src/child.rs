@@ -294,7 +294,7 @@ pub fn end_with_parent() -> io::Result<bool> {
     crate::page::attach(&path)?;
     let watch = move || {
         while is_parent(parent) {
-            thread::sleep(Duration::from_millis(50));
+            thread::sleep(Duration::from_millis(20));
         }
         leftovers::remove();
         #[cfg(unix)]
@@ -323,7 +323,19 @@ pub(crate) fn is_alive(number: u32) -> bool {
     let pid = i32::try_from(number)
         .ok()
         .and_then(rustix::process::Pid::from_raw);
-    pid.is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
+    let is_there = |pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH);
+    pid.is_some_and(is_there) && !is_zombie(number)
+}
+
+/// Whether a process has ended, and nobody has asked for its status yet.
+#[cfg(unix)]
+fn is_zombie(number: u32) -> bool {
+    let told = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    // The name, in brackets, may hold anything.
+    let state = told
+        .rsplit_once(") ")
+        .and_then(|(_, rest)| rest.chars().next());
+    matches!(state, Some('Z' | 'X'))
 }
 
 #[cfg(not(unix))]

@@ -20,7 +20,7 @@ pub mod folder;
 pub mod leftovers;
 pub mod page;
 
-pub use channel::Channel;
+pub use channel::{Channel, Spoiled};
 pub use child::{Child, Ended, end_with_parent};
 pub use folder::Folder;
 pub use page::{Going, Page, at, attach, call, finished, is_attached, place, record};

@@ -2,11 +2,13 @@
 
 mod coupling;
 pub mod ending;
+mod finite;
 mod report;
 mod summary;
 mod watch;
 
 use self::coupling::CouplingArgs;
+use self::finite::Finite;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
 use super::number::{number, positive};
@@ -56,7 +58,7 @@ reads it. While the run goes
 it grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name.
 What a crash leaves behind, the next run puts aside and says so.
 Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are
-kept), 2 bad use or input.";
+kept), or signals are NaN or infinite, 2 bad use or input.";
 
 /// Arguments of `pilotage cosim`.
 #[derive(Debug, clap::Args)]
@@ -96,6 +98,9 @@ pub struct Args {
     /// are timed for it.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Take a result in which signals are NaN or infinite as good: no error, and exit code 0.
+    #[arg(long)]
+    allow_nan: bool,
     /// How progress is told on stderr.
     #[arg(long, value_enum, default_value_t)]
     progress: Told,
@@ -133,7 +138,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 
     let file = open(&args.output)?;
     let part = file.part().to_owned();
-    let recorder = Thinned::new(CsvRecorder::new(file), selection, every);
+    let recorder = Thinned::new(Finite::new(CsvRecorder::new(file)), selection, every);
     let mut watch = Watch::new(recorder, args.progress, &clock);
     pilotage_process::record(&format!("{}{}", guard::ROWS, part.display()));
     let run = crate::cosim::run_open(
@@ -161,6 +166,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         rows,
         ..
     } = watch.inner;
+    let (recorder, not_finite) = recorder.finish();
     save(recorder, &args.output)?;
     let summary = Summary {
         args: &args,
@@ -173,6 +179,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         signals: &signals,
         converted,
         notes,
+        not_finite: &not_finite,
     };
     if let Some(path) = &args.report {
         overwrite::save(path, summary.page()?)?;
@@ -184,8 +191,16 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(message) = &ending.message {
         terminal::tell(&format!("{}: {message}\n", ending.severity));
     }
+    let is_taken = args.allow_nan || not_finite.is_none();
+    if !is_taken {
+        for words in not_finite.words() {
+            terminal::tell(&format!("error: {words}\n"));
+        }
+        terminal::tell("hint: look for what computes it; --allow-nan takes such results\n");
+    }
     let outcome = match run.ending {
-        Ending::Completed | Ending::EndRequested { .. } => Outcome::Done,
+        Ending::Completed | Ending::EndRequested { .. } if is_taken => Outcome::Done,
+        Ending::Completed | Ending::EndRequested { .. } => Outcome::No,
         Ending::Stopped { .. } | Ending::Discarded { .. } | Ending::Failed { .. } => Outcome::No,
     };
     end(run.components, outcome);
@@ -313,7 +328,7 @@ fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> 
 fn explain(
     error: MasterError,
     description: &SystemDescription,
-    recorder: Thinned<CsvRecorder<GrowingFile>>,
+    recorder: Thinned<Finite<CsvRecorder<GrowingFile>>>,
     part: &Path,
 ) -> Failure {
     let is_write_error = matches!(error, MasterError::Record { .. });
@@ -326,7 +341,7 @@ fn explain(
             part.display()
         )),
         false => {
-            if let Ok(file) = recorder.inner.finish() {
+            if let Ok(file) = recorder.inner.inner.finish() {
                 file.discard();
             }
             failure

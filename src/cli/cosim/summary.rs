@@ -1,6 +1,7 @@
 //! What a run has done, for people and for scripts.
 
 use super::ending::Words;
+use super::finite::NotFinite;
 use super::{Args, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
@@ -29,6 +30,8 @@ pub struct Summary<'a> {
     /// Connections whose values are converted: output, its unit, input, its unit.
     pub converted: Vec<[String; 4]>,
     pub notes: Vec<String>,
+    /// What of the result is no finite number.
+    pub not_finite: &'a NotFinite,
 }
 
 impl Summary<'_> {
@@ -56,6 +59,7 @@ impl Summary<'_> {
             "unrecorded": self.run.unrecorded,
             "conversions": conversions,
             "notes": self.notes,
+            "not_finite": self.not_finite.to_json(),
             "output": self.args.output.display().to_string(),
         })
     }
@@ -76,7 +80,11 @@ impl Summary<'_> {
             counted(self.signals.len(), "signal"),
             self.args.output.display()
         );
-        for note in self.notes() {
+        let not_finite = match self.args.allow_nan {
+            true => self.not_finite.words(),
+            false => Vec::new(),
+        };
+        for note in self.notes().into_iter().chain(not_finite) {
             text += &format!("note: {note}\n");
         }
         text + &report::to_text(&self.run.report, self.args.coupling.details)
@@ -122,6 +130,7 @@ impl Summary<'_> {
         Ok(simulation_page(&Simulation {
             ending,
             warnings: &told
+                .chain(self.not_finite.words())
                 .chain(report::warnings(&run.report))
                 .collect::<Vec<_>>(),
             notes: &notes.collect::<Vec<_>>(),

@@ -4,7 +4,7 @@ use super::super::Failure;
 use super::super::number::positive;
 use crate::cosim::component::ComponentError;
 use crate::cosim::description::InstanceDescription;
-use crate::cosim::isolated::Gone;
+use crate::cosim::fmu_component::isolated::Gone;
 use crate::cosim::{Component, Isolated, Limits, Program};
 use crate::error_chain::error_chain;
 use crate::fmi::InterfaceType;

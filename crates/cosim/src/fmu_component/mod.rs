@@ -4,6 +4,7 @@ mod access;
 mod arrays;
 mod fmi3;
 mod impulse_response;
+pub mod isolated;
 mod linear;
 mod model_exchange;
 mod ranges;

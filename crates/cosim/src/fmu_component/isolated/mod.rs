@@ -24,7 +24,7 @@ use crate::component::{
 };
 use crate::fmu_component::Outline;
 use pilotage_fmi::{InterfaceType, call_name};
-use pilotage_process::{Channel, Child};
+use pilotage_process::{Channel, Child, Spoiled};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -85,11 +85,17 @@ pub enum Gone {
         limit: u64,
     },
     /// It has written over the memory by which it is asked.
-    #[error("{0} has written over memory that is not its own")]
-    Nonsense(String),
+    #[error("it has written over memory that is not its own")]
+    Nonsense,
     /// The system does not tell of it.
     #[error("its process cannot be watched: {0}")]
     Unwatched(String),
+}
+
+impl From<Spoiled> for Gone {
+    fn from(_: Spoiled) -> Self {
+        Self::Nonsense
+    }
 }
 
 /// An FMU in a process of its own as a component.
@@ -203,8 +209,7 @@ impl Isolated {
 
     /// It answers another question.
     fn nonsense(&mut self) -> ComponentError {
-        let call = call(&self.child);
-        self.end(Gone::Nonsense(call))
+        self.end(Spoiled.into())
     }
 
     fn exchange(&mut self, bytes: &mut Vec<u8>) -> Result<(), Gone> {

@@ -4,8 +4,7 @@ use super::wire::{self, Answer, Asked, Question, Wanted};
 use crate::component::{Component, ComponentError, Progress};
 use crate::fmu_component;
 use pilotage_fmi::InterfaceType;
-use pilotage_process::Channel;
-use std::convert::Infallible;
+use pilotage_process::{Channel, Spoiled};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -22,9 +21,12 @@ pub fn serve(channel: &Path) -> io::Result<()> {
         time: f64::NEG_INFINITY,
     };
     let (mut question, mut bytes) = (Vec::new(), Vec::new());
-    let wait = || Ok::<(), Infallible>(());
+    let wait = || Ok::<(), Spoiled>(());
     loop {
-        let Ok(()) = channel.receive(&mut question, wait);
+        // The other side sees that the memory is spoiled, and says so.
+        if channel.receive(&mut question, wait) == Err(Spoiled) {
+            return Ok(());
+        }
         let asked = wire::read::<Asked<'_>>(&question);
         let is_last = (asked.as_ref()).is_ok_and(|asked| matches!(asked.question, Question::Free));
         let answer = asked.and_then(|asked| served.answer(asked));
@@ -39,8 +41,7 @@ pub fn serve(channel: &Path) -> io::Result<()> {
         if let Answer::Reals(reals) | Answer::Moved(.., Some(reals)) = answer {
             served.reals = reals;
         }
-        let Ok(()) = channel.send(&bytes, wait);
-        if is_last {
+        if channel.send(&bytes, wait) == Err(Spoiled) || is_last {
             return Ok(());
         }
     }
