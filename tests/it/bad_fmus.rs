@@ -430,6 +430,55 @@ fn a_library_without_its_end() {
     assert_eq!(ended.code, 2);
 }
 
+/// Addresses in the dynamic section that the loader would follow.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_library_whose_dynamic_section_points_to_nowhere() {
+    let good = foreign::binary();
+    let at = |at: usize| u64::from_le_bytes(good[at..at + 8].try_into().unwrap());
+    // Program headers of 56 bytes from e_phoff on, e_phnum of them; PT_DYNAMIC is 2.
+    let headers = (0..usize::from(good[56])).map(|k| at(32) as usize + 56 * k);
+    let header = headers.into_iter().find(|own| good[*own] == 2).unwrap();
+    let (begin, length) = (at(header + 8) as usize, at(header + 32) as usize);
+    let entries = (begin..begin + length).step_by(16);
+    let entries: Vec<usize> = entries.take_while(|own| at(*own) != 0).collect();
+    // DT_NEEDED, DT_HASH, DT_STRTAB, DT_SYMTAB, DT_RELA, DT_STRSZ, DT_INIT, DT_FINI, DT_JMPREL, DT_INIT_ARRAY,
+    // DT_FINI_ARRAY, DT_GNU_HASH, DT_VERSYM, DT_VERNEED.
+    let followed = [
+        1,
+        4,
+        5,
+        6,
+        7,
+        10,
+        12,
+        13,
+        23,
+        25,
+        26,
+        0x6fff_fef5,
+        0x6fff_fff0,
+        0x6fff_fffe,
+    ];
+    let mut tried = 0;
+    for entry in entries
+        .into_iter()
+        .filter(|own| followed.contains(&at(*own)))
+    {
+        for value in [0x7fff_0000_0000_u64, u64::MAX] {
+            let mut binary = good.to_vec();
+            binary[entry + 8..entry + 16].copy_from_slice(&value.to_le_bytes());
+            let ended = run(&fmu_of(DESCRIPTION, &binary), &COSIM);
+            let what = format!("{:#x} = {value:#x}: {ended:?}", at(entry));
+            assert_eq!(ended.code, 2, "{what}");
+            let words = "cannot be loaded: its dynamic section is damaged: ";
+            assert!(ended.stderr.contains(words), "{what}");
+            tried += 1;
+        }
+    }
+    assert!(tried >= 16, "{tried}");
+}
+
 /// The least that is a DLL of 64-bit Windows: headers without sections.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn dll() -> Vec<u8> {

@@ -2,8 +2,15 @@
 //! the process with it.
 
 use super::platform::host_processor;
+use object::elf::{
+    DT_FINI, DT_FINI_ARRAY, DT_FINI_ARRAYSZ, DT_GNU_HASH, DT_HASH, DT_INIT, DT_INIT_ARRAY,
+    DT_INIT_ARRAYSZ, DT_JMPREL, DT_NEEDED, DT_NULL, DT_PLTRELSZ, DT_RELA, DT_RELACOUNT, DT_RELASZ,
+    DT_RPATH, DT_RUNPATH, DT_SONAME, DT_STRSZ, DT_STRTAB, DT_SYMTAB, DT_VERDEF, DT_VERNEED,
+    DT_VERSYM, PF_X, PT_LOAD,
+};
+use object::read::elf::{Dyn, ElfFile64, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachOFatFile32};
-use object::{Architecture, BinaryFormat, FileKind, Object, ObjectKind, ObjectSegment};
+use object::{Architecture, BinaryFormat, Endian, FileKind, Object, ObjectKind, ObjectSegment};
 use std::collections::BTreeSet;
 use thiserror::Error;
 
@@ -39,6 +46,12 @@ pub enum BinaryError {
         found: u64,
         /// End of the last segment \[bytes\].
         expected: u64,
+    },
+    /// What its dynamic section says lies outside of what is loaded; the loader would crash.
+    #[error("its dynamic section is damaged: {what} lies outside of what is loaded")]
+    Dynamic {
+        /// An entry, by its name in the System V ABI, or the relocations.
+        what: &'static str,
     },
 }
 
@@ -131,6 +144,134 @@ fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
     let expected = ends.max().unwrap_or(0);
     match bytes.len() as u64 {
         found if found < expected => Err(BinaryError::Truncated { found, expected }),
-        _ => Ok(()),
+        _ => match &file {
+            object::File::Elf64(elf) => check_dynamic(elf, bytes),
+            _ => Ok(()),
+        },
     }
+}
+
+/// Length of the header of a 64-bit ELF file \[bytes\].
+const FILE_HEADER: u64 = 64;
+
+/// Checks what the loader of Linux follows without a look: the tables that the dynamic section names (System V ABI,
+/// chapter 5, "Dynamic Section"), and where relocations write.
+fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
+    let endian = elf.endian();
+    let headers = elf.elf_header().program_headers(endian, bytes)?;
+    let loaded: Vec<[u64; 2]> = (headers.iter())
+        .filter(|header| header.p_type(endian) == PT_LOAD)
+        .map(|header| {
+            let begin = header.p_vaddr(endian);
+            [begin, begin.saturating_add(header.p_memsz(endian))]
+        })
+        .collect();
+    let is_loaded = |begin: u64, size: u64| {
+        let end = begin.checked_add(size);
+        end.is_some_and(|end| loaded.iter().any(|own| own[0] <= begin && end <= own[1]))
+    };
+    let mut dynamic = None;
+    for header in headers {
+        dynamic = dynamic.or(header.dynamic(endian, bytes)?);
+    }
+    let entries: Vec<(i64, u64)> = (dynamic.unwrap_or_default().iter())
+        .map(|entry| (entry.d_tag(endian), entry.d_val(endian)))
+        .take_while(|(tag, _)| *tag != DT_NULL)
+        .collect();
+    let value = |tag: i64| {
+        let found = entries.iter().find(|(own, _)| *own == tag);
+        found.map(|(_, value)| *value)
+    };
+    // An address, what it is a multiple of, and how long what stands there is at least: the value of another entry, or
+    // bytes.
+    type Size = Result<i64, u64>;
+    let tables: [(&'static str, i64, u64, Size); 11] = [
+        ("DT_STRTAB", DT_STRTAB, 1, Ok(DT_STRSZ)),
+        ("DT_SYMTAB", DT_SYMTAB, 8, Err(24)),
+        ("DT_RELA", DT_RELA, 8, Ok(DT_RELASZ)),
+        ("DT_JMPREL", DT_JMPREL, 8, Ok(DT_PLTRELSZ)),
+        ("DT_INIT_ARRAY", DT_INIT_ARRAY, 8, Ok(DT_INIT_ARRAYSZ)),
+        ("DT_FINI_ARRAY", DT_FINI_ARRAY, 8, Ok(DT_FINI_ARRAYSZ)),
+        ("DT_GNU_HASH", DT_GNU_HASH, 8, Err(16)),
+        ("DT_HASH", DT_HASH, 4, Err(8)),
+        ("DT_VERSYM", DT_VERSYM, 2, Err(2)),
+        ("DT_VERNEED", DT_VERNEED, 4, Err(16)),
+        ("DT_VERDEF", DT_VERDEF, 4, Err(20)),
+    ];
+    // Before stands the header of the file.
+    let is_table = |at: u64, multiple: u64, size: u64| {
+        at >= FILE_HEADER && at.is_multiple_of(multiple) && is_loaded(at, size)
+    };
+    for (what, tag, multiple, size) in tables {
+        let size = size.map_or_else(|bytes| bytes, |size| value(size).unwrap_or(0));
+        if value(tag).is_some_and(|at| !is_table(at, multiple, size)) {
+            return Err(BinaryError::Dynamic { what });
+        }
+    }
+    let is_code = |at: u64| {
+        headers.iter().any(|header| {
+            let offset = at.checked_sub(header.p_vaddr(endian));
+            header.p_type(endian) == PT_LOAD
+                && header.p_flags(endian) & PF_X != 0
+                && offset.is_some_and(|offset| offset < header.p_memsz(endian))
+        })
+    };
+    for (what, tag) in [("DT_INIT", DT_INIT), ("DT_FINI", DT_FINI)] {
+        if value(tag).is_some_and(|at| at < FILE_HEADER || !is_code(at)) {
+            return Err(BinaryError::Dynamic { what });
+        }
+    }
+    let relocations = value(DT_RELASZ).unwrap_or(0);
+    let relative = value(DT_RELACOUNT).unwrap_or(0);
+    let of_calls = value(DT_PLTRELSZ).unwrap_or(0);
+    if !relocations.is_multiple_of(24)
+        || !of_calls.is_multiple_of(24)
+        || relative > relocations / 24
+    {
+        return Err(BinaryError::Dynamic {
+            what: "the end of the relocations",
+        });
+    }
+    let names = [DT_NEEDED, DT_SONAME, DT_RPATH, DT_RUNPATH];
+    let room = value(DT_STRSZ).unwrap_or(0);
+    if (entries.iter()).any(|(tag, at)| names.contains(tag) && *at >= room) {
+        return Err(BinaryError::Dynamic {
+            what: "the name of a library",
+        });
+    }
+    // Where a table that is loaded stands in the file.
+    let in_file = |begin: u64, size: u64| {
+        let own = headers.iter().find(|header| {
+            let offset = begin.checked_sub(header.p_vaddr(endian));
+            header.p_type(endian) == PT_LOAD
+                && offset.is_some_and(|at| at.saturating_add(size) <= header.p_filesz(endian))
+        })?;
+        let at = own.p_offset(endian) + (begin - own.p_vaddr(endian));
+        bytes
+            .get(usize::try_from(at).ok()?..)?
+            .get(..usize::try_from(size).ok()?)
+    };
+    for (tag, size) in [(DT_RELA, DT_RELASZ), (DT_JMPREL, DT_PLTRELSZ)] {
+        let (Some(begin), Some(size)) = (value(tag), value(size)) else {
+            continue;
+        };
+        // Each with 24 bytes, of which the first 8 say where.
+        let all = in_file(begin, size).unwrap_or_default().chunks_exact(24);
+        let places = all.map(|own| {
+            let place: [u8; 8] = own[..8].try_into().unwrap_or_default();
+            match endian.is_big_endian() {
+                true => u64::from_be_bytes(place),
+                false => u64::from_le_bytes(place),
+            }
+        });
+        if places
+            .into_iter()
+            .any(|place| place != 0 && !is_loaded(place, 8))
+        {
+            return Err(BinaryError::Dynamic {
+                what: "the place of a relocation",
+            });
+        }
+    }
+    Ok(())
 }
