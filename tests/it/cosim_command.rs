@@ -493,6 +493,65 @@ fn models_run_without_being_exported() {
 }
 
 #[cfg(target_os = "linux")]
+/// Names as the system has them, whatever bytes are in them.
+#[test]
+#[cfg(target_os = "linux")]
+fn files_have_names_of_any_bytes() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder(&["good"]);
+    let wild = |bytes: &'static [u8]| OsStr::from_bytes(bytes);
+    std::fs::rename(
+        folder.path("good.fmu"),
+        folder.path("").join(wild(b"g\xff.fmu")),
+    )
+    .unwrap();
+    folder.write("u.csv", "time,u\n0,1\n1,1\n");
+    std::fs::rename(
+        folder.path("u.csv"),
+        folder.path("").join(wild(b"u\xff.csv")),
+    )
+    .unwrap();
+    let run = |more: &[&'static [u8]]| {
+        let words = [
+            b"cosim",
+            b"good=g\xff.fmu".as_slice(),
+            b"--stop-time",
+            b"1",
+            b"--step",
+            b"0.5",
+        ];
+        let words = words.iter().chain(more).map(|own| wild(own));
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_pilotage"))
+            .args(words)
+            .current_dir(folder.path(""))
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code(), told)
+    };
+    let one: [&[u8]; 5] = [b"--input", b"u\xff.csv", b"-o", b"r\xff.csv", b"--force"];
+    let isolated: [&[u8]; 2] = [b"--isolate", b"all"];
+    for more in [one.to_vec(), [&one[..], &isolated].concat()] {
+        assert_eq!(run(&more), (Some(0), String::new()));
+        let result = folder.path("").join(wild(b"r\xff.csv"));
+        assert!(
+            std::fs::read_to_string(&result)
+                .unwrap()
+                .contains("good.y [m]")
+        );
+        std::fs::remove_file(result).unwrap();
+    }
+    let (code, told) = run(&[b"--save-system", b"s.toml"]);
+    assert_eq!(code, Some(2));
+    assert!(
+        told.ends_with(
+            "is not UTF-8\nhint: TOML is UTF-8: rename the file, or leave --save-system out\n"
+        ),
+        "{told}"
+    );
+}
+
 #[test]
 fn a_full_disk_is_told() {
     let folder = folder(&["good"]);

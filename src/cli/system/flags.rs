@@ -9,6 +9,7 @@ use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, 
 use crate::cosim::{System, SystemDescription};
 use clap::ValueEnum;
 use pilotage_text::is_identifier;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 /// A system file, or FMUs, models, tables, wires and values.
@@ -19,7 +20,7 @@ pub struct Wiring {
     /// instances, wires and values; what is given beside it adds to it, and goes before it where both speak
     /// of one instance, input or parameter.
     #[arg(required = true, value_name = "[NAME=]FMU")]
-    models: Vec<String>,
+    models: Vec<OsString>,
     /// What FMUs that can be both are used for [default: cs].
     #[arg(long, value_enum)]
     kind: Option<KindName>,
@@ -31,7 +32,7 @@ pub struct Wiring {
     /// an input (of a single FMU: without the instance, too) feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
     /// samples are interpolated (held, where the input is no real); a repeated time is a jump.
     #[arg(long, value_name = "[NAME=]CSV")]
-    input: Vec<String>,
+    input: Vec<OsString>,
     /// Give a parameter or an unconnected input its value; may be given many times.
     #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
     set: Vec<(String, String)>,
@@ -198,10 +199,10 @@ fn model_source(file: PathBuf) -> InstanceSource {
 }
 
 /// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
-pub fn instance(argument: &str) -> (String, PathBuf) {
+pub fn instance(argument: &OsStr) -> (String, PathBuf) {
     let path = Path::new(argument);
-    match argument.split_once('=') {
-        Some((name, file)) if !path.exists() => (name.to_owned(), PathBuf::from(file)),
+    match split(argument) {
+        Some((name, file)) if !path.exists() => (name, file),
         _ => {
             // `.` and `..` have a name too, that of their folder.
             let full = match path.file_stem() {
@@ -212,4 +213,20 @@ pub fn instance(argument: &str) -> (String, PathBuf) {
             (stem.to_string_lossy().into_owned(), path.to_owned())
         }
     }
+}
+
+/// What stands before and behind the first `=`; a file may have bytes in its name that are not UTF-8.
+#[cfg(unix)]
+fn split(argument: &OsStr) -> Option<(String, PathBuf)> {
+    use std::os::unix::ffi::OsStrExt;
+    let bytes = argument.as_bytes();
+    let at = bytes.iter().position(|&byte| byte == b'=')?;
+    let name = std::str::from_utf8(&bytes[..at]).ok()?.to_owned();
+    Some((name, OsStr::from_bytes(&bytes[at + 1..]).into()))
+}
+
+#[cfg(not(unix))]
+fn split(argument: &OsStr) -> Option<(String, PathBuf)> {
+    let (name, file) = argument.to_str()?.split_once('=')?;
+    Some((name.to_owned(), file.into()))
 }

@@ -2,13 +2,18 @@
 
 use super::super::{Failure, overwrite};
 use crate::cosim::SystemDescription;
+use crate::cosim::description::SaveError;
 use std::path::Path;
 
 /// Writes a system file, whole or not at all.
 pub fn write(path: &Path, description: &SystemDescription) -> Result<(), Failure> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let text = description.to_toml(folder).map_err(|error| {
-        Failure::from(error).hint("name the instance otherwise: NAME=FILE instead of FILE")
+        let hint = match &error {
+            SaveError::Name { .. } => "name the instance otherwise: NAME=FILE instead of FILE",
+            SaveError::File { .. } => "TOML is UTF-8: rename the file, or leave --save-system out",
+        };
+        Failure::from(error).hint(hint)
     })?;
     overwrite::save(path, text)
 }
