@@ -61,8 +61,8 @@ impl Breaks {
         };
         let least = beyond * spread(runs);
         let usual = noise(runs) * 2.0_f64.sqrt();
-        for run in 0..runs.len() {
-            found.of_run(&runs[run], run, least, usual);
+        for (run, own) in runs.iter().enumerate() {
+            found.of_run(own, run, least, usual);
         }
         found
     }

@@ -66,8 +66,8 @@ pub fn check(
         let place = names.iter().position(|(own, _)| *own == name);
         let variance = place.map(|k| rows[k][k]);
         let words = match (sd, low, high) {
-            (Some(sd), ..) if !(sd >= 0.0) => Some(format!("sd of `{name}` is {sd}")),
-            (_, Some(low), Some(high)) if !(low <= high) => {
+            (Some(sd), ..) if sd.is_nan() || sd < 0.0 => Some(format!("sd of `{name}` is {sd}")),
+            (_, Some(low), Some(high)) if low.is_nan() || high.is_nan() || low > high => {
                 Some(format!("of `{name}` low is {low} and high {high}"))
             }
             (Some(sd), ..) => variance.filter(|own| !is_near(own.sqrt(), sd)).map(|own| {
