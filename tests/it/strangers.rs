@@ -109,27 +109,20 @@ fn misses(row: &str) -> Option<String> {
     })
 }
 
-/// What is still there of a run that a signal ended at some moment: nothing that is half, nothing in the temporary
-/// folder once the next run has begun, and no process.
+/// What is still there of a command that a signal ended at some moment: nothing that is half, nothing in the temporary
+/// folder once the next command has begun, and no process. `PILOTAGE_MOMENTS` says at how many moments.
 #[test]
 fn signals_leave_nothing_behind() {
-    const SIGNALS: [&str; 3] = ["TERM", "HUP", "KILL"];
+    let moments = std::env::var("PILOTAGE_MOMENTS");
+    let moments: u64 = moments.map_or(3, |count| count.parse().unwrap());
     let hang = foreign::hostile("hang@fmi2DoStep");
     let good = foreign::hostile("good@nowhere");
     let trials = example("trials/trials.toml");
     let fit = trials.to_str().unwrap();
-    let long = [
-        "cosim",
-        "a.fmu",
-        "--stop-time",
-        "100000",
-        "--step",
-        "0.1",
-        "-o",
-        "r.csv",
-    ];
+    let steps = ["--stop-time", "100000", "--step", "0.1", "-o", "r.csv"];
+    let long = [&["cosim", "a.fmu"], &steps[..]].concat();
     let isolated = [&long[..], &["--isolate", "all"]].concat();
-    let commands: [(&[&str], &Vec<u8>); 6] = [
+    let commands: [(&[&str], &Vec<u8>); 8] = [
         (&long, &good),
         (&isolated, &good),
         (arguments("cosim"), &hang),
@@ -139,59 +132,86 @@ fn signals_leave_nothing_behind() {
             &["fit", fit, "-o", "pilot.toml", "--report", "fit.html"],
             &good,
         ),
+        (&["export", "quadcopter"], &good),
+        (&["demo", "-o", "out"], &good),
     ];
-    let mut wait = 3;
-    for (command, fmu) in commands {
-        for signal in SIGNALS {
-            // As under `nohup`, whose children ignore it too.
-            if signal == "HUP" && is_hangup_ignored() {
-                continue;
-            }
-            for _ in 0..4 {
-                // Moments from the start of the process to the midst of its work, the same each time.
-                wait = (wait * 37) % 211;
-                let temporary = tempfile::tempdir().unwrap();
-                let variables = [("TMPDIR", temporary.path().to_str().unwrap())];
-                let folder = Folder::new();
-                folder.write("a.fmu", fmu);
-                let mut child = folder.start(command, &variables);
-                std::thread::sleep(Duration::from_millis(wait));
-                let id = child.id().to_string();
-                let name = format!("-{signal}");
-                let killed = Command::new("kill").args([&name, &id]).output().unwrap();
-                let status = child.wait().unwrap();
-                let what =
-                    format!("{command:?}, SIG{signal} after {wait} ms: {status}, {killed:?}");
-                // A process that was watched notices within a moment that it is alone.
-                std::thread::sleep(Duration::from_millis(150));
-                let left = |folder: &Path| -> Vec<String> {
-                    let entries = std::fs::read_dir(folder).unwrap();
-                    entries
-                        .map(|e| e.unwrap().file_name().to_string_lossy().into_owned())
-                        .collect()
-                };
-                if signal == "KILL" {
-                    // Whoever is next clears it up.
-                    let next = ["validate", "a.fmu", "--time-limit", "0.01"];
-                    folder.pilotage_with(&next, &variables);
-                }
-                let kept = left(temporary.path());
-                let inside: Vec<_> = kept
-                    .iter()
-                    .map(|name| left(&temporary.path().join(name)))
-                    .collect();
-                assert_eq!(kept, [""; 0], "{what}: {inside:?}");
-                let outputs = ["a.fmu", "r.csv", "r.csv.part", "pilot.toml", "fit.html"];
-                for name in folder.files() {
-                    let is_hidden = signal == "KILL" && name.starts_with(".pilotage-");
-                    assert!(
-                        outputs.contains(&name.as_str()) || is_hidden,
-                        "{what}: {name}"
-                    );
-                }
-            }
-        }
+    let signals = ["TERM", "HUP", "KILL"];
+    let all = commands.iter().flat_map(|command| {
+        let moments = signals
+            .iter()
+            .flat_map(move |signal| (0..moments).map(move |k| (signal, k)));
+        moments.map(move |(signal, k)| (command, *signal, k))
+    });
+    // As under `nohup`, whose children ignore it too.
+    let all = all.filter(|(_, signal, _)| *signal != "HUP" || !is_hangup_ignored());
+    let all: Vec<_> = all.enumerate().collect();
+    let wrong = all
+        .into_par_iter()
+        .filter_map(|(number, ((command, fmu), signal, _))| {
+            // Moments from the start of the process to the midst of its work, the same each time.
+            let wait = (3 + 37 * number as u64) % 211;
+            left_by(command, fmu, signal, wait)
+        });
+    let wrong: Vec<String> = wrong.collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What is wrong after a signal that a command gets so many milliseconds after its start.
+fn left_by(command: &[&str], fmu: &[u8], signal: &str, wait: u64) -> Option<String> {
+    let temporary = tempfile::tempdir().unwrap();
+    let variables = [("TMPDIR", temporary.path().to_str().unwrap())];
+    let folder = Folder::new();
+    folder.write("a.fmu", fmu);
+    let mut child = folder.start(command, &variables);
+    std::thread::sleep(Duration::from_millis(wait));
+    let id = child.id().to_string();
+    let name = format!("-{signal}");
+    let killed = Command::new("kill").args([&name, &id]).output().unwrap();
+    let status = child.wait().unwrap();
+    // A process that was watched notices within a moment that it is alone.
+    std::thread::sleep(Duration::from_millis(300));
+    let left = |folder: &Path| -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        entries
+            .map(|e| e.unwrap().file_name().to_string_lossy().into_owned())
+            .collect()
+    };
+    if signal == "KILL" {
+        // Whoever is next clears it up.
+        let next = ["validate", "a.fmu", "--time-limit", "0.01"];
+        folder.pilotage_with(&next, &variables);
     }
+    let kept = left(temporary.path());
+    let inside: Vec<_> = kept
+        .iter()
+        .map(|name| left(&temporary.path().join(name)))
+        .collect();
+    let outputs = [
+        "a.fmu",
+        "r.csv",
+        "r.csv.part",
+        "pilot.toml",
+        "fit.html",
+        "quadcopter.fmu",
+        "out",
+    ];
+    let files = folder.files();
+    let is_strange = |name: &&String| {
+        let is_hidden = signal == "KILL" && name.starts_with(".pilotage-");
+        !outputs.contains(&name.as_str()) && !is_hidden
+    };
+    let strange: Vec<&String> = files.iter().filter(is_strange).collect();
+    // An FMU is there as a whole or not at all.
+    let is_half = files
+        .iter()
+        .any(|name| name == "quadcopter.fmu" && folder.pilotage(&["info", name]).code != 0);
+    let is_good = kept.is_empty() && strange.is_empty() && !is_half;
+    (!is_good).then(|| {
+        format!(
+            "{command:?}, SIG{signal} after {wait} ms: {status}, {killed:?}: in the temporary folder {kept:?} \
+             {inside:?}, beside {strange:?}, half an FMU: {is_half}"
+        )
+    })
 }
 
 /// Whether this process ignores SIGHUP, the first bit of the mask.
