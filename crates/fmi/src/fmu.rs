@@ -185,6 +185,22 @@ impl Fmu {
     /// # Errors
     /// If there is no binary for this machine, or it is damaged, or not what the standard asks for.
     pub fn load(&mut self) -> Result<Library, FmuError> {
+        self.load_from(None)
+    }
+
+    /// Unpacks the FMU into a temporary folder.
+    ///
+    /// # Errors
+    /// If an entry is damaged, or the folder cannot be written.
+    pub fn unpack(&mut self) -> Result<Unpacked, FmuError> {
+        Ok(self.archive.unpack()?)
+    }
+
+    /// As [`load`](Self::load), from a folder into which it is unpacked already, if there is one.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load_from(&mut self, unpacked: Option<Unpacked>) -> Result<Library, FmuError> {
         let path = self.path().to_owned();
         let mut groups: Vec<(String, Vec<InterfaceType>)> = Vec::new();
         for (kind, identifier) in self.kinds() {
@@ -195,7 +211,10 @@ impl Fmu {
         }
         let entries = groups.iter().map(|(name, _)| self.find_library(name));
         let entries: Vec<String> = entries.collect::<Result<_, _>>()?;
-        let folder = Arc::new(self.archive.unpack()?);
+        let folder = match unpacked {
+            Some(folder) => Arc::new(folder),
+            None => Arc::new(self.archive.unpack()?),
+        };
         let mut loaded = Vec::new();
         for ((_, kinds), entry) in groups.into_iter().zip(entries) {
             let binding = bind(&path, &folder, entry, self.version(), &kinds)?;

@@ -64,7 +64,8 @@ pub fn check(
         own.only(&["sd", "low", "high"])?;
         let [sd, low, high] = [own.number("sd")?, own.number("low")?, own.number("high")?];
         let place = names.iter().position(|(own, _)| *own == name);
-        let variance = place.map(|k| rows[k][k]);
+        // One that lies on a bound is held, and has no variance.
+        let variance = place.map(|k| rows[k][k]).filter(|own| *own > 0.0);
         let words = match (sd, low, high) {
             (Some(sd), ..) if sd.is_nan() || sd < 0.0 => Some(format!("sd of `{name}` is {sd}")),
             (_, Some(low), Some(high)) if low.is_nan() || high.is_nan() || low > high => {

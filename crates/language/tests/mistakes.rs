@@ -263,16 +263,17 @@ fn an_uncertainty_that_cannot_be_is_refused() {
     const SURE: &str = r#"[uncertainty]
 method = "cr3"
 correlated_by = "ar"
-parameters = ["gain", "lag"]
-degrees_of_freedom = [3, 3]
+parameters = ["gain", "lag", "tau"]
+degrees_of_freedom = [3, 3, 3]
 covariance = [
-    [0.04, 0.01],
-    [0.01, 0.09],
+    [0.04, 0.01, 0],
+    [0.01, 0.09, 0],
+    [0, 0, 0],
 ]
 [uncertainty.intervals]
 gain = { sd = 0.2, low = -inf, high = 0.5 }
 lag = { sd = 0.3, low = -1, high = 1.1 }
-tau = { sd = inf, low = -inf, high = inf }
+tau = { sd = 5, low = 0.3, high = inf }
 "#;
     let whole = GOOD.to_owned() + SURE;
     parse(&whole, "model.toml", &table).expect("it can be");
@@ -285,19 +286,19 @@ tau = { sd = inf, low = -inf, high = inf }
     let all = [
         ("method = \"cr3\"", "method = 3"),
         ("method = \"cr3\"", "way = 3"),
-        ("\"lag\"]", "\"lagg\"]"),
-        ("[3, 3]", "[3]"),
-        ("[3, 3]", "[3, nan]"),
-        ("[0.04, 0.01]", "[0.04]"),
-        ("0.09]", "nan]"),
-        ("0.09]", "-0.09]"),
-        ("0.01]", "0.1]"),
-        ("0.01]", "0.02]"),
+        ("\"tau\"]", "\"tauu\"]"),
+        ("[3, 3, 3]", "[3]"),
+        ("[3, 3, 3]", "[3, nan, 3]"),
+        ("[0.04, 0.01, 0]", "[0.04]"),
+        ("0.09, 0]", "nan, 0]"),
+        ("0.09, 0]", "-0.09, 0]"),
+        ("0.01, 0]", "0.1, 0]"),
+        ("0.01, 0]", "0.02, 0]"),
         ("sd = 0.2,", "sd = 0.25,"),
         ("sd = 0.2,", "sd = -0.2,"),
         ("low = -1", "low = 2"),
-        ("tau = { sd = inf", "tau_ = { sd = inf"),
-        ("tau = { sd = inf", "tau = { width = inf"),
+        ("tau = { sd = 5", "tau_ = { sd = 5"),
+        ("tau = { sd = 5", "tau = { width = 5"),
     ]
     .map(of);
     insta::assert_snapshot!(all.join("\n"));

@@ -4,7 +4,9 @@ use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, terminal};
 use crate::error_chain::error_chain;
+use crate::fmi::archive::{ArchiveError, Unpacked};
 use crate::fmi::description::{ModelDescription, Severity};
+use crate::fmi::{Fmu, FmuError};
 use crate::fmi_check::Finding;
 use crate::fmi_check::behaviour::{self, BehaviourCheck, Told, What};
 use pilotage_process::{Child, Ended};
@@ -24,12 +26,18 @@ pub struct ProbeArgs {
     /// What to try, for example cs:simulate.
     #[arg(long)]
     check: BehaviourCheck,
+    /// Where it is unpacked.
+    #[arg(long)]
+    unpacked: Option<PathBuf>,
 }
+
+/// An FMU of more files is unpacked once for all checks; others for each, so that none finds what another has changed.
+const MANY: usize = 1000;
 
 /// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding;
 /// one JSON object a line, in memory that no FMU closes or prints into.
 pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
-    let ours = behaviour::run(&args.fmu, args.check, &mut |told| {
+    let ours = behaviour::run(&args.fmu, args.unpacked, args.check, &mut |told| {
         tell(&match told {
             Told::Stage(stage) => json!({ "stage": stage }),
             Told::Finding(finding) => json!({ "finding": finding_to_json(&finding) }),
@@ -66,9 +74,11 @@ pub(super) fn try_all(
     let mut findings: Vec<Finding> = Vec::new();
     let mut is_loaded = true;
     let mut progress = Spinner::new();
+    progress.show(format!("{}: unpacking", path.display()));
+    let unpacked = unpacked(path)?;
     for check in behaviour::all(description) {
         progress.show(format!("{}: {check}", path.display()));
-        let found = try_one(path, description, check, limit)?;
+        let found = try_one((path, unpacked.as_ref()), description, check, limit)?;
         // A warning of that check is about a library that was loaded.
         let ends = |f: &Finding| f.severity != Severity::Warning;
         if check.what == What::Load && found.iter().any(ends) {
@@ -91,9 +101,27 @@ pub(super) fn try_all(
     })
 }
 
+/// An FMU of many files, unpacked.
+fn unpacked(path: &Path) -> Result<Option<Unpacked>, Failure> {
+    let Ok(mut fmu) = Fmu::open(path) else {
+        // The first check says why.
+        return Ok(None);
+    };
+    match fmu.files().count() > MANY {
+        true => match fmu.unpack() {
+            Err(FmuError::Archive(ArchiveError::Write { path, source })) => {
+                let failure = Failure::cannot_write(&path, &source);
+                Err(failure.hint("this is no fault of the FMU"))
+            }
+            unpacked => Ok(unpacked.ok()),
+        },
+        false => Ok(None),
+    }
+}
+
 /// One check in a process of its own.
 fn try_one(
-    path: &Path,
+    (path, unpacked): (&Path, Option<&Unpacked>),
     description: &ModelDescription,
     check: BehaviourCheck,
     limit: Duration,
@@ -106,8 +134,12 @@ fn try_one(
     };
     let program = std::env::current_exe().map_err(failed)?;
     let mut command = Command::new(program);
+    command.args(["probe", "--check", &check.to_string()]);
+    if let Some(unpacked) = unpacked {
+        command.arg("--unpacked").arg(unpacked.path());
+    }
     command
-        .args(["probe", "--check", &check.to_string(), "--"])
+        .arg("--")
         .arg(path)
         .stdin(Stdio::null())
         .stdout(Stdio::null())

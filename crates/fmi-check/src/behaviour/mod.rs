@@ -11,7 +11,7 @@ mod subject;
 mod values;
 
 use super::Finding;
-use pilotage_fmi::archive::ArchiveError;
+use pilotage_fmi::archive::{ArchiveError, Unpacked};
 use pilotage_fmi::binding::{BindingError, Missing};
 use pilotage_fmi::description::{ModelDescription, Severity};
 use pilotage_fmi::fmu::Library;
@@ -21,7 +21,7 @@ use pilotage_fmi::{CallError, Fmu, FmuError, InterfaceType, take_stray_messages}
 use pilotage_text::error_chain::error_chain;
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 use subject::Subject;
@@ -230,18 +230,23 @@ impl From<FmuError> for Stop {
     }
 }
 
-/// Runs a check. The FMU's code runs in this process, and may end it.
+/// Runs a check. The FMU's code runs in this process, and may end it. It is unpacked for it, unless that is done.
 ///
 /// # Errors
 /// What is our own trouble and no fault of the FMU: it cannot be unpacked here.
-pub fn run(path: &Path, check: BehaviourCheck, tell: &mut dyn FnMut(Told)) -> Result<(), FmuError> {
+pub fn run(
+    path: &Path,
+    unpacked: Option<PathBuf>,
+    check: BehaviourCheck,
+    tell: &mut dyn FnMut(Told),
+) -> Result<(), FmuError> {
     let mut teller = Teller {
         tell,
         stage: String::new(),
         kind: check.kind,
         description: Arc::default(),
     };
-    if let Err(stop) = teller.run(path, check) {
+    if let Err(stop) = teller.run(path, unpacked, check) {
         let why = match &stop {
             Stop::Call(error) => error_chain(error),
             Stop::Fmu(error) => error_chain(error),
@@ -274,13 +279,18 @@ struct Teller<'a> {
 }
 
 impl Teller<'_> {
-    fn run(&mut self, path: &Path, check: BehaviourCheck) -> Result<(), Stop> {
+    fn run(
+        &mut self,
+        path: &Path,
+        unpacked: Option<PathBuf>,
+        check: BehaviourCheck,
+    ) -> Result<(), Stop> {
         self.stage("opening");
         let mut fmu = Fmu::open(path)?;
         self.description = fmu.description().clone();
         self.stage("loading");
         let before = Surroundings::look();
-        let library = fmu.load()?;
+        let library = fmu.load_from(unpacked.map(Unpacked::of_others))?;
         let unresolved = library.bindings().find_map(|binding| binding.unresolved());
         if let Some(unresolved) = unresolved.filter(|_| check.what == What::Load) {
             self.warn(format!(

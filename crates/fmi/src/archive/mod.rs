@@ -205,7 +205,8 @@ impl Archive {
 /// A temporary folder with an unpacked FMU.
 #[derive(Debug)]
 pub struct Unpacked {
-    _folder: Folder,
+    /// None where somebody else keeps it.
+    _folder: Option<Folder>,
     path: PathBuf,
 }
 
@@ -215,9 +216,17 @@ impl Unpacked {
         let path = folder.path().join("fmu");
         fs::create_dir(&path)?;
         Ok(Self {
-            _folder: folder,
+            _folder: Some(folder),
             path,
         })
+    }
+
+    /// A folder into which somebody else has unpacked the FMU, and which stays.
+    pub fn of_others(path: PathBuf) -> Self {
+        Self {
+            _folder: None,
+            path,
+        }
     }
 
     /// Where it is.
