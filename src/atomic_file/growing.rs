@@ -14,6 +14,8 @@ pub struct GrowingFile {
     path: PathBuf,
     part: PathBuf,
     file: File,
+    /// What the descriptor leads to, where the system tells.
+    identity: Option<Identity>,
     left_behind: Option<PathBuf>,
     /// Whether the user said a relative path.
     is_relative: bool,
@@ -50,6 +52,7 @@ impl GrowingFile {
         Ok(Self {
             path,
             part,
+            identity: identity(&file),
             file,
             left_behind,
             is_relative,
@@ -61,6 +64,7 @@ impl GrowingFile {
         Self {
             path: path.to_owned(),
             part: path.to_owned(),
+            identity: identity(&file),
             file,
             left_behind: None,
             is_relative: false,
@@ -91,7 +95,13 @@ impl GrowingFile {
     pub fn finish(self) -> io::Result<()> {
         match self.part == self.path {
             true => Ok(()),
-            false => std::fs::rename(&self.part, &self.path),
+            false => std::fs::rename(&self.part, &self.path).map_err(|error| match error.kind() {
+                io::ErrorKind::NotFound => {
+                    let why = format!("{} has been removed by somebody", self.part().display());
+                    io::Error::new(error.kind(), why)
+                }
+                _ => error,
+            }),
         }
     }
 
@@ -105,8 +115,46 @@ impl GrowingFile {
     }
 }
 
+impl GrowingFile {
+    /// Foreign code in this process may close a descriptor that is not its own, and open another file, which then has
+    /// its number: our rows go into ours.
+    fn stay_open(&mut self) -> io::Result<()> {
+        let Some(before) = self.identity else {
+            return Ok(());
+        };
+        if identity(&self.file) == Some(before) {
+            return Ok(());
+        }
+        let again = OpenOptions::new().append(true).open(&self.part)?;
+        if identity(&again) != Some(before) {
+            let why = "somebody has closed it in this process, and has put another in its place";
+            return Err(io::Error::other(why));
+        }
+        let _ = again.try_lock();
+        // The old number is somebody else's now, to close or not.
+        std::mem::forget(std::mem::replace(&mut self.file, again));
+        Ok(())
+    }
+}
+
+/// Device and number of a file.
+type Identity = (u64, u64);
+
+#[cfg(unix)]
+fn identity(file: &File) -> Option<Identity> {
+    use std::os::unix::fs::MetadataExt;
+    let told = file.metadata().ok()?;
+    Some((told.dev(), told.ino()))
+}
+
+#[cfg(not(unix))]
+fn identity(_: &File) -> Option<Identity> {
+    None
+}
+
 impl Write for GrowingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stay_open()?;
         self.file.write(bytes)
     }
 
@@ -185,6 +233,27 @@ mod tests {
         GrowingFile::create(&path).unwrap().discard();
         let expected = ["r.csv", "r.csv.interrupted-1", "r.csv.interrupted-2"];
         assert_eq!(names(folder.path()), expected);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn rows_go_into_the_file_whoever_closes_its_descriptor() {
+        use std::os::fd::{AsRawFd, FromRawFd, IntoRawFd, OwnedFd};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        let mut file = GrowingFile::create(&path).unwrap();
+        file.write_all(b"one\n").unwrap();
+        // Another file gets its number, without a moment in which a test beside this one could get it.
+        let number = file.file.as_raw_fd();
+        let log = File::create(folder.path().join("log")).unwrap();
+        // SAFETY: the number is open, and is not closed by this.
+        let mut theirs = unsafe { OwnedFd::from_raw_fd(number) };
+        rustix::io::dup2(&log, &mut theirs).unwrap();
+        let _ = theirs.into_raw_fd();
+        file.write_all(b"two\n").unwrap();
+        file.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"one\ntwo\n");
+        assert_eq!(std::fs::read(folder.path().join("log")).unwrap(), b"");
     }
 
     #[cfg(unix)]

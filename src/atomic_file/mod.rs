@@ -148,8 +148,9 @@ pub fn stay() {
     }
 }
 
-/// Goes back to the working folder of the begin, if somebody has left it.
+/// Goes back to the working folder and the umask of the begin, if somebody has changed them.
 pub fn go_back() {
+    pilotage_process::own::restore_umask();
     if let Some(folder) = BEGUN_IN.get() {
         // Where it is gone, outputs go where they would have gone all the same.
         let _ = std::env::set_current_dir(folder);

@@ -17,6 +17,10 @@ pub const ROWS: &str = "rows ";
 /// How long FMUs may take to be freed when the work is done.
 const AFTERWARDS: Duration = Duration::from_secs(5);
 
+/// Until a signal that was sent to two processes has come to both.
+#[cfg(unix)]
+const MOMENT: Duration = Duration::from_millis(100);
+
 /// Starts this program again with the same arguments, waits for it, and tells how it ended.
 pub fn watched() -> Result<ExitCode, Failure> {
     let cannot = |error: std::io::Error| {
@@ -58,18 +62,24 @@ pub fn watched() -> Result<ExitCode, Failure> {
 
 /// The process ended before its work was done.
 fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
+    let who = whose(going);
     #[cfg(unix)]
     if let Some(code) = asked_for(status) {
-        return ExitCode::from(code);
-    }
-    let Some(who) = whose(going) else {
-        // A panic has told itself.
-        if status.code() != Some(101) {
-            terminal::tell(&format!(
-                "error: the process ended before its work was done ({status})\n"
-            ));
+        // A signal that was meant for both comes here too; one of an FMU's own comes to its process alone.
+        std::thread::sleep(MOMENT);
+        pilotage_process::leftovers::stay_if_ending();
+        if child.interrupts() > 0 && code == 130 {
+            return ExitCode::from(code);
         }
-        return ExitCode::FAILURE;
+    }
+    let what = match &who {
+        Some(who) if child.interrupts() >= 3 => {
+            format!("{who} did not come back, and was killed with its process")
+        }
+        Some(who) => format!("{who} ended the process ({status})"),
+        // A panic has told itself.
+        None if status.code() == Some(101) => return ExitCode::FAILURE,
+        None => format!("the process ended before its work was done ({status})"),
     };
     let (records, _) = child.page().records();
     let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
@@ -77,9 +87,7 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
     let rows = rows.map_or_else(String::new, |rows| {
         format!("\nhint: the rows until then are in {}", rows.display())
     });
-    terminal::tell(&format!(
-        "error: {who} ended the process ({status}){rows}\n"
-    ));
+    terminal::tell(&format!("error: {what}{rows}\n"));
     ExitCode::FAILURE
 }
 

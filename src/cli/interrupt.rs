@@ -12,10 +12,14 @@ const TWICE: Duration = Duration::from_millis(200);
 /// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
 const KILLED: u8 = 130;
 
+/// The signal's number, which is the same everywhere.
+#[cfg(unix)]
+const SIGINT: i32 = 2;
+
 /// Listens from now on, and says on the first Ctrl-C what it does. Only once in a process.
 pub fn listen(stopping: &'static str) -> Result<(), Failure> {
     let mut last: Option<Instant> = None;
-    let handler = move || {
+    let mut handler = move || {
         if last
             .replace(Instant::now())
             .is_some_and(|last| last.elapsed() < TWICE)
@@ -29,8 +33,11 @@ pub fn listen(stopping: &'static str) -> Result<(), Failure> {
         }
         terminal::note(&format!("{stopping}; Ctrl-C again kills"));
     };
-    ctrlc::set_handler(handler)
-        .map_err(|error| Failure::new(format!("cannot listen to Ctrl-C: {error}")))
+    #[cfg(unix)]
+    let listens = pilotage_process::signals::listen(&[SIGINT], move |_| handler());
+    #[cfg(not(unix))]
+    let listens = ctrlc::set_handler(handler);
+    listens.map_err(|error| Failure::new(format!("cannot listen to Ctrl-C: {error}")))
 }
 
 /// Whether Ctrl-C has been pressed.

@@ -97,8 +97,13 @@ struct IsolatedArgs {
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
     crate::atomic_file::stay();
+    pilotage_process::own::remember();
     // Where they cannot be heard, files stay for the next run to remove.
-    let _ = pilotage_process::leftovers::remove_on_signals();
+    let listens = !matches!(
+        command,
+        Command::Validate(_) | Command::Export(_) | Command::Pack(_)
+    );
+    let _ = pilotage_process::leftovers::remove_on_signals(!listens);
     let is_watched = match pilotage_process::end_with_parent() {
         Ok(is_watched) => is_watched,
         Err(error) => return failed(&Failure::new(format!("cannot be watched: {error}"))),

@@ -72,4 +72,4 @@ pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, InstanceOptions, Step};
 pub use message::Message;
 pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
-pub use version::{Function, InterfaceType, State, call_name};
+pub use version::{ASKING, Function, InterfaceType, State, call_name};

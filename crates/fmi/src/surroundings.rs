@@ -1,8 +1,11 @@
 //! What is the whole process's and no FMU's to change: how numbers are rounded, the working folder, signals, locale.
 //!
-//! Rounding is set back after each call, the working folder after loading and making instances: what is computed and
+//! Rounding is set back after each call, the working folder and the umask after loading and making instances: what is computed and
 //! written by others must not depend on an FMU. All else is [seen](Surroundings) only.
 
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::DirEntry;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,11 +14,17 @@ static CHANGED: AtomicBool = AtomicBool::new(false);
 /// Whether some FMU has left the working folder.
 static LEFT: AtomicBool = AtomicBool::new(false);
 
-/// Calls, and goes back to the working folder and the rounding of before.
+/// Whether some FMU has changed the umask.
+static MASKED: AtomicBool = AtomicBool::new(false);
+
+/// Calls, and goes back to the working folder and the rounding of before, and to the umask with which the program began.
 pub(crate) fn kept<T>(call: impl FnOnce() -> T) -> T {
     let folder = std::env::current_dir().ok();
     let done = call();
     keep();
+    if pilotage_process::own::restore_umask() {
+        MASKED.store(true, Ordering::Release);
+    }
     if let Some(folder) =
         folder.filter(|folder| std::env::current_dir().ok().as_ref() != Some(folder))
     {
@@ -33,11 +42,15 @@ pub struct Surroundings {
     locale: Option<String>,
     /// The system's own words for this process, by their names; none where it does not tell.
     status: Vec<String>,
+    /// Where each open descriptor leads.
+    open: BTreeMap<OsString, PathBuf>,
 }
+
+const UMASK: &str = "the umask";
 
 /// What Linux tells of a process in `/proc/self/status`, and what it is.
 const STATUS: [(&str, &str); 4] = [
-    ("Umask:", "the umask"),
+    ("Umask:", UMASK),
     ("SigIgn:", "which signals are ignored"),
     ("SigCgt:", "which signals are handled"),
     ("SigBlk:", "which signals are blocked"),
@@ -48,6 +61,7 @@ impl Surroundings {
     pub fn look() -> Self {
         CHANGED.store(false, Ordering::Release);
         LEFT.store(false, Ordering::Release);
+        MASKED.store(false, Ordering::Release);
         Self::now()
     }
 
@@ -59,26 +73,45 @@ impl Surroundings {
             folder: std::env::current_dir().ok(),
             locale: locale(),
             status: values.into(),
+            open: open(),
         }
     }
 
     /// What FMUs have changed since then.
     pub fn changed(&self) -> Vec<&'static str> {
         let now = Self::now();
+        let is_masked = MASKED.load(Ordering::Acquire);
         let status = (STATUS.iter().zip(&self.status).zip(&now.status))
-            .filter(|((_, before), after)| before != after)
+            .filter(|(((_, what), before), after)| before != after || is_masked && *what == UMASK)
             .map(|(((_, what), _), _)| *what);
+        let is_lost = (self.open.iter()).any(|(number, path)| now.open.get(number) != Some(path));
         let folder = LEFT.load(Ordering::Acquire) || self.folder != now.folder;
         [
             (CHANGED.load(Ordering::Acquire), "how numbers are rounded"),
             (folder, "the working folder"),
             (self.locale != now.locale, "the locale"),
+            (
+                is_lost,
+                "which files are open (it has closed descriptors that are not its own)",
+            ),
         ]
         .into_iter()
         .filter_map(|(is_changed, what)| is_changed.then_some(what))
         .chain(status)
         .collect()
     }
+}
+
+/// Where each open descriptor leads; none where the system does not tell.
+fn open() -> BTreeMap<OsString, PathBuf> {
+    let entries = std::fs::read_dir("/proc/self/fd").into_iter().flatten();
+    let lead = |entry: std::io::Result<DirEntry>| {
+        let entry = entry.ok()?;
+        Some((entry.file_name(), entry.path().read_link().ok()?))
+    };
+    // Not the one by which we look.
+    let is_others = |(_, path): &(OsString, PathBuf)| !path.starts_with("/proc");
+    entries.filter_map(lead).filter(is_others).collect()
 }
 
 /// The locale of C; `None` where we do not know how to ask.

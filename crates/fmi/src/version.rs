@@ -104,6 +104,8 @@ impl Function {
 pub(crate) const LOADING: u32 = 1;
 /// What is going on while a library is unloaded: its finalization runs.
 pub(crate) const UNLOADING: u32 = 2;
+/// What is going on while an FMU in a process of its own is asked.
+pub const ASKING: u32 = 3;
 const FMI2: u32 = 1000;
 const FMI3: u32 = 2000;
 
@@ -112,6 +114,7 @@ pub fn call_name(number: u32) -> &'static str {
     let name = match number {
         LOADING => Some("the initialization of its library"),
         UNLOADING => Some("the finalization of its library"),
+        ASKING => Some("a question to its process"),
         FMI2..FMI3 => {
             let function = fmi2::Function::ALL.get((number - FMI2) as usize);
             function.map(|function| function.name())

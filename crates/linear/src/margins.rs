@@ -119,6 +119,8 @@ fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
         high = highest;
         low = low.min(1e-3 * high);
     }
+    // What is beyond has no frequencies that anybody looks at, and their ratio would not be finite.
+    (low, high) = (low.clamp(1e-150, 1e150), high.clamp(1e-150, 1e150));
     let steps = ((high / low).log10() * POINTS_A_DECADE).ceil().max(2.0);
     let mut points: Vec<f64> = (0..=steps as usize)
         .map(|i| low * (high / low).powf(i as f64 / steps))

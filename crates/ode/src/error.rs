@@ -14,6 +14,14 @@ pub enum IntegrationError<E: std::error::Error + 'static> {
         /// Where \[s\].
         time: f64,
     },
+    /// However short the step: something is not defined, NaN or infinite there.
+    #[error("{what} are not defined or not finite shortly after {time} s, however short the step")]
+    UndefinedBeyond {
+        /// Where the last good step ended \[s\].
+        time: f64,
+        /// What is not: derivatives or event indicators.
+        what: &'static str,
+    },
     /// No step is short enough.
     #[error(
         "at {time} s a step of {step:e} s still has too large an error: is there a jump that is no event, or a pole?"

@@ -157,6 +157,7 @@ impl<S: Scheme> Solver<S> {
             inner: system,
             evaluations: 0,
             indicators: 0,
+            undefined: None,
         };
         let result = self.step(system, limit);
         self.work.evaluations += system.evaluations;
@@ -166,7 +167,7 @@ impl<S: Scheme> Solver<S> {
 
     fn step<M: System>(
         &mut self,
-        system: &mut M,
+        system: &mut Counting<'_, M>,
         limit: f64,
     ) -> Result<Advance, IntegrationError<M::Error>> {
         self.settle();
@@ -176,11 +177,13 @@ impl<S: Scheme> Solver<S> {
             let (h, is_last) = self.length(limit);
             // Shorter steps would not move time; a limit may be as near as it likes.
             if h < 16.0 * f64::EPSILON * self.t.abs() && !is_last || h < f64::MIN_POSITIVE {
-                return Err(IntegrationError::StepTooShort {
-                    time: self.t,
-                    step: h,
+                let time = self.t;
+                return Err(match system.undefined {
+                    Some(what) => IntegrationError::UndefinedBeyond { time, what },
+                    None => IntegrationError::StepTooShort { time, step: h },
                 });
             }
+            system.undefined = None;
             let (error, found) = self.attempt(system, h, is_again)?;
             let end = if is_last { limit } else { self.t + h };
             let theta = match found {
@@ -348,6 +351,8 @@ struct Counting<'a, M> {
     inner: &'a mut M,
     evaluations: u64,
     indicators: u64,
+    /// What was not defined in the last attempt.
+    undefined: Option<&'static str>,
 }
 
 impl<M: System> System for Counting<'_, M> {
@@ -359,13 +364,21 @@ impl<M: System> System for Counting<'_, M> {
         let is_defined = self.inner.derivatives(t, x, dx)?;
         // Without a branch for each: this runs in every stage.
         let sum = dx.iter().fold(0.0, |sum, value| sum + value.abs());
-        Ok(is_defined && sum < f64::INFINITY)
+        let is_defined = is_defined && sum < f64::INFINITY;
+        if !is_defined {
+            self.undefined = Some("derivatives");
+        }
+        Ok(is_defined)
     }
 
     fn indicators(&mut self, t: f64, x: &[f64], z: &mut [f64]) -> Result<bool, M::Error> {
         self.indicators += 1;
         let is_defined = self.inner.indicators(t, x, z)?;
-        Ok(is_defined && !z.iter().any(|value| value.is_nan()))
+        let is_defined = is_defined && !z.iter().any(|value| value.is_nan());
+        if !is_defined {
+            self.undefined = Some("event indicators");
+        }
+        Ok(is_defined)
     }
 
     fn jacobian(

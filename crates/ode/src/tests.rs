@@ -219,6 +219,39 @@ fn poles_and_undefined_starts_are_errors() {
 }
 
 #[test]
+fn what_is_undefined_beyond_is_named() {
+    for method in [Method::DormandPrince, Method::Radau] {
+        let beyond = |t: f64| if t < 0.3 { 1.0 } else { f64::NAN };
+        let f = |t: f64, _: &[f64], dx: &mut [f64]| dx[0] = beyond(t);
+        let mut derivatives = Problem { f, z: no_events };
+        let f = |_: f64, _: &[f64], dx: &mut [f64]| dx[0] = 1.0;
+        let z = |t: f64, _: &[f64], z: &mut [f64]| z[0] = beyond(t);
+        let mut indicators = Problem { f, z };
+        let mut first = solver(&[0.0], 0, 1e-6, method);
+        let mut second = solver(&[0.0], 1, 1e-6, method);
+        let errors = [
+            loop {
+                if let Err(error) = first.advance(&mut derivatives, 1.0) {
+                    break error;
+                }
+            },
+            loop {
+                if let Err(error) = second.advance(&mut indicators, 1.0) {
+                    break error;
+                }
+            },
+        ];
+        for (error, expected) in errors.into_iter().zip(["derivatives", "event indicators"]) {
+            let IntegrationError::UndefinedBeyond { time, what } = error else {
+                panic!("{error:?}");
+            };
+            assert_eq!(what, expected);
+            assert!((time - 0.3).abs() < 1e-9, "{method:?} {time}");
+        }
+    }
+}
+
+#[test]
 fn work_of_the_explicit_method() {
     let solver = solve(
         van_der_pol(5.0),

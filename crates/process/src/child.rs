@@ -4,6 +4,7 @@ use crate::leftovers::{self, Kind, Leftover};
 use crate::page::Page;
 use std::io;
 use std::process::{Command, ExitStatus};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -12,6 +13,9 @@ const VARIABLE: &str = "PILOTAGE_WATCHED_BY";
 
 /// Between two looks whether it still runs.
 const BETWEEN: Duration = Duration::from_millis(2);
+
+/// Interrupts that were handed on to the one child that gets them.
+static HANDED_ON: AtomicU32 = AtomicU32::new(0);
 
 /// A process that is watched. It is killed when this goes.
 #[derive(Debug)]
@@ -87,19 +91,15 @@ impl Child {
     #[cfg(unix)]
     pub fn hand_on_interrupts(&self) -> io::Result<()> {
         use rustix::process::Signal;
-        use signal_hook::consts::SIGINT;
-        let heard = leftovers::not_ignored([SIGINT]);
-        let mut signals = signal_hook::iterator::Signals::new(heard)?;
         let child = self.child.id();
-        let hand_on = move || {
-            for _ in signals.forever() {
-                send(child, Signal::INT);
+        crate::signals::listen(&[signal_hook::consts::SIGINT], move |_| {
+            let before = HANDED_ON.fetch_add(1, Ordering::Relaxed);
+            send(child, Signal::INT);
+            // It may block signals, or be stopped: whoever presses for the third time means it.
+            if before >= 2 {
+                send(child, Signal::KILL);
             }
-        };
-        thread::Builder::new()
-            .name("interrupts".into())
-            .spawn(hand_on)
-            .map(drop)
+        })
     }
 
     /// Nothing: there are no such signals here.
@@ -111,6 +111,11 @@ impl Child {
         Ok(())
     }
 
+    /// How many interrupts were handed on.
+    pub fn interrupts(&self) -> u32 {
+        HANDED_ON.load(Ordering::Relaxed)
+    }
+
     /// Waits for its end: at most so long for its work, and at most `after` from when it said that this was done. What
     /// it left in the temporary folder is removed.
     ///
@@ -118,8 +123,10 @@ impl Child {
     /// When the system does not tell.
     pub fn wait(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
         let ended = self.wait_for_end(limit, after)?;
-        if !matches!(ended, Ended::Done { badly: None, .. }) {
-            crate::folder::sweep();
+        match ended {
+            // What its code has done to it may have kept it from removing its own.
+            Ended::Done { badly: None, .. } => self.sweep(),
+            _ => crate::folder::sweep(),
         }
         Ok(ended)
     }
@@ -186,7 +193,12 @@ impl Child {
             }
             kill_group(self.child.id());
         }
-        let status = self.child.try_wait()?;
+        let status = match self.child.try_wait() {
+            // Foreign code in this process has SIGCHLD ignored: nobody is told how a child ended.
+            #[cfg(unix)]
+            Err(error) if is_no_child(&error) => Some(ExitStatus::default()),
+            status => status?,
+        };
         self.is_over |= status.is_some();
         Ok(status)
     }
@@ -253,7 +265,16 @@ fn has_ended(child: u32) -> io::Result<bool> {
     let pid = i32::try_from(child).ok().and_then(Pid::from_raw);
     let Some(pid) = pid else { return Ok(true) };
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
-    Ok(waitid(WaitId::Pid(pid), options)?.is_some())
+    match waitid(WaitId::Pid(pid), options) {
+        Err(error) if is_no_child(&error.into()) => Ok(true),
+        ended => Ok(ended?.is_some()),
+    }
+}
+
+/// Whether there is no such child any more.
+#[cfg(unix)]
+fn is_no_child(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(rustix::io::Errno::CHILD.raw_os_error())
 }
 
 /// Whether this process was started by [`Child::start`]: then it takes its page, and ends when its parent does.

@@ -115,25 +115,24 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
     std::fs::remove_dir_all(gone)
 }
 
-/// From now on SIGTERM and SIGHUP first [remove] what there is, and then end the process as they would have.
+/// From now on SIGTERM and SIGHUP, and SIGINT where nobody else listens to it, first [remove] what there is, and then end
+/// the process as they would have.
 ///
 /// A signal that is ignored, as `nohup` does, stays ignored.
 ///
 /// # Errors
 /// When the system does not let it listen.
 #[cfg(unix)]
-pub fn remove_on_signals() -> std::io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGTERM};
-    let mut signals = signal_hook::iterator::Signals::new(not_ignored([SIGTERM, SIGHUP]))?;
-    std::thread::Builder::new()
-        .name("signals".into())
-        .spawn(move || {
-            if let Some(signal) = signals.forever().next() {
-                remove();
-                let _ = signal_hook::low_level::emulate_default_handler(signal);
-            }
-        })?;
-    Ok(())
+pub fn remove_on_signals(interrupts_too: bool) -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let all = [SIGTERM, SIGHUP, SIGINT];
+    let signals = if interrupts_too { &all } else { &all[..2] };
+    let end = |signal| {
+        remove();
+        let _ = signal_hook::low_level::emulate_default_handler(signal);
+    };
+    // SAFETY: it stores into an atomic.
+    unsafe { crate::signals::listen_at_once(signals, crate::page::stop, end) }
 }
 
 /// Nothing: there are no such signals here.
@@ -141,23 +140,6 @@ pub fn remove_on_signals() -> std::io::Result<()> {
 /// # Errors
 /// None.
 #[cfg(not(unix))]
-pub fn remove_on_signals() -> std::io::Result<()> {
+pub fn remove_on_signals(_interrupts_too: bool) -> std::io::Result<()> {
     Ok(())
-}
-
-/// Those of the signals that are not ignored.
-#[cfg(unix)]
-pub(crate) fn not_ignored<const N: usize>(signals: [i32; N]) -> impl Iterator<Item = i32> {
-    let ignored = ignored();
-    let is_heard = move |signal: &i32| ignored & (1 << (signal - 1)) == 0;
-    signals.into_iter().filter(is_heard)
-}
-
-/// Which signals are ignored, a bit for each from 1 on; none where the system does not tell.
-#[cfg(unix)]
-fn ignored() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    line.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
-        .unwrap_or(0)
 }

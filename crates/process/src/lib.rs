@@ -13,12 +13,17 @@
 //! | [`channel`] | questions and answers between two processes |
 //! | [`folder`] | temporary folders, and what dead processes left of theirs |
 //! | [`leftovers`] | what is removed when a signal ends this process |
+//! | [`own`] | stdout, stderr and umask, as they were |
+//! | `signals` | signals, heard by a thread |
 
 pub mod channel;
 pub mod child;
 pub mod folder;
 pub mod leftovers;
+pub mod own;
 pub mod page;
+#[cfg(unix)]
+pub mod signals;
 
 pub use channel::{Channel, Spoiled};
 pub use child::{Child, Ended, end_with_parent};

@@ -183,7 +183,52 @@ pub fn attach(path: &Path) -> io::Result<()> {
     // It stays until the process ends.
     std::mem::forget(map);
     ATTACHED.store(page, Ordering::Release);
+    note_forks();
     Ok(())
+}
+
+/// What has come over this process within a call: nothing, ...
+static STATE: AtomicU8 = AtomicU8::new(GOES_ON);
+const GOES_ON: u8 = 0;
+/// ... a signal that ends it, ...
+const ENDS: u8 = 1;
+/// ... or it is a copy that `fork` has made.
+const IS_COPY: u8 = 2;
+
+/// No call comes back from now on: a signal is ending this process.
+#[cfg(unix)]
+pub(crate) fn stop() {
+    let _ = STATE.compare_exchange(GOES_ON, ENDS, Ordering::Relaxed, Ordering::Relaxed);
+}
+
+/// A copy of this process that comes back from the code that made it would go on with the same work, in the same files
+/// and in the same shared memory.
+#[cfg(unix)]
+fn note_forks() {
+    type Handler = Option<extern "C" fn()>;
+    unsafe extern "C" {
+        /// C library: registers what runs before and after `fork`.
+        fn pthread_atfork(before: Handler, parent: Handler, child: Handler) -> i32;
+    }
+    extern "C" fn child() {
+        STATE.store(IS_COPY, Ordering::Relaxed);
+    }
+    // SAFETY: the handler does nothing but store into an atomic. Where there is no memory to register it, it does not run.
+    let _ = unsafe { pthread_atfork(None, None, Some(child)) };
+}
+
+#[cfg(not(unix))]
+fn note_forks() {}
+
+/// Does not come back: a copy ends at once, nothing is removed or told by it; else a signal is ending this process.
+#[cold]
+fn vanish() -> ! {
+    while STATE.load(Ordering::Relaxed) != IS_COPY {
+        std::thread::sleep(std::time::Duration::from_secs(1));
+    }
+    #[cfg(unix)]
+    let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL);
+    std::process::abort()
 }
 
 /// Whether this process is watched.
@@ -236,6 +281,9 @@ pub fn call<T>(place: u32, number: u32, work: impl FnOnce() -> T) -> T {
     let outer = place.call.load(Ordering::Relaxed);
     place.call.store(number, Ordering::Release);
     let done = work();
+    if STATE.load(Ordering::Relaxed) != GOES_ON {
+        vanish();
+    }
     place.call.store(outer, Ordering::Release);
     done
 }

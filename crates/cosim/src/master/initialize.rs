@@ -4,6 +4,7 @@ use super::{MasterError, Stage, algebraic_loop};
 use crate::algorithms::Propagation;
 use crate::component::{Component, ComponentError, Experiment, Role, Value};
 use crate::system::{Connection, System};
+use thiserror::Error;
 
 /// Brings all components to the start time with consistent values.
 pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
@@ -103,6 +104,15 @@ fn is_close(a: &Value, b: &Value) -> bool {
     }
 }
 
+/// A value that did not come through a connection.
+#[derive(Debug, Error)]
+#[error("`{from}` -> `{to}`")]
+struct Lost {
+    from: String,
+    to: String,
+    source: ComponentError,
+}
+
 /// Passes one value along one connection.
 fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterError> {
     let (from, to) = (
@@ -112,8 +122,9 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
     let (from_handle, kind, to_handle, to_kind) = (from.handle, from.kind, to.handle, to.kind);
     let (name, target_name) = (from.name.clone(), to.name.clone());
     let ends = [connection.from, connection.to].map(|port| system.port_name(port));
-    let lost = |why: ComponentError| -> ComponentError {
-        format!("`{}` -> `{}`: {why}", ends[0], ends[1]).into()
+    let lost = |source: ComponentError| -> ComponentError {
+        let [from, to] = ends.clone();
+        Box::new(Lost { from, to, source })
     };
     let failed = |instance: &str| {
         let instance = instance.to_owned();

@@ -10,7 +10,7 @@ pub use missing::Missing;
 use crate::archive::Unpacked;
 use crate::description::FmiVersion;
 use crate::surroundings;
-use crate::version::{InterfaceType, LOADING, UNLOADING};
+use crate::version::{Function, InterfaceType, LOADING, UNLOADING};
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
 use pilotage_text::error_chain::error_chain;
@@ -264,19 +264,32 @@ impl Binding {
         }
     }
 
+    /// Calls, and notes for whoever watches this process that it does.
+    fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
+        let done = pilotage_process::call(self.place, function.number(), call);
+        surroundings::keep();
+        done
+    }
+
     fn check_version(&self) -> Result<(), BindingError> {
         // SAFETY: these take no argument and need no instance (FMI 2.0, section 2.1.4; FMI 3.0,
         // section 2.2.4).
         let (version, platform, expected) = unsafe {
             match &self.functions {
-                Functions::Fmi2(f) => (
-                    f.get_version.and_then(|f| owned(f())),
-                    f.get_types_platform.and_then(|f| owned(f())),
-                    abi2::VERSION,
-                ),
+                Functions::Fmi2(f) => {
+                    let of = Function::Fmi2;
+                    let version = || f.get_version.and_then(|f| owned(f()));
+                    let platform = || f.get_types_platform.and_then(|f| owned(f()));
+                    (
+                        self.during(of(abi2::Function::GetVersion), version),
+                        self.during(of(abi2::Function::GetTypesPlatform), platform),
+                        abi2::VERSION,
+                    )
+                }
                 Functions::Fmi3(f) => {
-                    let version = f.get_version.and_then(|f| owned(f()));
-                    (version, None, abi3::VERSION)
+                    let version = || f.get_version.and_then(|f| owned(f()));
+                    let function = Function::Fmi3(abi3::Function::GetVersion);
+                    (self.during(function, version), None, abi3::VERSION)
                 }
             }
         };

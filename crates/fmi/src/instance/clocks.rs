@@ -1,7 +1,8 @@
 //! Clocks, model partitions and dependencies of FMI 3.0 (sections 2.2.9 to 2.2.11 and 5.2).
 
-use super::{CallError, Instance, call};
-use pilotage_abi::fmi3::{DependencyKind, IntervalQualifier};
+use super::{CallError, Instance, MOST, call};
+use crate::version::Function;
+use pilotage_abi::fmi3::{self, DependencyKind, IntervalQualifier};
 
 /// Interval of a clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,6 +154,11 @@ impl Instance {
         unsafe {
             call!(self, fmi3 GetNumberOfVariableDependencies
                 .get_number_of_variable_dependencies(dependent, &raw mut n))?;
+        }
+        if n > MOST {
+            let function = Function::Fmi3(fmi3::Function::GetNumberOfVariableDependencies);
+            let what = n.to_string();
+            return Err(CallError::Absurd { function, what });
         }
         let (mut elements, mut on_elements) = (vec![0usize; n], vec![0usize; n]);
         let mut on = vec![0u32; n];

@@ -57,6 +57,14 @@ pub enum CallError {
         /// The attribute of `<CoSimulation>`, `<ModelExchange>` or `<ScheduledExecution>`.
         flag: &'static str,
     },
+    /// The call was made, and what it gave cannot be.
+    #[error("{} returned OK and gave {what}", function.name())]
+    Absurd {
+        /// The function.
+        function: Function,
+        /// What it gave.
+        what: String,
+    },
     /// The call was made and failed.
     #[error("{} returned {}{}", function.name(), function.name_of(*status), said(messages))]
     Failed {

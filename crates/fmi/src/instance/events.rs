@@ -1,6 +1,6 @@
 //! Event mode, and model exchange: states, derivatives, event indicators, time.
 
-use super::{CallError, Instance, call};
+use super::{CallError, Instance, MOST, call};
 use crate::binding::Functions;
 use pilotage_abi::fmi2::{EventInfo, FALSE, TRUE};
 use pilotage_abi::{fmi2, fmi3};
@@ -249,6 +249,13 @@ impl Instance {
             unsafe {
                 call!(self, fmi3 GetNumberOfContinuousStates.get_number_of_continuous_states(&raw mut n))?;
             }
+            if n > MOST {
+                let functions = (
+                    fmi2::Function::GetContinuousStates,
+                    fmi3::Function::GetNumberOfContinuousStates,
+                );
+                return Err(self.absurd(functions, format!("{n}")));
+            }
             self.facts.states = n;
         }
         Ok(self.facts.states)
@@ -261,6 +268,13 @@ impl Instance {
             // SAFETY: as above.
             unsafe {
                 call!(self, fmi3 GetNumberOfEventIndicators.get_number_of_event_indicators(&raw mut n))?;
+            }
+            if n > MOST {
+                let functions = (
+                    fmi2::Function::GetEventIndicators,
+                    fmi3::Function::GetNumberOfEventIndicators,
+                );
+                return Err(self.absurd(functions, format!("{n}")));
             }
             self.facts.indicators = n;
         }

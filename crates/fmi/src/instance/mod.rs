@@ -42,6 +42,9 @@ use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
+/// Most states, indicators or dependencies that are believed: an FMU may say anything.
+const MOST: usize = 1 << 26;
+
 /// An instance of an FMU.
 ///
 /// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0,

@@ -2,8 +2,12 @@
 
 use super::{CallError, Instance, call};
 use crate::description::FmiVersion;
-use crate::version::State;
+use crate::version::{Function, State};
+use pilotage_abi::{fmi2, fmi3};
 use std::ptr;
+
+/// Largest state that is taken \[bytes\]: an FMU may say anything.
+const LARGEST: usize = 1 << 31;
 
 /// A copy of an instance's state, held by the FMU; valid for the instance that made it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,6 +46,10 @@ impl Instance {
         unsafe {
             call!(self, fmi2 GetFmuState.get_fmu_state(slot), fmi3 GetFmuState.get_fmu_state(slot))?;
         }
+        self.is_there(
+            place,
+            (fmi2::Function::GetFmuState, fmi3::Function::GetFmuState),
+        )?;
         Ok(Saved { state, ..saved })
     }
 
@@ -84,6 +92,13 @@ impl Instance {
             call!(self, fmi2 SerializedFmuStateSize.serialized_fmu_state_size(kept, s),
                         fmi3 SerializedFmuStateSize.serialized_fmu_state_size(kept, s))?;
         }
+        let functions = (
+            fmi2::Function::SerializedFmuStateSize,
+            fmi3::Function::SerializedFmuStateSize,
+        );
+        if size > LARGEST {
+            return Err(self.absurd(functions, format!("a state of {size} bytes")));
+        }
         let mut bytes = vec![0u8; size];
         let b = bytes.as_mut_ptr();
         // SAFETY: the same, and there are `size` bytes.
@@ -109,6 +124,11 @@ impl Instance {
             call!(self, fmi2 DeSerializeFmuState.deserialize_fmu_state(b.cast(), n, slot),
                         fmi3 DeserializeFmuState.deserialize_fmu_state(b, n, slot))?;
         }
+        let functions = (
+            fmi2::Function::DeSerializeFmuState,
+            fmi3::Function::DeserializeFmuState,
+        );
+        self.is_there(saved.slot, functions)?;
         Ok(saved)
     }
 
@@ -120,6 +140,31 @@ impl Instance {
                 let _ = self.free(Saved { slot, owner, state });
             }
         }
+    }
+
+    /// An error where an FMU that has said OK has put no state there.
+    fn is_there(
+        &self,
+        place: usize,
+        functions: (fmi2::Function, fmi3::Function),
+    ) -> Result<(), CallError> {
+        match self.saved[place].is_null() {
+            true => Err(self.absurd(functions, "no state".to_owned())),
+            false => Ok(()),
+        }
+    }
+
+    /// That this function of the FMU's version gave something that cannot be.
+    pub(super) fn absurd(
+        &self,
+        (of2, of3): (fmi2::Function, fmi3::Function),
+        what: String,
+    ) -> CallError {
+        let function = match self.version() {
+            FmiVersion::V2 => Function::Fmi2(of2),
+            FmiVersion::V3 => Function::Fmi3(of3),
+        };
+        CallError::Absurd { function, what }
     }
 
     fn empty_slot(&mut self, state: State) -> Saved {

@@ -23,7 +23,7 @@ use crate::component::{
     Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
 };
 use crate::fmu_component::Outline;
-use pilotage_fmi::{InterfaceType, call_name};
+use pilotage_fmi::{ASKING, InterfaceType, call_name};
 use pilotage_process::{Channel, Child, Spoiled};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -104,6 +104,8 @@ pub struct Isolated {
     outline: Outline,
     channel: Channel,
     child: Child,
+    /// By which whoever watches this process knows it.
+    place: u32,
     limits: Limits,
     /// Question and answer as bytes.
     bytes: Vec<u8>,
@@ -151,6 +153,7 @@ impl Isolated {
             outline,
             channel,
             child,
+            place: pilotage_process::place(&format!("`{name}`")),
             limits,
             bytes: Vec::new(),
             gone: None,
@@ -186,7 +189,9 @@ impl Isolated {
         wire::write(&Asked { sets, question }, &mut bytes)?;
         self.sets.clear();
         self.told.0.clear();
-        let heard = self.exchange(&mut bytes);
+        // Its process may end this one too: the memory between them is cut off, or it kills its parent.
+        let place = self.place;
+        let heard = pilotage_process::call(place, ASKING, || self.exchange(&mut bytes));
         if let Err(gone) = heard {
             return Err(self.end(gone));
         }
@@ -201,6 +206,8 @@ impl Isolated {
 
     /// There is nothing to be asked of it any more.
     fn end(&mut self, gone: Gone) -> ComponentError {
+        // Where this process is told to end, it has ended its children, and no FMU is to blame.
+        pilotage_process::leftovers::stay_if_ending();
         self.child.kill();
         self.child.sweep();
         self.gone = Some(gone.clone());
@@ -242,6 +249,7 @@ impl Isolated {
     }
 
     fn stepped(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<Progress, ComponentError> {
+        pilotage_process::at(self.place, t);
         let outputs = std::mem::take(&mut self.read);
         let question = Question::Step {
             t,
@@ -284,6 +292,8 @@ impl Isolated {
         while self.child.try_end()?.is_none() && begun.elapsed() < limit {
             std::thread::sleep(Duration::from_millis(1));
         }
+        // What the FMU has done to it may have kept it from removing its own.
+        self.child.sweep();
         Ok(())
     }
 }
