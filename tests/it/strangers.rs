@@ -55,6 +55,21 @@ fn arguments(command: &str) -> &'static [&'static str] {
             "-o",
             "r.csv",
         ],
+        "isolfed" => &[
+            "cosim",
+            "a=a.fmu",
+            "b=a.fmu",
+            "--connect",
+            "b.x=a.u",
+            "--isolate",
+            "a",
+            "--stop-time",
+            "0.5",
+            "--step",
+            "0.1",
+            "-o",
+            "r.csv",
+        ],
         "isolin" => &[
             "linearize",
             "a.fmu",
@@ -83,6 +98,58 @@ fn endings() {
     let wrong: Vec<String> = rows.par_iter().filter_map(|row| misses(row)).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(rows.len() >= 60, "{} rows", rows.len());
+}
+
+/// What an FMU does to the process that is not its own changes no byte of the result, nor who may read it.
+#[test]
+fn results_are_those_of_one_that_does_no_harm() {
+    use std::os::unix::fs::PermissionsExt;
+    let result = |act: &str| {
+        let folder = folder(act);
+        let ended = folder.pilotage(arguments("cosim"));
+        assert_eq!(ended.code, 0, "{act}: {}", ended.stderr);
+        let mode = std::fs::metadata(folder.path("r.csv")).unwrap();
+        (folder.read("r.csv"), mode.permissions().mode())
+    };
+    let good = result("good@nowhere");
+    for act in [
+        "close@fmi2DoStep",
+        "steal@fmi2DoStep",
+        "forkboth@fmi2DoStep",
+        "umask@fmi2Instantiate",
+        "umask@constructor",
+        "chdir@fmi2DoStep",
+        "rounding@fmi2DoStep",
+        "locale@constructor",
+        "handlers@constructor",
+        "closeout@fmi2DoStep",
+    ] {
+        assert_eq!(result(act), good, "{act}");
+    }
+}
+
+/// Whoever presses Ctrl-C for the third time gets out, whatever the FMU does with signals.
+#[test]
+fn the_third_interrupt_kills() {
+    let folder = folder("deaf@fmi2DoStep");
+    let temporary = tempfile::tempdir().unwrap();
+    let variables = [("TMPDIR", temporary.path().to_str().unwrap())];
+    let mut child = folder.start(arguments("cosim"), &variables);
+    let id = child.id().to_string();
+    // Until it is in the call from which it does not come back.
+    while !folder.files().iter().any(|name| name == "r.csv.part") {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    for _ in 0..3 {
+        assert!(child.try_wait().unwrap().is_none());
+        let sent = Command::new("kill").args(["-INT", &id]).output().unwrap();
+        assert!(sent.status.success());
+        std::thread::sleep(Duration::from_millis(300));
+    }
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(1));
+    assert_eq!(std::fs::read_dir(temporary.path()).unwrap().count(), 0);
 }
 
 /// What is not as a row says.

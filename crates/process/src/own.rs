@@ -19,10 +19,10 @@ pub fn restore_umask() -> bool {
 
 #[cfg(unix)]
 mod unix {
-    use rustix::fd::{AsFd, AsRawFd, FromRawFd, OwnedFd};
+    use rustix::fd::{AsFd, AsRawFd, BorrowedFd};
     use rustix::fs::{Mode, OFlags};
+    use rustix::stdio::{dup2_stderr, dup2_stdout, stderr, stdout};
     use std::fs::File;
-    use std::os::unix::fs::MetadataExt;
     use std::sync::OnceLock;
 
     /// What a descriptor leads to: device and file.
@@ -39,11 +39,11 @@ mod unix {
     pub fn remember() {
         let umask = rustix::process::umask(Mode::empty());
         rustix::process::umask(umask);
-        let streams = [identity(std::io::stdout()), identity(std::io::stderr())];
+        let streams = [identity(stdout()), identity(stderr())];
         let _ = OWN.set(Own { umask, streams });
     }
 
-    fn identity(stream: impl AsFd) -> Identity {
+    fn identity(stream: BorrowedFd<'_>) -> Identity {
         let told = rustix::fs::fstat(stream).ok()?;
         Some((told.st_dev, told.st_ino))
     }
@@ -60,36 +60,33 @@ mod unix {
         let Some(own) = OWN.get().filter(|_| crate::is_attached()) else {
             return;
         };
-        restore(&std::io::stdout(), own.streams[0]);
-        restore(&std::io::stderr(), own.streams[1]);
+        if let Some(file) = theirs(stdout(), own.streams[0]) {
+            let _ = dup2_stdout(&file);
+            keep(file);
+        }
+        if let Some(file) = theirs(stderr(), own.streams[1]) {
+            let _ = dup2_stderr(&file);
+            keep(file);
+        }
     }
 
-    fn restore(stream: &impl AsFd, before: Identity) {
+    /// What the parent has open as this stream, if here it leads elsewhere than before.
+    fn theirs(stream: BorrowedFd<'_>, before: Identity) -> Option<File> {
         if before.is_none() || identity(stream) == before {
-            return;
+            return None;
         }
-        let number = stream.as_fd().as_raw_fd();
-        let Some(parent) = rustix::process::getppid() else {
-            return;
-        };
-        let theirs = format!("/proc/{}/fd/{number}", parent.as_raw_nonzero());
+        let parent = rustix::process::getppid()?.as_raw_nonzero();
+        let path = format!("/proc/{parent}/fd/{}", stream.as_raw_fd());
         // What is in a file already stays there.
         let flags = OFlags::WRONLY | OFlags::APPEND | OFlags::CLOEXEC | OFlags::NOCTTY;
-        let Ok(file) = rustix::fs::open(theirs, flags, Mode::empty()).map(File::from) else {
-            return;
-        };
-        let found = file.metadata().ok().map(|told| (told.dev(), told.ino()));
-        if found != before {
-            return;
-        }
-        if file.as_raw_fd() == number {
-            // It was closed, and this one has got its number.
+        let file = rustix::fs::open(path, flags, Mode::empty()).ok()?;
+        (identity(file.as_fd()) == before).then(|| file.into())
+    }
+
+    /// Where a stream was closed, this one may have got its number, and is to stay open.
+    fn keep(file: File) {
+        if file.as_raw_fd() <= stderr().as_raw_fd() {
             std::mem::forget(file);
-            return;
         }
-        // SAFETY: the number is that of the stream, which is nobody's to close: it is forgotten again.
-        let mut to = unsafe { OwnedFd::from_raw_fd(number) };
-        let _ = rustix::io::dup2(&file, &mut to);
-        std::mem::forget(to);
     }
 }

@@ -6,6 +6,7 @@ use pilotage::cosim::{
     Abilities, Algorithm, Clock, Component, Coupling, Ending, MasterError, Progress, Role, Run,
     SeriesRecorder, System, Value, ValueKind, Variable, run,
 };
+use pilotage_text::error_chain::error_chain;
 use std::sync::{Arc, Mutex};
 
 /// An output that is a function of time, or an input that keeps what it is given.
@@ -183,7 +184,7 @@ fn reals_that_are_not_whole_are_an_error_at_the_start() {
     ] {
         let (system, _) = system(ValueKind::Real, output, ValueKind::Integer);
         let error = run_to_one(system).unwrap_err();
-        let cause = std::error::Error::source(&error).unwrap().to_string();
+        let cause = error_chain(&error);
         assert!(
             cause.ends_with("is no whole number that an Integer can hold"),
             "{cause}"

@@ -3,6 +3,7 @@
    find ACT@constructor and ACT@destructor in the resources. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <fenv.h>
 #include <locale.h>
 #include <math.h>
@@ -67,6 +68,13 @@ static void act(const char *what, Model *m) {
     if (!strcmp(what, "_exit")) _exit(0);
     if (!strcmp(what, "exec")) execl("/bin/true", "true", (char *)NULL);
     if (!strcmp(what, "hang")) for (;;) sleep(1);
+    if (!strcmp(what, "deaf")) {
+        sigset_t all;
+        sigfillset(&all);
+        sigprocmask(SIG_BLOCK, &all, NULL);
+        for (int i = 1; i < 32; i++) signal(i, SIG_IGN);
+        for (;;) sleep(1);
+    }
     if (!strcmp(what, "spin")) for (volatile int i = 0;; i++) {}
     if (!strcmp(what, "fork")) {
         /* A helper that keeps what it inherited. */
@@ -83,6 +91,21 @@ static void act(const char *what, Model *m) {
     }
     if (!strcmp(what, "close")) for (int i = 0; i < 256; i++) close(i);
     if (!strcmp(what, "closeout")) { close(1); close(2); }
+    if (!strcmp(what, "steal"))
+        for (int i = 3; i < 256; i++) {
+            /* Closed twice, as a faulty library does, and opened anew as its log. */
+            char path[64];
+            struct stat told;
+            if (fstat(i, &told) || !S_ISREG(told.st_mode)) continue;
+            snprintf(path, sizeof path, "/proc/self/fd/%d", i);
+            char name[4096] = {0};
+            if (readlink(path, name, sizeof name - 1) < 0 || !strstr(name, "r.csv")) continue;
+            close(i);
+            if (open("log.txt", O_CREAT | O_RDWR, 0644) != i) abort();
+        }
+    if (!strcmp(what, "forkboth")) fork();
+    if (!strcmp(what, "term")) kill(getpid(), SIGTERM);
+    if (!strcmp(what, "hangup")) kill(getpid(), SIGHUP);
     if (!strcmp(what, "chdir")) { if (chdir("/")) abort(); }
     if (!strcmp(what, "umask")) umask(0777);
     if (!strcmp(what, "memory")) for (int i = 0; i < 400; i++) memset(malloc(1000000), i + 1, 1000000);
@@ -142,8 +165,8 @@ __attribute__((destructor)) static void destructor(void) { of_resources("destruc
 #define EXPORT __attribute__((visibility("default")))
 #define HERE(m) at((m)->act, __func__, (m))
 
-EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
-EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { of_resources(__func__); return "2.0"; }
+EXPORT const char *fmi2GetTypesPlatform(void) { of_resources(__func__); return "default"; }
 EXPORT Component fmi2Instantiate(const char *name, int kind, const char *guid, const char *resources,
                                  const Callbacks *callbacks, int visible, int logging) {
     (void)name; (void)kind; (void)resources; (void)visible; (void)logging;
