@@ -108,7 +108,9 @@ fn refit(
         .flatten()
         .collect();
     for (unknown, _) in &mut posed.unknowns {
-        if let Some(found) = whole.parameters.iter().find(|own| own.name == unknown.name) {
+        let found = whole.parameters.iter().find(|own| own.name == unknown.name);
+        // One at the end of its range may be where nothing can begin, such as a density of 0.
+        if let Some(found) = found.filter(|own| own.bound.is_none()) {
             unknown.start = found.mean_of(&labels);
         }
     }

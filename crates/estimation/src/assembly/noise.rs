@@ -111,16 +111,21 @@ impl Assembly<'_> {
         unknown("input or state", name, &known)
     }
 
-    /// Refuses a density that is not above 0 where the search begins.
+    /// Refuses a density that is not above 0 where the search for it begins; one that is known may be 0.
     fn check_density(&self, line: &ProcessNoise, node: Node, rows: &[Rows]) -> Done<()> {
-        let starts = rows.iter().map(|rows| self.number(node, rows));
-        match starts
-            .into_iter()
-            .find(|start| start.is_nan() || *start <= 0.0)
-        {
+        let is_sought = self.depends(node, |variable| {
+            self.stands
+                .iter()
+                .any(|stands| stands.variables(self.first_shared()).contains(&variable))
+        });
+        let is_wrong = |start: f64| start.is_nan() || start < 0.0 || is_sought && start == 0.0;
+        let mut starts = rows.iter().map(|rows| self.number(node, rows));
+        match starts.find(|start| is_wrong(*start)) {
             None => Ok(()),
             Some(start) => {
-                let fault = format!("the density starts at {start}; expected a number above 0");
+                let verb = if is_sought { "starts at" } else { "is" };
+                let least = if is_sought { "above 0" } else { "that is 0 or more" };
+                let fault = format!("the density {verb} {start}; expected a number {least}");
                 Err(ProblemError::at(&self.file.place(&line.density), fault))
             }
         }
