@@ -17,6 +17,7 @@ pub fn to_json(excitation: Option<&Excitation>) -> Value {
         "frequency_rad_per_s": of(&|row| Some(row.frequency)),
         "forcing": of(&|row| Some(row.forcing)),
         "coherence": of(&|row| row.coherence),
+        "by_chance": of(&|row| row.chance),
         "remnant_density": of(&|row| row.remnant),
         "phase_sd_deg": of(&|row| row.sd.map(f64::to_degrees)),
         "coherent_up_to_rad_per_s": own.highest(),

@@ -234,6 +234,36 @@ fn lines_tell_how_much_can_be_found() {
     assert!(noisy.most_parameters().unwrap() < 8, "{noisy}");
 }
 
+/// A hand that never sees the target is not coherent with it: at most one claim in twenty, whether of one flight or more,
+/// lines or octaves.
+#[test]
+fn chance_is_not_taken_for_coherence() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for flights in [1, 2, 3, 5] {
+        for has_lines in [true, false] {
+            let mut claims = 0;
+            for _ in 0..24 {
+                let blind = (0..flights).map(|_| {
+                    let mut own = run(&mut random, 1.0, 0.0);
+                    let other = run(&mut random, 1.0, 0.0);
+                    if !has_lines {
+                        let normal = |_: &f64| -> f64 { StandardNormal.sample(&mut random) };
+                        own.forcing = own.forcing.iter().map(normal).collect();
+                    }
+                    let noise = |_: &f64| -> f64 { StandardNormal.sample(&mut random) };
+                    own.stick = other.stick.iter().map(noise).collect();
+                    own
+                });
+                let blind: Vec<Run> = blind.collect();
+                let own = excited(&blind, true);
+                assert_eq!(own.has_lines, has_lines);
+                claims += usize::from(own.highest().is_some());
+            }
+            assert!(claims <= 4, "{claims} of 24, {flights} flights, lines: {has_lines}");
+        }
+    }
+}
+
 /// Jumps to a target that stays: without remnant all comes back the same, with much of it little does.
 #[test]
 fn bands_of_jumps_are_coherent_as_far_as_flights_are_alike() {

@@ -124,7 +124,11 @@ impl Assembly<'_> {
             None => Ok(()),
             Some(start) => {
                 let verb = if is_sought { "starts at" } else { "is" };
-                let least = if is_sought { "above 0" } else { "that is 0 or more" };
+                let least = if is_sought {
+                    "above 0"
+                } else {
+                    "that is 0 or more"
+                };
                 let fault = format!("the density {verb} {start}; expected a number {least}");
                 Err(ProblemError::at(&self.file.place(&line.density), fault))
             }

@@ -3,6 +3,7 @@
 use super::Flight;
 use super::excitation::Row;
 use nalgebra::Complex;
+use statrs::distribution::{Beta, ContinuousCDF};
 use std::f64::consts::{PI, TAU};
 
 /// Frequencies of a band, at most.
@@ -68,17 +69,29 @@ fn averaged(
     }
     let n = runs as f64;
     // A coherence of n values has at least 1/n by chance.
-    let coherence = ((n * coherent / possible - 1.0) / (n - 1.0)).clamp(0.0, 1.0);
+    let found = coherent / possible;
+    let coherence = ((n * found - 1.0) / (n - 1.0)).clamp(0.0, 1.0);
     let coherence = Some(coherence).filter(|own| runs >= FEWEST && own.is_finite());
     let bins = all.len() as f64;
+    let chance = coherence.map(|_| chance(found, n, bins));
     let sd = |own: f64| ((1.0 - own) / (2.0 * n * bins * own)).sqrt();
     Row {
         frequency: centre,
         forcing: (driven / bins).sqrt(),
         coherence,
+        chance,
         remnant: coherence.map(|own| (1.0 - own) * power / bins / (PI * duration)),
         sd: coherence.filter(|own| *own > 0.0).map(sd),
     }
+}
+
+/// How likely the mean coherence of so many frequencies of n flights is as large where nothing is in common: one has the
+/// beta distribution with 1 and n - 1 (Bendat & Piersol, *Random Data*, 4th ed., chapter 9), their mean that with the same
+/// mean and variance.
+fn chance(found: f64, n: f64, frequencies: f64) -> f64 {
+    let a = ((n + 1.0) * frequencies - 1.0) / n;
+    let all = Beta::new(a, a * (n - 1.0));
+    all.map_or(1.0, |all| all.sf(found.clamp(0.0, 1.0)))
 }
 
 /// Transforms of the increments of target and response. None without a response.

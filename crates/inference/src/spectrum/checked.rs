@@ -164,6 +164,7 @@ mod tests {
             response: Complex::new(0.0, 2.0),
             sd: 0.02,
             coherence: 0.9,
+            chance: 0.0,
             remnant: 0.1,
             runs: 3,
             degrees: 15.0,

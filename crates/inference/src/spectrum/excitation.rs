@@ -2,11 +2,14 @@
 
 use super::bands::bands;
 use super::checked::records;
-use super::{Flight, Point, response};
+use super::{Flight, Point, Unfit, response};
+use pilotage_text::counted;
 use std::fmt;
 
 /// Coherence from which a line or a band tells something: half of the power is the forcing function's.
 const COHERENT: f64 = 0.5;
+/// How likely a row of all may be taken for coherent by chance.
+const BY_CHANCE: f64 = 0.05;
 /// Standard deviations of a delay that is told from none.
 const TOLD: f64 = 1.96;
 
@@ -15,6 +18,12 @@ const TOLD: f64 = 1.96;
 pub struct Excitation {
     /// The forcing functions are sums of sines: rows are their lines; else bands of an octave.
     pub has_lines: bool,
+    /// Why lines were not looked for, though there may be some.
+    pub unseen: Option<Unfit>,
+    /// Nothing drives the loops: no forcing function ever differs from where the vehicle begins.
+    pub is_undriven: bool,
+    /// The response never moves.
+    pub is_motionless: bool,
     /// No target moves after the flight has begun.
     pub is_still: bool,
     /// Whether the response is the stick; else no flight has one, and it is the position.
@@ -33,6 +42,8 @@ pub struct Row {
     pub forcing: f64,
     /// Coherence of forcing function and response; none of a band where flights are fewer than three.
     pub coherence: Option<f64>,
+    /// How likely it would be as large by chance.
+    pub chance: Option<f64>,
     /// One-sided spectral density of what in the response is not the forcing function's [its unit squared per rad/s].
     pub remnant: Option<f64>,
     /// Standard deviation of a phase there \[rad\].
@@ -43,7 +54,7 @@ impl Excitation {
     /// Of flights with the same forcing functions. None where no flight has three samples.
     pub fn of(flights: &[Flight<'_>]) -> Option<Self> {
         let of_stick = flights.iter().any(|own| own.stick.is_some());
-        let (points, _) = match of_stick {
+        let (points, unfit) = match of_stick {
             true => response(&records(flights, |own| own.stick)),
             false => response(&records(flights, |own| Some(own.position))),
         };
@@ -55,18 +66,37 @@ impl Excitation {
         let is_still = flights
             .iter()
             .all(|own| own.forcing.iter().all(|own| stands_still(own)));
+        let unseen = unfit.iter().map(|(_, why)| why);
+        let mut unseen = unseen.filter(|why| matches!(why, Unfit::Uneven | Unfit::Missing));
+        let response = |own: &Flight<'_>| match of_stick {
+            true => own.stick.is_none_or(stands_still),
+            false => stands_still(own.position),
+        };
         Some(Self {
             has_lines,
+            unseen: unseen.next().copied().filter(|_| !has_lines),
+            is_undriven: is_still && rows.iter().all(|own| own.forcing == 0.0),
+            is_motionless: flights.iter().all(response),
             is_still,
             of_stick,
             rows,
         })
     }
 
-    /// Rows that tell something.
+    /// Rows that tell something: at least half of the power is the forcing function's, and not by chance. Of bands those
+    /// below the first that tells nothing: what is above comes from how samples lie.
     pub fn coherent(&self) -> impl Iterator<Item = &Row> {
-        let is_coherent = |own: &&Row| own.coherence.is_some_and(|own| own >= COHERENT);
-        self.rows.iter().filter(is_coherent)
+        let most = BY_CHANCE / self.rows.len() as f64;
+        let is_coherent = move |own: &&Row| {
+            own.coherence.is_some_and(|own| own >= COHERENT)
+                && own.chance.is_some_and(|own| own < most)
+        };
+        let first = self.rows.iter().position(|own| is_coherent(&own));
+        let from = &self.rows[first.unwrap_or(self.rows.len())..];
+        let below = from
+            .iter()
+            .take_while(move |own| self.has_lines || is_coherent(own));
+        below.filter(is_coherent)
     }
 
     /// The highest frequency at which the flights tell anything [rad/s].
@@ -122,9 +152,22 @@ pub struct Starved {
 impl fmt::Display for Excitation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let signal = if self.of_stick { "stick" } else { "position" };
-        match self.has_lines {
-            true => write!(f, "excitation: {} lines; ", self.rows.len())?,
-            false => write!(f, "excitation: no sum of sines; ")?,
+        write!(f, "excitation: ")?;
+        if self.is_undriven {
+            return write!(
+                f,
+                "nothing drives the loop: no target ever differs from where the vehicle begins"
+            );
+        }
+        if self.is_motionless {
+            return write!(f, "the {signal} never moves");
+        }
+        match (self.has_lines, &self.unseen) {
+            (true, _) => write!(f, "{}; ", counted(self.rows.len(), "line"))?,
+            (false, Some(why)) => {
+                write!(f, "a recording {why}, so that no lines are looked for; ")?
+            }
+            (false, None) => write!(f, "no sum of sines; ")?,
         }
         match self.highest() {
             _ if self.rows.iter().all(|own| own.coherence.is_none()) => {
@@ -152,6 +195,7 @@ impl Row {
             frequency: point.frequency,
             forcing: point.amplitude,
             coherence: Some(point.coherence),
+            chance: Some(point.chance),
             remnant: Some(point.remnant),
             sd: Some(point.sd),
         }

@@ -63,8 +63,10 @@ pub struct Point {
     /// is the coherence of u with `Y e` (Bendat & Piersol, *Random Data*, 4th ed., chapter 9).
     pub sd: f64,
     /// Coherence γ² of forcing function and output, from 0 to 1: the part of the output's power in a bin that is the
-    /// forcing function's.
+    /// forcing function's, without what is there by chance.
     pub coherence: f64,
+    /// How likely as much would be there by chance: from the F distribution, as [`Self::likelihood_of`].
+    pub chance: f64,
     /// One-sided spectral density of the remnant `u - Y e` there [units of the output squared per rad/s].
     pub remnant: f64,
     /// Number of runs.
@@ -78,9 +80,13 @@ impl Point {
     /// distribution with 2 and 2ν degrees of freedom.
     pub fn likelihood_of(&self, truth: Complex<f64>) -> f64 {
         let variance = 2.0 * self.sd.powi(2) * self.response.norm_sqr();
-        let distance = (truth - self.response).norm_sqr() / variance;
-        (1.0 + distance / self.degrees).powf(-self.degrees)
+        likelihood((truth - self.response).norm_sqr() / variance, self.degrees)
     }
+}
+
+/// How likely a complex value is further off than this, squared and over its variance, which so many values tell.
+fn likelihood(distance: f64, degrees: f64) -> f64 {
+    (1.0 + distance / degrees).powf(-degrees)
 }
 
 /// The response from input to output at all lines, by ascending frequency; and for each run that tells nothing of it, by
@@ -175,10 +181,12 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
     });
     // Of the output alone: what the loop makes of the remnant.
     let slope = output / driven;
-    let (noise, _) = noise(seen, Complex::new(0.0, 0.0), |own| {
+    let (noise, told) = noise(seen, Complex::new(0.0, 0.0), |own| {
         own.line.values[2] - slope * own.forcing()
     });
-    let coherent = slope.norm_sqr() * driven / count;
+    // Of the slope by chance.
+    let scatter = noise * inflated / driven.powi(2);
+    let coherent = (slope.norm_sqr() - scatter).max(0.0) * driven / count;
     let variance = remnant * inflated / input.norm_sqr();
     let point = Point {
         frequency: seen.iter().map(|own| own.frequency).sum::<f64>() / count,
@@ -187,6 +195,7 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
         response,
         sd: (0.5 * variance).sqrt() / response.norm(),
         coherence: coherent / (coherent + noise),
+        chance: likelihood(slope.norm_sqr() / scatter, told),
         remnant: remnant / (2.0 * seen[0].spacing),
         runs: seen.len(),
         degrees,
