@@ -539,9 +539,8 @@ fn is_linear(posed: &Posed<'_>) -> bool {
 
 /// Of all pairs together one in a hundred fits of right models has such a doubt.
 fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
-    let comparisons = fit.beside.iter().map(|own| own.crossed.before()).sum();
     let doubt = |own: &Beside| {
-        let lag = own.crossed.left(comparisons)?;
+        let lag = own.crossed.left(fit.beside.len())?;
         Some(Diagnostic::InputLeft {
             measured: own.measured.clone(),
             input: own.input.clone(),

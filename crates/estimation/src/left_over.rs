@@ -4,9 +4,11 @@ use crate::data::filled;
 use crate::file::{Measured, Noise};
 use crate::posed::Posed;
 use crate::result::{Fit, RunFit};
-use pilotage_inference::Autoregression;
+use crate::uncertainty::signal_of;
+use nalgebra::DMatrix;
 use pilotage_inference::crossed::{Crossed, Pair};
 use pilotage_inference::residuals::Explained;
+use pilotage_inference::{Autoregression, Data, Run};
 
 /// Residuals of a measured signal beside a column that drives an input.
 #[derive(Debug, Clone)]
@@ -64,8 +66,13 @@ impl RunFit {
 }
 
 /// The residuals of each measured signal beside each column that drives an input, over all runs that were fitted; those
-/// whose samples are not evenly apart, and inputs that do not vary within runs, are left out.
-pub fn beside_inputs(posed: &Posed<'_>, runs: &[RunFit]) -> Vec<Beside> {
+/// whose samples are not evenly apart, and inputs that do not vary within runs, are left out. `data` are the same residuals
+/// with their derivatives, where these are known.
+pub(crate) fn beside_inputs(
+    posed: &Posed<'_>,
+    runs: &[RunFit],
+    data: Option<&Data>,
+) -> Vec<Beside> {
     let mut columns: Vec<&str> = posed
         .file
         .inputs
@@ -77,16 +84,25 @@ pub fn beside_inputs(posed: &Posed<'_>, runs: &[RunFit]) -> Vec<Beside> {
     let mut all = Vec::new();
     for (k, measured) in posed.file.measured.iter().enumerate() {
         for column in &columns {
-            let pairs = posed.data.iter().zip(runs).map(|(data, run)| {
-                let series = &data.series;
-                let input = series
-                    .column(column)
-                    .map(|own| filled(&series.time, &own.values));
-                pair(
-                    known(run, k, measured.noise),
-                    (&series.time, input.as_deref()),
-                )
-            });
+            let pairs = posed
+                .data
+                .iter()
+                .zip(runs)
+                .enumerate()
+                .map(|(j, (own, run))| {
+                    let series = &own.series;
+                    let input = series
+                        .column(column)
+                        .map(|own| filled(&series.time, &own.values));
+                    let own = data.and_then(|data| data.runs.get(j));
+                    let (left, gradients) = own
+                        .and_then(|own| linearised(own, signal_of(posed, k)?))
+                        .unwrap_or_else(|| (known(run, k, measured.noise), Default::default()));
+                    Pair {
+                        gradients,
+                        ..pair(left, (&series.time, input.as_deref()))
+                    }
+                });
             let pairs: Vec<Pair> = pairs.collect();
             all.extend(Crossed::of(&pairs).map(|crossed| Beside {
                 measured: measured.column.value.clone(),
@@ -98,8 +114,20 @@ pub fn beside_inputs(posed: &Posed<'_>, runs: &[RunFit]) -> Vec<Beside> {
     all
 }
 
+/// Values and their times \[s\].
+type Timed = (Vec<f64>, Vec<f64>);
+
+/// Residuals of a signal in a run, and their derivatives by the shared unknowns and by the run's own.
+fn linearised(run: &Run, signal: usize) -> Option<(Timed, [DMatrix<f64>; 2])> {
+    let rows = run.signals.get(signal)?.clone();
+    let left = run.residuals.rows(rows.start, rows.len());
+    let gradients = [&run.shared, &run.own].map(|of| of.rows(rows.start, rows.len()).into_owned());
+    let timed = (left.iter().copied().collect(), run.time[rows].to_vec());
+    Some((timed, gradients))
+}
+
 /// Residuals with the input at their times.
-fn pair((residuals, time): (Vec<f64>, Vec<f64>), (times, input): (&[f64], Option<&[f64]>)) -> Pair {
+fn pair((residuals, time): Timed, (times, input): (&[f64], Option<&[f64]>)) -> Pair {
     let at = |t: &f64| {
         let row = times.partition_point(|own| own < t);
         input
@@ -111,5 +139,6 @@ fn pair((residuals, time): (Vec<f64>, Vec<f64>), (times, input): (&[f64], Option
         input: time.iter().map(at).collect(),
         residuals,
         time,
+        gradients: Default::default(),
     }
 }

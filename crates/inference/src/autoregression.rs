@@ -209,6 +209,21 @@ impl Autoregression {
         out
     }
 
+    /// Rows of these times \[s\] of which each column is what its values before do not tell, over its standard deviation:
+    /// `L⁻¹ J` of rows `J`, with the covariance `LLᵀ` of as many values.
+    pub fn whitened(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(rows.nrows(), rows.ncols());
+        for t in 0..rows.nrows() {
+            let (predictor, left) = self.step(t, time);
+            let mut own = rows.row(t).into_owned();
+            for (k, a) in predictor.iter().enumerate() {
+                own -= *a * rows.row(t - 1 - k);
+            }
+            out.set_row(t, &(own / (self.variance * left).sqrt()));
+        }
+        out
+    }
+
     /// Values of the process at these times \[s\], from innovations of unit variance: stationary from the first on.
     pub fn simulated(&self, time: &[f64], mut innovation: impl FnMut() -> f64) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(time.len());

@@ -259,7 +259,10 @@ fn chance_is_not_taken_for_coherence() {
                 assert_eq!(own.has_lines, has_lines);
                 claims += usize::from(own.highest().is_some());
             }
-            assert!(claims <= 4, "{claims} of 24, {flights} flights, lines: {has_lines}");
+            assert!(
+                claims <= 4,
+                "{claims} of 24, {flights} flights, lines: {has_lines}"
+            );
         }
     }
 }

@@ -119,16 +119,18 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
+    let mut linear = None;
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
         let at = (&last.problem, &last.solution.iterate);
-        let linear = linearised(posed, at.0, at.1).ok_or(Unsure::NoDerivatives);
-        found.uncertainty = linear
-            .and_then(|own| uncertainty(posed, &last, &found, &own, simulated, looped.as_ref()));
+        linear = linearised(posed, at.0, at.1);
+        let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
+        found.uncertainty = known
+            .and_then(|own| uncertainty(posed, &last, &found, own, simulated, looped.as_ref()));
         found.describing = describing(posed, &last);
     }
     if found.is_met() {
-        found.beside = beside_inputs(posed, &found.runs);
+        found.beside = beside_inputs(posed, &found.runs, linear.as_ref().map(|own| &own.data));
     }
     found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);

@@ -102,6 +102,11 @@ impl Terms {
     }
 }
 
+/// Which signal of the [`Run`]s of a least-squares problem has the residuals of a measured signal.
+pub(crate) fn signal_of(posed: &Posed<'_>, measured: usize) -> Option<usize> {
+    terms(posed).get(measured).map(|own| own.residual)
+}
+
 /// The terms of each measured signal: a noise level follows its residual, and what is known beforehand comes last.
 fn terms(posed: &Posed<'_>) -> Vec<Terms> {
     let Some(run) = posed.runs.first() else {

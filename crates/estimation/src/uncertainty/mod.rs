@@ -14,7 +14,7 @@ use crate::posed::{Posed, Stands};
 use crate::result::{Fit, Found, variables};
 use crate::unknowns::Unknown;
 use linearised::residuals;
-pub(crate) use linearised::{Linearised, linearised};
+pub(crate) use linearised::{Linearised, linearised, signal_of};
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_expression::Node;

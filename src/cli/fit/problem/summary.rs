@@ -157,6 +157,7 @@ fn beside(own: &Beside) -> Value {
         "lags": crossed.lags,
         "correlations": crossed.correlations,
         "bands": crossed.bands,
+        "p": crossed.p,
         "outside": outside.map(|k| crossed.lags[k]).collect::<Vec<_>>(),
     })
 }
