@@ -81,18 +81,12 @@ impl Crossed {
             gram += without(all.tr_mul(&all), lags + 1 + of_all.ncols());
         }
         let gram = without(gram, lags + 1);
-        let size = (gram[(lags, lags)] * gram[(most, most)]).sqrt();
-        let correlation = |k: usize| gram[(k, lags)] / size;
         // Where unknowns take up all there is of a lag, nothing is left to be told.
         let least = DIRECTION * (0..lags).map(|k| gram[(k, k)]).fold(0.0, f64::max);
-        let is_told = |k: usize| gram[(k, k)] > least;
-        let correlation = |k: usize| if is_told(k) { correlation(k) } else { 0.0 };
-        let band = |k: usize| {
-            if is_told(k) {
-                quantile(OUTSIDE) * gram[(k, k)].sqrt() / size
-            } else {
-                0.0
-            }
+        let squares = gram[(lags, lags)];
+        let correlation = |k: usize| match gram[(k, k)] > least {
+            true => gram[(k, lags)] / (gram[(k, k)] * squares).sqrt(),
+            false => 0.0,
         };
         let normal = gram.view((most, most), (most + 1, most + 1)).into_owned();
         let score = gram.column(lags).rows(most, most + 1).into_owned();
@@ -101,10 +95,10 @@ impl Crossed {
             .find(|run| run.time.len() > 1)
             .map(|run| run.time[1] - run.time[0])?;
         let lag = |k: usize| (k as f64 - most as f64) * step;
-        (size > 0.0 && size.is_finite()).then(|| Self {
+        (least > 0.0 && squares > 0.0 && squares.is_finite()).then(|| Self {
             lags: (0..=2 * most).map(lag).collect(),
             correlations: (0..lags).map(correlation).collect(),
-            bands: (0..lags).map(band).collect(),
+            bands: vec![quantile(OUTSIDE) / squares.sqrt(); lags],
             p: explained(normal, &score),
         })
     }
@@ -117,8 +111,8 @@ impl Crossed {
     /// The lag at which an input that came before is left in the residuals most; none where all that is left of it is no more
     /// than chance makes with a probability of 1 %, of so many pairs in all (Bonferroni).
     pub fn left(&self, pairs: usize) -> Option<usize> {
-        let size = |k: usize| self.correlations[k].abs() / self.bands[k];
-        let before = (0..self.lags.len()).filter(|k| self.lags[*k] >= 0.0 && self.bands[*k] > 0.0);
+        let size = |k: usize| self.correlations[k].abs();
+        let before = (0..self.lags.len()).filter(|k| self.lags[*k] >= 0.0);
         let most = before.max_by(|a, b| size(*a).total_cmp(&size(*b)));
         most.filter(|_| self.p < OUTSIDE / pairs.max(1) as f64)
     }
@@ -266,7 +260,8 @@ mod tests {
         let product = |lag: usize| -> f64 { e[lag..].iter().zip(&u).map(|(e, u)| e * u).sum() };
 
         let size = |all: &[f64]| all.iter().map(|v| v * v).sum::<f64>().sqrt();
-        assert!((found.correlations[29] - product(4) / size(&e) / size(&u)).abs() < 1e-12);
+        let expected = product(4) / size(&e) / size(&u[..n - 4]);
+        assert!((found.correlations[29] - expected).abs() < 1e-12);
         let still = Pair {
             input: vec![1.0; n],
             ..own
