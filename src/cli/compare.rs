@@ -134,6 +134,7 @@ pub fn to_text(names: &[&str], compared: &Compared) -> String {
         Some(choice) => {
             let figures: Vec<&Contender> = all.iter().map(|own| &own.figures).collect();
             text + &words(names, &figures, choice, colour(&all[choice.0]))
+                + &unscaled(&all[choice.0]).unwrap_or_default()
         }
     }
 }
@@ -206,10 +207,24 @@ pub fn words(
                 "; it believes that residuals are white, and the next is correlated with the last by {}\n",
                 significant(correlation, 2)
             ),
-            None => "; the runs do not tell that\n".to_owned(),
+            None => "; of runs that are left out it does not predict more\n".to_owned(),
         };
     }
     text
+}
+
+/// A warning where residuals are of another size than their standard deviations, by which all figures weigh them.
+fn unscaled(own: &Candidate) -> Option<String> {
+    const FACTOR: f64 = 2.0;
+    let size = (own.fit.chi2 / own.figures.samples as f64).sqrt();
+    let is_odd = size.is_finite() && !(1.0 / FACTOR..FACTOR).contains(&size);
+    is_odd.then(|| {
+        format!(
+            "note: residuals are {} standard deviations in the mean, as `sd` of [[measured]] has them (1 where nothing is said): \
+             AICc, BIC and what is left out weigh the data by that; state sd, or seek it as a parameter\n",
+            significant(size, 2)
+        )
+    })
 }
 
 fn colour(own: &Candidate) -> Option<f64> {

@@ -47,7 +47,7 @@ pub struct Args {
     /// One run of many.
     #[arg(long)]
     run: Option<String>,
-    /// Width of the drawing \[mm\], from 40 to 2000.
+    /// Width of the drawing in mm, from 40 to 2000.
     #[arg(long, default_value_t = 120.0, value_parser = width, allow_hyphen_values = true)]
     width: f64,
     /// Pixels of a PNG in an inch.

@@ -97,6 +97,13 @@ pub enum Diagnostic {
     MeshMoves(f64),
     /// Of so many starts one alone led here.
     Alone(usize),
+    /// The model explains little of what was recorded.
+    PoorFit {
+        /// The measured column.
+        measured: String,
+        /// Variance accounted for, 1 at best.
+        explained: f64,
+    },
     /// Residuals are correlated with an input that came before.
     InputLeft {
         /// The measured column.
@@ -179,6 +186,8 @@ pub enum Diagnostic {
 const GROWTH: f64 = 1e-6;
 /// A change of parameters by a refinement that matters, relative to their size; and so an error of the states.
 const MOVES: f64 = 1e-3;
+/// Variance accounted for below which the model says little.
+const POOR: f64 = 0.5;
 /// Smallest scaled curvature that counts as one.
 const FLAT: f64 = 1e-9;
 /// What is undefined where all that stands in the problem is finite at its samples.
@@ -205,6 +214,7 @@ impl Diagnostic {
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
+            Self::PoorFit { .. } => "poor-fit",
             Self::InputLeft { .. } => "input-left",
             Self::Outlier { .. } => "outlier",
             Self::Jump { .. } => "jump",
@@ -263,6 +273,15 @@ impl fmt::Display for Diagnostic {
                     true => "[stability] keeps it stable where the first run begins alone",
                     false => "if not, add [stability] with closed_loop = true",
                 }
+            ),
+            Self::PoorFit {
+                measured,
+                explained,
+            } => write!(
+                f,
+                "the model explains {:.0} % of the variance of {measured} within the runs: another structure or other starts \
+                 may do better, or the runs move it by little more than noise",
+                100.0 * explained.max(0.0)
             ),
             Self::InputLeft {
                 measured,
@@ -487,6 +506,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(of_inputs(fit));
     if is_said(fit) {
         for k in 0..posed.file.measured.len() {
+            all.extend(poor(posed, fit, k));
             all.extend(of_samples(posed, fit, k));
             all.extend(of_runs(posed, fit, k));
         }
@@ -535,6 +555,26 @@ fn is_linear(posed: &Posed<'_>) -> bool {
         .collect();
     let varies = graph.dependants(|variable| states.contains(&variable));
     slopes.iter().all(|node| !varies[node.index()])
+}
+
+/// Whether little of a measured signal is explained. A filter takes from the recording what the model alone does not say.
+fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let (mut left, mut total) = (0.0, 0.0);
+    for run in &fit.runs {
+        let known = run.recorded[k].iter().zip(&run.predicted[k]);
+        let known: Vec<(f64, f64)> = known
+            .map(|(y, h)| (*y, *h))
+            .filter(|(y, _)| y.is_finite())
+            .collect();
+        let mean = known.iter().map(|(y, _)| y).sum::<f64>() / known.len().max(1) as f64;
+        left += known.iter().map(|(y, h)| (y - h).powi(2)).sum::<f64>();
+        total += known.iter().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
+    }
+    let explained = 1.0 - left / total;
+    (explained < POOR && posed.filter.is_none()).then(|| Diagnostic::PoorFit {
+        measured: posed.file.measured[k].column.value.clone(),
+        explained,
+    })
 }
 
 /// Of all pairs together one in a hundred fits of right models has such a doubt.
