@@ -17,6 +17,9 @@ pub const ROWS: &str = "rows ";
 /// How long FMUs may take to be freed when the work is done.
 const AFTERWARDS: Duration = Duration::from_secs(5);
 
+/// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
+const KILLED: u8 = 130;
+
 /// Until a signal that was sent to two processes has come to both.
 #[cfg(unix)]
 const MOMENT: Duration = Duration::from_millis(100);
@@ -42,6 +45,11 @@ pub fn watched() -> Result<ExitCode, Failure> {
     pilotage_process::leftovers::stay_if_ending();
     let going = child.page().going();
     Ok(match ended {
+        // The second Ctrl-C.
+        Ended::Done {
+            code,
+            badly: Some(_),
+        } if code == KILLED && child.interrupts() > 0 => interrupted(&going, &child),
         Ended::Done { code, badly } => {
             if let Some(status) = badly {
                 let how = match status {
@@ -68,8 +76,8 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
         // A signal that was meant for both comes here too; one of an FMU's own comes to its process alone.
         std::thread::sleep(MOMENT);
         pilotage_process::leftovers::stay_if_ending();
-        if child.interrupts() > 0 && code == 130 {
-            return ExitCode::from(code);
+        if child.interrupts() > 0 && code == KILLED {
+            return interrupted(going, child);
         }
     }
     let what = match &who {
@@ -79,16 +87,40 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
         Some(who) => format!("{who} ended the process ({status})"),
         // A panic has told itself.
         None if status.code() == Some(101) => return ExitCode::FAILURE,
-        None => format!("the process ended before its work was done ({status})"),
+        None => format!(
+            "the process ended before its work was done, and in no call of an FMU ({status}): one of an FMU's threads, or an \
+             alarm or a limit that it has set, may have ended it"
+        ),
     };
+    terminal::tell(&format!("error: {what}{}\n", rows(child)));
+    ExitCode::FAILURE
+}
+
+/// Ctrl-C has ended the process: what had not come back, and where the rows are.
+fn interrupted(going: &[Going], child: &Child) -> ExitCode {
+    let who =
+        whose(going).map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
+    let rows = rows(child);
+    match who {
+        Some(who) => terminal::tell(&format!("{who}{rows}\n")),
+        None if rows.is_empty() => {}
+        None => terminal::tell(&format!("{}\n", rows.trim_start())),
+    }
+    ExitCode::from(KILLED)
+}
+
+/// Where rows are that a process has written, which has not come to its end; empty where there are none.
+fn rows(child: &Child) -> String {
     let (records, _) = child.page().records();
     let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
-    let rows = rows.map(Path::new).filter(|rows| rows.is_file());
-    let rows = rows.map_or_else(String::new, |rows| {
+    let has_some = |rows: &&Path| {
+        rows.metadata()
+            .is_ok_and(|told| told.is_file() && told.len() > 0)
+    };
+    let rows = rows.map(Path::new).filter(has_some);
+    rows.map_or_else(String::new, |rows| {
         format!("\nhint: the rows until then are in {}", rows.display())
-    });
-    terminal::tell(&format!("error: {what}{rows}\n"));
-    ExitCode::FAILURE
+    })
 }
 
 /// Who was called, with what, and when.

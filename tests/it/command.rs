@@ -66,14 +66,14 @@ impl Folder {
         self.pilotage_with(arguments, &[])
     }
 
-    /// Starts `pilotage` here, with variables in the environment; nobody reads what it says.
+    /// Starts `pilotage` here, with variables in the environment; what it says on stderr can be read.
     pub fn start(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Child {
         Command::new(env!("CARGO_BIN_EXE_pilotage"))
             .args(arguments)
             .envs(variables.iter().copied())
             .current_dir(self.0.path())
             .stdout(Stdio::null())
-            .stderr(Stdio::null())
+            .stderr(Stdio::piped())
             .spawn()
             .unwrap()
     }

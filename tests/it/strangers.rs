@@ -4,6 +4,7 @@
 use crate::command::{Folder, example};
 use crate::foreign;
 use rayon::prelude::*;
+use std::io::Read;
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
@@ -150,6 +151,42 @@ fn the_third_interrupt_kills() {
     let status = child.wait().unwrap();
     assert_eq!(status.code(), Some(1));
     assert_eq!(std::fs::read_dir(temporary.path()).unwrap().count(), 0);
+}
+
+/// The second one ends what hangs: who did not come back is told, and where the rows are, isolated or not.
+#[test]
+fn the_second_interrupt_tells_who_hangs() {
+    for more in [&[][..], &["--isolate", "all"]] {
+        let folder = folder("hang@fmi2DoStep");
+        let arguments = [arguments("cosim"), more].concat();
+        let mut child = folder.start(&arguments, &[]);
+        let id = child.id().to_string();
+        while !folder.files().iter().any(|name| name == "r.csv.part") {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        for _ in 0..2 {
+            std::thread::sleep(Duration::from_millis(400));
+            let sent = Command::new("kill").args(["-INT", &id]).output().unwrap();
+            assert!(sent.status.success());
+        }
+        let mut said = String::new();
+        child
+            .stderr
+            .take()
+            .unwrap()
+            .read_to_string(&mut said)
+            .unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{said}");
+        assert!(
+            said.contains("at 0.2 s, had not come back when Ctrl-C ended it"),
+            "{said}"
+        );
+        assert!(
+            said.contains("hint: the rows until then are in r.csv.part"),
+            "{said}"
+        );
+        assert_eq!(folder.read("r.csv.part").lines().count(), 4);
+    }
 }
 
 /// What is not as a row says.

@@ -47,7 +47,9 @@ def expected(k, output):
     remnant, noise = (noise_of(left, leverage, weights, output) for weights in
                       [(u - response * e, 1, response), (u - slope * f, 1, 0)])
     sd = np.sqrt(remnant * (np.array(leverage) * abs(f) ** 2).sum() / 2) / abs(np.vdot(f, e)) / abs(response)
-    coherent = abs(slope) ** 2 * (abs(f) ** 2).mean()
+    # The slope has so much by chance.
+    variance = noise * (np.array(leverage) * abs(f) ** 2).sum() / (abs(f) ** 2).sum() ** 2
+    coherent = max(abs(slope) ** 2 - variance, 0) * (abs(f) ** 2).mean()
     return {"frequency_rad_per_s": k * spacing, "gain": abs(response), "gain_sd": sd * abs(response),
             "phase_sd_deg": np.degrees(sd), "coherence": coherent / (coherent + noise),
             "remnant_density": remnant / 2 / spacing, "amplitude": np.sqrt((abs(f) ** 2).mean()), "phase": response}

@@ -3,7 +3,7 @@
 
 use crate::autoregression::Autoregression;
 use crate::residuals::{centred, is_even};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// Most lags to either side, as Matlab's `resid` has.
@@ -11,6 +11,8 @@ const MOST_LAGS: usize = 25;
 /// Probability that a correlation lies outside of its band where nothing is left.
 const OUTSIDE: f64 = 0.01;
 
+/// Part of the residuals' squares from which it matters what explains them.
+const MATTERS: f64 = 0.2;
 /// Directions of the input's lags that have less than this part of the largest one's variance are none.
 const DIRECTION: f64 = 1e-6;
 
@@ -40,6 +42,8 @@ pub struct Crossed {
     /// How likely residuals are as much explained by the input of all lags from 0 on together, where nothing is left of
     /// it: the score test, chi squared with as many degrees of freedom as these have directions.
     pub p: f64,
+    /// Part of the residuals' squares, as they are, that the input of these lags explains.
+    pub share: f64,
 }
 
 impl Crossed {
@@ -63,24 +67,13 @@ impl Crossed {
             gradients: run.gradients.clone(),
         });
         let runs: Vec<Pair> = runs.collect();
-        let shared = runs.iter().map(|run| run.gradients[0].ncols()).max()?;
         let series = runs
             .iter()
             .map(|run| (run.residuals.clone(), run.time.clone()));
         let process = Autoregression::of_series(&series.collect::<Vec<_>>());
         let lags = 2 * most + 1;
-        // Of lags, residuals and shared unknowns.
-        let mut gram = DMatrix::zeros(lags + 1 + shared, lags + 1 + shared);
-        for run in &runs {
-            let left = DMatrix::from_column_slice(run.time.len(), 1, &run.residuals);
-            let [of_all, own] = &run.gradients;
-            let columns = [&shifted(&run.input, most), &left, of_all, own];
-            let columns = columns.iter().flat_map(|own| own.column_iter());
-            let all = DMatrix::from_columns(&columns.collect::<Vec<_>>());
-            let all = process.whitened(&all, &run.time);
-            gram += without(all.tr_mul(&all), lags + 1 + of_all.ncols());
-        }
-        let gram = without(gram, lags + 1);
+        let gram = gram(&runs, most, &process);
+        let plain = self::gram(&runs, most, &process.white());
         // Where unknowns take up all there is of a lag, nothing is left to be told.
         let least = DIRECTION * (0..lags).map(|k| gram[(k, k)]).fold(0.0, f64::max);
         let squares = gram[(lags, lags)];
@@ -88,8 +81,8 @@ impl Crossed {
             true => gram[(k, lags)] / (gram[(k, k)] * squares).sqrt(),
             false => 0.0,
         };
-        let normal = gram.view((most, most), (most + 1, most + 1)).into_owned();
-        let score = gram.column(lags).rows(most, most + 1).into_owned();
+        let (explained, directions) = explained_before(&gram, most);
+        let chance = ChiSquared::new(directions as f64);
         let step = runs
             .iter()
             .find(|run| run.time.len() > 1)
@@ -99,7 +92,8 @@ impl Crossed {
             lags: (0..=2 * most).map(lag).collect(),
             correlations: (0..lags).map(correlation).collect(),
             bands: vec![quantile(OUTSIDE) / squares.sqrt(); lags],
-            p: explained(normal, &score),
+            p: chance.map_or(1.0, |chance| chance.sf(explained)),
+            share: explained_before(&plain, most).0 / plain[(lags, lags)],
         })
     }
 
@@ -109,12 +103,12 @@ impl Crossed {
     }
 
     /// The lag at which an input that came before is left in the residuals most; none where all that is left of it is no more
-    /// than chance makes with a probability of 1 %, of so many pairs in all (Bonferroni).
+    /// than chance makes with a probability of 1 %, of so many pairs in all (Bonferroni), or less than a fifth of them.
     pub fn left(&self, pairs: usize) -> Option<usize> {
         let size = |k: usize| self.correlations[k].abs();
         let before = (0..self.lags.len()).filter(|k| self.lags[*k] >= 0.0);
         let most = before.max_by(|a, b| size(*a).total_cmp(&size(*b)));
-        most.filter(|_| self.p < OUTSIDE / pairs.max(1) as f64)
+        most.filter(|_| self.p < OUTSIDE / pairs.max(1) as f64 && self.share > MATTERS)
     }
 }
 
@@ -138,16 +132,36 @@ fn without(gram: DMatrix<f64>, first: usize) -> DMatrix<f64> {
     left
 }
 
-/// How likely `sᵀ N⁻¹ s` is as large where `s` has the covariance `N`, which may lack directions.
-fn explained(normal: DMatrix<f64>, score: &DVector<f64>) -> f64 {
+/// Products with each other of the input at each lag and the residuals, the last column, as a process whitens them, and
+/// without what unknowns take up.
+fn gram(runs: &[Pair], most: usize, process: &Autoregression) -> DMatrix<f64> {
+    let shared = runs.iter().map(|run| run.gradients[0].ncols()).max();
+    let all = 2 * most + 2 + shared.unwrap_or(0);
+    let mut gram = DMatrix::zeros(all, all);
+    for run in runs {
+        let left = DMatrix::from_column_slice(run.time.len(), 1, &run.residuals);
+        let [of_all, own] = &run.gradients;
+        let columns = [&shifted(&run.input, most), &left, of_all, own];
+        let columns = columns.iter().flat_map(|own| own.column_iter());
+        let columns = DMatrix::from_columns(&columns.collect::<Vec<_>>());
+        let columns = process.whitened(&columns, &run.time);
+        gram += without(columns.tr_mul(&columns), all);
+    }
+    without(gram, 2 * most + 2)
+}
+
+/// What the input of all lags from 0 on explains of the residuals' squares, `sᵀ N⁻¹ s`, and in how many directions.
+fn explained_before(gram: &DMatrix<f64>, most: usize) -> (f64, usize) {
+    let normal = gram.view((most, most), (most + 1, most + 1)).into_owned();
+    let score = gram.column(2 * most + 1).rows(most, most + 1).into_owned();
     let own = normal.symmetric_eigen();
     let least = DIRECTION * own.eigenvalues.max();
     let told = own.eigenvalues.iter().zip(own.eigenvectors.column_iter());
     let told = told.filter(|(value, _)| **value > least);
-    let squares = told.map(|(value, vector)| vector.dot(score).powi(2) / value);
-    let squares: Vec<f64> = squares.collect();
-    let all = ChiSquared::new(squares.len() as f64);
-    all.map_or(1.0, |all| all.sf(squares.iter().sum()))
+    let squares: Vec<f64> = told
+        .map(|(value, vector)| vector.dot(&score).powi(2) / value)
+        .collect();
+    (squares.iter().sum(), squares.len())
 }
 
 /// A column for each lag from `-most` to `most`: the input that much before; 0 where there is none.

@@ -158,6 +158,7 @@ fn beside(own: &Beside) -> Value {
         "correlations": crossed.correlations,
         "bands": crossed.bands,
         "p": crossed.p,
+        "share": crossed.share,
         "outside": outside.map(|k| crossed.lags[k]).collect::<Vec<_>>(),
     })
 }

@@ -191,7 +191,14 @@ impl Isolated {
         self.told.0.clear();
         // Its process may end this one too: the memory between them is cut off, or it kills its parent.
         let place = self.place;
-        let heard = pilotage_process::call(place, ASKING, || self.exchange(&mut bytes));
+        let heard = pilotage_process::call(place, ASKING, || {
+            let heard = self.exchange(&mut bytes);
+            if heard.is_err() {
+                // Where this process is told to end, it has ended its children, and no FMU is to blame.
+                pilotage_process::leftovers::stay_if_ending();
+            }
+            heard
+        });
         if let Err(gone) = heard {
             return Err(self.end(gone));
         }
@@ -206,8 +213,6 @@ impl Isolated {
 
     /// There is nothing to be asked of it any more.
     fn end(&mut self, gone: Gone) -> ComponentError {
-        // Where this process is told to end, it has ended its children, and no FMU is to blame.
-        pilotage_process::leftovers::stay_if_ending();
         self.child.kill();
         self.child.sweep();
         self.gone = Some(gone.clone());
