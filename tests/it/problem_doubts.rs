@@ -291,6 +291,31 @@ fn samples_and_runs_that_stand_out_are_told() {
     let misfit = misfit.unwrap();
     assert!(misfit.starts_with("x of 3.csv is fitted "), "{misfit}");
     assert_eq!([outlier, jump], [None, None]);
+    // A stop within the runs.
+    let folder = decays(|_, _| 0.0);
+    for run in 0..4 {
+        let file = format!("{run}.csv");
+        let text = folder.read(&file);
+        let (head, rows) = text.split_once('\n').unwrap();
+        let clipped = rows.lines().enumerate().map(|(row, line)| {
+            let (t, x) = line.split_once(',').unwrap();
+            let x: f64 = x.parse().unwrap();
+            // Of the first samples one is lower.
+            let x = if row == 0 { 0.5 } else { x.min(0.8) };
+            format!("{t},{x}\n")
+        });
+        folder.write(&file, format!("{head}\n{}", clipped.collect::<String>()));
+    }
+    let clipped = words(&fit(&folder).json(), "clipped").unwrap();
+    assert!(clipped.contains("of the samples of x stay at the ends"), "{clipped}");
+    assert!(clipped.contains("such as 0.8"), "{clipped}");
+    // A file that is there twice.
+    let folder = decays(|_, _| 0.0);
+    let json = fit(&folder).json();
+    assert_eq!(["copy", "clipped"].map(|code| words(&json, code)), [None, None]);
+    folder.write("3.csv", folder.read("1.csv"));
+    let copy = words(&fit(&folder).json(), "copy").unwrap();
+    assert!(copy.starts_with("3.csv has the samples of 1.csv: "), "{copy}");
     // Student's noise has such samples.
     let folder = decays(spikes);
     let text = folder.read("problem.toml").replace(

@@ -196,6 +196,9 @@ fn a_stick_a_little_beyond_its_stops_is_clipped_and_told() {
         .pilotage(&["trials", "check", "--json", "a.csv"])
         .json();
     assert_eq!(json["trials"][0]["peak_stick"], 1.0);
+    assert_eq!(json["trials"][0]["stick_at_stop"], 1.0);
+    let stops = "note: a: 100 % of the stick's samples are at its stops";
+    assert!(ended.stdout.contains(stops), "{ended:?}");
     assert_eq!(json["notes"], serde_json::json!([note]));
     folder.write("a.csv", file("-1.0201"));
     let ended = folder.pilotage(&["trials", "check", "a.csv"]);

@@ -5,7 +5,7 @@ use crate::events::Event;
 use crate::file::Mesh;
 use crate::fit::Solved;
 use crate::left_over::Beside;
-use crate::outliers::{of_runs, of_samples};
+use crate::outliers::{of_copies, of_ends, of_runs, of_samples};
 use crate::part::FmuPart;
 use crate::posed::Posed;
 use crate::result::{Fit, Found};
@@ -154,6 +154,26 @@ pub enum Diagnostic {
         /// Its rms residual over the median of all runs'.
         ratio: f64,
     },
+    /// A measured signal stays at its largest or smallest value within runs: a stop, or the end of a sensor's range.
+    Clipped {
+        /// The measured column.
+        measured: String,
+        /// That value, in the signal's unit.
+        value: f64,
+        /// Its unit.
+        unit: Option<String>,
+        /// Part of the samples that lie there or at the other end, 0 to 1.
+        part: f64,
+    },
+    /// Two runs of different files have the same samples.
+    Copy {
+        /// Name of the run.
+        run: String,
+        /// Name of the one before.
+        of: String,
+        /// How many runs are such copies.
+        count: usize,
+    },
     /// What is no finite number where the search begins.
     Undefined(String),
     /// The solver did not converge, and an FMU failed a call on the way.
@@ -219,6 +239,8 @@ impl Diagnostic {
             Self::Outlier { .. } => "outlier",
             Self::Jump { .. } => "jump",
             Self::Misfit { .. } => "misfit",
+            Self::Clipped { .. } => "clipped",
+            Self::Copy { .. } => "copy",
             Self::Flat(_) => "flat",
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
@@ -333,6 +355,26 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{measured} of {run} is fitted {ratio:.1} times as badly as that of the others: an origin, an input or a \
                  unit may be another there, or another pilot flew; see what the fit is without it"
+            ),
+            Self::Clipped {
+                measured,
+                value,
+                unit,
+                part,
+            } => write!(
+                f,
+                "{:.0} % of the samples of {measured} stay at the ends of what was recorded, such as {value}{}: if that is a \
+                 stop, let the model saturate with `sat`; if a sensor's range, empty those cells",
+                100.0 * part,
+                spaced(unit.as_deref()),
+            ),
+            Self::Copy { run, of, count } => write!(
+                f,
+                "{run} has the samples of {of}{}: what is in both counts twice, and intervals are too narrow; leave one out",
+                match count {
+                    1 => String::new(),
+                    _ => format!(" ({count} runs are such copies)"),
+                }
             ),
             Self::OnStabilityBound(of) => write!(
                 f,
@@ -509,8 +551,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             all.extend(poor(posed, fit, k));
             all.extend(of_samples(posed, fit, k));
             all.extend(of_runs(posed, fit, k));
+            all.extend(of_ends(posed, fit, k));
         }
     }
+    all.extend(of_copies(posed, fit));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {

@@ -6,6 +6,13 @@ use crate::posed::Posed;
 use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{Breaks, Kind, Values, misfit, resolution};
 
+/// Part of a signal's samples at the ends of its range that is worth a word.
+const CLIPPED: f64 = 0.05;
+/// Samples in a row that stay at a value.
+const STAYS: usize = 5;
+/// A coarser recording, of so many steps at most, stays anywhere.
+const LEVELS: f64 = 20.0;
+
 /// Samples of a measured signal that stand out; those of a distribution with long tails are expected to.
 pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
     let measured = &posed.file.measured[k];
@@ -68,6 +75,64 @@ pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
+/// A measured signal that stays at the ends of its range, for some samples within a run: at rest it may begin and end there.
+pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let runs = || fit.runs.iter().map(|run| &run.recorded[k]);
+    let all: Vec<f64> = runs().flatten().copied().filter(|y| y.is_finite()).collect();
+    let lowest = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if highest - lowest < LEVELS * resolution(&all) {
+        return None;
+    }
+    let stays = |end: f64| -> usize { runs().map(|run| stays(run, end)).sum() };
+    let (low, high) = (stays(lowest), stays(highest));
+    let part = (low + high) as f64 / all.len() as f64;
+    (part >= CLIPPED).then(|| Diagnostic::Clipped {
+        measured: posed.file.measured[k].column.value.clone(),
+        value: if high >= low { highest } else { lowest },
+        unit: posed.unit_of(k).map(str::to_owned),
+        part,
+    })
+}
+
+/// How many samples of a run lie at a value in stretches that are long, and no begin or end of the run.
+fn stays(run: &[f64], value: f64) -> usize {
+    let mut stretches = run.chunk_by(|a, b| (*a == value) == (*b == value));
+    let is_long = |own: &&[f64]| own[0] == value && own.len() >= STAYS;
+    stretches.next();
+    stretches.next_back();
+    stretches.filter(is_long).map(<[f64]>::len).sum()
+}
+
+/// Runs of different files that have the same samples: of one file, with other settings, that is meant.
+pub fn of_copies(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    let of = |k: usize| {
+        (0..k).find(|&first| {
+            let [a, b] = [first, k].map(|k| &fit.runs[k]);
+            let [file, other] = [first, k].map(|k| &posed.data[k].line.file);
+            file != other && has_samples(a, b)
+        })
+    };
+    let copies = (0..fit.runs.len()).filter_map(|k| Some((k, of(k)?)));
+    let copies: Vec<(usize, usize)> = copies.collect();
+    let &(run, first) = copies.first()?;
+    Some(Diagnostic::Copy {
+        run: fit.runs[run].name.clone(),
+        of: fit.runs[first].name.clone(),
+        count: copies.len(),
+    })
+}
+
+/// Whether two runs have the same samples, to the bit, and something is measured there.
+fn has_samples(a: &RunFit, b: &RunFit) -> bool {
+    let bits = |run: &RunFit| -> Vec<u64> {
+        let values = run.time.iter().chain(run.recorded.iter().flatten());
+        values.map(|value| value.to_bits()).collect()
+    };
+    let is_measured = a.recorded.iter().flatten().any(|y| y.is_finite());
+    is_measured && a.time.len() == b.time.len() && bits(a) == bits(b)
+}
+
 /// The residuals of a measured signal, in standard deviations.
 fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     let of = |y: &f64, sd: &f64| match noise {
@@ -76,10 +141,13 @@ fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     };
     let recorded = run.recorded[k].iter().zip(&run.deviations[k]);
     let recorded: Vec<f64> = recorded.map(|(y, sd)| of(y, sd)).collect();
+    // Not what a filter predicts, which follows a break of the recording.
+    let modelled = run.predicted[k].iter().zip(&run.deviations[k]);
     Values {
         time: run.time.clone(),
         values: run.residuals(k, noise),
         resolution: resolution(&recorded),
+        modelled: modelled.map(|(h, sd)| of(h, sd)).collect(),
     }
 }
 

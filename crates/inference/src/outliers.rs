@@ -10,6 +10,8 @@ const LARGE: f64 = 0.3;
 const STEPS: f64 = 4.0;
 /// Part of the distances between recorded values that is smaller than the resolution, by chance or by hand.
 const CHANCE: f64 = 0.02;
+/// A model that breaks by this part of the residuals' break has made it.
+const OWN: f64 = 0.2;
 /// Outliers come back to within this part of the largest break.
 const BACK: f64 = 0.2;
 /// They do so within this part of the run.
@@ -30,6 +32,9 @@ pub struct Values {
     pub values: Vec<f64>,
     /// The step in which the values were recorded, in their unit ([`resolution`]).
     pub resolution: f64,
+    /// Of residuals, what the model says, in their unit: where it breaks too, it is the model that is wrong there, as the
+    /// approximation of a delay is after a step. Empty where that is not looked at.
+    pub modelled: Vec<f64>,
 }
 
 /// Whether values are what a model leaves over.
@@ -117,24 +122,32 @@ impl Breaks {
 /// Changes that stand out: the place, in `known`, before each, and its size.
 fn breaks(own: &Values, known: &[usize], least: f64, usual: f64) -> Vec<(usize, f64)> {
     let step = median(own.time.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
-    let changes: Vec<f64> = (known.windows(2))
-        .map(|pair| own.values[pair[1]] - own.values[pair[0]])
-        .collect();
+    let changes_of = |values: &[f64]| -> Vec<f64> {
+        let pairs = known.windows(2);
+        pairs.map(|pair| values[pair[1]] - values[pair[0]]).collect()
+    };
+    let changes = changes_of(&own.values);
+    let modelled = (!own.modelled.is_empty()).then(|| changes_of(&own.modelled));
     // Over missing samples it may change by more.
     let time = |i: usize| own.time[known[i]];
     let wait = |i: usize| ((time(i + 1) - time(i)) / step).max(1.0);
     let stands_out = |&i: &usize| {
-        let others =
-            (i.saturating_sub(NEARBY)..changes.len().min(i + NEARBY + 1)).filter(|j| *j != i);
-        let middle = median(others.clone().map(|j| changes[j])).unwrap_or(0.0);
-        let around = ROBUST * median(others.map(|j| (changes[j] - middle).abs())).unwrap_or(0.0);
-        let change = (changes[i] - middle).abs();
-        change > wait(i) * least.max(BREAK * around.max(usual))
+        let (change, around) = beyond(&changes, i);
+        let is_own = (modelled.as_ref()).is_some_and(|own| beyond(own, i).0 > OWN * change);
+        change > wait(i) * least.max(BREAK * around.max(usual)) && !is_own
     };
     (0..changes.len())
         .filter(stands_out)
         .map(|i| (i, changes[i]))
         .collect()
+}
+
+/// By how much a change differs from the usual one nearby, and the usual spread of those.
+fn beyond(changes: &[f64], i: usize) -> (f64, f64) {
+    let others = (i.saturating_sub(NEARBY)..changes.len().min(i + NEARBY + 1)).filter(|j| *j != i);
+    let middle = median(others.clone().map(|j| changes[j])).unwrap_or(0.0);
+    let around = median(others.map(|j| (changes[j] - middle).abs())).unwrap_or(0.0);
+    ((changes[i] - middle).abs(), ROBUST * around)
 }
 
 /// Which break of a group brings it back to where it was before the first.
@@ -212,6 +225,7 @@ mod tests {
                 .take(count)
                 .collect(),
             resolution: 0.0,
+            modelled: Vec::new(),
         }
     }
 
@@ -233,6 +247,20 @@ mod tests {
         let (run, sample, size) = found.jump().unwrap();
         assert_eq!((run, sample), (2, 200));
         assert!((size - 30.0).abs() < 5.0, "{size}");
+    }
+
+    /// Where the model jumps, what is recorded does not have to follow.
+    #[test]
+    fn a_break_of_the_model_is_not_one_of_the_recording() {
+        let mut run = white(5, 300);
+        run.modelled = (0..300).map(|k| 0.1 * f64::from(k)).collect();
+        for k in 100..300 {
+            run.values[k] -= 30.0;
+        }
+        let found = |run: &Values| Breaks::of(std::slice::from_ref(run), Kind::Residuals);
+        assert_eq!(found(&run).jump().map(|(_, sample, _)| sample), Some(100));
+        run.modelled[100..].iter_mut().for_each(|h| *h += 30.0);
+        assert_eq!(found(&run), Breaks::default());
     }
 
     /// What lies within the steps of a recording is none.

@@ -7,7 +7,7 @@ use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
 use crate::identification::frequency::flights;
-use crate::identification::trials::{ColumnNames, Summary, TrialError, TrialSet};
+use crate::identification::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
 use crate::inference::spectrum::Excitation;
 use crate::report::{short, significant, target_of};
 use crate::series::SeriesError;
@@ -128,6 +128,7 @@ fn to_json(set: &TrialSet) -> Value {
                 "rms_error_m": summary.rms_error,
                 "overshoot": summary.overshoot,
                 "peak_stick": summary.peak_stick,
+                "stick_at_stop": summary.stick_at_stop,
             })
         })
         .collect();
@@ -178,6 +179,15 @@ fn to_table(set: &TrialSet) -> String {
             "note: {}: the longest time step is {:.1} times the usual one; is a stretch of the recording lost?\n",
             trial.name, summary.largest_gap
         );
+    }
+    for (trial, summary, _) in &uses {
+        if let Some(part) = summary.stick_at_stop.filter(|part| *part >= SATURATED) {
+            text += &format!(
+                "note: {}: {:.0} % of the stick's samples are at its stops, where it tells little of the human; ease the task\n",
+                trial.name,
+                100.0 * part
+            );
+        }
     }
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
 }

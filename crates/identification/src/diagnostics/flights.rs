@@ -4,7 +4,7 @@ use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::Mesh;
 use crate::start::implied_stick;
 use crate::statistics::range;
-use crate::trials::median_step;
+use crate::trials::{SATURATED, at_stop, median_step};
 use crate::vehicle::PitchLoop;
 
 /// A run whose positions differ by less does not move [m].
@@ -24,10 +24,6 @@ const AGAINST: f64 = -0.5;
 const GYRATION: std::ops::RangeInclusive<f64> = 0.05..=5.0;
 /// Longest mesh interval, as a part of a run.
 const COARSE: f64 = 0.1;
-/// Part of the samples at the stick's stops that is worth a word.
-const SATURATED: f64 = 0.05;
-/// A stick this near to its stop, relative, lies there: recordings are rounded.
-const AT_STOP: f64 = 0.999;
 
 /// The diagnostics.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
@@ -159,20 +155,11 @@ fn coarse_mesh(options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
 }
 
 fn saturated(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
-    let part = |sticks: &mut dyn Iterator<Item = f64>, limit: f64| {
-        let (at, all) = sticks.fold((0.0, 0.0), |(at, all), u| {
-            (
-                at + f64::from(u8::from(u.abs() >= AT_STOP * limit)),
-                all + 1.0,
-            )
-        });
-        (all > 0.0).then_some(at / all)
-    };
     let sticks = trials.iter().filter_map(|trial| trial.stick.as_deref());
     // The hand stops at full deflection, whatever limit the fit is given.
-    let recorded = part(&mut sticks.flat_map(finite), 1.0);
-    let model = fit.runs.iter().flat_map(|run| finite(&run.stick));
-    let fitted = part(&mut { model }, options.stick_limit).unwrap_or(0.0);
+    let recorded = at_stop(&sticks.flatten().copied().collect::<Vec<_>>(), 1.0);
+    let model: Vec<f64> = fit.runs.iter().flat_map(|run| finite(&run.stick)).collect();
+    let fitted = at_stop(&model, options.stick_limit).unwrap_or(0.0);
     let most = recorded.unwrap_or(0.0).max(fitted);
     (most >= SATURATED).then_some(Diagnostic::SaturatedStick { recorded, fitted })
 }

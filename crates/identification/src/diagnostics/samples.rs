@@ -48,6 +48,7 @@ fn looked_at(fit: &Fit, trials: &[Trial]) -> Vec<Values> {
             false => trial.position.clone(),
         },
         resolution: resolution(&trial.position),
+        modelled: Vec::new(),
     };
     pairs.map(values).collect()
 }

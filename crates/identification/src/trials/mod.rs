@@ -20,7 +20,7 @@ pub use columns::ColumnNames;
 pub use error::TrialError;
 pub use manifest::TrialSet;
 pub use read::sha256;
-pub use summary::{Summary, median_step};
+pub use summary::{SATURATED, Summary, at_stop, median_step};
 
 /// One recorded flight to a target.
 #[derive(Debug, Clone, PartialEq)]

@@ -31,7 +31,15 @@ pub struct Summary {
     pub overshoot: Option<f64>,
     /// Greatest |stick|; none where the stick was not recorded.
     pub peak_stick: Option<f64>,
+    /// Part of the stick's samples that lie at its stops, 0 to 1; likewise.
+    pub stick_at_stop: Option<f64>,
 }
+
+/// A stick this near to its stop, relative, lies there: recordings are rounded.
+const AT_STOP: f64 = 0.999;
+
+/// Part of the samples at the stick's stops that is worth a word.
+pub const SATURATED: f64 = 0.05;
 
 /// Least part of the range of the positions that is a way to the target.
 const LEAST_WAY: f64 = 0.1;
@@ -58,6 +66,7 @@ impl Trial {
             rms_error: rms(&errors),
             overshoot: self.overshoot(),
             peak_stick: self.stick.as_ref().map(peak),
+            stick_at_stop: self.stick.as_deref().and_then(|own| at_stop(own, 1.0)),
         }
     }
 
@@ -73,6 +82,13 @@ impl Trial {
         let farthest = if way > 0.0 { high } else { low };
         Some(((farthest - target) / way).max(0.0))
     }
+}
+
+/// Part of the known samples of a stick that lie at its stops; none where there are none.
+pub fn at_stop(stick: &[f64], stop: f64) -> Option<f64> {
+    let known = || stick.iter().filter(|u| u.is_finite());
+    let there = known().filter(|u| u.abs() >= AT_STOP * stop).count();
+    (known().count() > 0).then(|| there as f64 / known().count() as f64)
 }
 
 /// The time from each sample to the next [s], the shortest first.
