@@ -9,6 +9,7 @@ mod excitation;
 mod export;
 mod failure;
 mod fit;
+mod fly;
 mod folder;
 mod folds;
 mod format;
@@ -52,6 +53,8 @@ enum Command {
     Demo(demo::Args),
     /// Check recorded flights, or make synthetic ones.
     Trials(trials::Args),
+    /// Fly a vehicle yourself, on a page in the browser, and be recorded and identified.
+    Fly(fly::Args),
     /// Write a problem file for runs and models: what `fit` takes.
     Init(init::Args),
     /// Identify the pilot from recorded flights, or whatever a problem file says.
@@ -124,6 +127,7 @@ fn run(command: Command) -> u8 {
     let outcome = match command {
         Command::Demo(args) => demo::run(args),
         Command::Trials(args) => trials::run(args),
+        Command::Fly(args) => fly::run(args),
         Command::Init(args) => init::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Compare(args) => compare::run(&args),
@@ -167,9 +171,12 @@ impl Command {
     fn may_call_fmus(&self) -> bool {
         match self {
             Self::Cosim(_) | Self::Linearize(_) => true,
-            Self::Fit(_) | Self::Compare(_) | Self::Init(_) | Self::Plot(_) | Self::Trials(_) => {
-                guard::arguments_name_fmus()
-            }
+            Self::Fit(_)
+            | Self::Compare(_)
+            | Self::Init(_)
+            | Self::Plot(_)
+            | Self::Trials(_)
+            | Self::Fly(_) => guard::arguments_name_fmus(),
             _ => false,
         }
     }

@@ -307,15 +307,24 @@ fn samples_and_runs_that_stand_out_are_told() {
         folder.write(&file, format!("{head}\n{}", clipped.collect::<String>()));
     }
     let clipped = words(&fit(&folder).json(), "clipped").unwrap();
-    assert!(clipped.contains("of the samples of x stay at the ends"), "{clipped}");
+    assert!(
+        clipped.contains("of the samples of x stay at the ends"),
+        "{clipped}"
+    );
     assert!(clipped.contains("such as 0.8"), "{clipped}");
     // A file that is there twice.
     let folder = decays(|_, _| 0.0);
     let json = fit(&folder).json();
-    assert_eq!(["copy", "clipped"].map(|code| words(&json, code)), [None, None]);
+    assert_eq!(
+        ["copy", "clipped"].map(|code| words(&json, code)),
+        [None, None]
+    );
     folder.write("3.csv", folder.read("1.csv"));
     let copy = words(&fit(&folder).json(), "copy").unwrap();
-    assert!(copy.starts_with("3.csv has the samples of 1.csv: "), "{copy}");
+    assert!(
+        copy.starts_with("3.csv has the samples of 1.csv: "),
+        "{copy}"
+    );
     // Student's noise has such samples.
     let folder = decays(spikes);
     let text = folder.read("problem.toml").replace(

@@ -78,7 +78,11 @@ pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
 /// A measured signal that stays at the ends of its range, for some samples within a run: at rest it may begin and end there.
 pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     let runs = || fit.runs.iter().map(|run| &run.recorded[k]);
-    let all: Vec<f64> = runs().flatten().copied().filter(|y| y.is_finite()).collect();
+    let all: Vec<f64> = runs()
+        .flatten()
+        .copied()
+        .filter(|y| y.is_finite())
+        .collect();
     let lowest = all.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if highest - lowest < LEVELS * resolution(&all) {

@@ -124,7 +124,9 @@ fn breaks(own: &Values, known: &[usize], least: f64, usual: f64) -> Vec<(usize, 
     let step = median(own.time.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
     let changes_of = |values: &[f64]| -> Vec<f64> {
         let pairs = known.windows(2);
-        pairs.map(|pair| values[pair[1]] - values[pair[0]]).collect()
+        pairs
+            .map(|pair| values[pair[1]] - values[pair[0]])
+            .collect()
     };
     let changes = changes_of(&own.values);
     let modelled = (!own.modelled.is_empty()).then(|| changes_of(&own.modelled));

@@ -179,7 +179,7 @@ impl Wiring {
 }
 
 /// An instance as arguments say it.
-fn described(name: String, source: InstanceSource) -> InstanceDescription {
+pub fn described(name: String, source: InstanceSource) -> InstanceDescription {
     InstanceDescription {
         name,
         source: source.into(),
@@ -189,7 +189,7 @@ fn described(name: String, source: InstanceSource) -> InstanceDescription {
 }
 
 /// A file, or the name of a built-in model where no file has that name.
-fn model_source(file: PathBuf) -> InstanceSource {
+pub fn model_source(file: PathBuf) -> InstanceSource {
     match file.to_str() {
         Some(name) if is_identifier(name) && !file.exists() => {
             InstanceSource::BuiltIn(name.to_owned())

@@ -46,6 +46,15 @@ pub struct Isolation {
 }
 
 impl Isolation {
+    /// Of all FMUs, or of none.
+    pub fn of_all(is_isolated: bool) -> Self {
+        let all = is_isolated.then(|| ALL.to_owned());
+        Self {
+            isolate: all.into_iter().collect(),
+            ..Self::default()
+        }
+    }
+
     /// Refuses names that are no FMU's.
     pub fn check(&self, instances: &[InstanceDescription]) -> Result<(), Failure> {
         for name in self.isolate.iter().filter(|name| *name != ALL) {

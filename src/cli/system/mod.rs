@@ -23,7 +23,8 @@ use self::resolve::{Resolved, resolve};
 use self::tables::InputTable;
 use super::{Failure, recognise};
 use crate::cosim::master::Stage;
-use crate::cosim::{MasterError, System, SystemDescription};
+use crate::cosim::{Component, MasterError, System, SystemDescription};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// A wired system, what it was made of, and what to tell about the tables that feed it.
@@ -41,6 +42,16 @@ pub struct Built {
 /// Opens all instances of a description and wires them.
 pub fn open(description: SystemDescription) -> Result<Built, Failure> {
     build(description, &Isolation::default(), |_, _| Ok(()))
+}
+
+/// Opens one model by its name or file: what one argument names.
+pub fn open_one(argument: &OsStr, is_isolated: bool) -> Result<Box<dyn Component>, Failure> {
+    let (name, file) = flags::instance(argument);
+    let instance = flags::described(name, flags::model_source(file));
+    match resolve(&instance, &Isolation::of_all(is_isolated))? {
+        Resolved::Model(component) => Ok(component),
+        Resolved::Table(file) => Err(Failure::new(format!("{} is a table", file.display()))),
+    }
 }
 
 /// Opens all instances and wires them; `finish` may change wires and values when the instances are there.

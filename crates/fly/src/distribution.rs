@@ -1,0 +1,64 @@
+//! How times are spread: a lag that is constant can be corrected, one that varies cannot, so both are told.
+
+use serde::Serialize;
+
+/// Median, spread and extremes.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Distribution {
+    /// How many there are.
+    pub count: usize,
+    /// The middle one.
+    pub median: f64,
+    /// 95 % are not above.
+    pub p95: f64,
+    /// 99.9 % are not above.
+    pub p999: f64,
+    /// The largest.
+    pub most: f64,
+}
+
+impl Distribution {
+    /// Of these values; what is no finite number is left out.
+    pub fn of(mut values: Vec<f64>) -> Self {
+        values.retain(|value| value.is_finite());
+        values.sort_by(f64::total_cmp);
+        let at = |part: f64| {
+            let place = (part * values.len() as f64).ceil() as usize;
+            values.get(place.max(1) - 1).copied().unwrap_or(0.0)
+        };
+        Self {
+            count: values.len(),
+            median: at(0.5),
+            p95: at(0.95),
+            p999: at(0.999),
+            most: at(1.0),
+        }
+    }
+}
+
+impl std::fmt::Display for Distribution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.count {
+            0 => f.write_str("none"),
+            _ => write!(
+                f,
+                "median {:.2}, 95 % below {:.2}, 99.9 % below {:.2}, most {:.2}",
+                self.median, self.p95, self.p999, self.most
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_those_of_the_sorted_values() {
+        let all: Vec<f64> = (1..=1000).rev().map(f64::from).collect();
+        let own = Distribution::of([all, vec![f64::NAN]].concat());
+        let told = (own.count, own.median, own.p95, own.p999, own.most);
+        assert_eq!(told, (1000, 500.0, 950.0, 999.0, 1000.0));
+        assert_eq!(Distribution::of(Vec::new()).to_string(), "none");
+    }
+}

@@ -1,0 +1,427 @@
+//! What the hand does, as it comes in, and whether a run with it counts.
+
+use crate::distribution::Distribution;
+use serde::{Deserialize, Serialize};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// The longest time without a word of the page in a run that counts.
+const GAP: Duration = Duration::from_millis(50);
+/// The part of frames that may be dropped in a run that counts.
+const DROPPED: f64 = 0.01;
+/// A frame that takes so many usual ones has dropped some.
+const LONG: f64 = 1.5;
+
+/// What a hand holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Device {
+    /// A gamepad or joystick, read by the page.
+    Gamepad,
+    /// A joystick, read by the server.
+    Joystick,
+    /// A mouse as a stick whose place is its deflection.
+    Mouse,
+    /// A finger on a screen.
+    Touch,
+    /// Arrow keys behind a rate limit.
+    Keyboard,
+    /// None: it was lost.
+    None,
+}
+
+impl std::fmt::Display for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Gamepad => "gamepad",
+            Self::Joystick => "joystick",
+            Self::Mouse => "mouse",
+            Self::Touch => "touch",
+            Self::Keyboard => "keyboard",
+            Self::None => "none",
+        })
+    }
+}
+
+/// A frame of input, as the page sends it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Input {
+    /// Its number, from 1.
+    pub n: u64,
+    /// When the page took it, by the page's clock \[ms\].
+    pub t: f64,
+    /// Deflection of each axis, -1 to 1.
+    pub stick: Vec<f64>,
+    /// What the hand holds.
+    pub device: Device,
+    /// What that calls itself.
+    #[serde(default)]
+    pub name: String,
+    /// Time since the frame before \[ms\].
+    #[serde(default)]
+    pub frame: f64,
+    /// Whether the page is visible and has the focus.
+    pub seen: bool,
+}
+
+/// A frame of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// When it arrived, from the run's begin \[s\].
+    pub time: f64,
+    /// What it says.
+    pub input: Input,
+}
+
+/// When a state was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shown {
+    /// The simulation time that was drawn \[s\].
+    pub time: f64,
+    /// From the input that this state had seen last to the drawing, both by the page's clock \[ms\].
+    pub latency: f64,
+}
+
+/// What has come in last, and all that came in while a run goes on.
+#[derive(Debug)]
+struct Latest {
+    input: Input,
+    arrived: Instant,
+    begun: Option<Instant>,
+    frames: Vec<Frame>,
+    shown: Vec<Shown>,
+    round_trips: Vec<f64>,
+    is_lost: bool,
+    /// What a joystick says that the server reads: deflections, its name, and when it last moved.
+    joystick: Option<(Vec<f64>, String, Instant)>,
+    has_joystick: bool,
+}
+
+/// The hand: filled by the socket, or by a joystick, and read by the simulation.
+#[derive(Debug)]
+pub struct Hand {
+    latest: Mutex<Latest>,
+    axes: usize,
+}
+
+/// What came in during a run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Heard {
+    /// The frames.
+    pub frames: Vec<Frame>,
+    /// What was drawn.
+    pub shown: Vec<Shown>,
+    /// Round trips of the socket \[ms\].
+    pub round_trips: Vec<f64>,
+    /// Whether the socket was lost.
+    pub is_lost: bool,
+}
+
+impl Hand {
+    /// One with so many axes, let go.
+    pub fn new(axes: usize) -> Self {
+        let input = Input {
+            n: 0,
+            t: 0.0,
+            stick: vec![0.0; axes],
+            device: Device::None,
+            name: String::new(),
+            frame: 0.0,
+            seen: false,
+        };
+        let latest = Latest {
+            input,
+            arrived: Instant::now(),
+            begun: None,
+            frames: Vec::new(),
+            shown: Vec::new(),
+            round_trips: Vec::new(),
+            is_lost: false,
+            joystick: None,
+            has_joystick: false,
+        };
+        Self {
+            latest: Mutex::new(latest),
+            axes,
+        }
+    }
+
+    fn latest(&self) -> MutexGuard<'_, Latest> {
+        self.latest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a frame; false where it is none: numbers that are no deflections, or fewer or more than axes.
+    pub fn take(&self, mut input: Input) -> bool {
+        let is_one = |value: &f64| value.is_finite();
+        if input.stick.len() != self.axes || !input.stick.iter().all(is_one) || !input.t.is_finite()
+        {
+            return false;
+        }
+        input
+            .stick
+            .iter_mut()
+            .for_each(|value| *value = value.clamp(-1.0, 1.0));
+        input.name = input
+            .name
+            .chars()
+            .filter(|c| !c.is_control())
+            .take(80)
+            .collect();
+        let mut latest = self.latest();
+        latest.arrived = Instant::now();
+        if latest.has_joystick {
+            (input.device, input.stick) = match &latest.joystick {
+                Some((stick, ..)) => (Device::Joystick, stick.clone()),
+                None => (Device::None, vec![0.0; self.axes]),
+            };
+            input.name = latest
+                .joystick
+                .as_ref()
+                .map_or_else(String::new, |own| own.1.clone());
+        }
+        if let Some(begun) = latest.begun {
+            let time = latest.arrived.duration_since(begun).as_secs_f64();
+            latest.frames.push(Frame {
+                time,
+                input: input.clone(),
+            });
+        }
+        latest.input = input;
+        true
+    }
+
+    /// Takes the deflections of a joystick, and its name: from now on in place of the page's.
+    pub fn replace(&self, stick: &[f64], name: &str) {
+        let mut latest = self.latest();
+        latest.has_joystick = true;
+        latest.joystick = Some((stick.to_vec(), name.to_owned(), Instant::now()));
+    }
+
+    /// The joystick is gone: the stick is let go.
+    pub fn lose_joystick(&self) {
+        self.latest().joystick = None;
+    }
+
+    /// A state that had seen the input of page time `at` \[ms\] was drawn at page time `drawn`.
+    pub fn shown(&self, time: f64, at: f64, drawn: f64) {
+        let mut latest = self.latest();
+        let latency = drawn - at;
+        if latest.begun.is_some() && latency.is_finite() && time.is_finite() {
+            latest.shown.push(Shown { time, latency });
+        }
+    }
+
+    /// A round trip of the socket.
+    pub fn round_trip(&self, time: Duration) {
+        let mut latest = self.latest();
+        if latest.begun.is_some() {
+            latest.round_trips.push(1e3 * time.as_secs_f64());
+        }
+    }
+
+    /// The socket is gone: the stick is let go.
+    pub fn lose(&self) {
+        let mut latest = self.latest();
+        latest.is_lost = true;
+        latest.input.stick.fill(0.0);
+        latest.input.device = Device::None;
+    }
+
+    /// What came in last, and how long ago.
+    pub fn now(&self) -> (Input, Duration) {
+        let latest = self.latest();
+        (latest.input.clone(), latest.arrived.elapsed())
+    }
+
+    /// Writes the deflections, and gives number and page time \[ms\] of their frame, and how long ago it arrived.
+    pub fn read(&self, stick: &mut [f64]) -> (u64, f64, Duration) {
+        let latest = self.latest();
+        let (held, arrived) = match &latest.joystick {
+            Some((held, _, moved)) => (held, *moved),
+            None => (&latest.input.stick, latest.arrived),
+        };
+        stick.copy_from_slice(held);
+        (latest.input.n, latest.input.t, arrived.elapsed())
+    }
+
+    /// A run begins.
+    pub fn begin(&self, begun: Instant) {
+        let mut latest = self.latest();
+        latest.begun = Some(begun);
+        latest.is_lost = false;
+        latest.frames.clear();
+        latest.shown.clear();
+        latest.round_trips.clear();
+    }
+
+    /// It has ended.
+    pub fn end(&self) -> Heard {
+        let mut latest = self.latest();
+        latest.begun = None;
+        Heard {
+            frames: std::mem::take(&mut latest.frames),
+            shown: std::mem::take(&mut latest.shown),
+            round_trips: std::mem::take(&mut latest.round_trips),
+            is_lost: latest.is_lost,
+        }
+    }
+}
+
+impl Heard {
+    /// Time between the page's frames \[ms\].
+    pub fn display(&self) -> Distribution {
+        Distribution::of(self.intervals())
+    }
+
+    fn intervals(&self) -> Vec<f64> {
+        let pairs = self.frames.windows(2);
+        pairs
+            .map(|pair| pair[1].input.t - pair[0].input.t)
+            .collect()
+    }
+
+    /// The part of frames that was dropped: what longer intervals than usual had room for.
+    pub fn dropped(&self) -> f64 {
+        let intervals = self.intervals();
+        let usual = self.display().median;
+        let lost = |interval: &f64| match *interval > LONG * usual {
+            true => (interval / usual).round() - 1.0,
+            false => 0.0,
+        };
+        let lost: f64 = intervals.iter().map(lost).sum();
+        match intervals.is_empty() {
+            true => 0.0,
+            false => lost / (lost + intervals.len() as f64),
+        }
+    }
+
+    /// The longest time without a frame in a run that took so long \[s\].
+    pub fn gap(&self, seconds: f64) -> f64 {
+        let times = self.frames.iter().map(|frame| frame.time);
+        let times: Vec<f64> = std::iter::once(0.0).chain(times).chain([seconds]).collect();
+        times
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .fold(0.0, f64::max)
+    }
+
+    /// What the hand held.
+    pub fn device(&self) -> Option<(Device, &str)> {
+        let last = self.frames.last()?;
+        Some((last.input.device, &last.input.name))
+    }
+
+    /// Why a run that took so long \[s\] does not count, if it does not.
+    pub fn fault(&self, seconds: f64) -> Option<String> {
+        let first = match self.frames.first() {
+            Some(first) => &first.input,
+            None => return Some("nothing came from the page".to_owned()),
+        };
+        if self.is_lost {
+            return Some("the page was closed, or its connection broke".to_owned());
+        }
+        let at = |found: Option<&Frame>, what: &str| {
+            found.map(|frame| format!("{what} at {:.1} s", frame.time))
+        };
+        let lost = self
+            .frames
+            .iter()
+            .find(|frame| frame.input.device == Device::None);
+        let other = self
+            .frames
+            .iter()
+            .find(|frame| frame.input.device != first.device);
+        let unseen = self.frames.iter().find(|frame| !frame.input.seen);
+        let (gap, dropped) = (self.gap(seconds), self.dropped());
+        at(lost, "the stick was lost")
+            .or_else(|| at(other, "the stick was another one"))
+            .or_else(|| at(unseen, "the page had not the focus"))
+            .or_else(|| {
+                let is_long = gap > GAP.as_secs_f64();
+                is_long.then(|| format!("nothing came from the page for {:.0} ms", 1e3 * gap))
+            })
+            .or_else(|| {
+                let is_much = dropped > DROPPED;
+                is_much
+                    .then(|| format!("the display dropped {:.1} % of its frames", 100.0 * dropped))
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heard(count: usize, change: impl Fn(usize, &mut Frame)) -> Heard {
+        let frame = |k: usize| {
+            let input = Input {
+                n: k as u64 + 1,
+                t: 1000.0 + 16.0 * k as f64,
+                stick: vec![0.5],
+                device: Device::Mouse,
+                name: "mouse".to_owned(),
+                frame: 16.0,
+                seen: true,
+            };
+            let mut frame = Frame {
+                time: 0.016 * k as f64,
+                input,
+            };
+            change(k, &mut frame);
+            frame
+        };
+        Heard {
+            frames: (0..count).map(frame).collect(),
+            ..Heard::default()
+        }
+    }
+
+    #[test]
+    fn a_run_counts_unless_something_was_lost() {
+        let fault = |change: &dyn Fn(usize, &mut Frame)| heard(1000, change).fault(16.0);
+        assert_eq!(fault(&|_, _| ()), None);
+        let unseen = fault(&|k, frame| frame.input.seen = k != 500);
+        assert_eq!(unseen.unwrap(), "the page had not the focus at 8.0 s");
+        let lost = fault(&|k, frame| {
+            if k > 900 {
+                frame.input.device = Device::None
+            }
+        });
+        assert_eq!(lost.unwrap(), "the stick was lost at 14.4 s");
+        let other = fault(&|k, frame| {
+            if k > 900 {
+                frame.input.device = Device::Keyboard
+            }
+        });
+        assert_eq!(other.unwrap(), "the stick was another one at 14.4 s");
+        let gap = fault(&|k, frame| frame.time += if k > 300 { 0.06 } else { 0.0 });
+        assert_eq!(gap.unwrap(), "nothing came from the page for 76 ms");
+        let dropped = fault(&|k, frame| frame.input.t += 16.0 * (k / 50) as f64);
+        assert_eq!(dropped.unwrap(), "the display dropped 1.9 % of its frames");
+        assert_eq!(
+            Heard::default().fault(1.0).unwrap(),
+            "nothing came from the page"
+        );
+        // It ended too early.
+        assert!(heard(1000, |_, _| ()).fault(17.0).is_some());
+    }
+
+    #[test]
+    fn what_is_no_deflection_is_not_taken() {
+        let hand = Hand::new(1);
+        let input = |stick: Vec<f64>| Input {
+            stick,
+            ..heard(1, |_, _| ()).frames[0].input.clone()
+        };
+        assert!(!hand.take(input(vec![])));
+        assert!(!hand.take(input(vec![0.0, 0.0])));
+        assert!(!hand.take(input(vec![f64::NAN])));
+        assert!(hand.take(input(vec![7.0])));
+        let mut stick = [0.0];
+        assert_eq!(hand.read(&mut stick).0, 1);
+        assert_eq!(stick, [1.0]);
+        hand.lose();
+        hand.read(&mut stick);
+        assert_eq!(stick, [0.0]);
+    }
+}

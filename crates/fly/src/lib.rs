@@ -1,0 +1,33 @@
+//! A person flies a vehicle in real time, on a page in the browser, and is recorded.
+//!
+//! The [vehicle](craft) is any co-simulation component; it runs in a thread of its own at 1 kHz ([`run`]), with the
+//! [hand](hand) of whoever sits at the page on its stick. A [session] goes through a [protocol]: training, then measured
+//! runs of its [tasks](task). Each run is [recorded](record) as a flight that `pilotage fit` takes. The [server] shows the
+//! page, on this computer alone.
+//!
+//! ```
+//! use pilotage_cosim::NativeComponent;
+//! use pilotage_fly::craft::{Craft, Names};
+//! use pilotage_fly::protocol::Protocol;
+//! use pilotage_models::{Model, Quadcopter};
+//!
+//! let make = || Ok(Box::new(NativeComponent::new(Model::quadcopter(&Quadcopter::default()))) as _);
+//! let craft = Craft::new("quadcopter", "built in".into(), &Names::default(), Box::new(make))?;
+//! let protocol = Protocol::usual(craft.shape());
+//! assert_eq!((craft.axes(), protocol.tasks[0].title.as_str()), (1, "10 m"));
+//! # Ok::<(), pilotage_fly::craft::CraftError>(())
+//! ```
+
+pub mod beside;
+pub mod craft;
+pub mod distribution;
+pub mod flightgear;
+pub mod hand;
+pub mod joystick;
+pub mod message;
+pub mod protocol;
+pub mod record;
+pub mod run;
+pub mod server;
+pub mod session;
+pub mod task;

@@ -1,0 +1,518 @@
+//! Which tasks are flown, in which order, and when training is over.
+
+use crate::task::{DISTURBANCE_LINES, Display, PERIOD, Signal, TARGET_LINES, Task};
+use pilotage_text::document::{self, Document, DocumentError, TomlTable};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::path::Path;
+
+/// Rows per second of a task whose target stands still.
+const RATE: f64 = 20.0;
+/// Rows per second of sines: a whole number of them, 2048, in a period.
+const SINES_RATE: f64 = 25.0;
+/// What settles before the sines are looked at \[s\].
+const RUN_IN: f64 = 8.0;
+
+/// Why a protocol is none.
+#[derive(Debug, thiserror::Error)]
+pub enum ProtocolError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// A value that is none.
+    #[error("{file}:{line}: `{field}` {fault}")]
+    Value {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// The field.
+        field: String,
+        /// What is wrong, and what would be right.
+        fault: String,
+    },
+}
+
+/// When training is over: the error does not fall any more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Training {
+    /// Runs at least; 0 for no training.
+    pub least: usize,
+    /// Runs at most.
+    pub most: usize,
+    /// The part by which the rms error of a run must fall below the best one before it, else training is over.
+    pub improvement: f64,
+}
+
+impl Training {
+    /// Whether it is over after runs with these rms errors.
+    pub fn is_over(&self, errors: &[f64]) -> bool {
+        if errors.len() < self.least {
+            return false;
+        }
+        let Some((last, before)) = errors.split_last() else {
+            return true;
+        };
+        let best = before.iter().copied().fold(f64::INFINITY, f64::min);
+        errors.len() >= self.most || *last > (1.0 - self.improvement) * best
+    }
+}
+
+/// In which order measured runs come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// All runs of a task after each other.
+    Given,
+    /// The tasks take turns, and each turn begins with another one.
+    Balanced,
+    /// Drawn.
+    Random,
+}
+
+/// Which tasks are flown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Protocol {
+    /// Its name for people.
+    pub title: String,
+    /// The tasks.
+    pub tasks: Vec<Task>,
+    /// Training before the measured runs of each task.
+    pub training: Training,
+    /// The order of the measured runs.
+    pub order: Order,
+    /// Of all that is drawn.
+    pub seed: u64,
+    /// What the person agrees to.
+    pub consent: String,
+}
+
+/// What the vehicle says of itself that tasks depend on.
+#[derive(Debug, Clone, Copy)]
+pub struct Shape<'a> {
+    /// Number of axes.
+    pub axes: usize,
+    /// Unit of the positions.
+    pub unit: &'a str,
+}
+
+/// What a person agrees to, where the protocol does not say.
+const CONSENT: &str = "I agree that how I move the stick is recorded in files on this computer, under the code above and without my name.";
+
+impl Protocol {
+    /// Without a file: targets of 10 and 20 of the position's unit, then sines to follow, and sines on the stick.
+    pub fn usual(shape: Shape<'_>) -> Self {
+        let steps = [10.0, 20.0].map(|size| step(shape, size));
+        let tracking = sines(shape, Some(2.0), None);
+        let disturbed = sines(shape, None, Some(0.1));
+        Self {
+            title: "Steps, then tracking".to_owned(),
+            tasks: steps.into_iter().chain([tracking, disturbed]).collect(),
+            training: Training {
+                least: 2,
+                most: 6,
+                improvement: 0.05,
+            },
+            order: Order::Balanced,
+            seed: 1,
+            consent: CONSENT.to_owned(),
+        }
+    }
+
+    /// Reads one.
+    ///
+    /// # Errors
+    /// When it cannot be read, or a value is none, with its line.
+    pub fn read(path: &Path, shape: Shape<'_>) -> Result<Self, ProtocolError> {
+        Self::parse(&document::read(path)?, &path.display().to_string(), shape)
+    }
+
+    /// The same of a text.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn parse(text: &str, file: &str, shape: Shape<'_>) -> Result<Self, ProtocolError> {
+        let document = Document::parse(text, file)?;
+        let root = document.root();
+        root.only(&["title", "order", "seed", "consent", "training", "task"])?;
+        let usual = Self::usual(shape);
+        let tasks = root.tables("task")?;
+        if tasks.is_empty() {
+            return Err(fault(
+                root,
+                "task",
+                "is missing: a protocol has tables [[task]]",
+            ));
+        }
+        let tasks: Vec<Task> =
+            (tasks.into_iter().map(|table| task(table, shape))).collect::<Result<_, _>>()?;
+        for (k, own) in tasks.iter().enumerate() {
+            if tasks[..k].iter().any(|other| other.name == own.name) {
+                let why = format!(
+                    "has two tasks named `{}`; give each `name` of its own",
+                    own.name
+                );
+                return Err(fault(root, "task", why));
+            }
+        }
+        Ok(Self {
+            title: root.string("title")?.map_or(usual.title, str::to_owned),
+            tasks,
+            training: match root.table("training")? {
+                Some(table) => training(table, usual.training)?,
+                None => usual.training,
+            },
+            order: match root.string("order")? {
+                None | Some("balanced") => Order::Balanced,
+                Some("given") => Order::Given,
+                Some("random") => Order::Random,
+                Some(_) => {
+                    return Err(fault(
+                        root,
+                        "order",
+                        "is none of \"balanced\", \"given\", \"random\"",
+                    ));
+                }
+            },
+            seed: whole(root, "seed", 0.0)?.map_or(usual.seed, |seed| seed as u64),
+            consent: root.string("consent")?.map_or(usual.consent, str::to_owned),
+        })
+    }
+
+    /// Measured runs in the order in which they are flown: the number of the task, and the sign of its targets.
+    pub fn runs(&self) -> Vec<(usize, f64)> {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        let count = self.tasks.len();
+        let most = self.tasks.iter().map(|task| task.runs).max().unwrap_or(0);
+        let mut all: Vec<usize> = match self.order {
+            Order::Given => (0..count)
+                .flat_map(|task| vec![task; self.tasks[task].runs])
+                .collect(),
+            Order::Balanced | Order::Random => (0..most)
+                .flat_map(|turn| (0..count).map(move |k| (turn, (turn + k) % count)))
+                .filter(|(turn, task)| *turn < self.tasks[*task].runs)
+                .map(|(_, task)| task)
+                .collect(),
+        };
+        if self.order == Order::Random {
+            for k in (1..all.len()).rev() {
+                all.swap(k, random.next_u32() as usize % (k + 1));
+            }
+        }
+        let mut sign =
+            |task: &usize| match self.tasks[*task].is_signed && random.next_u32() % 2 == 1 {
+                true => -1.0,
+                false => 1.0,
+            };
+        all.iter().map(|task| (*task, sign(task))).collect()
+    }
+}
+
+/// A target that stands still.
+fn step(shape: Shape<'_>, size: f64) -> Task {
+    let shown = format!("{size} {}", shape.unit);
+    Task {
+        name: format!("step-{size}"),
+        title: shown.clone(),
+        words: format!("Bring the vehicle to the marker, {shown} away, and hold it there"),
+        target: vec![Signal::Constant(size); shape.axes],
+        disturbance: vec![Signal::Constant(0.0); shape.axes],
+        seconds: 15.0,
+        run_in: 0.0,
+        rate: RATE,
+        display: Display::Scene,
+        runs: 3,
+        is_signed: false,
+        is_tracking: false,
+    }
+}
+
+/// Sines as target, on the stick, or both.
+fn sines(shape: Shape<'_>, target: Option<f64>, disturbance: Option<f64>) -> Task {
+    let of = |rms: Option<f64>, lines: &[u32], seed: u64| -> Vec<Signal> {
+        let axes = 0..shape.axes as u64;
+        axes.map(|axis| match rms {
+            Some(rms) => Signal::sines(lines, rms, seed + axis),
+            None => Signal::Constant(0.0),
+        })
+        .collect()
+    };
+    let (name, title, words) = match (target, disturbance) {
+        (Some(_), None) => (
+            "tracking",
+            "Tracking",
+            "Keep the vehicle on the marker, which moves",
+        ),
+        (None, _) => (
+            "disturbance",
+            "Holding",
+            "Hold the vehicle at the marker, whatever pushes it",
+        ),
+        (Some(_), Some(_)) => (
+            "both",
+            "Tracking in gusts",
+            "Keep the vehicle on the marker, which moves, whatever pushes it",
+        ),
+    };
+    Task {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        words: words.to_owned(),
+        target: of(target, &TARGET_LINES, 1),
+        disturbance: of(disturbance, &DISTURBANCE_LINES, 101),
+        seconds: RUN_IN + PERIOD,
+        run_in: RUN_IN,
+        rate: SINES_RATE,
+        display: match target {
+            Some(_) => Display::Pursuit,
+            None => Display::Compensatory,
+        },
+        runs: 2,
+        is_signed: false,
+        is_tracking: true,
+    }
+}
+
+fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
+    table.only(&[
+        "name",
+        "title",
+        "words",
+        "kind",
+        "target",
+        "disturbance",
+        "seconds",
+        "run_in",
+        "rate",
+        "display",
+        "runs",
+        "random_sign",
+        "seed",
+    ])?;
+    let [target, disturbance] = ["target", "disturbance"].map(|field| table.number(field));
+    let (target, disturbance) = (target?, disturbance?);
+    let usual = match table.required("kind", table.string("kind")?)? {
+        "step" => step(shape, table.required("target", target)?),
+        "sines" if target.is_none() && disturbance.is_none() => {
+            return Err(fault(
+                table,
+                "kind",
+                "\"sines\" wants target = RMS, or disturbance = RMS, or both",
+            ));
+        }
+        "sines" => sines(shape, target, disturbance),
+        _ => return Err(fault(table, "kind", "is neither \"step\" nor \"sines\"")),
+    };
+    if usual.target.iter().all(|own| *own == Signal::Constant(0.0)) && !usual.is_disturbed() {
+        return Err(fault(table, "target", "is 0: there is nothing to do"));
+    }
+    let is_tracking = usual.is_tracking;
+    let name = table
+        .string("name")?
+        .map_or(usual.name.clone(), str::to_owned);
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if name.is_empty() || name.starts_with(['.', '-']) || !name.chars().all(is_plain) {
+        return Err(fault(
+            table,
+            "name",
+            "names files: letters, digits, - and _ alone",
+        ));
+    }
+    let seconds = positive(table, "seconds")?.unwrap_or(usual.seconds);
+    let run_in = table.number("run_in")?.unwrap_or(usual.run_in);
+    if !(run_in >= 0.0 && run_in < seconds) {
+        return Err(fault(table, "run_in", "is not from 0 to `seconds`"));
+    }
+    if is_tracking && table.has("seconds") && (seconds - run_in) % PERIOD != 0.0 {
+        let why = format!("minus `run_in` is no multiple of the sines' period of {PERIOD} s");
+        return Err(fault(table, "seconds", why));
+    }
+    let rate = positive(table, "rate")?.unwrap_or(usual.rate);
+    if (1000.0 / rate).fract() != 0.0 {
+        return Err(fault(
+            table,
+            "rate",
+            "does not divide 1000, the steps per second",
+        ));
+    }
+    Ok(Task {
+        name,
+        title: table
+            .string("title")?
+            .map_or(usual.title.clone(), str::to_owned),
+        words: table
+            .string("words")?
+            .map_or(usual.words.clone(), str::to_owned),
+        seconds,
+        run_in,
+        rate,
+        display: match table.string("display")? {
+            None => usual.display,
+            Some("scene") => Display::Scene,
+            Some("compensatory") => Display::Compensatory,
+            Some("pursuit") => Display::Pursuit,
+            Some(_) => {
+                return Err(fault(
+                    table,
+                    "display",
+                    "is none of \"scene\", \"compensatory\", \"pursuit\"",
+                ));
+            }
+        },
+        runs: whole(table, "runs", 1.0)?.map_or(usual.runs, |runs| runs as usize),
+        is_signed: table.boolean("random_sign")?.unwrap_or(false),
+        ..usual
+    })
+}
+
+fn training(table: TomlTable<'_>, usual: Training) -> Result<Training, ProtocolError> {
+    table.only(&["least", "most", "improvement"])?;
+    let least = whole(table, "least", 0.0)?.map_or(usual.least, |least| least as usize);
+    let most = whole(table, "most", 0.0)?.map_or(usual.most.max(least), |most| most as usize);
+    if most < least {
+        return Err(fault(table, "most", "is less than `least`"));
+    }
+    let improvement = table.number("improvement")?.unwrap_or(usual.improvement);
+    if !(0.0..1.0).contains(&improvement) {
+        return Err(fault(table, "improvement", "is a part: from 0 to 1"));
+    }
+    Ok(Training {
+        least,
+        most,
+        improvement,
+    })
+}
+
+fn positive(table: TomlTable<'_>, field: &str) -> Result<Option<f64>, ProtocolError> {
+    match table.number(field)? {
+        Some(value) if !(value > 0.0 && value.is_finite()) => {
+            Err(fault(table, field, "is not above 0"))
+        }
+        value => Ok(value),
+    }
+}
+
+/// A whole number that is not less.
+fn whole(table: TomlTable<'_>, field: &str, least: f64) -> Result<Option<f64>, ProtocolError> {
+    const MOST: f64 = 1e6;
+    match table.number(field)? {
+        Some(value) if !((least..=MOST).contains(&value) && value.fract() == 0.0) => Err(fault(
+            table,
+            field,
+            format!("is no whole number from {least} to {MOST}"),
+        )),
+        value => Ok(value),
+    }
+}
+
+fn fault(table: TomlTable<'_>, field: &str, fault: impl Into<String>) -> ProtocolError {
+    ProtocolError::Value {
+        file: table.file().to_owned(),
+        line: table.line(field),
+        field: field.to_owned(),
+        fault: fault.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHAPE: Shape<'_> = Shape { axes: 1, unit: "m" };
+
+    #[test]
+    fn tasks_take_turns_and_each_turn_begins_with_another() {
+        let usual = Protocol::usual(SHAPE);
+        let tasks: Vec<usize> = usual.runs().iter().map(|run| run.0).collect();
+        assert_eq!(tasks, [0, 1, 2, 3, 1, 2, 3, 0, 0, 1]);
+        let random = Protocol {
+            order: Order::Random,
+            ..usual.clone()
+        };
+        let mut drawn: Vec<usize> = random.runs().iter().map(|run| run.0).collect();
+        assert_ne!(drawn, tasks);
+        drawn.sort_unstable();
+        assert_eq!(drawn, [0, 0, 0, 1, 1, 1, 2, 2, 3, 3]);
+    }
+
+    #[test]
+    fn training_is_over_when_the_error_does_not_fall() {
+        let training = Protocol::usual(SHAPE).training;
+        let cases: [(&[f64], bool); 6] = [
+            (&[], false),
+            (&[3.0], false),
+            (&[3.0, 2.0], false),
+            (&[3.0, 2.0, 1.95], true),
+            (&[3.0, 2.0, 2.5], true),
+            (&[6.0, 5.0, 4.0, 3.0, 2.0, 1.0], true),
+        ];
+        for (errors, is_over) in cases {
+            assert_eq!(training.is_over(errors), is_over, "{errors:?}");
+        }
+    }
+
+    #[test]
+    fn a_file_says_all_or_what_differs() {
+        let text = "title = \"two\"\norder = \"given\"\nseed = 7\n[training]\nleast = 0\nmost = 0\n[[task]]\nkind = \"step\"\ntarget = 5\n\
+                    seconds = 4\nruns = 2\nrandom_sign = true\n[[task]]\nname = \"gusts\"\nkind = \"sines\"\ndisturbance = 0.2\n";
+        let own = Protocol::parse(text, "p.toml", SHAPE).unwrap();
+        assert_eq!(
+            (own.title.as_str(), own.seed, own.tasks.len()),
+            ("two", 7, 2)
+        );
+        assert!(own.training.is_over(&[]));
+        assert_eq!(own.tasks[0].name, "step-5");
+        assert_eq!(own.tasks[0].targets(1.0, -1.0), [-5.0]);
+        assert_eq!(own.tasks[1].display, Display::Compensatory);
+        assert!(own.tasks[1].is_disturbed());
+        assert_eq!(own.runs().len(), 4);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_line() {
+        for (text, told) in [
+            ("", "p.toml:1: `task` is missing"),
+            ("[[task]]\nkind = \"hop\"", "p.toml:2: `kind` is neither"),
+            (
+                "[[task]]\nkind = \"sines\"",
+                "p.toml:2: `kind` \"sines\" wants target",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 0",
+                "p.toml:3: `target` is 0",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\nrate = 30",
+                "p.toml:4: `rate` does not divide",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\nname = \"../x\"",
+                "p.toml:4: `name` names files",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\nruns = 0",
+                "p.toml:4: `runs` is no whole number",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\nseconds = -1",
+                "p.toml:4: `seconds` is not above 0",
+            ),
+            (
+                "[[task]]\nkind = \"sines\"\ntarget = 5\nseconds = 20",
+                "p.toml:4: `seconds` minus `run_in`",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\n[[task]]\nkind = \"step\"\ntarget = 5",
+                "p.toml:1: `task` has two tasks named `step-5`",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntraget = 5",
+                "unknown field `traget`",
+            ),
+        ] {
+            let error = Protocol::parse(text, "p.toml", SHAPE)
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(told), "{error}");
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! What is kept of a run: a flight that `pilotage fit` takes, row by row on the disk as it comes, and a log of all steps.
+
+use crate::hand::Heard;
+use crate::run::{Flown, Table};
+use parquet::basic::Compression;
+use parquet::data_type::DoubleType;
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+
+/// Ends the name of a flight that goes on.
+pub const PART: &str = ".part";
+
+/// What the record says of a run, in the order of the lines at its top.
+pub type Header = Vec<(&'static str, String)>;
+
+/// A flight on the disk, which grows as rows come; a thread of its own writes, so that the disk does not hold the vehicle up.
+#[derive(Debug)]
+pub struct Growing {
+    path: PathBuf,
+    part: PathBuf,
+    rows: Sender<Vec<f64>>,
+    writer: JoinHandle<io::Result<()>>,
+}
+
+impl Growing {
+    /// Begins the file of a flight beside its name.
+    ///
+    /// # Errors
+    /// When it cannot be written, or somebody flies there already.
+    pub fn create(path: &Path, header: &Header, columns: &[(String, String)]) -> io::Result<Self> {
+        let part = with_ending(path, PART);
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&part)?;
+        file.write_all((head(header, columns)).as_bytes())?;
+        let (rows, came) = channel::<Vec<f64>>();
+        let writer = std::thread::spawn(move || {
+            // Each row by itself: a killed process loses none that came.
+            came.iter()
+                .try_for_each(|row| file.write_all(line(&row).as_bytes()))
+        });
+        Ok(Self {
+            path: path.to_owned(),
+            part,
+            rows,
+            writer,
+        })
+    }
+
+    /// A row. Where the disk is full, the end tells.
+    pub fn row(&self, row: &[f64]) {
+        let _ = self.rows.send(row.to_vec());
+    }
+
+    /// The whole flight in its place, with what is known of it in the end.
+    ///
+    /// # Errors
+    /// When it cannot be written; what came until then is in the part.
+    pub fn finish(
+        self,
+        path: Option<&Path>,
+        header: &Header,
+        table: &Table,
+    ) -> io::Result<PathBuf> {
+        drop(self.rows);
+        self.writer.join().unwrap_or(Ok(()))?;
+        let path = path.unwrap_or(&self.path);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        let mut text = head(header, &table.names);
+        for k in 0..table.len() {
+            text += &line(&table.row(k));
+        }
+        let whole = with_ending(path, ".whole");
+        std::fs::write(&whole, text)?;
+        std::fs::rename(&whole, path)?;
+        std::fs::remove_file(&self.part)?;
+        Ok(path.to_owned())
+    }
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}
+
+fn head(header: &Header, columns: &[(String, String)]) -> String {
+    let lines = header
+        .iter()
+        .map(|(key, value)| format!("# {key}: {value}\n"));
+    let columns: Vec<String> = columns
+        .iter()
+        .map(|(name, unit)| format!("{name} [{unit}]"))
+        .collect();
+    lines.collect::<String>() + &columns.join(",") + "\n"
+}
+
+fn line(row: &[f64]) -> String {
+    let cells: Vec<String> = row.iter().map(|value| short(*value)).collect();
+    cells.join(",") + "\n"
+}
+
+/// Nine digits: of more there are none in what a person does.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.8e}").parse::<f64>().unwrap_or(value);
+    format!("{}", rounded + 0.0)
+}
+
+/// Flights of the folder that were begun and have no end: somebody pulled the plug.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn unfinished(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.to_string_lossy().ends_with(&format!(".csv{PART}")) {
+            all.push(path);
+        }
+    }
+    all.sort();
+    Ok(all)
+}
+
+/// Writes all steps and all frames of a run, each a Parquet file: `NAME.parquet` and `NAME.frames.parquet`.
+///
+/// # Errors
+/// When they cannot be written.
+pub fn logs(folder: &Path, name: &str, header: &Header, flown: &Flown) -> io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let write = |ending: &str, table: &Table| {
+        let path = folder.join(format!("{name}{ending}.parquet"));
+        parquet(&path, header, table)
+            .map_err(|error| io::Error::other(format!("{}: {error}", path.display())))
+    };
+    write("", &flown.log)?;
+    write(".frames", &frames(&flown.heard))
+}
+
+/// The frames of the page: number, page time, arrival, deflection, whether it was seen, and what was drawn when.
+fn frames(heard: &Heard) -> Table {
+    let axes = heard
+        .frames
+        .first()
+        .map_or(0, |frame| frame.input.stick.len());
+    let sticks = (1..=axes).map(|axis| format!("hand{axis}"));
+    let names = ["n", "page_time", "arrival", "frame", "seen"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(sticks);
+    let unit = |name: &str| match name {
+        "page_time" | "frame" => "ms",
+        "arrival" => "s",
+        _ => "1",
+    };
+    let names: Vec<(String, String)> = names
+        .map(|name| (name.clone(), unit(&name).to_owned()))
+        .collect();
+    let of = |own: &dyn Fn(&crate::hand::Frame) -> f64| {
+        heard.frames.iter().map(own).collect::<Vec<f64>>()
+    };
+    let mut columns = vec![
+        of(&|own| own.input.n as f64),
+        of(&|own| own.input.t),
+        of(&|own| own.time),
+        of(&|own| own.input.frame),
+        of(&|own| f64::from(u8::from(own.input.seen))),
+    ];
+    columns.extend((0..axes).map(|axis| of(&|own| own.input.stick[axis])));
+    Table { names, columns }
+}
+
+fn parquet(path: &Path, header: &Header, table: &Table) -> Result<(), ParquetError> {
+    let fields: String = (table.names.iter())
+        .map(|(name, unit)| format!("REQUIRED DOUBLE {}; ", field(name, unit)))
+        .collect();
+    let schema = Arc::new(parse_message_type(&format!(
+        "message flight {{ {fields}}}"
+    ))?);
+    let told = header
+        .iter()
+        .map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone()));
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::UNCOMPRESSED)
+        .set_key_value_metadata(Some(told.collect()))
+        .build();
+    let part = with_ending(path, PART);
+    let mut writer = SerializedFileWriter::new(File::create(&part)?, schema, Arc::new(properties))?;
+    let mut rows = writer.next_row_group()?;
+    for values in &table.columns {
+        if let Some(mut column) = rows.next_column()? {
+            column
+                .typed::<DoubleType>()
+                .write_batch(values, None, None)?;
+            column.close()?;
+        }
+    }
+    rows.close()?;
+    writer.close()?;
+    std::fs::rename(&part, path)?;
+    Ok(())
+}
+
+/// A column's name with its unit: letters, digits and underscores, as a schema has them.
+fn field(name: &str, unit: &str) -> String {
+    let both = match unit {
+        "1" => name.to_owned(),
+        _ => format!("{name}_{unit}"),
+    };
+    both.replace(|c: char| !c.is_ascii_alphanumeric(), "_")
+}

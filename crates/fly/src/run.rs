@@ -1,0 +1,381 @@
+//! One run: the vehicle in real time, with the hand on its stick.
+
+use crate::beside::Beside;
+use crate::craft::{Craft, CraftError, Flying, STEP, STEPS};
+use crate::distribution::Distribution;
+use crate::hand::{Hand, Heard};
+use crate::task::Task;
+use std::time::{Duration, Instant};
+
+/// States per second that are shown.
+const SHOWN: u32 = 120;
+/// So late a step is too late: the run does not count.
+const LATE: Duration = Duration::from_millis(50);
+/// So late, and the run ends: the computer does not keep up.
+const HOPELESS: Duration = Duration::from_secs(2);
+
+/// What is shown of a run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct State {
+    /// Time from the run's begin \[s\].
+    pub time: f64,
+    /// Time that is left \[s\].
+    pub left: f64,
+    /// Position of each axis.
+    pub positions: Vec<f64>,
+    /// Angle of each axis \[rad\].
+    pub tilts: Vec<f64>,
+    /// Target of each axis.
+    pub targets: Vec<f64>,
+    /// Deflection of the hand, -1 to 1.
+    pub hand: Vec<f64>,
+    /// Number of the last input frame that it had seen, and that frame's page time \[ms\].
+    pub seen: (u64, f64),
+    /// Positions of the model that flies beside, if one does.
+    pub beside: Vec<f64>,
+}
+
+/// A table of numbers, by columns.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Name and unit of each column.
+    pub names: Vec<(String, String)>,
+    /// Its values.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Table {
+    fn new(names: Vec<(String, String)>) -> Self {
+        let columns = vec![Vec::new(); names.len()];
+        Self { names, columns }
+    }
+
+    fn push(&mut self, row: impl IntoIterator<Item = f64>) {
+        for (column, value) in self.columns.iter_mut().zip(row) {
+            column.push(value);
+        }
+    }
+
+    /// A row.
+    pub fn row(&self, k: usize) -> Vec<f64> {
+        self.columns.iter().map(|column| column[k]).collect()
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// A run that has been flown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flown {
+    /// The flight: time, target, position and stick of each axis, disturbances, and what else the vehicle says.
+    pub flight: Table,
+    /// Every step.
+    pub log: Table,
+    /// What came from the hand.
+    pub heard: Heard,
+    /// How late steps began \[ms\].
+    pub lateness: Distribution,
+    /// From a frame's arrival to the first step with it \[ms\].
+    pub to_state: Distribution,
+    /// Root mean square distance to the target after the run-in, over all axes.
+    pub rms: f64,
+    /// How long it took \[s\].
+    pub seconds: f64,
+    /// Why it ended before its time, if it did.
+    pub ended: Option<String>,
+}
+
+impl Flown {
+    /// Why it does not count, if it does not.
+    pub fn fault(&self) -> Option<String> {
+        let late = Duration::from_secs_f64(self.lateness.most / 1e3);
+        let slow = || format!("the simulation was late by {:.0} ms", self.lateness.most);
+        let heard = || self.heard.fault(self.seconds);
+        self.ended
+            .clone()
+            .or_else(heard)
+            .or_else(|| (late > LATE).then(slow))
+    }
+}
+
+/// Who listens to a run.
+pub trait Listener {
+    /// A state to be shown.
+    fn state(&mut self, state: State);
+    /// A row of the flight.
+    fn row(&mut self, row: &[f64]);
+    /// Why it has to end now, if it has.
+    fn stop(&mut self) -> Option<String>;
+}
+
+/// Columns of a flight.
+pub fn columns(craft: &Craft, task: &Task) -> Vec<(String, String)> {
+    let mut all = vec![("time".to_owned(), "s".to_owned())];
+    for (axis, (stick, position)) in craft.sticks.iter().zip(&craft.positions).enumerate() {
+        let called = |name: &str| match axis {
+            0 => name.to_owned(),
+            _ => format!("{name}{}", axis + 1),
+        };
+        all.push((called("target"), position.unit.clone()));
+        all.push((called("position"), position.unit.clone()));
+        all.push((called("stick"), stick.signal.unit.clone()));
+        if task.is_disturbed() {
+            all.push((called("disturbance"), stick.signal.unit.clone()));
+        }
+    }
+    let others = craft.others.iter();
+    all.extend(others.map(|own| (own.name.clone(), own.unit.clone())));
+    all
+}
+
+/// Columns of the log, beside those of the flight.
+fn of_log(columns: &[(String, String)]) -> Vec<(String, String)> {
+    let own = [
+        ("late", "ms"),
+        ("input", "1"),
+        ("input_time", "ms"),
+        ("input_age", "ms"),
+    ];
+    let own = own.map(|(name, unit)| (name.to_owned(), unit.to_owned()));
+    columns.iter().cloned().chain(own).collect()
+}
+
+/// What acts on the vehicle at a time, and what is recorded of it.
+struct Acting {
+    targets: Vec<f64>,
+    sticks: Vec<f64>,
+    disturbances: Vec<f64>,
+    inputs: Vec<f64>,
+}
+
+impl Acting {
+    fn at(time: f64, hand: &[f64], craft: &Craft, task: &Task, sign: f64, origin: &[f64]) -> Self {
+        let pushed = task.disturbances(time);
+        let both: Vec<f64> = hand
+            .iter()
+            .zip(&pushed)
+            .map(|(hand, push)| hand + push)
+            .collect();
+        let (sticks, inputs) = (craft.inputs(hand), craft.inputs(&both));
+        let targets = task.targets(time, sign);
+        Self {
+            targets: targets
+                .iter()
+                .zip(origin)
+                .map(|(target, origin)| origin + target)
+                .collect(),
+            disturbances: inputs
+                .iter()
+                .zip(&sticks)
+                .map(|(all, own)| all - own)
+                .collect(),
+            sticks,
+            inputs,
+        }
+    }
+
+    fn row(&self, time: f64, positions: &[f64], others: &[f64], is_disturbed: bool) -> Vec<f64> {
+        let mut row = vec![time];
+        for axis in 0..positions.len() {
+            row.extend([self.targets[axis], positions[axis], self.sticks[axis]]);
+            row.extend(is_disturbed.then_some(self.disturbances[axis]));
+        }
+        row.extend(others);
+        row
+    }
+}
+
+/// Flies a run in real time.
+///
+/// # Errors
+/// When the vehicle fails before it has begun; what fails later ends the run, which keeps what it has.
+pub fn fly(
+    craft: &Craft,
+    task: &Task,
+    sign: f64,
+    hand: &Hand,
+    beside: Option<&mut Beside>,
+    listener: &mut dyn Listener,
+) -> Result<Flown, CraftError> {
+    let mut flying = craft.begin()?;
+    let origin = craft.origin_positions.clone();
+    let flight = Table::new(columns(craft, task));
+    let mut run = Run {
+        log: Table::new(of_log(&flight.names)),
+        flight,
+        late: Vec::new(),
+        to_state: Vec::new(),
+        squares: (0.0, 0),
+        craft,
+        task,
+        sign,
+        origin,
+    };
+    let begun = Instant::now();
+    hand.begin(begun);
+    let (time, ended) = run.go(&mut flying, begun, hand, beside, listener);
+    let heard = hand.end();
+    let (sum, count) = run.squares;
+    Ok(Flown {
+        flight: run.flight,
+        log: run.log,
+        heard,
+        lateness: Distribution::of(run.late),
+        to_state: Distribution::of(run.to_state),
+        rms: (sum / count.max(1) as f64).sqrt(),
+        seconds: time,
+        ended,
+    })
+}
+
+/// What a run keeps.
+struct Run<'r> {
+    flight: Table,
+    log: Table,
+    late: Vec<f64>,
+    to_state: Vec<f64>,
+    squares: (f64, usize),
+    craft: &'r Craft,
+    task: &'r Task,
+    sign: f64,
+    origin: Vec<f64>,
+}
+
+impl Run<'_> {
+    /// Steps until the end; the time that it came to, and why that was early.
+    fn go(
+        &mut self,
+        flying: &mut Flying,
+        begun: Instant,
+        hand: &Hand,
+        mut beside: Option<&mut Beside>,
+        listener: &mut dyn Listener,
+    ) -> (f64, Option<String>) {
+        let steps = (self.task.seconds * f64::from(STEPS)).round() as u32;
+        let (per_row, per_state) = ((f64::from(STEPS) / self.task.rate) as u32, STEPS / SHOWN);
+        let mut held = vec![0.0; self.craft.axes()];
+        let (mut last, mut positions_beside) = (0, Vec::new());
+        for k in 0..=steps {
+            let time = f64::from(k) * STEP;
+            let due = begun + Duration::from_millis(u64::from(k) * 1000 / u64::from(STEPS));
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            let late = due.elapsed();
+            if late > HOPELESS {
+                return (
+                    time,
+                    Some("the computer did not keep up with the vehicle".to_owned()),
+                );
+            }
+            let (n, at, age) = hand.read(&mut held);
+            let acting = Acting::at(time, &held, self.craft, self.task, self.sign, &self.origin);
+            let seen = match see(flying) {
+                Ok(seen) => seen,
+                Err(error) => return (time, Some(self.craft.failed(error).to_string())),
+            };
+            let age = 1e3 * age.as_secs_f64();
+            if n != last {
+                last = n;
+                self.to_state.push(age);
+            }
+            let row = acting.row(
+                time,
+                &seen.positions,
+                &seen.others,
+                self.task.is_disturbed(),
+            );
+            self.late.push(1e3 * late.as_secs_f64());
+            self.log.push(
+                row.iter()
+                    .copied()
+                    .chain([1e3 * late.as_secs_f64(), n as f64, at, age]),
+            );
+            if k % per_row == 0 {
+                self.flight.push(row.iter().copied());
+                listener.row(&row);
+            }
+            self.measure(time, &acting, &seen.positions);
+            if let Some(own) = &mut beside {
+                match own.step(time, &acting.targets, &acting.disturbances) {
+                    Ok(positions) => positions_beside = positions,
+                    Err(error) => return (time, Some(format!("the model beside: {error}"))),
+                }
+            }
+            if k % per_state == 0 {
+                listener.state(State {
+                    time,
+                    left: self.task.seconds - time,
+                    positions: seen.positions,
+                    tilts: seen.tilts,
+                    targets: acting.targets.clone(),
+                    hand: held.clone(),
+                    seen: (n, at),
+                    beside: positions_beside.clone(),
+                });
+                if let Some(why) = listener.stop() {
+                    return (time, Some(why));
+                }
+            }
+            if k < steps
+                && let Err(error) = flying.step(time, &acting.inputs)
+            {
+                return (time, Some(self.craft.failed(error).to_string()));
+            }
+        }
+        (self.task.seconds, None)
+    }
+
+    fn measure(&mut self, time: f64, acting: &Acting, positions: &[f64]) {
+        if time >= self.task.run_in {
+            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
+            self.squares.0 += errors.map(|error| error * error).sum::<f64>();
+            self.squares.1 += 1;
+        }
+    }
+}
+
+/// What is seen of a vehicle.
+struct Seen {
+    positions: Vec<f64>,
+    tilts: Vec<f64>,
+    others: Vec<f64>,
+}
+
+fn see(flying: &mut Flying) -> Result<Seen, pilotage_cosim::component::ComponentError> {
+    Ok(Seen {
+        positions: flying.positions()?,
+        tilts: flying.tilts()?,
+        others: flying.others()?,
+    })
+}
+
+/// The root mean square distance to the target of somebody who lets go of the stick: what a score is measured by.
+///
+/// # Errors
+/// When the vehicle fails.
+pub fn idle(craft: &Craft, task: &Task, sign: f64) -> Result<f64, CraftError> {
+    let failed = |source| craft.failed(source);
+    let mut flying = craft.begin()?;
+    let origin = craft.origin_positions.clone();
+    let hand = vec![0.0; craft.axes()];
+    let (mut sum, mut count) = (0.0, 0.0);
+    for k in 0..(task.seconds * f64::from(STEPS)) as u32 {
+        let time = f64::from(k) * STEP;
+        let acting = Acting::at(time, &hand, craft, task, sign, &origin);
+        if time >= task.run_in {
+            let positions = flying.positions().map_err(failed)?;
+            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
+            sum += errors.map(|error| error * error).sum::<f64>();
+            count += 1.0;
+        }
+        flying.step(time, &acting.inputs).map_err(failed)?;
+    }
+    Ok((sum / f64::max(count, 1.0)).sqrt())
+}

@@ -1,0 +1,407 @@
+//! The page and its socket, on this computer alone: a token in the address, Host and Origin checked, messages small and not
+//! too many, one page with the stick.
+
+use crate::hand::Hand;
+use crate::message::{FromPage, ToPage};
+use crate::session::{Board, Command};
+use axum::Router;
+use axum::body::Body;
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Path as UrlPath, Query, State};
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde::Deserialize;
+use std::net::SocketAddr;
+use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::net::TcpListener;
+use tokio::sync::{Notify, broadcast};
+
+/// The page, in the executable.
+const FILES: [(&str, &str, &str); 7] = [
+    (
+        "",
+        "text/html; charset=utf-8",
+        include_str!("../page/index.html"),
+    ),
+    (
+        "style.css",
+        "text/css; charset=utf-8",
+        include_str!("../page/style.css"),
+    ),
+    ("main.js", SCRIPT, include_str!("../page/main.js")),
+    ("socket.js", SCRIPT, include_str!("../page/socket.js")),
+    ("sticks.js", SCRIPT, include_str!("../page/sticks.js")),
+    ("scene.js", SCRIPT, include_str!("../page/scene.js")),
+    ("panel.js", SCRIPT, include_str!("../page/panel.js")),
+];
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+/// Largest message of a page \[bytes\].
+const LARGEST: usize = 4096;
+/// Most messages of a page per second: twice what the fastest display sends, and what was drawn.
+const RATE: u32 = 600;
+/// Messages that are nonsense, after which a page is sent away.
+const NONSENSE: u32 = 20;
+/// Between two measurements of the round trip.
+const PING: Duration = Duration::from_millis(500);
+
+/// What every request sees.
+struct Shared {
+    token: String,
+    hosts: Vec<String>,
+    board: Arc<Board>,
+    hand: Arc<Hand>,
+    commands: Mutex<Sender<Command>>,
+    /// The page that has the stick; 0 for none.
+    writer: AtomicU64,
+    pages: AtomicU64,
+    changed: Notify,
+    made: PathBuf,
+}
+
+/// Where a server listens, and who may come.
+#[derive(Debug)]
+pub struct Server {
+    /// Of this address.
+    pub listener: TcpListener,
+    /// Without it nobody is let in.
+    pub token: String,
+    /// Names by which it is called, with ports; where it is bound elsewhere than to this computer, others are taken too.
+    pub is_open: bool,
+    /// Files that jobs have made.
+    pub made: PathBuf,
+}
+
+/// A token that nobody guesses.
+///
+/// # Errors
+/// When the system has no random numbers.
+pub fn token() -> std::io::Result<String> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes).map_err(|error| std::io::Error::other(error.to_string()))?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+impl Server {
+    /// Where the page is.
+    ///
+    /// # Errors
+    /// When the listener has no address.
+    pub fn address(&self) -> std::io::Result<String> {
+        Ok(format!(
+            "http://{}/?token={}",
+            self.listener.local_addr()?,
+            self.token
+        ))
+    }
+
+    /// Serves until `until` is done.
+    ///
+    /// # Errors
+    /// When the listener fails.
+    pub async fn serve(
+        self,
+        board: Arc<Board>,
+        hand: Arc<Hand>,
+        commands: Sender<Command>,
+        until: impl Future<Output = ()> + Send + 'static,
+    ) -> std::io::Result<()> {
+        let address = self.listener.local_addr()?;
+        let shared = Arc::new(Shared {
+            token: self.token,
+            hosts: if self.is_open {
+                Vec::new()
+            } else {
+                hosts(address)
+            },
+            board,
+            hand,
+            commands: Mutex::new(commands),
+            writer: AtomicU64::new(0),
+            pages: AtomicU64::new(0),
+            changed: Notify::new(),
+            made: self.made,
+        });
+        let router = Router::new()
+            .route("/", get(page))
+            .route("/{file}", get(file))
+            .route("/made/{*file}", get(made))
+            .route("/socket", get(socket))
+            .with_state(shared);
+        axum::serve(self.listener, router)
+            .with_graceful_shutdown(until)
+            .await
+    }
+}
+
+/// How this computer is called by itself.
+fn hosts(address: SocketAddr) -> Vec<String> {
+    let port = address.port();
+    let mut names = vec![address.to_string()];
+    names.extend([
+        format!("localhost:{port}"),
+        format!("127.0.0.1:{port}"),
+        format!("[::1]:{port}"),
+    ]);
+    names
+}
+
+/// The token of an address.
+#[derive(Deserialize)]
+struct Asked {
+    token: Option<String>,
+}
+
+/// Why somebody is not let in.
+fn refused(words: &'static str) -> Response {
+    (StatusCode::FORBIDDEN, format!("{words}\n")).into_response()
+}
+
+impl Shared {
+    /// Whether a request comes by our name: another name that leads here is somebody else's page.
+    fn is_ours(&self, headers: &HeaderMap) -> bool {
+        let host = headers
+            .get(header::HOST)
+            .and_then(|host| host.to_str().ok());
+        host.is_some_and(|host| self.hosts.is_empty() || self.hosts.iter().any(|own| own == host))
+    }
+
+    /// Whether a socket is asked for by our own page.
+    fn is_own_page(&self, headers: &HeaderMap) -> bool {
+        let of = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
+        match (of(header::ORIGIN), of(header::HOST)) {
+            (Some(origin), Some(host)) => origin.strip_prefix("http://") == Some(host),
+            // No browser.
+            (None, _) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether the token is right; how long the comparison takes tells nothing of it.
+    fn knows(&self, asked: &Asked) -> bool {
+        let (own, given) = (
+            self.token.as_bytes(),
+            asked.token.as_deref().unwrap_or("").as_bytes(),
+        );
+        let differ = own.iter().zip(given).fold(0, |sum, (a, b)| sum | (a ^ b));
+        own.len() == given.len() && differ == 0
+    }
+
+    fn send(&self, command: Command) {
+        let commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
+        // The session has ended, and the server is about to.
+        let _ = commands.send(command);
+    }
+}
+
+async fn page(
+    State(shared): State<Arc<Shared>>,
+    Query(asked): Query<Asked>,
+    headers: HeaderMap,
+) -> Response {
+    match shared.is_ours(&headers) && shared.knows(&asked) {
+        true => embedded("", &headers),
+        false => refused(
+            "The address has no token, or an old one: take the one that pilotage fly has printed.",
+        ),
+    }
+}
+
+async fn file(
+    State(shared): State<Arc<Shared>>,
+    UrlPath(name): UrlPath<String>,
+    headers: HeaderMap,
+) -> Response {
+    match shared.is_ours(&headers) {
+        true => embedded(&name, &headers),
+        false => refused("another name for this computer"),
+    }
+}
+
+/// A file of the page. It loads nothing from elsewhere, and nothing in it runs that is not ours.
+fn embedded(name: &str, headers: &HeaderMap) -> Response {
+    let Some((_, kind, text)) = FILES.iter().find(|own| own.0 == name) else {
+        return (StatusCode::NOT_FOUND, "no such file\n").into_response();
+    };
+    let host = headers
+        .get(header::HOST)
+        .and_then(|host| host.to_str().ok())
+        .unwrap_or("");
+    let policy = format!(
+        "default-src 'self'; connect-src 'self' ws://{host}; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'"
+    );
+    let told = [
+        (header::CONTENT_TYPE, (*kind).to_owned()),
+        (header::CONTENT_SECURITY_POLICY, policy),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::REFERRER_POLICY, "no-referrer".to_owned()),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
+    ];
+    (told, *text).into_response()
+}
+
+/// What a job has made.
+async fn made(
+    State(shared): State<Arc<Shared>>,
+    UrlPath(name): UrlPath<String>,
+    Query(asked): Query<Asked>,
+    headers: HeaderMap,
+) -> Response {
+    if !shared.is_ours(&headers) || !shared.knows(&asked) {
+        return refused("the address has no token");
+    }
+    let is_below = Path::new(&name)
+        .components()
+        .all(|part| matches!(part, Component::Normal(_)));
+    let read = || std::fs::read(shared.made.join(&name)).ok();
+    let Some(bytes) = is_below.then(read).flatten() else {
+        return (StatusCode::NOT_FOUND, "no such file\n").into_response();
+    };
+    let kind = match name.rsplit('.').next() {
+        Some("html") => "text/html; charset=utf-8",
+        Some("toml" | "csv" | "txt") => "text/plain; charset=utf-8",
+        _ => "application/octet-stream",
+    };
+    ([(header::CONTENT_TYPE, kind)], Body::from(bytes)).into_response()
+}
+
+async fn socket(
+    State(shared): State<Arc<Shared>>,
+    Query(asked): Query<Asked>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    if !shared.is_ours(&headers) || !shared.is_own_page(&headers) || !shared.knows(&asked) {
+        return refused("not of this page");
+    }
+    let upgrade = upgrade.max_message_size(LARGEST).max_frame_size(LARGEST);
+    upgrade.on_upgrade(move |socket| async move {
+        let page = shared.pages.fetch_add(1, Ordering::Relaxed) + 1;
+        talk(socket, page, &shared).await;
+        let was_writer = shared
+            .writer
+            .compare_exchange(page, 0, Ordering::AcqRel, Ordering::Acquire)
+            .is_ok();
+        if was_writer {
+            shared.hand.lose();
+            shared.changed.notify_waiters();
+        }
+    })
+}
+
+/// What a page has sent, counted.
+struct Patience {
+    since: Instant,
+    messages: u32,
+    nonsense: u32,
+}
+
+impl Patience {
+    /// Whether one more is too much.
+    fn is_over(&mut self) -> bool {
+        if self.since.elapsed() > Duration::from_secs(1) {
+            (self.since, self.messages) = (Instant::now(), 0);
+        }
+        self.messages += 1;
+        self.messages > RATE
+    }
+}
+
+/// One page, until it goes.
+async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
+    let (first, mut messages, mut states) = shared.board.listen();
+    let mut has_stick = shared
+        .writer
+        .compare_exchange(0, page, Ordering::AcqRel, Ordering::Acquire)
+        .is_ok();
+    for text in first {
+        if say(&mut socket, &text).await.is_err() {
+            return;
+        }
+    }
+    if !has_stick && taken(&mut socket).await.is_err() {
+        return;
+    }
+    let mut pings = tokio::time::interval(PING);
+    let mut pinged = Instant::now();
+    let mut patience = Patience {
+        since: Instant::now(),
+        messages: 0,
+        nonsense: 0,
+    };
+    loop {
+        tokio::select! {
+            came = socket.recv() => match came {
+                Some(Ok(Message::Text(text))) => {
+                    if patience.is_over() || patience.nonsense > NONSENSE {
+                        return;
+                    }
+                    match serde_json::from_str::<FromPage>(&text) {
+                        Ok(FromPage::Take) => {
+                            shared.writer.store(page, Ordering::Release);
+                            has_stick = true;
+                            shared.changed.notify_waiters();
+                        }
+                        Ok(message) if has_stick => patience.nonsense += u32::from(!hear(shared, message)),
+                        // Of a page that only watches, nothing is heard.
+                        Ok(_) => {}
+                        Err(_) => patience.nonsense += 1,
+                    }
+                }
+                Some(Ok(Message::Pong(_))) if has_stick => shared.hand.round_trip(pinged.elapsed()),
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => {}
+            },
+            said = messages.recv() => match said {
+                Ok(text) => if say(&mut socket, &text).await.is_err() { return },
+                Err(broadcast::error::RecvError::Lagged(_)) => {}
+                Err(broadcast::error::RecvError::Closed) => return,
+            },
+            moved = states.changed() => {
+                let state = ToPage::State(states.borrow_and_update().as_ref().clone());
+                let text = serde_json::to_string(&state).unwrap_or_default();
+                if moved.is_err() || say(&mut socket, &text).await.is_err() { return }
+            }
+            _ = pings.tick() => {
+                pinged = Instant::now();
+                if socket.send(Message::Ping(Vec::new().into())).await.is_err() { return }
+            }
+            () = shared.changed.notified() => {
+                let writer = shared.writer.load(Ordering::Acquire);
+                if has_stick && writer != page {
+                    has_stick = false;
+                    if taken(&mut socket).await.is_err() { return }
+                }
+            }
+        }
+    }
+}
+
+/// Hands on what a page with the stick says; false where it is nonsense.
+fn hear(shared: &Shared, message: FromPage) -> bool {
+    match message {
+        FromPage::Input(input) => shared.hand.take(input),
+        FromPage::Shown { t, seen, at } => {
+            shared.hand.shown(t, seen, at);
+            true
+        }
+        other => {
+            shared.send(Command::Page(other));
+            true
+        }
+    }
+}
+
+async fn say(socket: &mut WebSocket, text: &str) -> Result<(), axum::Error> {
+    socket.send(Message::Text(text.into())).await
+}
+
+async fn taken(socket: &mut WebSocket) -> Result<(), axum::Error> {
+    let words = "Another page has the stick; this one watches.".to_owned();
+    let text = serde_json::to_string(&ToPage::Taken { words }).unwrap_or_default();
+    say(socket, &text).await
+}

@@ -1,0 +1,747 @@
+//! A person's session: who flies, training, measured runs one after the other, and what comes of them.
+
+use crate::beside::Beside;
+use crate::craft::Craft;
+use crate::hand::{Device, Hand, Heard};
+use crate::message::{
+    AxisMessage, FromPage, Hello, JobKind, Phase, PhaseKind, ProtocolMessage, Recorded,
+    ResultMessage, StateMessage, TaskMessage, ToPage, VehicleMessage,
+};
+use crate::protocol::Protocol;
+use crate::record::{self, Growing, Header};
+use crate::run::{self, Flown, Listener, State, columns};
+use crate::task::{Signal, Task};
+use pilotage_cosim::Component;
+use pilotage_cosim::component::ComponentError;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{broadcast, watch};
+
+/// Seconds from "go" to the run.
+const COUNTDOWN: u32 = 3;
+/// Between two states while nothing flies.
+const IDLE: Duration = Duration::from_millis(33);
+/// Folder of runs that do not count, of training, of logs, and of runs beside a model.
+const INVALID: &str = "invalid";
+const TRAINING: &str = "training";
+const LOGS: &str = "full-rate";
+const AGAINST: &str = "against";
+/// Drawn size of a vehicle over the farthest target.
+const SIZE: f64 = 0.06;
+
+/// What comes to the session.
+#[derive(Debug)]
+pub enum Command {
+    /// Of the page that has the stick.
+    Page(FromPage),
+    /// The end of it all.
+    Quit,
+}
+
+/// What is known of the session, for pages that come later.
+#[derive(Debug)]
+pub struct Board {
+    messages: broadcast::Sender<Arc<str>>,
+    states: watch::Sender<Arc<StateMessage>>,
+    known: Mutex<(Hello, Phase)>,
+}
+
+impl Board {
+    /// A page listens: what it has to know at once, what is said from now on, and where the vehicle is.
+    pub fn listen(
+        &self,
+    ) -> (
+        Vec<Arc<str>>,
+        broadcast::Receiver<Arc<str>>,
+        watch::Receiver<Arc<StateMessage>>,
+    ) {
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let (hello, phase) = known.clone();
+        let first = [ToPage::Hello(Box::new(hello)), ToPage::Phase(phase)];
+        (
+            first.iter().map(text).collect(),
+            self.messages.subscribe(),
+            self.states.subscribe(),
+        )
+    }
+
+    /// Says something to all pages.
+    pub fn say(&self, message: &ToPage) {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        match message {
+            ToPage::Phase(phase) => known.1 = phase.clone(),
+            ToPage::Can { can } => known.0.can.clone_from(can),
+            _ => {}
+        }
+        // Nobody listens: whoever comes is told.
+        let _ = self.messages.send(text(message));
+    }
+
+    fn recorded(&self, own: Recorded) {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        known.0.recorded.push(own);
+    }
+
+    fn show(&self, state: StateMessage) {
+        self.states.send_replace(Arc::new(state));
+    }
+}
+
+/// A message as text.
+fn text(message: &ToPage) -> Arc<str> {
+    // Numbers and strings: there is nothing that has no JSON.
+    serde_json::to_string(message).unwrap_or_default().into()
+}
+
+/// What the session asks others to do.
+pub trait Works: Send {
+    /// Which jobs can be asked for, with so many valid flights of this person.
+    fn can(&self, valid: usize) -> Vec<JobKind>;
+    /// Begins one; it tells the board itself.
+    fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>);
+    /// The pilot of the person, if one was identified.
+    fn pilot(&self, subject: &str) -> Option<Result<Box<dyn Component>, ComponentError>>;
+}
+
+/// Where flights go, and what is said of them.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Version, machine and whatever else stands at the top of each flight.
+    pub header: Header,
+}
+
+/// A session.
+pub struct Session {
+    craft: Craft,
+    protocol: Protocol,
+    place: Place,
+    hand: Arc<Hand>,
+    board: Arc<Board>,
+    commands: Receiver<Command>,
+    works: Box<dyn Works>,
+    subject: String,
+    device: Option<Device>,
+    calibration: String,
+    /// Of each task, the rms errors of its training.
+    trained: Vec<Vec<f64>>,
+    best: Vec<f64>,
+    valid: usize,
+    beside: Option<Beside>,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session")
+            .field("craft", &self.craft)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What is flown next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Next {
+    task: usize,
+    sign: f64,
+    run: usize,
+    of: Option<usize>,
+    purpose: Purpose,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Training,
+    Measured,
+    Against,
+}
+
+/// The end was asked for.
+struct Quit;
+
+impl Session {
+    /// A session of that vehicle and protocol, and the board on which it tells what goes on.
+    pub fn new(
+        craft: Craft,
+        protocol: Protocol,
+        place: Place,
+        hand: Arc<Hand>,
+        commands: Receiver<Command>,
+        works: Box<dyn Works>,
+    ) -> (Self, Arc<Board>) {
+        let hello = hello(&craft, &protocol, &place);
+        let welcome = Phase {
+            phase: PhaseKind::Welcome,
+            task: 0,
+            run: 1,
+            of: None,
+            training: false,
+            words: protocol.title.clone(),
+            seconds: None,
+            result: None,
+        };
+        let board = Arc::new(Board {
+            messages: broadcast::channel(64).0,
+            states: watch::channel(Arc::default()).0,
+            known: Mutex::new((hello, welcome)),
+        });
+        let tasks = protocol.tasks.len();
+        let own = Self {
+            craft,
+            protocol,
+            place,
+            hand,
+            board: board.clone(),
+            commands,
+            works,
+            subject: String::new(),
+            device: None,
+            calibration: String::new(),
+            trained: vec![Vec::new(); tasks],
+            best: vec![f64::INFINITY; tasks],
+            valid: 0,
+            beside: None,
+        };
+        (own, board)
+    }
+
+    /// Goes on until the end is asked for.
+    pub fn run(mut self) {
+        let _ = self.all();
+    }
+
+    fn all(&mut self) -> Result<(), Quit> {
+        self.welcome()?;
+        for task in 0..self.protocol.tasks.len() {
+            while !self.protocol.training.is_over(&self.trained[task]) {
+                let run = self.trained[task].len() + 1;
+                let next = Next {
+                    task,
+                    sign: 1.0,
+                    run,
+                    of: None,
+                    purpose: Purpose::Training,
+                };
+                self.until_counted(next)?;
+            }
+        }
+        let runs = self.protocol.runs();
+        for (k, (task, sign)) in runs.iter().enumerate() {
+            let (run, of) = (k + 1, Some(runs.len()));
+            let next = Next {
+                task: *task,
+                sign: *sign,
+                run,
+                of,
+                purpose: Purpose::Measured,
+            };
+            self.until_counted(next)?;
+        }
+        loop {
+            let words = format!("All {} runs are recorded. Thank you.", runs.len());
+            self.say(PhaseKind::End, None, words, None, None);
+            // Whatever comes now is a job, or a flight beside the model.
+            self.wait_for_go(None)?;
+        }
+    }
+
+    /// Until somebody has said who flies, and agrees.
+    fn welcome(&mut self) -> Result<(), Quit> {
+        loop {
+            let Some(command) = self.next(None)? else {
+                continue;
+            };
+            let FromPage::Begin {
+                subject,
+                consent,
+                device,
+                calibration,
+            } = command
+            else {
+                continue;
+            };
+            let subject = subject.trim().to_owned();
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            let trouble = match () {
+                () if !consent => Some("without your consent nothing is recorded"),
+                () if subject.is_empty()
+                    || subject.len() > 32
+                    || !subject.chars().all(is_plain) =>
+                {
+                    Some("the code names files: up to 32 letters, digits, - and _")
+                }
+                () => None,
+            };
+            if let Some(words) = trouble {
+                self.board.say(&ToPage::Trouble {
+                    words: words.to_owned(),
+                });
+                continue;
+            }
+            (self.subject, self.device, self.calibration) =
+                (subject, Some(device), calibration.to_string());
+            return Ok(());
+        }
+    }
+
+    /// Flies a run, and again until one counts.
+    fn until_counted(&mut self, next: Next) -> Result<(), Quit> {
+        let words = self.protocol.tasks[next.task].words.clone();
+        self.say(PhaseKind::Ready, Some(next), words, None, None);
+        self.wait_for_go(Some(next))?;
+        while !self.fly(next)? {
+            self.wait_for_go(Some(next))?;
+        }
+        // The next run follows a look at this one.
+        self.wait_for_go(Some(next))
+    }
+
+    /// Shows the vehicle at rest until the person wants to fly; jobs are begun on the way.
+    fn wait_for_go(&mut self, next: Option<Next>) -> Result<(), Quit> {
+        loop {
+            match self.next(next)? {
+                Some(FromPage::Go) if next.is_some() => return Ok(()),
+                Some(FromPage::Job {
+                    kind: JobKind::Against,
+                }) => self.against(next)?,
+                Some(FromPage::Job { kind }) => self.works.begin(kind, &self.subject, &self.board),
+                Some(FromPage::Begin {
+                    device,
+                    calibration,
+                    ..
+                }) => {
+                    self.tell_of_device(device);
+                    self.calibration = calibration.to_string();
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Devices are not mixed without a word.
+    fn tell_of_device(&mut self, device: Device) {
+        if self.device.is_some_and(|before| before != device) {
+            let words = format!(
+                "another stick than before: a {device}; a fit of both would mix two ways to move the hand"
+            );
+            self.board.say(&ToPage::Trouble { words });
+        }
+        self.device = Some(device);
+    }
+
+    /// Flies the task once more, the person's model beside.
+    fn against(&mut self, next: Option<Next>) -> Result<(), Quit> {
+        let words = "identify first: there is no model of you yet";
+        let pilot = self
+            .works
+            .pilot(&self.subject)
+            .unwrap_or_else(|| Err(words.into()));
+        match pilot.and_then(|pilot| Beside::new(pilot, &self.craft)) {
+            Ok(beside) => self.beside = Some(beside),
+            Err(error) => {
+                self.board.say(&ToPage::Trouble {
+                    words: error.to_string(),
+                });
+                return Ok(());
+            }
+        }
+        let task = next.map_or(0, |next| next.task);
+        let own = Next {
+            task,
+            sign: 1.0,
+            run: 1,
+            of: None,
+            purpose: Purpose::Against,
+        };
+        self.fly(own).map(drop)
+    }
+
+    /// Waits for a command, states at rest being shown meanwhile.
+    fn next(&mut self, next: Option<Next>) -> Result<Option<FromPage>, Quit> {
+        match self.commands.recv_timeout(IDLE) {
+            Ok(Command::Page(command)) => Ok(Some(command)),
+            Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => Err(Quit),
+            Err(RecvTimeoutError::Timeout) => {
+                self.show_rest(next);
+                Ok(None)
+            }
+        }
+    }
+
+    /// The vehicle where a run begins, and the stick as it is.
+    fn show_rest(&self, next: Option<Next>) {
+        let next = next.unwrap_or(Next {
+            task: 0,
+            sign: 1.0,
+            run: 1,
+            of: None,
+            purpose: Purpose::Training,
+        });
+        let task = &self.protocol.tasks[next.task];
+        let (input, _) = self.hand.now();
+        let origin = self.craft.origin_positions.iter();
+        self.board.show(StateMessage {
+            t: 0.0,
+            left: task.seconds,
+            x: self.craft.origin_positions.clone(),
+            tilt: vec![0.0; self.craft.tilts.len()],
+            target: origin
+                .zip(task.targets(0.0, next.sign))
+                .map(|(origin, target)| origin + target)
+                .collect(),
+            stick: input.stick,
+            n: input.n,
+            at: input.t,
+            beside: Vec::new(),
+        });
+    }
+
+    fn say(
+        &self,
+        phase: PhaseKind,
+        next: Option<Next>,
+        words: String,
+        seconds: Option<f64>,
+        result: Option<ResultMessage>,
+    ) {
+        self.board.say(&ToPage::Phase(Phase {
+            phase,
+            task: next.map_or(0, |next| next.task),
+            run: next.map_or(1, |next| next.run),
+            of: next.and_then(|next| next.of),
+            training: next.is_some_and(|next| next.purpose == Purpose::Training),
+            words,
+            seconds,
+            result,
+        }));
+    }
+
+    /// One run; whether it counts.
+    fn fly(&mut self, next: Next) -> Result<bool, Quit> {
+        let task = self.protocol.tasks[next.task].clone();
+        for left in (1..=COUNTDOWN).rev() {
+            self.say(
+                PhaseKind::Countdown,
+                Some(next),
+                task.words.clone(),
+                Some(f64::from(left)),
+                None,
+            );
+            let end = Instant::now() + Duration::from_secs(1);
+            while Instant::now() < end {
+                if let Some(FromPage::Stop) = self.next(Some(next))? {
+                    self.say(PhaseKind::Ready, Some(next), task.words.clone(), None, None);
+                    self.wait_for_go(Some(next))?;
+                    return self.fly(next);
+                }
+            }
+        }
+        let name = self.free_name(&task);
+        let path = self.place.folder.join(format!("{name}.csv"));
+        let begun = Growing::create(
+            &path,
+            &self.header(&task, None),
+            &columns(&self.craft, &task),
+        );
+        let growing = match begun {
+            Ok(growing) => growing,
+            Err(error) => {
+                return Ok(self.failed(
+                    next,
+                    format!("{} cannot be written: {error}", path.display()),
+                ));
+            }
+        };
+        self.say(PhaseKind::Fly, Some(next), task.words.clone(), None, None);
+        let mut beside = self.beside.take();
+        let mut watch = Watch {
+            board: &self.board,
+            commands: &self.commands,
+            growing: &growing,
+            quit: false,
+        };
+        let flown = run::fly(
+            &self.craft,
+            &task,
+            next.sign,
+            &self.hand,
+            beside.as_mut(),
+            &mut watch,
+        );
+        let quit = watch.quit;
+        let counts = match flown {
+            Ok(flown) => self.keep(next, &task, &name, growing, &flown),
+            Err(error) => self.failed(next, error.to_string()),
+        };
+        if quit { Err(Quit) } else { Ok(counts) }
+    }
+
+    /// Puts a run where it belongs, and tells what it came to; whether it counts.
+    fn keep(
+        &mut self,
+        next: Next,
+        task: &Task,
+        name: &str,
+        growing: Growing,
+        flown: &Flown,
+    ) -> bool {
+        let why = flown.fault();
+        let is_valid = why.is_none();
+        let below = match next.purpose {
+            _ if !is_valid => Some(INVALID),
+            Purpose::Training => Some(TRAINING),
+            Purpose::Against => Some(AGAINST),
+            Purpose::Measured => None,
+        };
+        let folder = below.map_or_else(
+            || self.place.folder.clone(),
+            |below| self.place.folder.join(below),
+        );
+        let path = folder.join(format!("{name}.csv"));
+        let header = self.header(task, Some((next, flown)));
+        let written = growing.finish(Some(&path), &header, &flown.flight);
+        let written =
+            written.and_then(|_| record::logs(&self.place.folder.join(LOGS), name, &header, flown));
+        if let Err(error) = written {
+            return self.failed(
+                next,
+                format!("{} cannot be written: {error}", path.display()),
+            );
+        }
+        if is_valid {
+            self.best[next.task] = self.best[next.task].min(flown.rms);
+        }
+        match next.purpose {
+            Purpose::Training if is_valid => self.trained[next.task].push(flown.rms),
+            Purpose::Measured if is_valid => self.valid += 1,
+            _ => {}
+        }
+        let file = path
+            .strip_prefix(&self.place.folder)
+            .unwrap_or(&path)
+            .display()
+            .to_string();
+        self.board.recorded(Recorded {
+            file: file.clone(),
+            task: task.name.clone(),
+            rms: flown.rms,
+            training: next.purpose == Purpose::Training,
+            valid: is_valid,
+            why: why.clone(),
+        });
+        self.board.say(&ToPage::Can {
+            can: self.works.can(self.valid),
+        });
+        let training_done = self.protocol.training.is_over(&self.trained[next.task]);
+        let words = match &why {
+            Some(why) => format!("This run does not count: {why}. It is flown again."),
+            None if next.purpose == Purpose::Training && !training_done => {
+                "Once more, for training.".to_owned()
+            }
+            None if next.purpose == Purpose::Training => "You are in practice.".to_owned(),
+            None => "Recorded.".to_owned(),
+        };
+        let best = self.best[next.task];
+        let result = ResultMessage {
+            file,
+            rms: flown.rms,
+            unit: self.craft.positions[0].unit.clone(),
+            score: self.score(task, next.sign, flown.rms),
+            valid: is_valid,
+            why,
+            best: if best.is_finite() { best } else { flown.rms },
+            training_done,
+        };
+        self.say(PhaseKind::After, Some(next), words, None, Some(result));
+        is_valid
+    }
+
+    fn score(&self, task: &Task, sign: f64, rms: f64) -> u32 {
+        let idle = run::idle(&self.craft, task, sign).unwrap_or(0.0);
+        match idle > 0.0 {
+            true => (100.0 * (1.0 - rms / idle)).clamp(0.0, 100.0).round() as u32,
+            false => 0,
+        }
+    }
+
+    /// Tells of a run that came to nothing.
+    fn failed(&self, next: Next, words: String) -> bool {
+        self.board.say(&ToPage::Trouble {
+            words: words.clone(),
+        });
+        self.say(PhaseKind::Ready, Some(next), words, None, None);
+        false
+    }
+
+    /// The first name of this person and task that no flight has.
+    fn free_name(&self, task: &Task) -> String {
+        let folders = ["", INVALID, TRAINING, AGAINST].map(|below| self.place.folder.join(below));
+        let is_free = |name: &str| {
+            let endings = [".csv", ".csv.part"];
+            let is_there = |folder: &PathBuf| {
+                endings
+                    .iter()
+                    .any(|ending| folder.join(format!("{name}{ending}")).exists())
+            };
+            !folders.iter().any(is_there)
+        };
+        let names = (1..).map(|k| format!("{}-{}-{k}", self.subject, task.name));
+        names
+            .into_iter()
+            .find(|name| is_free(name))
+            .unwrap_or_default()
+    }
+
+    /// What stands at the top of a flight.
+    fn header(&self, task: &Task, flown: Option<(Next, &Flown)>) -> Header {
+        let mut all = self.place.header.clone();
+        all.extend([
+            (
+                "vehicle",
+                format!("{} ({})", self.craft.name, self.craft.origin),
+            ),
+            ("protocol", self.protocol.title.clone()),
+            ("task", task.name.clone()),
+            ("subject", self.subject.clone()),
+            (
+                "display",
+                serde_json::to_string(&task.display)
+                    .unwrap_or_default()
+                    .replace('"', ""),
+            ),
+        ]);
+        let Some((next, flown)) = flown else {
+            all.push(("unfinished", "yes".to_owned()));
+            return all;
+        };
+        let heard: &Heard = &flown.heard;
+        let device = heard
+            .device()
+            .map_or_else(String::new, |(device, name)| format!("{device} ({name})"));
+        let purpose = match next.purpose {
+            Purpose::Training => "training",
+            Purpose::Measured => "measured",
+            Purpose::Against => "against the model",
+        };
+        let times =
+            |own: &dyn Fn() -> Vec<f64>| crate::distribution::Distribution::of(own()).to_string();
+        all.extend([
+            ("purpose", purpose.to_owned()),
+            (
+                "valid",
+                flown
+                    .fault()
+                    .map_or_else(|| "yes".to_owned(), |why| format!("no: {why}")),
+            ),
+            ("device", device),
+            ("calibration", self.calibration.clone()),
+            (
+                "rms",
+                format!("{:.4} {}", flown.rms, self.craft.positions[0].unit),
+            ),
+            ("frames of the display [ms]", heard.display().to_string()),
+            (
+                "frames dropped",
+                format!("{:.2} %", 100.0 * heard.dropped()),
+            ),
+            (
+                "round trip of the socket [ms]",
+                times(&|| heard.round_trips.clone()),
+            ),
+            ("from input to state [ms]", flown.to_state.to_string()),
+            (
+                "from input to picture, by the page [ms]",
+                times(&|| heard.shown.iter().map(|own| own.latency).collect()),
+            ),
+            ("lateness of steps [ms]", flown.lateness.to_string()),
+        ]);
+        all
+    }
+}
+
+/// Shows a run, writes its rows, and hears whether it shall end.
+struct Watch<'w> {
+    board: &'w Board,
+    commands: &'w Receiver<Command>,
+    growing: &'w Growing,
+    quit: bool,
+}
+
+impl Listener for Watch<'_> {
+    fn state(&mut self, state: State) {
+        let (n, at) = state.seen;
+        self.board.show(StateMessage {
+            t: state.time,
+            left: state.left,
+            x: state.positions,
+            tilt: state.tilts,
+            target: state.targets,
+            stick: state.hand,
+            n,
+            at,
+            beside: state.beside,
+        });
+    }
+
+    fn row(&mut self, row: &[f64]) {
+        self.growing.row(row);
+    }
+
+    fn stop(&mut self) -> Option<String> {
+        match self.commands.try_recv() {
+            Ok(Command::Page(FromPage::Stop)) => Some("it was stopped".to_owned()),
+            Ok(Command::Quit) | Err(TryRecvError::Disconnected) => {
+                self.quit = true;
+                Some("the program was ended".to_owned())
+            }
+            _ => None,
+        }
+    }
+}
+
+fn hello(craft: &Craft, protocol: &Protocol, place: &Place) -> Hello {
+    let axes = craft.sticks.iter().zip(&craft.positions);
+    let tasks: Vec<TaskMessage> = protocol.tasks.iter().map(task_message).collect();
+    let reach = tasks.iter().map(|task| task.reach).fold(0.0, f64::max);
+    Hello {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        vehicle: VehicleMessage {
+            name: craft.name.clone(),
+            axes: axes
+                .map(|(stick, position)| AxisMessage {
+                    position: position.name.clone(),
+                    unit: position.unit.clone(),
+                    stick: stick.signal.name.clone(),
+                })
+                .collect(),
+            view: if craft.axes() == 1 { "side" } else { "above" },
+            tilts: !craft.tilts.is_empty(),
+            size: if reach > 0.0 { SIZE * reach } else { 1.0 },
+        },
+        protocol: ProtocolMessage {
+            title: protocol.title.clone(),
+            tasks,
+            consent: protocol.consent.clone(),
+        },
+        recorded: Vec::new(),
+        folder: place.folder.display().to_string(),
+        can: Vec::new(),
+    }
+}
+
+fn task_message(task: &Task) -> TaskMessage {
+    let farthest = |own: &Signal| match own {
+        Signal::Constant(place) => place.abs(),
+        Signal::Sines(sines) => sines.iter().map(|sine| sine[0]).sum(),
+    };
+    TaskMessage {
+        name: task.name.clone(),
+        title: task.title.clone(),
+        kind: if task.is_tracking { "sines" } else { "step" },
+        display: task.display,
+        seconds: task.seconds,
+        reach: task.target.iter().map(farthest).fold(0.0, f64::max),
+    }
+}

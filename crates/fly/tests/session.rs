@@ -1,0 +1,365 @@
+//! A session over its socket: a scripted hand flies it to the end; strangers and nonsense are sent away.
+
+use futures_util::SinkExt;
+use pilotage_cosim::component::ComponentError;
+use pilotage_cosim::{Component, NativeComponent};
+use pilotage_fly::craft::{Craft, Names};
+use pilotage_fly::hand::Hand;
+use pilotage_fly::message::JobKind;
+use pilotage_fly::protocol::Protocol;
+use pilotage_fly::server::{self, Server};
+use pilotage_fly::session::{Board, Command, Place, Session, Works};
+use pilotage_models::{Model, Quadcopter};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::{Error, Message};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+
+type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
+
+struct Nothing;
+
+impl Works for Nothing {
+    fn can(&self, _valid: usize) -> Vec<JobKind> {
+        Vec::new()
+    }
+    fn begin(&mut self, _kind: JobKind, _subject: &str, _board: &Arc<Board>) {}
+    fn pilot(&self, _subject: &str) -> Option<Result<Box<dyn Component>, ComponentError>> {
+        None
+    }
+}
+
+const PROTOCOL: &str = "[training]\nleast = 0\nmost = 0\n[[task]]\nkind = \"step\"\ntarget = 4\nseconds = 1.5\nruns = 2\n";
+
+/// A quadcopter's session of two short runs; its address without the scheme, and the token.
+async fn session(folder: &Path) -> (String, String) {
+    let make = || {
+        Ok(Box::new(NativeComponent::new(Model::quadcopter(
+            &Quadcopter::default(),
+        ))) as _)
+    };
+    let craft = Craft::new(
+        "quadcopter",
+        "built in".into(),
+        &Names::default(),
+        Box::new(make),
+    )
+    .unwrap();
+    let protocol = Protocol::parse(PROTOCOL, "p.toml", craft.shape()).unwrap();
+    let hand = Arc::new(Hand::new(1));
+    let (sender, commands) = channel();
+    let place = Place {
+        folder: folder.to_owned(),
+        header: vec![("recorded by", "a test".into())],
+    };
+    let (session, board) = Session::new(
+        craft,
+        protocol,
+        place,
+        hand.clone(),
+        commands,
+        Box::new(Nothing),
+    );
+    std::thread::spawn(move || session.run());
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let token = server::token().unwrap();
+    let server = Server {
+        listener,
+        token: token.clone(),
+        is_open: false,
+        made: folder.join("made"),
+    };
+    // Held until the end: a session whose commands have no sender ends.
+    let keep: std::sync::mpsc::Sender<Command> = sender.clone();
+    tokio::spawn(async move {
+        let _keep = keep;
+        server
+            .serve(board, hand, sender, std::future::pending())
+            .await
+    });
+    (address, token)
+}
+
+async fn open(address: &str, token: &str) -> Socket {
+    connect_async(format!("ws://{address}/socket?token={token}"))
+        .await
+        .unwrap()
+        .0
+}
+
+async fn hear(socket: &mut Socket) -> Option<Value> {
+    use futures_util::StreamExt;
+    loop {
+        match socket.next().await? {
+            Ok(Message::Text(text)) => return Some(serde_json::from_str(&text).unwrap()),
+            Ok(_) => {}
+            Err(_) => return None,
+        }
+    }
+}
+
+async fn say(socket: &mut Socket, message: Value) {
+    // A server that has hung up is seen by who listens.
+    let _ = socket.send(Message::text(message.to_string())).await;
+}
+
+/// Hears messages until one of that type has come that passes.
+async fn until(socket: &mut Socket, kind: &str, passes: impl Fn(&Value) -> bool) -> Value {
+    let heard = async {
+        while let Some(message) = hear(socket).await {
+            if message["type"] == kind && passes(&message) {
+                return Some(message);
+            }
+        }
+        None
+    };
+    let heard = tokio::time::timeout(Duration::from_secs(60), heard).await;
+    heard.expect(kind).expect(kind)
+}
+
+fn begin() -> Value {
+    json!({ "type": "begin", "subject": "T1", "consent": true, "device": "gamepad" })
+}
+
+/// Flies until runs are over: a hand that leans on error and rate, at 60 frames a second.
+async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
+    let mut results = Vec::new();
+    let (mut n, mut state) = (0, json!({ "x": [0.0], "target": [0.0], "t": 0.0 }));
+    let mut rate = 0.0;
+    let mut ticks = tokio::time::interval(Duration::from_millis(16));
+    let begun = std::time::Instant::now();
+    while results.len() < runs {
+        tokio::select! {
+            message = hear(socket) => {
+                let message = message.expect("a server");
+                match (message["type"].as_str().unwrap(), message["phase"].as_str()) {
+                    ("state", _) => {
+                        let of = |state: &Value, key: &str| state[key][0].as_f64().unwrap();
+                        let step = message["t"].as_f64().unwrap() - state["t"].as_f64().unwrap();
+                        if step > 0.0 {
+                            rate = (of(&message, "x") - of(&state, "x")) / step;
+                        }
+                        state = message;
+                    }
+                    ("phase", Some("ready")) => say(socket, json!({ "type": "go" })).await,
+                    ("phase", Some("after")) => {
+                        results.push(message["result"].clone());
+                        say(socket, json!({ "type": "go" })).await;
+                    }
+                    _ => {}
+                }
+            }
+            _ = ticks.tick() => {
+                n += 1;
+                let error = state["target"][0].as_f64().unwrap() - state["x"][0].as_f64().unwrap();
+                let stick = (0.06 * (error - 1.5 * rate)).clamp(-1.0, 1.0);
+                let t = 1e3 * begun.elapsed().as_secs_f64();
+                let input = json!({ "type": "input", "n": n, "t": t, "stick": [stick], "device": "gamepad", "name": "script",
+                    "frame": 16.0, "seen": true });
+                say(socket, input).await;
+                say(socket, json!({ "type": "shown", "t": state["t"], "seen": t - 20.0, "at": t })).await;
+            }
+        }
+    }
+    results
+}
+
+/// Each run is a file, where it counts beside the others; what it says stands at its top, and the log has all steps.
+#[tokio::test]
+async fn a_hand_flies_a_session_and_its_runs_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let mut socket = open(&address, &token).await;
+    let hello = until(&mut socket, "hello", |_| true).await;
+    assert_eq!(hello["vehicle"]["axes"][0]["unit"], "m");
+    assert_eq!(hello["protocol"]["tasks"][0]["title"], "4 m");
+    say(&mut socket, begin()).await;
+    let results = fly(&mut socket, 2).await;
+    for result in &results {
+        // On a busy machine frames may be late, and the run says so.
+        let file = folder.path().join(result["file"].as_str().unwrap());
+        assert_eq!(
+            result["valid"].as_bool().unwrap(),
+            result["why"].is_null(),
+            "{result}"
+        );
+        assert_eq!(
+            file.parent() == Some(folder.path()),
+            result["valid"].as_bool().unwrap()
+        );
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(
+            text.starts_with("# recorded by: a test\n# vehicle: quadcopter (built in)\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("\n# subject: T1\n") && text.contains("\n# device: gamepad (script)\n"),
+            "{text}"
+        );
+        let rows: Vec<Vec<f64>> = (text
+            .lines()
+            .skip_while(|line| line.starts_with('#'))
+            .skip(1))
+        .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+        .collect();
+        assert_eq!(rows.len(), 31);
+        assert_eq!((rows[0][0], rows[30][0]), (0.0, 1.5));
+        assert!(rows.iter().all(|row| row[1] == 4.0));
+        assert!(rows[30][2] > 0.05, "it has moved forward: {:?}", rows[30]);
+        let name = file.file_stem().unwrap().to_string_lossy().into_owned();
+        let log = std::fs::read(folder.path().join(format!("full-rate/{name}.parquet"))).unwrap();
+        assert_eq!(
+            (&log[..4], &log[log.len() - 4..]),
+            (&b"PAR1"[..], &b"PAR1"[..])
+        );
+    }
+    let left = pilotage_fly::record::unfinished(folder.path()).unwrap();
+    assert_eq!(left, [] as [std::path::PathBuf; 0]);
+}
+
+/// A page that goes in the middle of a run, and comes back: the run does not count, and says why.
+#[tokio::test]
+async fn a_socket_that_breaks_costs_one_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let mut socket = open(&address, &token).await;
+    say(&mut socket, begin()).await;
+    until(&mut socket, "phase", |phase| phase["phase"] == "ready").await;
+    say(&mut socket, json!({ "type": "go" })).await;
+    until(&mut socket, "state", |state| {
+        state["t"].as_f64() > Some(0.3)
+    })
+    .await;
+    drop(socket);
+    let mut socket = open(&address, &token).await;
+    let phase = until(&mut socket, "phase", |_| true).await;
+    assert_eq!(phase["phase"], "fly", "{phase}");
+    let after = until(&mut socket, "phase", |phase| phase["phase"] == "after").await;
+    assert_eq!(after["result"]["valid"], false);
+    assert!(
+        after["result"]["file"]
+            .as_str()
+            .unwrap()
+            .starts_with("invalid"),
+        "{after}"
+    );
+    say(&mut socket, json!({ "type": "go" })).await;
+    let again = until(&mut socket, "phase", |phase| phase["phase"] == "countdown").await;
+    assert_eq!(again["run"], 1, "the same run once more");
+}
+
+/// Wrong tokens, hosts and origins are refused; what is no message ends the connection, and harms no one.
+#[tokio::test]
+async fn strangers_and_nonsense_are_sent_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let status = |url: String, headers: &'static [(&'static str, &'static str)]| async move {
+        let mut request = url.into_client_request().unwrap();
+        for (name, value) in headers {
+            request.headers_mut().insert(*name, value.parse().unwrap());
+        }
+        match connect_async(request).await {
+            Ok(_) => 101,
+            Err(Error::Http(response)) => response.status().as_u16(),
+            Err(error) => panic!("{error}"),
+        }
+    };
+    let right = format!("ws://{address}/socket?token={token}");
+    assert_eq!(status(right.clone(), &[]).await, 101);
+    assert_eq!(status(format!("ws://{address}/socket"), &[]).await, 403);
+    assert_eq!(
+        status(format!("ws://{address}/socket?token={}", &token[1..]), &[]).await,
+        403
+    );
+    assert_eq!(
+        status(right.clone(), &[("origin", "http://elsewhere.example")]).await,
+        403
+    );
+    assert_eq!(
+        status(right.clone(), &[("host", "elsewhere.example")]).await,
+        403
+    );
+    // A hundred messages of a page that has the stick, each from a seed.
+    let valid = json!({ "type": "input", "n": 1, "t": 1.0, "stick": [0.5], "device": "mouse", "seen": true }).to_string();
+    let mut seed = 7_u32;
+    for k in 0..100 {
+        let mut socket = open(&address, &token).await;
+        until(&mut socket, "phase", |_| true).await;
+        let mut bytes = valid.clone().into_bytes();
+        for _ in 0..=k % 5 {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let at = seed as usize % bytes.len();
+            bytes[at] = (seed >> 24) as u8;
+        }
+        let message = match k % 4 {
+            0 => Message::binary(bytes),
+            1 => Message::text("[".repeat(1 + k)),
+            2 => Message::text(valid.replace("[0.5]", &format!("[{}]", "1e999,".repeat(k)))),
+            _ => Message::text(String::from_utf8_lossy(&bytes).into_owned()),
+        };
+        let _ = socket.send(message).await;
+    }
+    // One that is too large, and too many: the connection ends.
+    let mut socket = open(&address, &token).await;
+    say(&mut socket, json!({ "type": "x".repeat(10_000) })).await;
+    let ended = async { while hear(&mut socket).await.is_some() {} };
+    tokio::time::timeout(Duration::from_secs(10), ended)
+        .await
+        .expect("an end");
+    let mut socket = open(&address, &token).await;
+    for _ in 0..2000 {
+        say(&mut socket, json!({ "type": "go" })).await;
+    }
+    let ended = async { while hear(&mut socket).await.is_some() {} };
+    tokio::time::timeout(Duration::from_secs(10), ended)
+        .await
+        .expect("an end");
+    // The session is as it was.
+    let mut socket = open(&address, &token).await;
+    let phase = until(&mut socket, "phase", |_| true).await;
+    assert_eq!(phase["phase"], "welcome");
+    say(
+        &mut socket,
+        json!({ "type": "begin", "subject": "../x", "consent": true, "device": "mouse" }),
+    )
+    .await;
+    let trouble = until(&mut socket, "trouble", |_| true).await;
+    assert!(
+        trouble["words"]
+            .as_str()
+            .unwrap()
+            .contains("letters, digits")
+    );
+    say(
+        &mut socket,
+        json!({ "type": "begin", "subject": "T1", "consent": false, "device": "mouse" }),
+    )
+    .await;
+    let trouble = until(&mut socket, "trouble", |_| true).await;
+    assert!(trouble["words"].as_str().unwrap().contains("consent"));
+}
+
+/// Of two pages one has the stick; the other takes it when it asks.
+#[tokio::test]
+async fn one_page_has_the_stick() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let mut first = open(&address, &token).await;
+    until(&mut first, "phase", |_| true).await;
+    let mut second = open(&address, &token).await;
+    until(&mut second, "taken", |_| true).await;
+    // What it says is not heard.
+    say(&mut second, begin()).await;
+    say(&mut second, json!({ "type": "take" })).await;
+    until(&mut first, "taken", |_| true).await;
+    say(&mut second, begin()).await;
+    let ready = until(&mut second, "phase", |phase| phase["phase"] == "ready").await;
+    assert_eq!(ready["of"], 2);
+    drop(second);
+}

@@ -1,0 +1,374 @@
+//! `pilotage fly`: a person flies a vehicle, on a page in the browser, and is recorded.
+
+mod jobs;
+
+use self::jobs::Jobs;
+use super::number::number;
+use super::recognise::{self, FileKind};
+use super::{Failure, Outcome, interrupt, made, system, terminal};
+use crate::identification::trials::sha256;
+use clap::builder::NonEmptyStringValueParser;
+use pilotage_fly::craft::{Craft, Maker, Names};
+use pilotage_fly::flightgear::{self, Runway, Version};
+use pilotage_fly::hand::Hand;
+use pilotage_fly::joystick::{self, Axes};
+use pilotage_fly::protocol::Protocol;
+use pilotage_fly::record;
+use pilotage_fly::server::{self, Server};
+use pilotage_fly::session::{Board, Command, Place, Session};
+use std::ffi::OsString;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::time::{Duration, SystemTime};
+
+const EXAMPLES: &str = "\
+Examples:
+  # The quadcopter of the paper: training, targets of 10 m and 20 m, then sines to follow.
+  pilotage fly
+
+  # A vehicle of your own: a model file, or an FMU in a process of its own.
+  pilotage fly my_aircraft.toml
+  pilotage fly my_aircraft.fmu --isolate --input elevator --measure altitude
+
+  # Another protocol, another folder, a joystick that this program reads itself.
+  pilotage fly --protocol steps.toml -o day1 --stick /dev/input/js0
+
+The page opens in the browser; it is served to this computer alone, and needs no network. Flights that
+count go to FOLDER/CODE-TASK-N.csv, which `pilotage fit` takes; what does not count, training and the logs of
+all steps go to folders below. docs/fly.md: tasks, protocol files, what is recorded, and what delays it.
+Exit codes: 0 done, 2 bad use or input.";
+
+/// Arguments of `pilotage fly`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What is flown: a built-in model, a model file, a vehicle file or an FMU.
+    #[arg(value_name = "VEHICLE", default_value = "quadcopter")]
+    vehicle: OsString,
+    /// Which tasks are flown [default: targets of 10 and 20, tracking and disturbances].
+    #[arg(long, value_name = "FILE")]
+    protocol: Option<PathBuf>,
+    /// Where flights go.
+    #[arg(short, long, value_name = "FOLDER", default_value = "flights")]
+    output: PathBuf,
+    /// Inputs that the hand moves [default: `stick` and `stick2`, or the first].
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
+    input: Vec<String>,
+    /// Outputs that are the positions [default: `position` and `position2`, `z`, or the first].
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
+    measure: Vec<String>,
+    /// Run an FMU in a process of its own.
+    #[arg(long)]
+    isolate: bool,
+    /// A joystick that this program reads itself, by Linux's joystick interface, in place of the page's devices.
+    #[arg(long, value_name = "DEVICE")]
+    stick: Option<PathBuf>,
+    /// Numbers of the joystick's axes, from 0; a minus turns one round: 0,-1 [default: 0, of two axes -1,0: forward, right].
+    #[arg(
+        long,
+        value_name = "NUMBER",
+        value_delimiter = ',',
+        requires = "stick",
+        allow_hyphen_values = true
+    )]
+    stick_axes: Vec<String>,
+    /// Show the vehicle in FlightGear too; the marker's place goes to the port after this one (docs/fly.md).
+    #[arg(long, value_name = "HOST:PORT")]
+    flightgear: Option<String>,
+    /// Where FlightGear's vehicle begins, and which way is forward [default: runway 28R of San Francisco].
+    #[arg(long, value_name = "LAT,LON,HEADING,ELEVATION", requires = "flightgear", value_delimiter = ',', num_args = 4, value_parser = number, allow_hyphen_values = true)]
+    runway: Vec<f64>,
+    /// Version of FlightGear's packets: 24, or 25 after FlightGear 2020.3.
+    #[arg(long, value_name = "24|25", requires = "flightgear", default_value_t = 24, value_parser = clap::value_parser!(u8).range(24..=25))]
+    flightgear_version: u8,
+    /// Port of the page [default: a free one].
+    #[arg(long, default_value_t = 0)]
+    port: u16,
+    /// Serve the page at this address, to other computers too; wants --insecure.
+    #[arg(long, value_name = "ADDRESS", requires = "insecure")]
+    bind: Option<IpAddr>,
+    /// Whoever sees the network sees the address with its token, may fly, and reads what is recorded.
+    #[arg(long)]
+    insecure: bool,
+    /// Only print the address.
+    #[arg(long)]
+    no_browser: bool,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<Outcome, Failure> {
+    let craft = args.craft()?;
+    let protocol = match &args.protocol {
+        Some(file) => Protocol::read(file, craft.shape())?,
+        None => Protocol::usual(craft.shape()),
+    };
+    let folder = std::path::absolute(&args.output)
+        .map_err(|error| Failure::cannot_write(&args.output, &error))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure::cannot_write(&args.output, &error))?;
+    let unfinished =
+        record::unfinished(&folder).map_err(|error| Failure::cannot_write(&args.output, &error))?;
+    for part in unfinished {
+        terminal::note(&format!(
+            "{} is a flight that did not come to its end; it does not count",
+            part.display()
+        ));
+    }
+    let made = folder.join("made");
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::new(format!("cannot serve a page: {error}")))?;
+    interrupt::listen("ending the session")?;
+    let hand = Arc::new(Hand::new(craft.axes()));
+    args.listen_to_stick(&hand, craft.axes())?;
+    let picture = args.picture()?;
+    let (sender, commands) = channel();
+    let place = Place {
+        header: vec![
+            (
+                "recorded by",
+                format!("pilotage fly {}", env!("CARGO_PKG_VERSION")),
+            ),
+            (
+                "system",
+                format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            ),
+            ("date", made::made().date),
+        ],
+        folder: folder.clone(),
+    };
+    let jobs = Jobs::new(
+        args.vehicle.clone(),
+        folder,
+        made.clone(),
+        is_quadcopter(&args.vehicle),
+    );
+    let (session, board) = Session::new(
+        craft,
+        protocol,
+        place,
+        hand.clone(),
+        commands,
+        Box::new(jobs),
+    );
+    let served = runtime.block_on(async {
+        let address = SocketAddr::new(
+            args.bind.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+            args.port,
+        );
+        let listener = tokio::net::TcpListener::bind(address).await?;
+        let server = Server {
+            listener,
+            token: server::token()?,
+            is_open: args.bind.is_some(),
+            made,
+        };
+        let address = server.address()?;
+        args.tell(&address);
+        let session = std::thread::spawn(move || session.run());
+        if let Some(picture) = picture {
+            tokio::spawn(show(picture, board.clone()));
+        }
+        let quit = sender.clone();
+        let until = async {
+            while !interrupt::is_asked() {
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+        };
+        let (done, end) = tokio::sync::oneshot::channel::<()>();
+        let serving = server.serve(board, hand, sender, async {
+            let _ = end.await;
+        });
+        tokio::select! {
+            ended = serving => ended?,
+            () = until => {}
+        }
+        drop(done);
+        // A run that goes on ends, and is kept as one that does not count.
+        let _ = quit.send(Command::Quit);
+        let _ = session.join();
+        Ok::<(), std::io::Error>(())
+    });
+    served.map_err(|error| {
+        let failure = Failure::new(format!("cannot serve the page: {error}"));
+        match error.kind() {
+            std::io::ErrorKind::AddrInUse => failure.hint("leave --port out, or name another one"),
+            _ => failure,
+        }
+    })?;
+    Ok(Outcome::Done)
+}
+
+impl Args {
+    fn craft(&self) -> Result<Craft, Failure> {
+        let path = PathBuf::from(&self.vehicle);
+        recognise::expect(
+            [&path],
+            &[
+                FileKind::Fmu,
+                FileKind::Archive,
+                FileKind::Vehicle,
+                FileKind::Model,
+            ],
+            "a vehicle: a model file, a vehicle file or an FMU",
+        )?;
+        let (name, is_isolated) = (self.vehicle.clone(), self.isolate);
+        if is_isolated && !recognise::is_fmu(&path) {
+            return Err(
+                Failure::new("--isolate is for FMUs, and the vehicle is none").hint("leave it out"),
+            );
+        }
+        // What is wrong with the file is told as every command does.
+        drop(system::open_one(&name, is_isolated)?);
+        let make: Maker = Box::new(move || {
+            system::open_one(&name, is_isolated)
+                .map_err(|failure| failure.message().to_owned().into())
+        });
+        let names = Names {
+            inputs: self.input.clone(),
+            outputs: self.measure.clone(),
+        };
+        let shown = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        Craft::new(&shown, origin(&path), &names, make).map_err(|error| {
+            Failure::from(error).hint(
+                "--input NAME and --measure NAME say what the hand moves, and what the position is",
+            )
+        })
+    }
+
+    fn listen_to_stick(&self, hand: &Arc<Hand>, axes: usize) -> Result<(), Failure> {
+        let Some(path) = &self.stick else {
+            return Ok(());
+        };
+        let usual = if axes == 1 { &["0"][..] } else { &["-1", "0"] };
+        let said: Vec<&str> = match self.stick_axes.as_slice() {
+            [] => usual.to_vec(),
+            said => said.iter().map(String::as_str).collect(),
+        };
+        let number = |word: &&str| word.trim_start_matches('-').parse::<u8>().ok();
+        let numbers: Option<Vec<u8>> = said.iter().map(number).collect();
+        let numbers = numbers.filter(|numbers| numbers.len() == axes);
+        let numbers = numbers.ok_or_else(|| {
+            let message = format!(
+                "--stick-axes {}: the vehicle wants {axes} of them",
+                said.join(",")
+            );
+            Failure::new(message).hint("numbers from 0, with commas between them")
+        })?;
+        let inverted = said.iter().map(|word| word.starts_with('-')).collect();
+        joystick::listen(path, Axes { numbers, inverted }, hand.clone()).map_err(|error| {
+            let failure = Failure::new(format!("cannot read the joystick {}: {error}", path.display()));
+            failure.hint("ls /dev/input/js* shows what is there; the page reads a gamepad without this option")
+        })
+    }
+
+    /// What sends to FlightGear.
+    fn picture(&self) -> Result<Option<flightgear::Sender>, Failure> {
+        let Some(said) = &self.flightgear else {
+            return Ok(None);
+        };
+        let wrong = |why: String| {
+            Failure::new(format!("--flightgear {said}: {why}"))
+                .hint("such as --flightgear localhost:5500")
+        };
+        let mut found = said
+            .to_socket_addrs()
+            .map_err(|error| wrong(error.to_string()))?;
+        let address = found
+            .next()
+            .ok_or_else(|| wrong("no such host".to_owned()))?;
+        let runway = match self.runway.as_slice() {
+            &[latitude, longitude, heading, elevation] => Runway {
+                latitude,
+                longitude,
+                heading,
+                elevation,
+            },
+            _ => Runway::default(),
+        };
+        let version = if self.flightgear_version == 24 {
+            Version::V24
+        } else {
+            Version::V25
+        };
+        flightgear::Sender::new(address, runway, version)
+            .map(Some)
+            .map_err(|error| wrong(error.to_string()))
+    }
+
+    fn tell(&self, address: &str) {
+        let opened = !self.no_browser && open(address);
+        let words = if opened {
+            "the page opens in the browser:"
+        } else {
+            "open in a browser:"
+        };
+        if self.bind.is_some() {
+            terminal::note(
+                "other computers may open the page: whoever has this address may fly and read what is recorded, and nothing is encrypted",
+            );
+        }
+        terminal::tell(&format!(
+            "{words} {address}\nflights go to {}; Ctrl-C ends\n",
+            self.output.display()
+        ));
+    }
+}
+
+/// Shows where the vehicle is in FlightGear, until the end.
+async fn show(mut picture: flightgear::Sender, board: Arc<Board>) {
+    let (_, _, states) = board.listen();
+    let mut ticks = tokio::time::interval(Duration::from_secs_f64(1.0 / flightgear::RATE));
+    loop {
+        ticks.tick().await;
+        let state = states.borrow().clone();
+        let now = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .unwrap_or_default()
+            .as_secs() as u32;
+        // Nobody has to be there yet.
+        let _ = picture.send(&state, now);
+    }
+}
+
+/// Opens the page, if the system has something for it.
+fn open(address: &str) -> bool {
+    use std::process::{Command, Stdio};
+    let (program, before): (&str, &[&str]) = match std::env::consts::OS {
+        "macos" => ("open", &[]),
+        "windows" => ("cmd", &["/C", "start", ""]),
+        _ => ("xdg-open", &[]),
+    };
+    let mut command = Command::new(program);
+    let command = command
+        .args(before)
+        .arg(address)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command.spawn().is_ok()
+}
+
+/// What the vehicle was made of, for the record.
+fn origin(path: &Path) -> String {
+    match std::fs::read(path) {
+        Ok(bytes) => format!("{}, sha256 {}", path.display(), sha256(&bytes)),
+        Err(_) => "built in".to_owned(),
+    }
+}
+
+/// Whether the vehicle is the one of which `fit` needs no problem file.
+fn is_quadcopter(vehicle: &OsString) -> bool {
+    let path = Path::new(vehicle);
+    match path.exists() {
+        true => recognise::is_toml(path) && !recognise::is_model(path),
+        false => vehicle == "quadcopter",
+    }
+}
