@@ -33,7 +33,7 @@ const heard = {
   },
   state(message) { track.add(message, performance.now()); },
   job(message) { panel.job(message); },
-  can({ can }) { panel.can = can; panel.jobs(phase.phase !== "fly"); },
+  can({ can }) { panel.can = can; panel.jobs(); },
   trouble({ words }) { panel.trouble(words); },
   taken() { watches = true; panel.show("taken"); },
 };

@@ -45,7 +45,7 @@ export class Panel {
     $("go").firstChild.data = phase === "after" ? "Go on " : "Fly ";
     $("score").hidden = !result;
     if (result) this.result(result, own);
-    this.jobs(phase !== "ready" || this.recorded.length > 0);
+    this.jobs();
     this.show("pause");
   }
 
@@ -67,13 +67,13 @@ export class Panel {
     }));
   }
 
-  jobs(shown) {
-    const buttons = shown ? this.can.map(kind => {
+  jobs() {
+    const buttons = this.can.map(kind => {
       const button = document.createElement("button");
       button.textContent = JOBS[kind];
       button.onclick = () => this.say({ type: "job", kind });
       return button;
-    }) : [];
+    });
     $("jobs").replaceChildren(...buttons);
   }
 

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 const SHOWN: u32 = 120;
 /// So late a step is too late: the run does not count.
 const LATE: Duration = Duration::from_millis(50);
+/// A stick that is deflected by more when a run begins was moved too early: models begin at rest.
+const EARLY: f64 = 0.1;
 /// So late, and the run ends: the computer does not keep up.
 const HOPELESS: Duration = Duration::from_secs(2);
 
@@ -89,6 +91,8 @@ pub struct Flown {
     pub rms: f64,
     /// How long it took \[s\].
     pub seconds: f64,
+    /// Whether the stick was deflected when it began.
+    pub is_early: bool,
     /// Why it ended before its time, if it did.
     pub ended: Option<String>,
 }
@@ -99,9 +103,12 @@ impl Flown {
         let late = Duration::from_secs_f64(self.lateness.most / 1e3);
         let slow = || format!("the simulation was late by {:.0} ms", self.lateness.most);
         let heard = || self.heard.fault(self.seconds);
+        let early = || "the stick was moved before the start".to_owned();
+        let early = || self.is_early.then(early);
         self.ended
             .clone()
             .or_else(heard)
+            .or_else(early)
             .or_else(|| (late > LATE).then(slow))
     }
 }
@@ -184,8 +191,8 @@ impl Acting {
 
     fn row(&self, time: f64, positions: &[f64], others: &[f64], is_disturbed: bool) -> Vec<f64> {
         let mut row = vec![time];
-        for axis in 0..positions.len() {
-            row.extend([self.targets[axis], positions[axis], self.sticks[axis]]);
+        for (axis, position) in positions.iter().enumerate() {
+            row.extend([self.targets[axis], *position, self.sticks[axis]]);
             row.extend(is_disturbed.then_some(self.disturbances[axis]));
         }
         row.extend(others);
@@ -213,6 +220,7 @@ pub fn fly(
         flight,
         late: Vec::new(),
         to_state: Vec::new(),
+        is_early: false,
         squares: (0.0, 0),
         craft,
         task,
@@ -232,6 +240,7 @@ pub fn fly(
         to_state: Distribution::of(run.to_state),
         rms: (sum / count.max(1) as f64).sqrt(),
         seconds: time,
+        is_early: run.is_early,
         ended,
     })
 }
@@ -242,6 +251,7 @@ struct Run<'r> {
     log: Table,
     late: Vec<f64>,
     to_state: Vec<f64>,
+    is_early: bool,
     squares: (f64, usize),
     craft: &'r Craft,
     task: &'r Task,
@@ -275,6 +285,7 @@ impl Run<'_> {
                 );
             }
             let (n, at, age) = hand.read(&mut held);
+            self.is_early |= k == 0 && held.iter().any(|held| held.abs() > EARLY);
             let acting = Acting::at(time, &held, self.craft, self.task, self.sign, &self.origin);
             let seen = match see(flying) {
                 Ok(seen) => seen,

@@ -3,7 +3,7 @@
 
 use crate::hand::Hand;
 use crate::message::{FromPage, ToPage};
-use crate::session::{Board, Command};
+use crate::session::{Board, Command, Listening};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -217,6 +217,7 @@ async fn file(
     headers: HeaderMap,
 ) -> Response {
     match shared.is_ours(&headers) {
+        true if name == "favicon.ico" => StatusCode::NO_CONTENT.into_response(),
         true => embedded(&name, &headers),
         false => refused("another name for this computer"),
     }
@@ -313,7 +314,11 @@ impl Patience {
 
 /// One page, until it goes.
 async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
-    let (first, mut messages, mut states) = shared.board.listen();
+    let Listening {
+        first,
+        mut messages,
+        mut states,
+    } = shared.board.listen();
     let mut has_stick = shared
         .writer
         .compare_exchange(0, page, Ordering::AcqRel, Ordering::Acquire)

@@ -40,6 +40,17 @@ pub enum Command {
     Quit,
 }
 
+/// What a page hears.
+#[derive(Debug)]
+pub struct Listening {
+    /// What it has to know at once.
+    pub first: Vec<Arc<str>>,
+    /// What is said from now on.
+    pub messages: broadcast::Receiver<Arc<str>>,
+    /// Where the vehicle is.
+    pub states: watch::Receiver<Arc<StateMessage>>,
+}
+
 /// What is known of the session, for pages that come later.
 #[derive(Debug)]
 pub struct Board {
@@ -49,22 +60,16 @@ pub struct Board {
 }
 
 impl Board {
-    /// A page listens: what it has to know at once, what is said from now on, and where the vehicle is.
-    pub fn listen(
-        &self,
-    ) -> (
-        Vec<Arc<str>>,
-        broadcast::Receiver<Arc<str>>,
-        watch::Receiver<Arc<StateMessage>>,
-    ) {
+    /// A page listens.
+    pub fn listen(&self) -> Listening {
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let (hello, phase) = known.clone();
         let first = [ToPage::Hello(Box::new(hello)), ToPage::Phase(phase)];
-        (
-            first.iter().map(text).collect(),
-            self.messages.subscribe(),
-            self.states.subscribe(),
-        )
+        Listening {
+            first: first.iter().map(text).collect(),
+            messages: self.messages.subscribe(),
+            states: self.states.subscribe(),
+        }
     }
 
     /// Says something to all pages.
@@ -97,8 +102,8 @@ fn text(message: &ToPage) -> Arc<str> {
 
 /// What the session asks others to do.
 pub trait Works: Send {
-    /// Which jobs can be asked for, with so many valid flights of this person.
-    fn can(&self, valid: usize) -> Vec<JobKind>;
+    /// Which jobs can be asked for, with the flights of this person that there are.
+    fn can(&self, subject: &str) -> Vec<JobKind>;
     /// Begins one; it tells the board itself.
     fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>);
     /// The pilot of the person, if one was identified.
@@ -129,7 +134,6 @@ pub struct Session {
     /// Of each task, the rms errors of its training.
     trained: Vec<Vec<f64>>,
     best: Vec<f64>,
-    valid: usize,
     beside: Option<Beside>,
 }
 
@@ -201,7 +205,6 @@ impl Session {
             calibration: String::new(),
             trained: vec![Vec::new(); tasks],
             best: vec![f64::INFINITY; tasks],
-            valid: 0,
             beside: None,
         };
         (own, board)
@@ -263,14 +266,14 @@ impl Session {
                 continue;
             };
             let subject = subject.trim().to_owned();
-            let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
             let trouble = match () {
                 () if !consent => Some("without your consent nothing is recorded"),
                 () if subject.is_empty()
                     || subject.len() > 32
                     || !subject.chars().all(is_plain) =>
                 {
-                    Some("the code names files: up to 32 letters, digits, - and _")
+                    Some("the code names files: up to 32 letters, digits and _")
                 }
                 () => None,
             };
@@ -282,6 +285,9 @@ impl Session {
             }
             (self.subject, self.device, self.calibration) =
                 (subject, Some(device), calibration.to_string());
+            self.board.say(&ToPage::Can {
+                can: self.works.can(&self.subject),
+            });
             return Ok(());
         }
     }
@@ -513,10 +519,8 @@ impl Session {
         if is_valid {
             self.best[next.task] = self.best[next.task].min(flown.rms);
         }
-        match next.purpose {
-            Purpose::Training if is_valid => self.trained[next.task].push(flown.rms),
-            Purpose::Measured if is_valid => self.valid += 1,
-            _ => {}
+        if is_valid && next.purpose == Purpose::Training {
+            self.trained[next.task].push(flown.rms);
         }
         let file = path
             .strip_prefix(&self.place.folder)
@@ -532,7 +536,7 @@ impl Session {
             why: why.clone(),
         });
         self.board.say(&ToPage::Can {
-            can: self.works.can(self.valid),
+            can: self.works.can(&self.subject),
         });
         let training_done = self.protocol.training.is_over(&self.trained[next.task]);
         let words = match &why {

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 /// Period of the sums of sines \[s\]: all their frequencies are whole multiples of 2π over it.
 pub const PERIOD: f64 = 81.92;
 
-/// Multiples of 2π/81.92 s of the target's and of the disturbance's sines, which have none in common, after Zaal and
-/// Sweet (2012).
+/// Multiples of 2π/81.92 s of the target's and of the disturbance's sines, which have none in common, after
+/// Zaal (2012).
 pub const TARGET_LINES: [u32; 10] = [6, 13, 27, 41, 53, 73, 103, 139, 194, 229];
 /// See [`TARGET_LINES`].
 pub const DISTURBANCE_LINES: [u32; 10] = [5, 11, 23, 37, 51, 71, 101, 137, 171, 226];

@@ -25,7 +25,7 @@ type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 struct Nothing;
 
 impl Works for Nothing {
-    fn can(&self, _valid: usize) -> Vec<JobKind> {
+    fn can(&self, _subject: &str) -> Vec<JobKind> {
         Vec::new()
     }
     fn begin(&mut self, _kind: JobKind, _subject: &str, _board: &Arc<Board>) {}
@@ -158,7 +158,9 @@ async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
             _ = ticks.tick() => {
                 n += 1;
                 let error = state["target"][0].as_f64().unwrap() - state["x"][0].as_f64().unwrap();
-                let stick = (0.06 * (error - 1.5 * rate)).clamp(-1.0, 1.0);
+                // Nothing before the start.
+                let flies = f64::from(u8::from(state["t"].as_f64() > Some(0.0)));
+                let stick = flies * (0.06 * (error - 1.5 * rate)).clamp(-1.0, 1.0);
                 let t = 1e3 * begun.elapsed().as_secs_f64();
                 let input = json!({ "type": "input", "n": n, "t": t, "stick": [stick], "device": "gamepad", "name": "script",
                     "frame": 16.0, "seen": true });

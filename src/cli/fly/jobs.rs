@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// Jobs of a session.
+#[derive(Clone)]
 pub struct Jobs {
     vehicle: OsString,
     folder: PathBuf,
@@ -92,13 +93,10 @@ impl Jobs {
                     return Err("identify first: there is no pilot yet".to_owned());
                 }
                 let file = format!("{subject}-pilot.fmu");
-                let words = [
-                    os("export"),
-                    pilot.into(),
-                    os("-o"),
-                    self.made.join(&file).into(),
-                ];
-                Ok((vec![words.to_vec()], Some(file)))
+                let mut words = vec![os("export")];
+                words.extend(self.is_quadcopter.then(|| os("pilot")));
+                words.extend([pilot.into(), os("-o"), self.made.join(&file).into()]);
+                Ok((vec![words], Some(file)))
             }
             JobKind::Compare => self.compare(),
             JobKind::Against => Ok((Vec::new(), None)),
@@ -189,15 +187,20 @@ fn is_disturbed(path: &Path) -> bool {
 }
 
 impl Works for Jobs {
-    fn can(&self, valid: usize) -> Vec<JobKind> {
-        let mut all = Vec::new();
-        if valid > 0 {
-            all.push(JobKind::Identify);
-        }
-        if self.subjects().len() > 1 {
-            all.push(JobKind::Compare);
-        }
-        all
+    fn can(&self, subject: &str) -> Vec<JobKind> {
+        let has_flights = !self.flights(subject).is_empty();
+        let has_pilot = self.pilot(subject).is_file();
+        let has_others = self.subjects().len() > 1;
+        let all = [
+            (JobKind::Identify, has_flights),
+            (JobKind::Export, has_pilot),
+            (JobKind::Against, has_pilot),
+            (JobKind::Compare, has_others),
+        ];
+        all.into_iter()
+            .filter(|own| own.1)
+            .map(|own| own.0)
+            .collect()
     }
 
     fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>) {
@@ -228,7 +231,7 @@ impl Works for Jobs {
         };
         say(JobState::Running, "begun".to_owned(), None);
         let (is_busy, board, folder) = (self.is_busy.clone(), board.clone(), self.folder.clone());
-        let can = [JobKind::Identify, JobKind::Export, JobKind::Against];
+        let (own, subject) = (self.clone(), subject.to_owned());
         std::thread::spawn(move || {
             let told =
                 std::fs::create_dir_all(folder.join("made")).map_err(|error| error.to_string());
@@ -247,9 +250,9 @@ impl Works for Jobs {
                         words,
                         page.map(|page| format!("/made/{page}")),
                     );
-                    if kind == JobKind::Identify {
-                        board.say(&ToPage::Can { can: can.to_vec() });
-                    }
+                    board.say(&ToPage::Can {
+                        can: own.can(&subject),
+                    });
                 }
                 Err(words) => say(JobState::Failed, words, None),
             }
@@ -302,7 +305,12 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<String
     let _ = listening.join();
     let errors = said.lock().map(|said| said.clone()).unwrap_or_default();
     match status.code() {
-        Some(0 | 1) => Ok(lines.first().cloned().unwrap_or_else(|| "done".to_owned())),
+        Some(0 | 1) => {
+            // How a fit ended, before what the data excite.
+            let verdict = lines.iter().find(|line| line.contains("converged"));
+            let told = verdict.or(lines.first()).cloned();
+            Ok(told.unwrap_or_else(|| "done".to_owned()))
+        }
         _ => {
             terminal::tell(&errors);
             Err(errors.lines().next().unwrap_or("it failed").to_owned())

@@ -78,7 +78,7 @@ pub struct Args {
     #[arg(long, value_name = "HOST:PORT")]
     flightgear: Option<String>,
     /// Where FlightGear's vehicle begins, and which way is forward [default: runway 28R of San Francisco].
-    #[arg(long, value_name = "LAT,LON,HEADING,ELEVATION", requires = "flightgear", value_delimiter = ',', num_args = 4, value_parser = number, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LAT,LON,HEADING,ELEVATION", requires = "flightgear", value_delimiter = ',', value_parser = number, allow_hyphen_values = true)]
     runway: Vec<f64>,
     /// Version of FlightGear's packets: 24, or 25 after FlightGear 2020.3.
     #[arg(long, value_name = "24|25", requires = "flightgear", default_value_t = 24, value_parser = clap::value_parser!(u8).range(24..=25))]
@@ -141,7 +141,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         folder: folder.clone(),
     };
     let jobs = Jobs::new(
-        args.vehicle.clone(),
+        args.vehicle_from_anywhere(),
         folder,
         made.clone(),
         is_quadcopter(&args.vehicle),
@@ -243,6 +243,15 @@ impl Args {
         })
     }
 
+    /// The vehicle as a command in another folder names it.
+    fn vehicle_from_anywhere(&self) -> OsString {
+        let path = Path::new(&self.vehicle);
+        match path.exists() {
+            true => std::path::absolute(path).map_or_else(|_| self.vehicle.clone(), OsString::from),
+            false => self.vehicle.clone(),
+        }
+    }
+
     fn listen_to_stick(&self, hand: &Arc<Hand>, axes: usize) -> Result<(), Failure> {
         let Some(path) = &self.stick else {
             return Ok(());
@@ -291,7 +300,12 @@ impl Args {
                 heading,
                 elevation,
             },
-            _ => Runway::default(),
+            [] => Runway::default(),
+            _ => {
+                return Err(Failure::new(
+                    "--runway takes four numbers: latitude, longitude and heading [deg], elevation [m]",
+                ));
+            }
         };
         let version = if self.flightgear_version == 24 {
             Version::V24
@@ -324,7 +338,7 @@ impl Args {
 
 /// Shows where the vehicle is in FlightGear, until the end.
 async fn show(mut picture: flightgear::Sender, board: Arc<Board>) {
-    let (_, _, states) = board.listen();
+    let states = board.listen().states;
     let mut ticks = tokio::time::interval(Duration::from_secs_f64(1.0 / flightgear::RATE));
     loop {
         ticks.tick().await;

@@ -3,6 +3,7 @@
 
 mod describing;
 mod examples;
+mod fly;
 mod fmpy;
 mod guidance;
 mod library;

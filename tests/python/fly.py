@@ -1,0 +1,171 @@
+"""Flies `pilotage fly` in a browser to the end of a protocol: `fly.py PILOTAGE BROWSERS FOLDER`.
+
+A scripted stick of known gain and lead stands in the place of the gamepad, inside the page: no driver can fake one, and a
+call through it takes too long. The page is reloaded in the middle of a run, and its socket dropped in another. What is wrong
+with what the page shows is printed, else the results of the runs as JSON; `no browser` where there is none.
+"""
+
+import json
+import pathlib
+import subprocess
+import sys
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from pages import LEAST, found, launched
+from playwright.sync_api import sync_playwright
+
+GAIN, LEAD = 0.03, 2.0  # [1/m], [s]
+PROTOCOL = """
+title = "Steps"
+order = "given"
+[training]
+least = 1
+most = 1
+[[task]]
+kind = "step"
+target = 10
+seconds = 6
+runs = 3
+"""
+SIZES = [(390, 844), (844, 390), (800, 600), (1400, 900)]
+
+# A gamepad whose stick leans on the error and its rate, as the states come; and the sockets, to drop one.
+STICK = """
+(() => {
+  const pad = { id: "scripted stick", index: 0, connected: true, axes: [0], buttons: [{ pressed: false }], mapping: "" };
+  navigator.getGamepads = () => [pad];
+  window.sockets = [];
+  const states = [];
+  const Native = WebSocket;
+  window.WebSocket = class extends Native {
+    constructor(...all) {
+      super(...all);
+      window.sockets.push(this);
+      this.addEventListener("message", ({ data }) => {
+        const message = JSON.parse(data);
+        if (message.type === "phase") window.phase = message;
+        if (message.type === "trouble") window.trouble = message.words;
+        if (message.type !== "state") return;
+        if (states.length && message.t < states.at(-1).t) states.length = 0;
+        states.push(message);
+        if (states.length > 4) states.shift();
+        const [first, last] = [states[0], states.at(-1)];
+        const rate = last.t > first.t ? (last.x[0] - first.x[0]) / (last.t - first.t) : 0;
+        // Nothing before the start.
+        pad.axes[0] = last.t === 0 ? 0 : Math.max(-1, Math.min(1, GAIN * (last.target[0] - last.x[0] - LEAD * rate)));
+        window.state = last;
+      });
+    }
+  };
+})();
+""".replace("GAIN", str(GAIN)).replace("LEAD", str(LEAD))
+
+LOOK = """
+least => {
+  const wrong = [];
+  for (const element of document.querySelectorAll("body *")) {
+    const own = [...element.childNodes].some(node => node.nodeType === 3 && node.data.trim());
+    const box = element.getBoundingClientRect();
+    if (!own || box.width === 0) continue;
+    if (parseFloat(getComputedStyle(element).fontSize) < least) wrong.push(`small text: ${element.textContent}`);
+    if (box.left < -1 || box.right > innerWidth + 1) wrong.push(`outside: ${element.textContent}`);
+  }
+  const canvas = document.querySelector("canvas");
+  const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const pixels = copy.getImageData(0, 0, canvas.width, canvas.height).data;
+  const colours = new Set();
+  for (let k = 0; k < pixels.length; k += 4) colours.add(pixels[k] << 16 | pixels[k + 1] << 8 | pixels[k + 2]);
+  if (colours.size < 5) wrong.push("nothing is drawn");
+  return wrong;
+}
+"""
+
+
+def shown(tab, folder, name, wrong):
+    """Looks at what is shown in all sizes and both themes."""
+    for theme in ("light", "dark"):
+        tab.emulate_media(color_scheme=theme)
+        for width, height in SIZES:
+            tab.set_viewport_size({"width": width, "height": height})
+            tab.wait_for_timeout(120)
+            tab.screenshot(path=folder / f"{name}-{width}-{theme}.png")
+            wrong += [f"{name}, {width} px, {theme}: {own}" for own in tab.evaluate(LOOK, LEAST)]
+
+
+def phase(tab, kinds):
+    """Waits for one of these phases."""
+    tab.wait_for_function("kinds => kinds.includes(window.phase?.phase)", arg=kinds, timeout=60_000)
+    return tab.evaluate("window.phase")
+
+
+def flown(tab, folder, wrong):
+    """Flies to the end; the results."""
+    results, disturbed = [], ["reload", "drop"]
+    while True:
+        now = phase(tab, ["ready", "after", "end"])
+        if now["phase"] == "end":
+            return results
+        if now["phase"] == "after":
+            results.append(now["result"])
+            if len(results) == 1:
+                shown(tab, folder, "after", wrong)
+            # On a busy machine a run may not count for a reason that is none of the page's.
+            if len(results) >= 8:
+                return results
+        tab.click("#go")
+        tab.wait_for_function("before => window.phase.phase !== before", arg=now["phase"], timeout=5000)
+        if phase(tab, ["fly", "ready", "after", "end"])["phase"] != "fly":
+            continue
+        tab.wait_for_function("() => window.state?.t > 2", timeout=20_000)
+        if not results:
+            shown(tab, folder, "fly", wrong)
+        elif not now["training"] and disturbed:
+            if disturbed.pop(0) == "reload":
+                tab.reload()
+                tab.wait_for_function("() => window.phase")
+                tab.wait_for_selector("#welcome", state="hidden")
+                # The stick is chosen again.
+                tab.evaluate("document.getElementById('device').value = [...document.getElementById('device').options].findIndex(own => own.text === 'scripted stick')")
+                tab.evaluate("document.getElementById('device').onchange()")
+            else:
+                tab.evaluate("window.sockets.at(-1).close()")
+        phase(tab, ["after", "end"])
+
+
+def main():
+    pilotage, browsers, folder = map(pathlib.Path, sys.argv[1:])
+    browser = found(browsers)
+    if browser is None:
+        print("no browser")
+        return
+    (folder / "protocol.toml").write_text(PROTOCOL)
+    command = [pilotage, "fly", "--protocol", "protocol.toml", "--no-browser", "-o", "flights"]
+    server = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
+    try:
+        address = server.stderr.readline().split()[-1]
+        wrong = []
+        with sync_playwright() as playwright:
+            opened = launched(playwright.chromium, browser)
+            tab = opened.new_page(viewport={"width": 800, "height": 600})
+            tab.on("console", lambda message: message.type in ("error", "warning") and wrong.append(message.text))
+            tab.on("pageerror", lambda error: wrong.append(str(error)))
+            tab.add_init_script(STICK)
+            tab.goto(address)
+            tab.wait_for_selector("#welcome:visible")
+            shown(tab, folder, "welcome", wrong)
+            tab.set_viewport_size({"width": 800, "height": 600})
+            tab.select_option("#device", label="scripted stick")
+            tab.check("#consent")
+            tab.click("#welcome .go")
+            results = flown(tab, folder, wrong)
+            opened.close()
+        print("\n".join(wrong) or json.dumps(results))
+    finally:
+        server.terminate()
+        server.wait(10)
+
+
+if __name__ == "__main__":
+    main()
