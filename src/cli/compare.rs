@@ -157,13 +157,16 @@ fn refusal(names: &[&str], compared: &Compared) -> String {
 /// Why none is taken where all have answers.
 pub fn few() -> String {
     format!(
-        "none is taken: fewer than {FEWEST_RUNS} runs are predicted by all when left out; record more, or cut runs in parts"
+        "none is taken: each predicts fewer than {FEWEST_RUNS} runs that are left out; record more, or cut runs in parts"
     )
 }
 
 /// A comparison in a sentence.
 fn sentence(names: &[&str], own: &Comparison) -> String {
     let (before, after) = (names[own.before], names[own.after]);
+    if own.gain.is_nan() {
+        return format!("{after} does not predict the runs that {before} predicts\n");
+    }
     let gain = significant(own.gain, 3);
     let p = significant(own.p, 2);
     match own.is_taken {

@@ -26,14 +26,14 @@ pub struct ClosedLoop<'a> {
 }
 
 /// The targets of a report, each with its colour.
-struct Targets(Vec<f64>);
+struct Targets(Vec<Option<f64>>);
 
 impl Targets {
-    /// The different last targets of the trials, in order of appearance.
+    /// The different targets of the trials, in order of appearance; those that move are one.
     fn of(trials: &[Trial]) -> Self {
-        let mut targets: Vec<f64> = Vec::new();
+        let mut targets: Vec<Option<f64>> = Vec::new();
         for trial in trials {
-            let target = last(&trial.target);
+            let target = standing(&trial.target);
             if !targets.contains(&target) {
                 targets.push(target);
             }
@@ -42,7 +42,7 @@ impl Targets {
     }
 
     /// The colour of a target.
-    fn class(&self, target: f64) -> String {
+    fn class(&self, target: Option<f64>) -> String {
         let index = self
             .0
             .iter()
@@ -52,9 +52,10 @@ impl Targets {
     }
 }
 
-/// The last of some values.
-fn last(values: &[f64]) -> f64 {
-    values.last().copied().unwrap_or(f64::NAN)
+/// The target that stands still; none of one that moves.
+fn standing(target: &[f64]) -> Option<f64> {
+    let first = target.first().copied()?;
+    target.iter().all(|own| *own == first).then_some(first)
 }
 
 /// The recorded positions and the goals.
@@ -80,8 +81,9 @@ fn recorded_stick(trials: &[Trial]) -> Vec<Series> {
 fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Series> {
     (runs.iter())
         .map(|run| {
-            let target = last(&run.target);
-            let label = format!("model, {target} m");
+            let target = standing(&run.target);
+            let label =
+                target.map_or_else(|| "model".to_owned(), |target| format!("model, {target} m"));
             Series::line(&label, targets.class(target), &run.time, y(run)).of(&run.name)
         })
         .collect()
@@ -122,7 +124,7 @@ fn co_simulated(
         .filter_map(|closed| {
             let values = &closed.series.column(&column(closed))?.values;
             let label = format!("FMUs, {} m", closed.target);
-            let class = targets.class(closed.target);
+            let class = targets.class(Some(closed.target));
             Some(Series::line(&label, class, &closed.series.time, values))
         })
         .collect()
@@ -197,8 +199,12 @@ pub fn all(report: &Report) -> Vec<Figure> {
 /// Recorded minus modelled.
 fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
     let of = |run: &'_ RunFit| {
-        let target = run.target.last().copied().unwrap_or(f64::NAN);
-        (format!("goal {target} m"), targets.class(target))
+        let target = standing(&run.target);
+        let goal = target.map_or_else(
+            || "goal that moves".to_owned(),
+            |target| format!("goal {target} m"),
+        );
+        (goal, targets.class(target))
     };
     let all: Vec<Residuals> = (fit.runs.iter())
         .map(|run| {

@@ -8,11 +8,12 @@ use super::overlay::{self, Parameters};
 use super::tables;
 use crate::identification::statistics::rms;
 use crate::identification::{Diagnostic, Fit, Identification};
+use crate::inference::Interval;
 use crate::models::Pilot;
 
-/// Cramér–Rao bound below which a parameter is well determined \[%\] (Tischler & Remple, *Aircraft and Rotorcraft System
-/// Identification*, 2nd ed., section 12.3).
-const WELL_DETERMINED: f64 = 20.0;
+/// Standard deviation over the value below which a parameter is well determined: half of what Tischler & Remple, *Aircraft and
+/// Rotorcraft System Identification*, 2nd ed., section 12.3, ask of the Cramér–Rao bound, which is twice one.
+const WELL_DETERMINED: f64 = 0.1;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -92,19 +93,21 @@ fn sureness(fit: &Fit) -> String {
     let Some(sure) = &fit.uncertainty else {
         return "How sure it is is not known: see the diagnostics.".into();
     };
-    escape(&well_determined(&sure.cramer_rao))
+    let values = fit.theta.iter().copied();
+    escape(&well_determined(values.zip(&sure.intervals)))
 }
 
-/// How many parameters with these Cramér–Rao bounds \[%\] are well determined, in a sentence.
-pub fn well_determined(cramer_rao: &[f64]) -> String {
-    let well = cramer_rao
-        .iter()
-        .filter(|bound| **bound < WELL_DETERMINED)
-        .count();
+/// How many parameters with these values and intervals are well determined, in a sentence.
+pub fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> String {
+    let (mut well, mut count) = (0, 0);
+    for (value, interval) in all {
+        count += 1;
+        well += usize::from(interval.sd < WELL_DETERMINED * value.abs());
+    }
     format!(
-        "{well} of {} parameters are well determined (Cramér–Rao bound below {WELL_DETERMINED} %; Tischler & Remple, \
-         section 12.3).",
-        cramer_rao.len()
+        "{well} of {count} parameters are well determined: the standard deviation of their intervals is below {:.0} % of the \
+         value.",
+        100.0 * WELL_DETERMINED
     )
 }
 

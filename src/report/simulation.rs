@@ -75,7 +75,7 @@ pub fn result_figures(results: &[(&str, &series::Series)]) -> Vec<Figure> {
             *unit == column.unit && names.contains(&column.name.as_str())
         };
         let has_room = |(unit, names): &&mut (&str, Vec<&str>)| {
-            *unit == column.unit && names.len() < N_COLOURS
+            *unit == column.unit && (names.len() + 1) * results.len() <= N_COLOURS
         };
         if groups.iter().any(is_known) {
             continue;
@@ -95,11 +95,20 @@ pub fn result_figures(results: &[(&str, &series::Series)]) -> Vec<Figure> {
 fn result_figure(results: &[(&str, &series::Series)], unit: &str, names: &[&str]) -> Figure {
     let mut lines = Vec::new();
     for (number, name) in names.iter().enumerate() {
-        for (run, series) in results {
+        for (result, (run, series)) in results.iter().enumerate() {
             let is_it = |column: &&Column| column.name == *name && column.unit == unit;
             if let Some(column) = series.columns.iter().find(is_it) {
-                let line = Series::line(name, colour(number), &series.time, &column.values);
-                lines.push(line.of(run));
+                // Of several results each has a colour of its own, and its name in the legend.
+                let (label, colour) = match results.len() {
+                    1 => ((*name).to_owned(), colour(number)),
+                    count => (format!("{name}, {run}"), colour(number * count + result)),
+                };
+                let line = Series::line(&label, colour, &series.time, &column.values);
+                lines.push(if results.len() == 1 {
+                    line.of(run)
+                } else {
+                    line
+                });
             }
         }
     }

@@ -381,7 +381,7 @@ fn uses() {
 #[test]
 fn wrong_arguments_end_with_code_2_and_a_usage_line() {
     for arguments in [
-        &["fly"][..],
+        &["flyy"][..],
         &["trials", "chek", "a.csv"],
         &["vehicle", "check"],
         &["trials", "synth", "--runs", "many"],

@@ -157,8 +157,8 @@ fn results_are_laid_over_each_other() {
     for part in [
         ">car.x [m]</text>",
         ">time [s]</text>",
-        "<title>a.csv car.x</title>",
-        "<title>b.csv car.x</title>",
+        ">car.x, a.csv</text>",
+        ">car.x, b.csv</text>",
     ] {
         assert!(svg.contains(part), "{part} {svg}");
     }

@@ -155,7 +155,7 @@ impl Protocol {
             }
         }
         Ok(Self {
-            title: root.string("title")?.map_or(usual.title, str::to_owned),
+            title: (root.string("title")?).map_or_else(|| stem(file), str::to_owned),
             tasks,
             training: match root.table("training")? {
                 Some(table) => training(table, usual.training)?,
@@ -205,6 +205,12 @@ impl Protocol {
             };
         all.iter().map(|task| (*task, sign(task))).collect()
     }
+}
+
+/// The name of a file without folder and ending.
+fn stem(file: &str) -> String {
+    let stem = Path::new(file).file_stem().unwrap_or_default();
+    stem.to_string_lossy().into_owned()
 }
 
 /// A target that stands still.

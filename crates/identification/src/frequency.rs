@@ -2,9 +2,10 @@
 //! is a sum of sines ([`pilotage_inference::spectrum`]).
 
 use super::closed_loop::LinearVehicle;
-use super::{FitOptions, Trial};
+use super::{Fit, FitOptions, Trial};
+use crate::spread::Spread;
 use nalgebra::Complex;
-use pilotage_inference::spectrum::{Describing, Flight};
+use pilotage_inference::spectrum::{Describing, Flight, Model};
 use pilotage_models::Pilot;
 
 /// The value of a polynomial with ascending coefficients.
@@ -32,14 +33,36 @@ pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f6
 }
 
 /// What flights say of pilot and loop, beside a fitted θ. The loop has no fitted values where nobody said what was flown.
-pub fn describing(trials: &[Trial], theta: &[f64], options: &FitOptions) -> Describing {
-    let vehicle = options.loop_vehicle().map(LinearVehicle::of);
-    let of_pilot = |omega: f64| pilot(options.pilot, theta, omega);
-    let of_loop = |omega: f64| match &vehicle {
+pub fn describing(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Describing {
+    let (theta, vehicle) = (&fit.theta, options.loop_vehicle().map(LinearVehicle::of));
+    let of_pilot = |theta: &[f64], omega: f64| pilot(options.pilot, theta, omega);
+    let of_loop = |theta: &[f64], omega: f64| match &vehicle {
         Some(vehicle) => open_loop(vehicle, options.pilot, theta, omega),
         None => Complex::new(f64::NAN, f64::NAN),
     };
-    Describing::of(&flights(trials), [&of_pilot, &of_loop])
+    let [fitted_pilot, fitted_loop] = [&|omega| of_pilot(theta, omega), &|omega| {
+        of_loop(theta, omega)
+    }] as [Model<'_>; 2];
+    let mut own = Describing::of(&flights(trials), [fitted_pilot, fitted_loop]);
+    if let Some(sure) = &fit.uncertainty {
+        let variance = |of: &dyn Fn(&[f64], f64) -> Complex<f64>, omega: f64| {
+            variance(&sure.spread, theta, |theta| of(theta, omega))
+        };
+        own.pilot = own.pilot.known_as(|omega| variance(&of_pilot, omega));
+        own.open_loop = own.open_loop.known_as(|omega| variance(&of_loop, omega));
+    }
+    own
+}
+
+/// The mean square of the error of a response that follows from θ (delta method); 0 where it is not known.
+fn variance(spread: &Spread, theta: &[f64], of: impl Fn(&[f64]) -> Complex<f64>) -> f64 {
+    let parts = |theta: &[f64]| {
+        let value = of(theta);
+        vec![value.re, value.im]
+    };
+    let ends = spread.derived(theta, &parts(theta), parts);
+    let variance: f64 = ends.iter().map(|own| own.sd.powi(2)).sum();
+    if variance.is_finite() { variance } else { 0.0 }
 }
 
 /// Trials as flights whose target alone drives them.

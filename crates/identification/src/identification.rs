@@ -74,7 +74,7 @@ impl Identification {
         Self {
             derived: derived::derived(&fit, &options),
             excitation: Excitation::of(&frequency::flights(&trials.fit)),
-            describing: frequency::describing(&trials.fit, &fit.theta, &options),
+            describing: frequency::describing(&fit, &trials.fit, &options),
             fit,
             options,
             trials,

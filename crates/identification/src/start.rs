@@ -77,7 +77,10 @@ fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
 /// `sin φ = -v̇/g` on an attitude loop that follows the stick at once.
 pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
     match &trial.stick {
-        Some(stick) if stick.iter().any(|u| u.is_finite()) => fill_gaps(&trial.time, stick),
+        // One that never moves was not recorded.
+        Some(stick) if stick.iter().any(|u| u.is_finite() && *u != 0.0) => {
+            fill_gaps(&trial.time, stick)
+        }
         _ => {
             let pitch = |a: &f64| -(a / vehicle.gravity).clamp(-0.95, 0.95).asin();
             smooth(trial)

@@ -49,7 +49,8 @@ pub struct Comparison {
     pub before: usize,
     /// The larger one, or the later of the same size.
     pub after: usize,
-    /// By how much the one before is more surprised by a run that was left out, in the mean.
+    /// By how much the one before is more surprised by a run that was left out, in the mean; not a number where the larger
+    /// one predicts too few runs.
     pub gain: f64,
     /// Probability of such a gain or a larger one where both predict as well.
     pub p: f64,
@@ -57,24 +58,30 @@ pub struct Comparison {
     pub is_taken: bool,
 }
 
-/// Which model, and by which comparisons; none where there are too few runs that all of them predict.
+/// Which model, and by which comparisons; none where there are too few runs that one of them predicts.
 ///
-/// From the smallest model on, each larger one is held against the one that was taken last. With m models the
+/// From the smallest model on that predicts enough of them, each larger one is held against the one that was taken last. With m models the
 /// probability of a comparison is [`SIZE`]`/(m - 1)` (Bonferroni), so that a model that is too large is taken with `SIZE` at
 /// most.
 pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
     let mut order: Vec<usize> = (0..all.len()).collect();
     order.sort_by_key(|k| all[*k].unknowns);
-    let (first, larger) = order.split_first()?;
-    let (mut taken, mut comparisons) = (*first, Vec::new());
+    let predicts = |k: &usize| {
+        let runs = all[*k].held_out.iter();
+        runs.filter(|run| run.is_finite()).count() >= FEWEST_RUNS
+    };
+    let first = order.iter().position(predicts)?;
+    let (mut taken, larger) = (order[first], &order[first + 1..]);
+    let mut comparisons = Vec::new();
     for after in larger {
         let both = || all[taken].held_out.iter().zip(&all[*after].held_out);
         let gains = both().map(|(before, after)| before - after);
         let gains: Vec<f64> = gains.filter(|gain| gain.is_finite()).collect();
-        if gains.len() < FEWEST_RUNS {
-            return None;
-        }
-        let (gain, mut p) = one_sided(&gains);
+        let is_told = gains.len() >= FEWEST_RUNS;
+        let (gain, mut p) = match is_told {
+            true => one_sided(&gains),
+            false => (f64::NAN, 1.0),
+        };
         if both().any(|(before, after)| before.is_finite() && !after.is_finite()) {
             // It fails at a run that the one before predicts.
             p = 1.0;

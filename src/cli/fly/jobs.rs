@@ -149,12 +149,12 @@ impl Jobs {
         for subject in &subjects {
             all.extend(self.identify(subject)?);
         }
-        let frames = subjects
-            .iter()
-            .map(|subject| format!("<iframe src=\"{subject}.html\" title=\"{subject}\"></iframe>"));
+        let frames = subjects.iter().map(|subject| {
+            format!("<iframe data-page=\"{subject}.html\" title=\"{subject}\"></iframe>")
+        });
         let page = format!(
             "<!doctype html><meta charset=\"utf-8\"><title>Side by side</title><style>body{{margin:0;display:flex;height:100vh}}\
-             iframe{{flex:1;border:0;border-right:1px solid gray;min-width:0}}</style>{}",
+             iframe{{flex:1;border:0;border-right:1px solid gray;min-width:0}}</style>{}<script>for (const own of document.querySelectorAll('iframe')) own.src = own.dataset.page + location.search</script>",
             frames.collect::<String>()
         );
         std::fs::create_dir_all(&self.made).map_err(|error| error.to_string())?;

@@ -205,6 +205,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 impl Args {
     fn craft(&self) -> Result<Craft, Failure> {
         let path = PathBuf::from(&self.vehicle);
+        if recognise::is_problem(&path) {
+            let message = format!("{} is a problem file; expected a vehicle", path.display());
+            let hint =
+                "name the model of its vehicle, or what a fit of it wrote: INSTANCE-fitted.toml";
+            return Err(Failure::new(message).hint(hint));
+        }
         recognise::expect(
             [&path],
             &[

@@ -13,8 +13,8 @@ const STILL: f64 = 1e-6;
 const DRIVEN: f64 = 0.5;
 /// Correlation of positions with targets from which the slope between them means something.
 const FOLLOWS: f64 = 0.7;
-/// Slopes of positions over targets that humans fly; little at first.
-const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=5.0;
+/// Slopes of positions over targets that humans fly; little at first. Beyond them are other units: feet are 3.28.
+const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=2.5;
 /// Longest run that is too short for a task [s], and longest time between samples [s].
 const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;

@@ -36,7 +36,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
 
 /// Where what was fitted is not what the flights say of pilot and loop without a model.
 fn contradicted(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
-    let describing = frequency::describing(trials, &fit.theta, options);
+    let describing = frequency::describing(fit, trials, options);
     let found = describing.contradicted().filter(|_| fit.converged)?;
     Some(Diagnostic::Contradicted(found))
 }

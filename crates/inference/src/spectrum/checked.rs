@@ -18,13 +18,25 @@ pub struct Checked {
     pub points: Vec<Point>,
     /// The model's response at each; NaN where there is none.
     pub fitted: Vec<Complex<f64>>,
+    /// How sure that is: the mean square of its error; 0 where that is not known.
+    pub variance: Vec<f64>,
 }
 
 impl Checked {
     /// With the model's response at jω.
     pub fn new(points: Vec<Point>, model: impl Fn(f64) -> Complex<f64>) -> Self {
-        let fitted = points.iter().map(|own| model(own.frequency)).collect();
-        Self { points, fitted }
+        Self {
+            fitted: points.iter().map(|own| model(own.frequency)).collect(),
+            variance: vec![0.0; points.len()],
+            points,
+        }
+    }
+
+    /// The same where the model's response is known as well as `variance` says at a frequency [rad/s].
+    pub fn known_as(mut self, variance: impl Fn(f64) -> f64) -> Self {
+        let of = |own: &Point| variance(own.frequency);
+        self.variance = self.points.iter().map(of).collect();
+        self
     }
 
     /// Lines, each with what the model says.
@@ -32,16 +44,18 @@ impl Checked {
         self.points.iter().zip(self.fitted.iter().copied())
     }
 
-    /// Whether the model lies outside of the error bar of 99 % of a line, and by more than a tenth.
-    pub fn is_outside((point, fitted): (&Point, Complex<f64>)) -> bool {
+    /// Whether the model lies outside of the error bar of 99 % of a line, and by more than a tenth. What the model itself
+    /// may be off by makes the bar longer.
+    pub fn is_outside(&self, line: usize) -> bool {
+        let (point, fitted) = (&self.points[line], self.fitted[line]);
         let differs = (fitted - point.response).norm() > MATTERS * point.response.norm();
-        differs && point.likelihood_of(fitted) < UNLIKELY
+        differs && point.likelihood_beside(fitted, self.variance[line]) < UNLIKELY
     }
 
     /// The frequencies of lines at which the model is outside [rad/s], where these are many: a third of all, and three.
     pub fn contradicted(&self) -> Option<Vec<f64>> {
-        let outside = self.lines().filter(|own| Self::is_outside(*own));
-        let outside: Vec<f64> = outside.map(|(point, _)| point.frequency).collect();
+        let outside = (0..self.points.len()).filter(|line| self.is_outside(*line));
+        let outside: Vec<f64> = outside.map(|line| self.points[line].frequency).collect();
         let is_many =
             outside.len() >= MANY && outside.len() as f64 >= PART * self.points.len() as f64;
         is_many.then_some(outside)
@@ -191,6 +205,16 @@ mod tests {
             None,
             "a difference of no importance"
         );
+    }
+
+    /// A model that is not sure itself is not contradicted.
+    #[test]
+    fn what_the_model_may_be_off_by_is_allowed_for() {
+        let model = |_| Complex::new(0.0, 2.6);
+        let sure = Checked::new((0..8).map(point).collect(), model);
+        assert!(sure.contradicted().is_some());
+        assert!(sure.clone().known_as(|_| 0.01).contradicted().is_some());
+        assert_eq!(sure.known_as(|_| 0.16).contradicted(), None);
     }
 
     /// F with 2 and 2ν degrees: its 95 % quantile for ν = 15 is 3.316 (tables), and it is `d²`.

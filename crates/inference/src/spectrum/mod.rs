@@ -79,7 +79,12 @@ impl Point {
     /// How likely an estimate as far as this from a response is, if that is the true one: `(1 + d²/ν)^-ν`, from the F
     /// distribution with 2 and 2ν degrees of freedom.
     pub fn likelihood_of(&self, truth: Complex<f64>) -> f64 {
-        let variance = 2.0 * self.sd.powi(2) * self.response.norm_sqr();
+        self.likelihood_beside(truth, 0.0)
+    }
+
+    /// The same of a response that is known with an error of this mean square.
+    pub fn likelihood_beside(&self, truth: Complex<f64>, variance: f64) -> f64 {
+        let variance = variance + 2.0 * self.sd.powi(2) * self.response.norm_sqr();
         likelihood((truth - self.response).norm_sqr() / variance, self.degrees)
     }
 }

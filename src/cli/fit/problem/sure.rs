@@ -122,7 +122,12 @@ pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
 /// How sure a fit is, in a sentence.
 pub fn in_a_sentence(fit: &Fit) -> String {
     match &fit.uncertainty {
-        Ok(own) => well_determined(&own.cramer_rao),
+        Ok(own) => {
+            let all = fit.parameters.iter().zip(&own.intervals);
+            let values = all
+                .flat_map(|(found, intervals)| found.values.iter().map(|own| own.1).zip(intervals));
+            well_determined(values)
+        }
         Err(reason) => format!("How sure it is is not known: {reason}."),
     }
 }

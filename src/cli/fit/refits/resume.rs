@@ -3,6 +3,7 @@
 use crate::cli::Failure;
 use crate::identification::trials::sha256;
 use crate::refits::{Kind, Replicate, Study};
+use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -106,7 +107,12 @@ fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failur
             Failure::new(message).hint("remove the line, or give --resume another file")
         })
     };
-    lines.lines().enumerate().map(line).collect()
+    let mut all: Vec<Replicate> =
+        (lines.lines().enumerate().map(line)).collect::<Result<_, _>>()?;
+    // Of a line that stands there twice one counts.
+    let mut seen = HashSet::new();
+    all.retain(|own| seen.insert(own.number));
+    Ok(all)
 }
 
 /// By which a line that was changed is told from one that was written.
