@@ -1,23 +1,29 @@
 //! Describing functions: dots with error bars beneath which a fitted response runs.
 
 use super::figure::{Figure, Look, Series};
-use super::frequency::response_figures;
-use crate::inference::spectrum::{Checked, Describing, Model};
+use super::frequency::{Curve, response_figures};
+use crate::identification::Spread;
+use crate::inference::spectrum::{Checked, Describing};
 use crate::inference::{LEVEL, quantile};
 use nalgebra::Complex;
 
 /// What the dots are, for captions.
 const CAPTION: &str = " Dots are the describing function at the lines of the target, without a model; bars hold 95 %.";
 
-/// Bode plots of a loop that has no θ of its own, with the dots; none where the runs tell nothing of it.
-pub fn describing_figures(describing: &Describing, models: [Model<'_>; 2]) -> Vec<Figure> {
+/// Bode plots of pilot and loop as they depend on θ, with the dots; none where the runs tell nothing of it.
+pub fn describing_figures(
+    describing: &Describing,
+    models: [Curve<'_>; 2],
+    theta: &[f64],
+    sure: Option<&Spread>,
+) -> Vec<Figure> {
     let lines = describing.open_loop.points.iter();
     let logs: Vec<f64> = lines.map(|own| own.frequency.ln()).collect();
     if logs.is_empty() {
         return Vec::new();
     }
     let middle = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
-    let mut figures = response_figures(models, middle);
+    let mut figures = response_figures(models, theta, sure, middle);
     if describing.pilot.points.is_empty() {
         figures.retain(|own| own.name != "bode");
     }

@@ -5,7 +5,6 @@ use super::number::significant;
 use crate::identification::Spread;
 use crate::identification::closed_loop::LinearVehicle;
 use crate::identification::frequency::{open_loop, pilot};
-use crate::inference::spectrum::Model;
 use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;
@@ -16,7 +15,7 @@ const POINTS: u32 = 160;
 const DECADES: f64 = 1.3;
 
 /// A response that depends on θ.
-type Curve<'a> = &'a dyn Fn(&[f64], f64) -> Complex<f64>;
+pub type Curve<'a> = &'a dyn Fn(&[f64], f64) -> Complex<f64>;
 
 /// A pilot that was fitted.
 #[derive(Debug, Clone, Copy)]
@@ -73,17 +72,21 @@ pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
     figures
 }
 
-/// The same of pilot and open loop whose parameters are held, about their crossover, or `middle` [rad/s] where they have none.
-pub fn response_figures([pilot, open_loop]: [Model<'_>; 2], middle: f64) -> Vec<Figure> {
-    let [pilot, open_loop] = [pilot, open_loop].map(|own| move |_: &[f64], omega: f64| own(omega));
-    let middle = crossover(&open_loop, &[]).unwrap_or(middle);
+/// The same of pilot and open loop as they depend on θ, about their crossover, or `middle` [rad/s] where they have none.
+pub fn response_figures(
+    [pilot, open_loop]: [Curve<'_>; 2],
+    theta: &[f64],
+    sure: Option<&Spread>,
+    middle: f64,
+) -> Vec<Figure> {
+    let middle = crossover(open_loop, theta).unwrap_or(middle);
     let bode = |of| Bode {
         of,
-        theta: &[],
-        sure: None,
+        theta,
+        sure,
         middle,
     };
-    let (first, second): (Bode<'_>, Bode<'_>) = (bode(&pilot), bode(&open_loop));
+    let (first, second): (Bode<'_>, Bode<'_>) = (bode(pilot), bode(open_loop));
     let caption = format!("From the error to the position.{}", second.margins());
     vec![
         first.figure(

@@ -14,7 +14,7 @@ const STEP: f64 = 1e-3;
 const FAR: f64 = 10.0;
 
 /// Roots that depend on θ.
-type Roots<'a> = &'a dyn Fn(&[f64]) -> Vec<Complex<f64>>;
+pub type Roots<'a> = &'a dyn Fn(&[f64]) -> Vec<Complex<f64>>;
 
 /// The map.
 pub fn pole_figure(fitted: &Fitted<'_>) -> Figure {
@@ -65,6 +65,33 @@ pub fn pole_figure(fitted: &Fitted<'_>) -> Figure {
     };
     let caption = format!("Ellipses hold a root with 95 % (delta method).{far}");
     Figure::of("poles", "Poles and zeros", &caption, panel)
+}
+
+/// The poles of a wired system as they depend on θ; none where it has none.
+pub fn wired_figure(of: Roots<'_>, theta: &[f64], sure: Option<&Spread>) -> Option<Figure> {
+    let all = of(theta);
+    let ellipses = sure
+        .into_iter()
+        .flat_map(|sure| ellipses(sure, theta, of, &all));
+    let mut series: Vec<Series> = ellipses
+        .filter(|[x, y]| x.iter().chain(y).all(|value| value.is_finite()))
+        .map(|[x, y]| Series::line("95 %", "line-1", &x, &y).looks(Look::Area))
+        .collect();
+    let told = match series.is_empty() {
+        true => "",
+        false => " Ellipses hold a pole with 95 % (delta method).",
+    };
+    let (x, y): (Vec<f64>, Vec<f64>) = all.iter().map(|pole| (pole.re, pole.im)).unzip();
+    series.push(Series::line("", "line-1", &x, &y).looks(Look::Crosses));
+    let panel = Panel {
+        x: Axis::linear("real part [1/s]"),
+        y: Axis::linear("imaginary part [1/s]"),
+        equal: true,
+        height: 380.0,
+        series,
+    };
+    let caption = format!("Of the wired system, linearised where the first run ends.{told}");
+    (!x.is_empty()).then(|| Figure::of("poles", "Poles", &caption, panel))
 }
 
 /// Roots of a polynomial with ascending coefficients: eigenvalues of its companion matrix.

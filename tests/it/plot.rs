@@ -141,6 +141,40 @@ fn a_pilot_file_is_drawn_as_the_page_of_its_fit() {
     assert!(!folder.read("old.csv").contains("95 %"));
 }
 
+/// The band of a problem's open loop, where its gain is 1, over the slope there, is the interval of the crossover frequency.
+#[test]
+fn bands_of_problems_are_those_of_their_margins() {
+    let folder = Folder::new();
+    let problem = example("problems/rate_limited/problem.toml");
+    let problem = problem.display().to_string();
+    let fit = ["fit", &problem, "--report", "fit.html", "--json"];
+    let json = folder.pilotage(&fit).json();
+    let plot = ["plot", "fit.html", "--figure", "open-loop", "-o", "o.csv"];
+    assert_eq!(folder.pilotage(&plot).code, 0);
+    let table = folder.read("o.csv");
+    let of = |series: &str| -> Vec<[f64; 2]> {
+        let rows = table
+            .lines()
+            .map(|line| line.split(',').collect::<Vec<_>>());
+        let rows = rows.filter(|row| row[0] == "gain [dB]" && row[2] == series);
+        rows.map(|row| [row[3], row[4]].map(|cell| cell.parse().unwrap()))
+            .collect()
+    };
+    let (fitted, band) = (of("fitted"), of("95 %"));
+    let after = fitted.iter().position(|[_, gain]| *gain < 0.0).unwrap();
+    let [[w0, g0], [w1, g1]] = [fitted[after - 1], fitted[after]];
+    // Along one end of the band and back along the other.
+    let half = (band[after][1] - band[band.len() - 1 - after][1]).abs() / 2.0;
+    let crossover = &json["derived"]["crossover_frequency"];
+    let [low, high] = ["low", "high"].map(|key| crossover[key].as_f64().unwrap());
+    let told = (high - low) / 2.0;
+    let found = half / ((g1 - g0) / (w1 - w0)).abs();
+    assert!((found / told - 1.0).abs() < 0.1, "{found} {told}");
+    let poles = ["plot", "fit.html", "--figure", "poles", "-o", "p.csv"];
+    assert_eq!(folder.pilotage(&poles).code, 0);
+    assert!(folder.read("p.csv").contains("95 %"));
+}
+
 /// Results lie over each other by the names of their columns, with units on the axes.
 #[test]
 fn results_are_laid_over_each_other() {

@@ -46,8 +46,13 @@ pub struct FittedLoop {
 impl FittedLoop {
     /// Of a solution, linear at the end of the first run. None where the problem has no such loop.
     pub fn new(posed: &Posed<'_>, solved: &Solved) -> Option<Self> {
+        Self::with(posed, solved, &solved.theta())
+    }
+
+    /// The same with other shared parameters, at the same states.
+    pub fn with(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<Self> {
         let roles = Roles::of(posed)?;
-        let closed = linear(posed, solved)?;
+        let closed = linear(posed, solved, theta)?;
         Some(Self { roles, closed })
     }
 
@@ -201,11 +206,11 @@ impl Columns {
 
 /// From the inputs of the file to what is measured, at the end of the first run. None where a derivative is no finite
 /// number.
-fn linear(posed: &Posed<'_>, solved: &Solved) -> Option<StateSpace> {
+fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpace> {
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
     let x = problem.states_at_samples(z, 0).pop()?;
     let last = posed.runs[0].time.len() - 1;
-    let point = variables(posed, 0, last, &x, &problem.physical_theta(z));
+    let point = variables(posed, 0, last, &x, theta);
     let system = &posed.model.system;
     let inputs: Vec<usize> = (posed.file.inputs.iter())
         .map(|own| input(posed, &own.signal.value))

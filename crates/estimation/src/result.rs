@@ -9,7 +9,7 @@ use crate::left_over::Beside;
 use crate::part::About;
 use crate::posed::{Posed, Stands};
 use crate::uncertainty::{Uncertainty, Unsure};
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 use pilotage_collocation::Collocation;
 use pilotage_expression::Node;
 use pilotage_inference::residuals::Explained;
@@ -244,7 +244,10 @@ impl Fit {
             derived: expressed(posed, &states, &theta, &posed.told.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
-            poles: poles(posed, &runs, &states, &theta),
+            poles: states[0].last().map_or_else(Vec::new, |x| {
+                let poles = poles(posed, x, &theta);
+                poles.iter().map(|pole| [pole.re, pole.im]).collect()
+            }),
             runs,
             refinement: Refinement::new(solved),
             resolution: EXACT * samples as f64 / posed.factor,
@@ -468,17 +471,12 @@ fn reached(
     range.into_iter().flatten().find(is_reached)
 }
 
-/// Eigenvalues of the joint system's Jacobian, at the end of the first run.
-fn poles(
-    posed: &Posed<'_>,
-    runs: &[RunFit],
-    states: &[Vec<Vec<f64>>],
-    theta: &[f64],
-) -> Vec<[f64; 2]> {
+/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run; none where it is not known.
+pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
     let system = &posed.model.system;
     let n = posed.joint.model.states.len();
-    let last = runs[0].time.len() - 1;
-    let at = variables(posed, 0, last, &states[0][last], theta);
+    let last = posed.runs[0].time.len() - 1;
+    let at = variables(posed, 0, last, x, theta);
     let mut graph = system.graph.clone();
     let mut matrix = DMatrix::zeros(n, n);
     let columns: Vec<_> = (0..n)
@@ -491,10 +489,7 @@ fn poles(
         }
     }
     match n > 0 && matrix.iter().all(|value| value.is_finite()) {
-        true => eigenvalues(&matrix)
-            .iter()
-            .map(|pole| [pole.re, pole.im])
-            .collect(),
+        true => eigenvalues(&matrix),
         false => Vec::new(),
     }
 }

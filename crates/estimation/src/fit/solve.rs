@@ -1,6 +1,7 @@
 //! The SQP from one point, begun again with other scales where it makes no progress.
 
 use crate::posed::Posed;
+use nalgebra::Complex;
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
@@ -15,6 +16,22 @@ pub struct Solved {
 }
 
 impl Solved {
+    /// The shared parameters, as the search sees them.
+    pub fn theta(&self) -> Vec<f64> {
+        let z = &self.solution.iterate.z;
+        self.problem.physical_theta(z)
+    }
+
+    /// The poles of the joint equations where the first run ends \[1/s\], with other shared parameters at the same states.
+    pub fn poles_with(&self, posed: &Posed<'_>, theta: &[f64]) -> Vec<Complex<f64>> {
+        let last = self
+            .problem
+            .states_at_samples(&self.solution.iterate.z, 0)
+            .pop();
+        let poles = last.map(|x| crate::result::poles(posed, &x, theta));
+        poles.unwrap_or_default()
+    }
+
     /// The objective where the states fulfil the scaled equations up to this violation; else infinite.
     pub(super) fn within(&self, violation: f64) -> f64 {
         match self.solution.kkt.primal <= violation {

@@ -5,14 +5,17 @@ use super::sure;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::Fit;
 use crate::estimation::describing::FittedLoop;
-use crate::inference::spectrum::Model;
+use crate::identification::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::palette::colour;
+use crate::report::poles::wired_figure;
 use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
 use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
 use crate::sqp::Status;
+use nalgebra::Complex;
+use std::cell::RefCell;
 
 /// The page.
 pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
@@ -70,7 +73,7 @@ pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
     all.extend(bode(outcomes));
-    all.extend(poles(fit));
+    all.extend(poles(outcomes));
     if fit.is_met() {
         all.extend((0..outcomes.posed.file.measured.len()).map(|k| residuals(outcomes, k)));
     }
@@ -147,27 +150,51 @@ fn recorded(time: &[f64], values: &[f64]) -> Series {
 fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let Outcomes { posed, fit, .. } = *outcomes;
     let solved = fit.solved.as_deref();
-    let Some(fitted) = solved.and_then(|own| FittedLoop::new(posed, own)) else {
+    let Some(solved) = solved.filter(|own| FittedLoop::new(posed, own).is_some()) else {
         return Vec::new();
     };
-    let models: [Model<'_>; 2] = [&|omega| fitted.pilot(omega), &|omega| {
-        fitted.open_loop(omega)
-    }];
-    describing_figures(&fit.describing, models)
+    // Each θ is linearised once, for all frequencies.
+    let known: RefCell<Vec<(Vec<f64>, Option<FittedLoop>)>> = RefCell::default();
+    let at = |theta: &[f64], of: &dyn Fn(&FittedLoop) -> Complex<f64>| {
+        let mut known = known.borrow_mut();
+        let place = known
+            .iter()
+            .position(|own| own.0 == theta)
+            .unwrap_or_else(|| {
+                known.push((theta.to_vec(), FittedLoop::with(posed, solved, theta)));
+                known.len() - 1
+            });
+        let nothing = Complex::new(f64::NAN, f64::NAN);
+        known[place].1.as_ref().map_or(nothing, of)
+    };
+    let pilot = |theta: &[f64], omega: f64| at(theta, &|own| own.pilot(omega));
+    let open_loop = |theta: &[f64], omega: f64| at(theta, &|own| own.open_loop(omega));
+    let (theta, sure) = (solved.theta(), spread(fit));
+    describing_figures(&fit.describing, [&pilot, &open_loop], &theta, sure.as_ref())
+}
+
+/// The covariance of the shared parameters; none where the data leave one open.
+fn spread(fit: &Fit) -> Option<Spread> {
+    let own = fit.uncertainty.as_ref().ok()?;
+    let is_known = own.covariance.matrix.iter().all(|value| value.is_finite());
+    let is_told = own
+        .intervals
+        .iter()
+        .flatten()
+        .all(|interval| interval.sd.is_finite());
+    (is_known && is_told).then(|| Spread {
+        method: own.method,
+        covariance: own.covariance.matrix.clone(),
+        degrees: own.covariance.degrees.to_vec(),
+    })
 }
 
 /// The poles of the wired system; none where it has none.
-fn poles(fit: &Fit) -> Option<Figure> {
-    let (x, y): (Vec<f64>, Vec<f64>) = fit.poles.iter().map(|pole| (pole[0], pole[1])).unzip();
-    let panel = Panel {
-        x: Axis::linear("real part [1/s]"),
-        y: Axis::linear("imaginary part [1/s]"),
-        equal: true,
-        height: 380.0,
-        series: vec![Series::line("", "line-1", &x, &y).looks(Look::Crosses)],
-    };
-    let caption = "Of the wired system, linearised where the first run ends.";
-    (!x.is_empty()).then(|| Figure::of("poles", "Poles", caption, panel))
+fn poles(outcomes: &Outcomes<'_>) -> Option<Figure> {
+    let Outcomes { posed, fit, .. } = *outcomes;
+    let solved = fit.solved.as_deref()?;
+    let of = |theta: &[f64]| solved.poles_with(posed, theta);
+    wired_figure(&of, &solved.theta(), spread(fit).as_ref())
 }
 
 /// What is left of a measured signal.
