@@ -20,8 +20,68 @@ def curve(name):
     return lambda at: np.interp(at, x, y)
 
 
-def clip(value, low, high):
-    return min(max(value, low), high)
+class Clip:
+    """`clip(value, low, high)`, whose sides can be held: then it goes on beyond its corners, so that no step of an
+    integrator has one within, and its result does not hang on last digits, which differ between machines."""
+
+    def __init__(self):
+        self.sides, self.seen = None, []
+
+    def __call__(self, value, low, high):
+        side = int(value > high) - int(value < low) if self.sides is None else self.sides[len(self.seen)]
+        self.seen.append((value, low, high))
+        return (value, high, low)[side]
+
+    def look(self, right, t, x):
+        """All clipped values with their bounds, in the order of their calls."""
+        self.seen = []
+        right(t, x)
+        return self.seen
+
+
+clip = Clip()
+
+
+def corner(right, k, bound):
+    """An event where clipped value k passes a bound: upwards from below it, downwards from beyond."""
+
+    def distance(t, x):
+        value, low, high = clip.look(right, t, x)[k]
+        return value - (low, high)[bound]
+
+    distance.terminal, distance.clipped = True, k
+    distance.direction = (1 if bound else -1) * (1 if clip.sides[k] == 0 else -1)
+    return distance
+
+
+def solve(right, span, state, points, **settings):
+    """`solve_ivp` from one corner of what is clipped to the next: times and states at the points."""
+    begin, stop = span
+    times, states, passed = [], [], None
+    while True:
+        clip.sides, before = None, clip.sides
+        seen = clip.look(right, begin, state)
+        clip.sides = [int(value > high) - int(value < low) for value, low, high in seen]
+        if passed is not None:
+            # It stands on its corner, where rounding alone would say on which side.
+            value, low, high = seen[passed]
+            on = 1 if abs(value - high) < abs(value - low) else -1
+            clip.sides[passed] = on if before[passed] == 0 else 0
+        bounds = {0: (0, 1), 1: (1,), -1: (0,)}
+        events = [corner(right, k, bound) for k, side in enumerate(clip.sides) for bound in bounds[side]]
+
+        def held(t, x):
+            clip.seen = []
+            return right(t, x)
+
+        run = solve_ivp(held, (begin, stop), state, t_eval=[t for t in points if t > begin], events=events, **settings)
+        assert run.success, run.message
+        times, states = [*times, *run.t], [*states, *np.array(run.y).T]
+        if run.status == 0:
+            clip.sides = None
+            return np.array(times), np.array(states)
+        k = next(k for k, found in enumerate(run.t_events) if len(found))
+        begin, state, passed = run.t_events[k][0], run.y_events[k][0], events[k].clipped
 
 
 def hover(x, stick, stick2, wind, wind2):
@@ -172,10 +232,9 @@ def simulate(function, start, inputs, end, **options):
         wanted = times[(times > begin) & (times <= stop)]
         points = np.union1d(wanted, [stop])
         right = lambda _, x: function(x, **values)
-        run = solve_ivp(right, (begin, stop), state, t_eval=points, **settings)
-        assert run.success, run.message
-        found += [run.y[:, k] for k, t in enumerate(points) if t in wanted]
-        state = run.y[:, -1]
+        at, states = solve(right, (begin, stop), state, points, **settings)
+        found += [x for t, x in zip(at, states) if t in wanted]
+        state = states[-1]
     return times, np.array(found)
 
 
