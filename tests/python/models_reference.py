@@ -15,73 +15,79 @@ from scipy.integrate import solve_ivp
 MODELS = Path(__file__).parents[2] / "examples/models"
 
 
-def curve(name):
-    x, y = np.loadtxt(MODELS / name, delimiter=",", skiprows=1).T
-    return lambda at: np.interp(at, x, y)
-
-
-class Clip:
-    """`clip(value, low, high)`, whose sides can be held: then it goes on beyond its corners, so that no step of an
-    integrator has one within, and its result does not hang on last digits, which differ between machines."""
+class Corners:
+    """`interp(value, x, y)`, whose segments can be held: then each goes on beyond its ends, so that no step of an
+    integrator has a corner within, and what it gives does not hang on last digits, which differ between machines."""
 
     def __init__(self):
-        self.sides, self.seen = None, []
+        self.segments, self.seen = None, []
 
-    def __call__(self, value, low, high):
-        side = int(value > high) - int(value < low) if self.sides is None else self.sides[len(self.seen)]
-        self.seen.append((value, low, high))
-        return (value, high, low)[side]
+    def interp(self, value, x, y):
+        k = int(np.searchsorted(x, value)) if self.segments is None else self.segments[len(self.seen)]
+        self.seen.append((value, x, k))
+        if k in (0, len(x)):
+            return y[max(k - 1, 0)]
+        return y[k - 1] + (value - x[k - 1]) * (y[k] - y[k - 1]) / (x[k] - x[k - 1])
+
+    def held(self, right):
+        """The right-hand side, whose values are counted from its begin."""
+
+        def at(t, x):
+            self.seen = []
+            return right(t, x)
+
+        return at
 
     def look(self, right, t, x):
-        """All clipped values with their bounds, in the order of their calls."""
-        self.seen = []
-        right(t, x)
+        """Value, corners and segment of all that has corners, in the order of the calls."""
+        self.held(right)(t, x)
         return self.seen
 
+    def event(self, right, which, end):
+        """Where a value leaves its segment downwards (end 0) or upwards (end 1); one that rests on a corner does not."""
+        step = 2 * end - 1
 
-clip = Clip()
+        def distance(t, x):
+            value, corners, k = self.look(right, t, x)[which]
+            return value - corners[k - 1 + end] - step * 1e-12
+
+        distance.terminal, distance.direction, distance.to = True, step, (which, step)
+        return distance
 
 
-def corner(right, k, bound):
-    """An event where clipped value k passes a bound: upwards from below it, downwards from beyond."""
+CORNERS = Corners()
 
-    def distance(t, x):
-        value, low, high = clip.look(right, t, x)[k]
-        return value - (low, high)[bound]
 
-    distance.terminal, distance.clipped = True, k
-    distance.direction = (1 if bound else -1) * (1 if clip.sides[k] == 0 else -1)
-    return distance
+def curve(name):
+    x, y = np.loadtxt(MODELS / name, delimiter=",", skiprows=1).T
+    return lambda at: CORNERS.interp(at, x, y)
+
+
+def clip(value, low, high):
+    return CORNERS.interp(value, (low, high), (low, high))
 
 
 def solve(right, span, state, points, **settings):
-    """`solve_ivp` from one corner of what is clipped to the next: times and states at the points."""
+    """`solve_ivp` from one corner to the next: times and states at the points."""
     begin, stop = span
-    times, states, passed = [], [], None
+    times, states = [], []
+    CORNERS.segments = None
+    CORNERS.segments = [k for _, _, k in CORNERS.look(right, begin, state)]
     while True:
-        clip.sides, before = None, clip.sides
-        seen = clip.look(right, begin, state)
-        clip.sides = [int(value > high) - int(value < low) for value, low, high in seen]
-        if passed is not None:
-            # It stands on its corner, where rounding alone would say on which side.
-            value, low, high = seen[passed]
-            on = 1 if abs(value - high) < abs(value - low) else -1
-            clip.sides[passed] = on if before[passed] == 0 else 0
-        bounds = {0: (0, 1), 1: (1,), -1: (0,)}
-        events = [corner(right, k, bound) for k, side in enumerate(clip.sides) for bound in bounds[side]]
-
-        def held(t, x):
-            clip.seen = []
-            return right(t, x)
-
-        run = solve_ivp(held, (begin, stop), state, t_eval=[t for t in points if t > begin], events=events, **settings)
+        seen = CORNERS.look(right, begin, state)
+        ends = [(which, end) for which, (_, x, k) in enumerate(seen) for end in (0, 1) if 0 <= k - 1 + end < len(x)]
+        events = [CORNERS.event(right, which, end) for which, end in ends]
+        wanted = [t for t in points if t > begin]
+        run = solve_ivp(CORNERS.held(right), (begin, stop), state, t_eval=wanted, events=events or None, **settings)
         assert run.success, run.message
         times, states = [*times, *run.t], [*states, *np.array(run.y).T]
         if run.status == 0:
-            clip.sides = None
+            CORNERS.segments = None
             return np.array(times), np.array(states)
         k = next(k for k, found in enumerate(run.t_events) if len(found))
-        begin, state, passed = run.t_events[k][0], run.y_events[k][0], events[k].clipped
+        begin, state = run.t_events[k][0], run.y_events[k][0]
+        which, step = events[k].to
+        CORNERS.segments[which] += step
 
 
 def hover(x, stick, stick2, wind, wind2):

@@ -91,7 +91,7 @@ def jacobian(function, at):
 def show(name, function, start, inputs, jumps, end, outputs):
     at_rest = np.zeros(len(inputs(0.0, 0)))
     matrix = jacobian(lambda x: function(x, *at_rest), start)
-    print(f"rightmost {name} {max(np.linalg.eigvals(matrix).real):.9g}")
+    print(f"rightmost {name} {max(np.linalg.eigvals(matrix).real):.8g}")
     state, begin = start, 0.0
     for count, stop in enumerate([*jumps, end]):
         right = lambda t, x: function(x, *inputs(t, count))
