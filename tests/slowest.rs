@@ -1,4 +1,4 @@
-//! The end of a run of all tests: which of `tests/it` took longest, and which tools were missing. Cargo runs it
+//! The end of a run of all tests: which of `tests/it` and `tests/realtime` took longest, and which tools were missing. Cargo runs it
 //! after them, by its name.
 
 use std::fs;

@@ -19,6 +19,8 @@ pub struct GrowingFile {
     left_behind: Option<PathBuf>,
     /// Whether the user said a relative path.
     is_relative: bool,
+    /// How many bytes were written.
+    written: u64,
 }
 
 impl GrowingFile {
@@ -38,7 +40,8 @@ impl GrowingFile {
         let part = part_of(&path);
         let mut left_behind = None;
         let file = loop {
-            match OpenOptions::new().write(true).create_new(true).open(&part) {
+            // Whoever else writes or cuts changes how long it is.
+            match OpenOptions::new().append(true).create_new(true).open(&part) {
                 Ok(file) => break file,
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                     left_behind = Some(put_aside(&path, &part)?);
@@ -56,6 +59,7 @@ impl GrowingFile {
             file,
             left_behind,
             is_relative,
+            written: 0,
         })
     }
 
@@ -68,6 +72,7 @@ impl GrowingFile {
             file,
             left_behind: None,
             is_relative: false,
+            written: 0,
         }
     }
 
@@ -91,8 +96,18 @@ impl GrowingFile {
     /// Puts the file in its place.
     ///
     /// # Errors
-    /// When it cannot be renamed; it is still there as the part.
+    /// When it cannot be renamed, or somebody else has written into it or cut it ([`io::ErrorKind::InvalidData`]), as foreign
+    /// code in this process can; it is still there as the part.
     pub fn finish(self) -> io::Result<()> {
+        let length = std::fs::metadata(&self.part).map_or(self.written, |told| told.len());
+        if self.part != self.path && length != self.written {
+            let why = format!(
+                "{} has {length} bytes where {} were written: other code in this process has written into it, or cut it",
+                self.part().display(),
+                self.written
+            );
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         match self.part == self.path {
             true => Ok(()),
             false => std::fs::rename(&self.part, &self.path).map_err(|error| match error.kind() {
@@ -155,7 +170,9 @@ fn identity(_: &File) -> Option<Identity> {
 impl Write for GrowingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.stay_open()?;
-        self.file.write(bytes)
+        let written = self.file.write(bytes)?;
+        self.written += written as u64;
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -254,6 +271,24 @@ mod tests {
         file.finish().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"one\ntwo\n");
         assert_eq!(std::fs::read(folder.path().join("log")).unwrap(), b"");
+    }
+
+    #[test]
+    fn what_somebody_else_writes_or_cuts_is_no_result() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        for length in [0, 100] {
+            let mut file = GrowingFile::create(&path).unwrap();
+            file.write_all(b"one\n").unwrap();
+            let other = OpenOptions::new().write(true).open(file.part()).unwrap();
+            other.set_len(length).unwrap();
+            file.write_all(b"two\n").unwrap();
+            let error = file.finish().unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::InvalidData);
+            let found = format!("has {} bytes where 8 were written", length + 4);
+            assert!(error.to_string().contains(&found), "{error}");
+            assert!(!path.exists());
+        }
     }
 
     #[cfg(unix)]

@@ -98,8 +98,9 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
 
 /// Ctrl-C has ended the process: what had not come back, and where the rows are.
 fn interrupted(going: &[Going], child: &Child) -> ExitCode {
-    let who =
-        whose(going).map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
+    // The first one asks it to come back.
+    let who = whose(going).filter(|_| child.interrupts() > 1);
+    let who = who.map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
     let rows = rows(child);
     match who {
         Some(who) => terminal::tell(&format!("{who}{rows}\n")),

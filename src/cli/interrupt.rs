@@ -33,6 +33,7 @@ pub fn listen(stopping: &'static str) -> Result<(), Failure> {
         }
         terminal::note(&format!("{stopping}; Ctrl-C again kills"));
     };
+    pilotage_process::leftovers::leave_interrupts();
     #[cfg(unix)]
     let listens = pilotage_process::signals::listen(&[SIGINT], move |_| handler());
     #[cfg(not(unix))]

@@ -102,11 +102,7 @@ pub fn main() -> ExitCode {
     crate::atomic_file::stay();
     pilotage_process::own::remember();
     // Where they cannot be heard, files stay for the next run to remove.
-    let listens = !matches!(
-        command,
-        Command::Validate(_) | Command::Export(_) | Command::Pack(_)
-    );
-    let _ = pilotage_process::leftovers::remove_on_signals(!listens);
+    let _ = pilotage_process::leftovers::remove_on_signals();
     let is_watched = match pilotage_process::end_with_parent() {
         Ok(is_watched) => is_watched,
         Err(error) => return failed(&Failure::new(format!("cannot be watched: {error}"))),
@@ -155,6 +151,8 @@ fn run(command: Command) -> u8 {
     match outcome {
         Ok(outcome) => outcome.code(),
         Err(failure) => {
+            // What a signal has taken away while it was worked with is no mistake.
+            pilotage_process::leftovers::stay_if_ending();
             terminal::tell(&format!("{failure}\n"));
             failure.code()
         }

@@ -5,12 +5,20 @@ use std::io::Write;
 use std::sync::{LazyLock, Mutex};
 use std::time::Instant;
 
-/// Made anew by the first note of a run. None where a test runs one by itself, in a process of its own: that is a
+/// Made anew by the first note of a run, which is one of `it`. None where a test runs one by itself, in a process of its own: that is a
 /// part of the test.
 static NOTES: LazyLock<Option<Mutex<File>>> = LazyLock::new(|| {
     let is_part = std::env::args().any(|argument| argument == "--exact");
     let path = concat!(env!("CARGO_TARGET_TMPDIR"), "/notes.txt");
-    let made = || File::create(path).expect("the notes of the tests can be written");
+    let is_first = env!("CARGO_CRATE_NAME") == "it";
+    let mut options = File::options();
+    options.create(true).write(true);
+    options.append(!is_first).truncate(is_first);
+    let made = || {
+        options
+            .open(path)
+            .expect("the notes of the tests can be written")
+    };
     (!is_part).then(|| Mutex::new(made()))
 });
 

@@ -112,16 +112,9 @@ fn described(archive: &mut Archive) -> Checked {
 
 /// Entries that cannot be unpacked: damaged, encrypted, or of a method that FMI does not allow.
 fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec<Finding> {
-    let names: Vec<String> = archive.files().map(str::to_owned).collect();
-    let damaged = |name: &String| {
-        let error = archive.read(name).err()?;
-        Some(Finding::file(
-            version,
-            name,
-            Rule::Refused {
-                why: error_chain(&error),
-            },
-        ))
+    let refused = |(name, error): (String, ArchiveError)| {
+        let why = error_chain(&error);
+        Finding::file(version, &name, Rule::Refused { why })
     };
-    names.iter().filter_map(damaged).collect()
+    archive.damaged().into_iter().map(refused).collect()
 }

@@ -152,6 +152,11 @@ impl Fmu {
         self.archive.files()
     }
 
+    /// Number of files and folders in the archive.
+    pub fn entries(&self) -> usize {
+        self.archive.entries()
+    }
+
     /// Folders under `binaries/`.
     pub fn platforms(&self) -> Vec<String> {
         let present = platform::present(self.archive.files());

@@ -189,7 +189,10 @@ impl Way {
                 std::thread::yield_now();
                 continue;
             }
-            watch()?;
+            if let Err(error) = watch() {
+                // It may have written its last message since, and ended.
+                return found().unwrap_or(Err(error));
+            }
             self.sleeper.store(1, Ordering::SeqCst);
             sleep(&self.state, other);
             self.sleeper.store(0, Ordering::SeqCst);

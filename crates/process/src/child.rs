@@ -92,6 +92,7 @@ impl Child {
     pub fn hand_on_interrupts(&self) -> io::Result<()> {
         use rustix::process::Signal;
         let child = self.child.id();
+        leftovers::leave_interrupts();
         crate::signals::listen(&[signal_hook::consts::SIGINT], move |_| {
             let before = HANDED_ON.fetch_add(1, Ordering::Relaxed);
             send(child, Signal::INT);

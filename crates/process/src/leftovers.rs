@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What is removed or killed.
@@ -70,7 +71,7 @@ impl Drop for Leftover {
 
 /// Does not come back when a signal is ending this process: whoever removes what there is must come to its end.
 pub fn stay_if_ending() {
-    while all().is_ending {
+    while crate::page::is_stopped() || all().is_ending {
         std::thread::sleep(std::time::Duration::from_secs(1));
     }
 }
@@ -115,24 +116,42 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
     std::fs::remove_dir_all(gone)
 }
 
-/// From now on SIGTERM and SIGHUP, and SIGINT where nobody else listens to it, first [remove] what there is, and then end
-/// the process as they would have.
+/// Whether somebody else listens to SIGINT.
+static INTERRUPTS_ARE_HEARD: AtomicBool = AtomicBool::new(false);
+
+/// From now on SIGINT is left to whoever listens to it.
+pub fn leave_interrupts() {
+    INTERRUPTS_ARE_HEARD.store(true, Ordering::SeqCst);
+}
+
+/// From now on SIGTERM and SIGHUP, and SIGINT until somebody else listens to it ([`leave_interrupts`]), first [remove] what
+/// there is, and then end the process as they would have.
 ///
 /// A signal that is ignored, as `nohup` does, stays ignored.
 ///
 /// # Errors
 /// When the system does not let it listen.
 #[cfg(unix)]
-pub fn remove_on_signals(interrupts_too: bool) -> std::io::Result<()> {
+pub fn remove_on_signals() -> std::io::Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let all = [SIGTERM, SIGHUP, SIGINT];
-    let signals = if interrupts_too { &all } else { &all[..2] };
+    fn is_left(signal: i32) -> bool {
+        signal == SIGINT && INTERRUPTS_ARE_HEARD.load(Ordering::SeqCst)
+    }
+    let at_once = |signal| {
+        if !is_left(signal) {
+            crate::page::stop();
+        }
+    };
     let end = |signal| {
+        // What came before somebody else listened still ends the process.
+        if is_left(signal) && !crate::page::is_stopped() {
+            return;
+        }
         remove();
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     };
-    // SAFETY: it stores into an atomic.
-    unsafe { crate::signals::listen_at_once(signals, crate::page::stop, end) }
+    // SAFETY: it looks at atomics, and stores into one.
+    unsafe { crate::signals::listen_at_once(&[SIGTERM, SIGHUP, SIGINT], at_once, end) }
 }
 
 /// Nothing: there are no such signals here.
@@ -140,6 +159,6 @@ pub fn remove_on_signals(interrupts_too: bool) -> std::io::Result<()> {
 /// # Errors
 /// None.
 #[cfg(not(unix))]
-pub fn remove_on_signals(_interrupts_too: bool) -> std::io::Result<()> {
+pub fn remove_on_signals() -> std::io::Result<()> {
     Ok(())
 }

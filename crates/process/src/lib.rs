@@ -28,4 +28,4 @@ pub mod signals;
 pub use channel::{Channel, Spoiled};
 pub use child::{Child, Ended, end_with_parent};
 pub use folder::Folder;
-pub use page::{Going, Page, at, attach, call, finished, is_attached, place, record};
+pub use page::{Going, Page, Place, attach, finished, is_attached, record};

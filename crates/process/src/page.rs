@@ -13,16 +13,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Begins every page of this layout.
 const MAGIC: u64 = 0x7069_6c6f_7461_6701;
-/// How many names of places there are; the last stands for all beyond.
-const PLACES: usize = 128;
+/// How many places there are; the last stands for all beyond.
+const PLACES: usize = 512;
 /// Longest name of a place \[bytes\].
 const NAME: usize = 240;
 /// Room for records \[bytes\].
 const RECORDS: usize = 1 << 20;
 
-/// Somebody whose code is called: an instance of an FMU.
+/// What is known of somebody whose code is called.
 #[repr(C)]
-struct Place {
+struct Slot {
     /// The call that is going on; 0: none.
     call: AtomicU32,
     length: AtomicU32,
@@ -39,7 +39,7 @@ struct Layout {
     places: AtomicU32,
     recorded: AtomicU64,
     lost: AtomicU64,
-    all: [Place; PLACES],
+    all: [Slot; PLACES],
     records: [AtomicU8; RECORDS],
 }
 
@@ -55,7 +55,7 @@ pub struct Page {
 /// A call that was going on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Going {
-    /// Whose code: as it was [named](place).
+    /// Whose code: as it was [named](Place::new).
     pub name: String,
     /// The number of the call.
     pub call: u32,
@@ -105,7 +105,7 @@ impl Page {
     pub fn going(&self) -> Vec<Going> {
         let layout = self.layout();
         let places = layout.places.load(Ordering::Acquire) as usize;
-        let of = |place: &Place| {
+        let of = |place: &Slot| {
             let call = place.call.load(Ordering::Acquire);
             let time = f64::from_bits(place.time.load(Ordering::Acquire));
             let length = (place.length.load(Ordering::Acquire) as usize).min(NAME);
@@ -154,8 +154,8 @@ fn layout(map: &MmapRaw) -> &Layout {
 
 /// The page of this process, if its parent watches it.
 static ATTACHED: AtomicPtr<Layout> = AtomicPtr::new(std::ptr::null_mut());
-/// Names of the places of this process.
-static NAMES: Mutex<Vec<String>> = Mutex::new(Vec::new());
+/// Which places of this process are taken.
+static TAKEN: Mutex<Vec<bool>> = Mutex::new(Vec::new());
 /// Records are written one after another.
 static RECORDING: Mutex<()> = Mutex::new(());
 
@@ -201,6 +201,11 @@ pub(crate) fn stop() {
     let _ = STATE.compare_exchange(GOES_ON, ENDS, Ordering::Relaxed, Ordering::Relaxed);
 }
 
+/// Whether a signal is ending this process: known from the moment in which it comes.
+pub(crate) fn is_stopped() -> bool {
+    STATE.load(Ordering::Relaxed) == ENDS
+}
+
 /// A copy of this process that comes back from the code that made it would go on with the same work, in the same files
 /// and in the same shared memory.
 #[cfg(unix)]
@@ -243,57 +248,88 @@ pub fn finished(code: u8) {
     }
 }
 
-/// The place of that name, to be given to [`call`].
-pub fn place(name: &str) -> u32 {
-    let mut names = lock(&NAMES);
-    let number = match names.iter().position(|own| own == name) {
-        Some(number) => return number.min(PLACES - 1) as u32,
-        None if names.len() >= PLACES => return PLACES as u32 - 1,
-        None => names.len(),
-    };
-    names.push(name.to_owned());
-    if let Some(page) = attached() {
-        let place = &page.all[number];
-        let name = match number + 1 == PLACES {
-            true => "one of many",
-            false => name,
+/// Somebody whose code is called: an instance of an FMU, or its library. No other thread calls at the same place, so that what
+/// is noted there is true whatever others do.
+#[derive(Debug)]
+pub struct Place(usize);
+
+impl Place {
+    /// A place of that name, until it is dropped.
+    pub fn new(name: &str) -> Self {
+        let mut taken = lock(&TAKEN);
+        let free = taken.iter().position(|taken| !taken);
+        let number = free.unwrap_or(taken.len()).min(PLACES - 1);
+        let is_shared = number + 1 == PLACES;
+        if number == taken.len() {
+            // The shared one is never taken, nor free.
+            taken.push(true);
+        }
+        taken[number] = true;
+        if let Some(page) = attached() {
+            page.all[number].name(if is_shared { "one of many" } else { name });
+            page.places.fetch_max(number as u32 + 1, Ordering::AcqRel);
+        }
+        Self(number)
+    }
+
+    /// Notes that its code is called, for as long as `work` takes; `number` is the caller's own, not 0.
+    #[inline(always)]
+    pub fn call<T>(&self, number: u32, work: impl FnOnce() -> T) -> T {
+        let Some(page) = attached() else {
+            return work();
         };
+        let slot = &page.all[self.0];
+        // An inner call within an outer one (a callback) gives the outer one back; where many share a place, the other may
+        // be somebody else's.
+        let outer = match self.0 + 1 == PLACES {
+            true => 0,
+            false => slot.call.load(Ordering::Relaxed),
+        };
+        slot.call.store(number, Ordering::Release);
+        let done = work();
+        if STATE.load(Ordering::Relaxed) != GOES_ON {
+            vanish();
+        }
+        slot.call.store(outer, Ordering::Release);
+        done
+    }
+
+    /// Notes that within the call that goes on there is another one.
+    pub fn doing(&self, number: u32) {
+        if let Some(page) = attached() {
+            page.all[self.0].call.store(number, Ordering::Release);
+        }
+    }
+
+    /// Notes the time \[s\] that it has come to.
+    #[inline(always)]
+    pub fn at(&self, time: f64) {
+        if let Some(page) = attached() {
+            page.all[self.0]
+                .time
+                .store(time.to_bits(), Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        if self.0 + 1 < PLACES {
+            lock(&TAKEN)[self.0] = false;
+        }
+    }
+}
+
+impl Slot {
+    /// It has come to no time yet.
+    fn name(&self, name: &str) {
         let bytes = name.as_bytes();
         let length = bytes.len().min(NAME);
-        for (to, &byte) in place.name.iter().zip(bytes) {
+        for (to, &byte) in self.name.iter().zip(bytes) {
             to.store(byte, Ordering::Relaxed);
         }
-        place.length.store(length as u32, Ordering::Release);
-        place.time.store(f64::NAN.to_bits(), Ordering::Release);
-        page.places.store(number as u32 + 1, Ordering::Release);
-    }
-    number as u32
-}
-
-/// Notes that the code of a place is called, for as long as `work` takes; `number` is the caller's own, not 0.
-#[inline(always)]
-pub fn call<T>(place: u32, number: u32, work: impl FnOnce() -> T) -> T {
-    let Some(page) = attached() else {
-        return work();
-    };
-    let place = &page.all[place as usize % PLACES];
-    // An inner call within an outer one (a callback) gives the outer one back.
-    let outer = place.call.load(Ordering::Relaxed);
-    place.call.store(number, Ordering::Release);
-    let done = work();
-    if STATE.load(Ordering::Relaxed) != GOES_ON {
-        vanish();
-    }
-    place.call.store(outer, Ordering::Release);
-    done
-}
-
-/// Notes the time \[s\] that a place has come to.
-#[inline(always)]
-pub fn at(place: u32, time: f64) {
-    if let Some(page) = attached() {
-        let place = &page.all[place as usize % PLACES];
-        place.time.store(time.to_bits(), Ordering::Relaxed);
+        self.length.store(length as u32, Ordering::Release);
+        self.time.store(f64::NAN.to_bits(), Ordering::Release);
     }
 }
 

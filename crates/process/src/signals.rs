@@ -22,7 +22,7 @@ const BETWEEN: Duration = Duration::from_millis(10);
 /// When the system does not let it listen.
 pub(crate) unsafe fn listen_at_once(
     signals: &[i32],
-    at_once: fn(),
+    at_once: fn(i32),
     mut heard: impl FnMut(i32) + Send + 'static,
 ) -> io::Result<()> {
     let ignored = ignored();
@@ -34,7 +34,7 @@ pub(crate) unsafe fn listen_at_once(
         let count = Arc::new(AtomicU32::new(0));
         let counter = Arc::clone(&count);
         let came = move || {
-            at_once();
+            at_once(signal);
             counter.fetch_add(1, Ordering::Relaxed);
         };
         // SAFETY: the handler does nothing but add to an atomic and what the caller vouches for.
@@ -65,7 +65,7 @@ pub(crate) unsafe fn listen_at_once(
 /// When the system does not let it listen.
 pub fn listen(signals: &[i32], heard: impl FnMut(i32) + Send + 'static) -> io::Result<()> {
     // SAFETY: nothing is done.
-    unsafe { listen_at_once(signals, || {}, heard) }
+    unsafe { listen_at_once(signals, |_| {}, heard) }
 }
 
 /// Which signals are ignored, a bit for each from 1 on; none where the system does not tell.

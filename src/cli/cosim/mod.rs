@@ -321,7 +321,12 @@ fn open(path: &Path) -> Result<GrowingFile, Failure> {
 
 fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> {
     let file = recorder.finish().and_then(GrowingFile::finish);
-    file.map_err(|error| Failure::cannot_write(path, &error))
+    file.map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidData => Failure::new(error.to_string())
+            .hint("with --isolate all an FMU cannot reach it")
+            .ran(),
+        _ => Failure::cannot_write(path, &error),
+    })
 }
 
 /// What to say, and what becomes of the rows so far: none when the run has not begun.

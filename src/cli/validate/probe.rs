@@ -31,7 +31,7 @@ pub struct ProbeArgs {
     unpacked: Option<PathBuf>,
 }
 
-/// An FMU of more files is unpacked once for all checks; others for each, so that none finds what another has changed.
+/// An FMU of more files and folders is unpacked once for all checks; others for each, so that none finds what another has changed.
 const MANY: usize = 1000;
 
 /// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding;
@@ -107,7 +107,7 @@ fn unpacked(path: &Path) -> Result<Option<Unpacked>, Failure> {
         // The first check says why.
         return Ok(None);
     };
-    match fmu.files().count() > MANY {
+    match fmu.entries() > MANY {
         true => match fmu.unpack() {
             Err(FmuError::Archive(ArchiveError::Write { path, source })) => {
                 let failure = Failure::cannot_write(&path, &source);

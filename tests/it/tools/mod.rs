@@ -3,7 +3,6 @@
 
 mod describing;
 mod examples;
-mod fly;
 mod fmpy;
 mod guidance;
 mod library;

@@ -16,9 +16,12 @@ pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
         path: path.to_owned(),
         source,
     };
-    match path.is_dir() {
-        false => File::open(path).map_err(failed),
-        true => packed(path, &listed(path, limits)?).map_err(failed),
+    let told = fs::metadata(path).map_err(failed)?;
+    match (told.is_dir(), told.is_file()) {
+        (true, _) => packed(path, &listed(path, limits)?).map_err(failed),
+        (false, true) => File::open(path).map_err(failed),
+        // A pipe would be waited for, and is read in its order alone.
+        (false, false) => Err(failed(io::Error::other("a pipe or a device is no archive"))),
     }
 }
 

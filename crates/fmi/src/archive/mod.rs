@@ -142,6 +142,22 @@ impl Archive {
         Ok(bytes)
     }
 
+    /// The files that cannot be unpacked, each with the reason: they are damaged, or lie about their size.
+    pub fn damaged(&mut self) -> Vec<(String, ArchiveError)> {
+        let all = 0..self.entries.len();
+        let faults = all.filter_map(|index| {
+            let is_file = !self.entries[index].is_folder;
+            let error = is_file.then(|| self.copy(index, &mut io::sink()).err())??;
+            Some((self.entries[index].name.clone(), error))
+        });
+        faults.collect()
+    }
+
+    /// Number of entries, folders among them.
+    pub fn entries(&self) -> usize {
+        self.entries.len()
+    }
+
     /// Unpacks everything into a new temporary folder, which lives as long as what is returned.
     ///
     /// # Errors

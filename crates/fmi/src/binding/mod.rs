@@ -13,6 +13,7 @@ use crate::surroundings;
 use crate::version::{Function, InterfaceType, LOADING, UNLOADING};
 use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
+use pilotage_process::Place;
 use pilotage_text::error_chain::error_chain;
 use std::ffi::{CStr, c_char};
 use std::mem::ManuallyDrop;
@@ -109,7 +110,7 @@ pub struct Binding {
     unresolved: Option<String>,
     path: PathBuf,
     /// By which whoever watches this process knows it.
-    place: u32,
+    place: Place,
     /// Kept last, so that it is unloaded after all else is gone.
     library: ManuallyDrop<Library>,
 }
@@ -118,7 +119,7 @@ impl Drop for Binding {
     fn drop(&mut self) {
         // SAFETY: it is not used again.
         let unload = || unsafe { ManuallyDrop::drop(&mut self.library) };
-        pilotage_process::call(self.place, UNLOADING, unload);
+        self.place.call(UNLOADING, unload);
         surroundings::keep();
     }
 }
@@ -157,10 +158,10 @@ impl Binding {
         version: FmiVersion,
         kinds: &[InterfaceType],
     ) -> Result<Self, BindingError> {
-        let place = pilotage_process::place(&fmu.display().to_string());
+        let place = Place::new(&fmu.display().to_string());
         // SAFETY: handed on to the caller.
         let load = || unsafe { open::open(path) };
-        let loaded = surroundings::kept(|| pilotage_process::call(place, LOADING, load));
+        let loaded = surroundings::kept(|| place.call(LOADING, load));
         let (library, unresolved) = loaded.map_err(BindingError::of_loader)?;
         let functions = match version {
             FmiVersion::V2 => Functions::Fmi2(fmi2::Functions::of(&library)),
@@ -266,7 +267,7 @@ impl Binding {
 
     /// Calls, and notes for whoever watches this process that it does.
     fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
-        let done = pilotage_process::call(self.place, function.number(), call);
+        let done = self.place.call(function.number(), call);
         surroundings::keep();
         done
     }

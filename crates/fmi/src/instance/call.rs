@@ -71,7 +71,7 @@ impl Instance {
     /// Calls, and notes for whoever watches this process that it does; afterwards numbers are rounded as before.
     #[inline(always)]
     pub(super) fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
-        let done = pilotage_process::call(self.place, function.number(), call);
+        let done = self.place.call(function.number(), call);
         surroundings::keep();
         done
     }

@@ -3,6 +3,7 @@
 use super::states::capable;
 use super::{CallError, Instance, call};
 use crate::description::FmiVersion;
+use pilotage_abi::{fmi2, fmi3};
 
 impl Instance {
     /// Whether the description offers directional derivatives.
@@ -31,14 +32,18 @@ impl Instance {
         self.check_lengths(unknowns.len(), result.len());
         let (u, n) = (unknowns.as_ptr(), unknowns.len());
         let (k, m) = (knowns.as_ptr(), knowns.len());
-        let (s, r) = (seed.as_ptr(), result.as_mut_ptr());
+        let (s, l, results) = (seed.as_ptr(), seed.len(), result.len());
+        let functions = (
+            Some(fmi2::Function::GetDirectionalDerivative),
+            fmi3::Function::GetDirectionalDerivative,
+        );
         // SAFETY: the instance is alive and in a state that allows the call; all arrays have as many
         // elements as is said, here and below.
-        unsafe {
-            call!(self, fmi2 GetDirectionalDerivative.get_directional_derivative(u, n, k, m, s, r),
+        self.guarded(result, functions, |own, r| unsafe {
+            call!(own, fmi2 GetDirectionalDerivative.get_directional_derivative(u, n, k, m, s, r),
                 fmi3 GetDirectionalDerivative.get_directional_derivative(
-                    u, n, k, m, s, seed.len(), r, result.len()))
-        }
+                    u, n, k, m, s, l, r, results))
+        })
     }
 
     /// `fmi3GetAdjointDerivative`: how much the sum of `unknowns`, weighted by `seed`, changes with each of
@@ -55,12 +60,13 @@ impl Instance {
         }
         let (u, n) = (unknowns.as_ptr(), unknowns.len());
         let (k, m) = (knowns.as_ptr(), knowns.len());
-        let (s, r) = (seed.as_ptr(), result.as_mut_ptr());
+        let (s, l, results) = (seed.as_ptr(), seed.len(), result.len());
+        let functions = (None, fmi3::Function::GetAdjointDerivative);
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi3 GetAdjointDerivative.get_adjoint_derivative(
-                u, n, k, m, s, seed.len(), r, result.len()))
-        }
+        self.guarded(result, functions, |own, r| unsafe {
+            call!(own, fmi3 GetAdjointDerivative.get_adjoint_derivative(
+                u, n, k, m, s, l, r, results))
+        })
     }
 
     /// `fmi2SetRealInputDerivatives`: derivatives of inputs with respect to time, of these orders (from 1).
@@ -93,11 +99,15 @@ impl Instance {
         assert_eq!(references.len(), orders.len());
         self.check_lengths(references.len(), values.len());
         let (r, n) = (references.as_ptr(), references.len());
-        let (o, v) = (orders.as_ptr(), values.as_mut_ptr());
+        let (o, m) = (orders.as_ptr(), values.len());
+        let functions = (
+            Some(fmi2::Function::GetRealOutputDerivatives),
+            fmi3::Function::GetOutputDerivatives,
+        );
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi2 GetRealOutputDerivatives.get_real_output_derivatives(r, n, o, v),
-                fmi3 GetOutputDerivatives.get_output_derivatives(r, n, o, v, values.len()))
-        }
+        self.guarded(values, functions, |own, v| unsafe {
+            call!(own, fmi2 GetRealOutputDerivatives.get_real_output_derivatives(r, n, o, v),
+                fmi3 GetOutputDerivatives.get_output_derivatives(r, n, o, v, m))
+        })
     }
 }

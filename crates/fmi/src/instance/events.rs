@@ -159,7 +159,7 @@ impl Instance {
 
     /// `fmi2SetTime`, `fmi3SetTime` \[s\].
     pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
-        pilotage_process::at(self.place, time);
+        self.place.at(time);
         // SAFETY: as above.
         unsafe { call!(self, fmi2 SetTime.set_time(time), fmi3 SetTime.set_time(time)) }
     }
@@ -187,12 +187,16 @@ impl Instance {
         if values.is_empty() {
             return Ok(());
         }
-        let (v, n) = (values.as_mut_ptr(), values.len());
+        let n = values.len();
+        let functions = (
+            Some(fmi2::Function::GetContinuousStates),
+            fmi3::Function::GetContinuousStates,
+        );
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi2 GetContinuousStates.get_continuous_states(v, n),
+        self.guarded(values, functions, |own, v| unsafe {
+            call!(own, fmi2 GetContinuousStates.get_continuous_states(v, n),
                         fmi3 GetContinuousStates.get_continuous_states(v, n))
-        }
+        })
     }
 
     /// `fmi2GetDerivatives`, `fmi3GetContinuousStateDerivatives`.
@@ -201,12 +205,16 @@ impl Instance {
         if values.is_empty() {
             return Ok(());
         }
-        let (v, n) = (values.as_mut_ptr(), values.len());
+        let n = values.len();
+        let functions = (
+            Some(fmi2::Function::GetDerivatives),
+            fmi3::Function::GetContinuousStateDerivatives,
+        );
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi2 GetDerivatives.get_derivatives(v, n),
-                fmi3 GetContinuousStateDerivatives.get_continuous_state_derivatives(v, n))
-        }
+        self.guarded(values, functions, |own, v| unsafe {
+            call!(own, fmi2 GetDerivatives.get_derivatives(v, n),
+                        fmi3 GetContinuousStateDerivatives.get_continuous_state_derivatives(v, n))
+        })
     }
 
     /// `fmi2GetNominalsOfContinuousStates`, `fmi3GetNominalsOfContinuousStates`.
@@ -215,12 +223,16 @@ impl Instance {
         if values.is_empty() {
             return Ok(());
         }
-        let (v, n) = (values.as_mut_ptr(), values.len());
+        let n = values.len();
+        let functions = (
+            Some(fmi2::Function::GetNominalsOfContinuousStates),
+            fmi3::Function::GetNominalsOfContinuousStates,
+        );
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi2 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n),
-                fmi3 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n))
-        }
+        self.guarded(values, functions, |own, v| unsafe {
+            call!(own, fmi2 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n),
+                        fmi3 GetNominalsOfContinuousStates.get_nominals_of_continuous_states(v, n))
+        })
     }
 
     /// `fmi2GetEventIndicators`, `fmi3GetEventIndicators`.
@@ -232,16 +244,23 @@ impl Instance {
         if values.is_empty() {
             return Ok(());
         }
-        let (v, n) = (values.as_mut_ptr(), values.len());
+        let n = values.len();
+        let functions = (
+            Some(fmi2::Function::GetEventIndicators),
+            fmi3::Function::GetEventIndicators,
+        );
         // SAFETY: as above.
-        unsafe {
-            call!(self, fmi2 GetEventIndicators.get_event_indicators(v, n),
+        self.guarded(values, functions, |own, v| unsafe {
+            call!(own, fmi2 GetEventIndicators.get_event_indicators(v, n),
                         fmi3 GetEventIndicators.get_event_indicators(v, n))
-        }
+        })
     }
 
     /// Number of continuous states: the description's derivatives, or `fmi3GetNumberOfContinuousStates`,
     /// since structural parameters change it.
+    ///
+    /// # Errors
+    /// Those of a call; also where the description, without structural parameters, lists another number.
     pub fn number_of_continuous_states(&mut self) -> Result<usize, CallError> {
         if let Functions::Fmi3(_) = self.loaded.binding.functions {
             let mut n = 0usize;
@@ -249,19 +268,20 @@ impl Instance {
             unsafe {
                 call!(self, fmi3 GetNumberOfContinuousStates.get_number_of_continuous_states(&raw mut n))?;
             }
-            if n > MOST {
-                let functions = (
-                    fmi2::Function::GetContinuousStates,
-                    fmi3::Function::GetNumberOfContinuousStates,
-                );
-                return Err(self.absurd(functions, format!("{n}")));
-            }
+            let functions = (
+                fmi2::Function::GetContinuousStates,
+                fmi3::Function::GetNumberOfContinuousStates,
+            );
+            self.check_number(n, self.facts.listed_states, functions)?;
             self.facts.states = n;
         }
         Ok(self.facts.states)
     }
 
     /// Number of event indicators: the description's, or `fmi3GetNumberOfEventIndicators`.
+    ///
+    /// # Errors
+    /// As above.
     pub fn number_of_event_indicators(&mut self) -> Result<usize, CallError> {
         if let Functions::Fmi3(_) = self.loaded.binding.functions {
             let mut n = 0usize;
@@ -269,16 +289,30 @@ impl Instance {
             unsafe {
                 call!(self, fmi3 GetNumberOfEventIndicators.get_number_of_event_indicators(&raw mut n))?;
             }
-            if n > MOST {
-                let functions = (
-                    fmi2::Function::GetEventIndicators,
-                    fmi3::Function::GetNumberOfEventIndicators,
-                );
-                return Err(self.absurd(functions, format!("{n}")));
-            }
+            let functions = (
+                fmi2::Function::GetEventIndicators,
+                fmi3::Function::GetNumberOfEventIndicators,
+            );
+            self.check_number(n, self.facts.listed_indicators, functions)?;
             self.facts.indicators = n;
         }
         Ok(self.facts.indicators)
+    }
+
+    fn check_number(
+        &self,
+        told: usize,
+        listed: Option<usize>,
+        functions: (fmi2::Function, fmi3::Function),
+    ) -> Result<(), CallError> {
+        match listed {
+            _ if told > MOST => Err(self.absurd(functions, format!("{told}"))),
+            Some(listed) if listed != told => {
+                let what = format!("{told}, where its description lists {listed}");
+                Err(self.absurd(functions, what))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check_states(&self, values: usize) {

@@ -39,6 +39,7 @@ use crate::message::Message;
 use crate::version::{InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
 use pilotage_abi::{fmi2, fmi3};
+use pilotage_process::Place;
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
@@ -55,7 +56,9 @@ pub struct Instance {
     loaded: Arc<Loaded>,
     component: *mut c_void,
     /// By which whoever watches this process knows it.
-    place: u32,
+    place: Place,
+    /// Numbers that the FMU writes, and what stands behind them.
+    room: Vec<u64>,
     /// The FMU may keep the address until it is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
     /// Freed after the FMU's instance, which may keep addresses that it should not.

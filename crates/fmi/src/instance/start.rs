@@ -2,7 +2,7 @@
 
 use super::{CallError, Experiment, Instance, c_string};
 use crate::binding::{Functions, Loaded};
-use crate::description::ModelDescription;
+use crate::description::{Dimension, ModelDescription, Unknown};
 use crate::environment::{self, IntermediateUpdate, Registered};
 use crate::logger;
 use crate::memory::{self, PoisonedTexts};
@@ -10,6 +10,7 @@ use crate::surroundings;
 use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
+use pilotage_process::Place;
 use std::ffi::c_void;
 use std::path::{MAIN_SEPARATOR, Path};
 use std::sync::Arc;
@@ -43,6 +44,10 @@ pub(super) struct Facts {
     pub(super) states: usize,
     /// Event indicators, as far as the description tells.
     pub(super) indicators: usize,
+    /// FMI 3.0: how many values the listed derivatives and event indicators have; none where structural parameters say it.
+    pub(super) listed_states: Option<usize>,
+    /// As above.
+    pub(super) listed_indicators: Option<usize>,
 }
 
 impl Facts {
@@ -51,6 +56,8 @@ impl Facts {
         let common = Self {
             states: description.structure.derivatives.len(),
             indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
+            listed_states: values_of(description, &description.structure.derivatives),
+            listed_indicators: values_of(description, &description.structure.event_indicators),
             ..Self::default()
         };
         macro_rules! facts {
@@ -70,6 +77,20 @@ impl Facts {
             InterfaceType::ScheduledExecution => facts!(scheduled_execution),
         }
     }
+}
+
+/// How many values unknowns have together; none where a structural parameter, which may change, says how many.
+fn values_of(description: &ModelDescription, unknowns: &[Unknown]) -> Option<usize> {
+    let value = |unknown: &Unknown| {
+        let position = (unknown.index as usize).checked_sub(1)?;
+        let variable = description.variables.get(position)?;
+        let is_fixed = |dimension: &Dimension| matches!(dimension, Dimension::Fixed(_));
+        let is_known = variable.dimensions.iter().all(is_fixed);
+        usize::try_from(is_known.then(|| description.size(variable))??).ok()
+    };
+    unknowns
+        .iter()
+        .try_fold(0usize, |sum, unknown| sum.checked_add(value(unknown)?))
 }
 
 /// The state after initialization (FMI 3.0).
@@ -94,13 +115,13 @@ impl Instance {
         kind: InterfaceType,
         options: InstanceOptions,
     ) -> Result<Self, CallError> {
-        let place = pilotage_process::place(&format!("`{name}` of {}", loaded.fmu.display()));
+        let place = Place::new(&format!("`{name}` of {}", loaded.fmu.display()));
         let facts = Facts::of(description, kind).ok_or(CallError::OtherKind { kind })?;
         let environment = Registered::new(name, loaded.clone(), options.intermediate_update);
         let run = (options.event_mode_used, options.early_return_allowed);
         let start = Start {
             loaded: &loaded,
-            place,
+            place: &place,
             environment: environment.pointer(),
             name,
             token: &description.guid,
@@ -131,6 +152,7 @@ impl Instance {
             loaded,
             component: made,
             place,
+            room: Vec::new(),
             _callbacks: callbacks,
             _texts: texts,
             environment,
@@ -171,7 +193,7 @@ impl Instance {
 /// What both versions need to make an instance.
 struct Start<'a> {
     loaded: &'a Loaded,
-    place: u32,
+    place: &'a Place,
     environment: *mut c_void,
     name: &'a str,
     token: &'a str,
@@ -182,7 +204,7 @@ struct Start<'a> {
 impl Start<'_> {
     fn during<T>(&self, function: Function, make: impl FnOnce() -> T) -> T {
         let number = function.number();
-        surroundings::kept(|| pilotage_process::call(self.place, number, make))
+        surroundings::kept(|| self.place.call(number, make))
     }
 
     /// `fmi2Instantiate`, with all callbacks: some FMUs crash where the memory callbacks are NULL.

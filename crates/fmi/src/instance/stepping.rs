@@ -79,8 +79,8 @@ impl Instance {
 
     #[inline(always)]
     fn step(&mut self, t: f64, h: f64, is_final: bool) -> Result<Option<Step>, CallError> {
-        pilotage_process::at(self.place, t);
-        match &self.loaded.binding.functions {
+        self.place.at(t);
+        let stepped = match &self.loaded.binding.functions {
             Functions::Fmi2(f) => {
                 let function = fmi2::Function::DoStep.into();
                 let call = self.ready(function, f.do_step)?;
@@ -93,7 +93,11 @@ impl Instance {
                 }
             }
             Functions::Fmi3(_) => self.step3(t, h, is_final).map(Some),
+        };
+        if matches!(stepped, Ok(Some(Step::Done))) {
+            self.place.at(t + h);
         }
+        stepped
     }
 
     /// Kept out of the way of steps that succeed.

@@ -1,9 +1,11 @@
 //! Getting and setting variables.
 
 use super::{CallError, Instance, c_string, call};
+use crate::Function;
 use crate::binding::owned;
 use crate::description::FmiVersion;
 use pilotage_abi::fmi2::{Boolean, FALSE, TRUE};
+use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char};
 use std::ptr;
 
@@ -42,11 +44,13 @@ macro_rules! number {
             #[inline(always)]
             fn get(i: &mut Instance, r: &[u32], v: &mut [Self]) -> Result<(), CallError> {
                 i.check_lengths(r.len(), v.len());
+                let n = v.len();
+                let functions = (None$(.or(Some(fmi2::Function::$Get2)))?, fmi3::Function::$Get3);
                 // SAFETY: the instance is alive, both arrays have as many elements as is said.
-                unsafe {
-                    call!(i, $(fmi2 $Get2.$get2(r.as_ptr(), r.len(), v.as_mut_ptr()),)?
-                        fmi3 $Get3.$get3(r.as_ptr(), r.len(), v.as_mut_ptr(), v.len()))
-                }
+                i.guarded(v, functions, |i, v| unsafe {
+                    call!(i, $(fmi2 $Get2.$get2(r.as_ptr(), r.len(), v),)?
+                        fmi3 $Get3.$get3(r.as_ptr(), r.len(), v, n))
+                })
             }
 
             #[inline(always)]
@@ -77,7 +81,54 @@ number! {
     u64: fmi3 GetUInt64.get_uint64, SetUInt64.set_uint64;
 }
 
+/// Bytes behind what an FMU is given to write into: it may write too much, into memory that is somebody else's.
+const GUARD: usize = 128;
+/// What they are.
+const BYTE: u8 = 0xa5;
+
 impl Instance {
+    /// Lets the FMU write numbers, and looks whether it has written more than those.
+    #[inline]
+    pub(super) fn guarded<T: Number>(
+        &mut self,
+        values: &mut [T],
+        functions: (Option<fmi2::Function>, fmi3::Function),
+        call: impl FnOnce(&mut Self, *mut T) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        let size = size_of_val(values);
+        let mut room = std::mem::take(&mut self.room);
+        room.clear();
+        room.resize((size + GUARD).div_ceil(8), u64::from_ne_bytes([BYTE; 8]));
+        let begin = room.as_mut_ptr().cast::<u8>();
+        // SAFETY: there is room for `size` bytes, which is not that of the values.
+        unsafe { begin.copy_from_nonoverlapping(values.as_ptr().cast(), size) };
+        let done = call(self, begin.cast());
+        // SAFETY: as above; any bytes are a number.
+        unsafe { begin.copy_to_nonoverlapping(values.as_mut_ptr().cast(), size) };
+        // SAFETY: there are `GUARD` more.
+        let guard = unsafe { std::slice::from_raw_parts(begin.add(size), GUARD) };
+        let is_whole = guard.iter().fold(true, |is, &byte| is & (byte == BYTE));
+        self.room = room;
+        match is_whole {
+            true => done,
+            false => Err(self.beyond(functions, values.len())),
+        }
+    }
+
+    #[cold]
+    fn beyond(
+        &self,
+        (of2, of3): (Option<fmi2::Function>, fmi3::Function),
+        values: usize,
+    ) -> CallError {
+        let function = match (self.version(), of2) {
+            (FmiVersion::V2, Some(of2)) => Function::Fmi2(of2),
+            _ => Function::Fmi3(of3),
+        };
+        let what = format!("more than the {values} values that it was asked for");
+        CallError::Absurd { function, what }
+    }
+
     /// In FMI 2.0 every variable has one value, and the FMU is not told how many there are.
     #[inline]
     pub(super) fn check_lengths(&self, references: usize, values: usize) {

@@ -128,10 +128,13 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
-    Ok(match fit.is_answer() && is_whole {
+    let outcome = match fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,
-    })
+    };
+    // FMUs are freed after this: what goes wrong there costs nothing of what is written.
+    pilotage_process::finished(outcome.code());
+    Ok(outcome)
 }
 
 /// With what chose the order.

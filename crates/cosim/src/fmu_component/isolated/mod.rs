@@ -24,7 +24,7 @@ use crate::component::{
 };
 use crate::fmu_component::Outline;
 use pilotage_fmi::{ASKING, InterfaceType, call_name};
-use pilotage_process::{Channel, Child, Spoiled};
+use pilotage_process::{Channel, Child, Place, Spoiled};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -105,7 +105,7 @@ pub struct Isolated {
     channel: Channel,
     child: Child,
     /// By which whoever watches this process knows it.
-    place: u32,
+    place: Place,
     limits: Limits,
     /// Question and answer as bytes.
     bytes: Vec<u8>,
@@ -153,7 +153,7 @@ impl Isolated {
             outline,
             channel,
             child,
-            place: pilotage_process::place(&format!("`{name}`")),
+            place: Place::new(&format!("`{name}`")),
             limits,
             bytes: Vec::new(),
             gone: None,
@@ -190,9 +190,15 @@ impl Isolated {
         self.sets.clear();
         self.told.0.clear();
         // Its process may end this one too: the memory between them is cut off, or it kills its parent.
-        let place = self.place;
-        let heard = pilotage_process::call(place, ASKING, || {
-            let heard = self.exchange(&mut bytes);
+        let (child, looked) = (&mut self.child, &mut self.looked);
+        let heard = self.place.call(ASKING, || {
+            let heard = exchange(
+                &self.channel,
+                child,
+                looked,
+                (self.limits, &self.place),
+                &mut bytes,
+            );
             if heard.is_err() {
                 // Where this process is told to end, it has ended its children, and no FMU is to blame.
                 pilotage_process::leftovers::stay_if_ending();
@@ -224,18 +230,6 @@ impl Isolated {
         self.end(Spoiled.into())
     }
 
-    fn exchange(&mut self, bytes: &mut Vec<u8>) -> Result<(), Gone> {
-        let begun = Instant::now();
-        let (child, limits) = (&mut self.child, self.limits);
-        self.channel.send(bytes, || look(child, begun, limits))?;
-        (self.channel).receive(bytes, || look(child, begun, limits))?;
-        if limits.memory.is_some() && self.looked.elapsed() > BETWEEN {
-            self.looked = Instant::now();
-            look(child, self.looked, limits)?;
-        }
-        Ok(())
-    }
-
     fn done(&mut self, question: Question<'_>) -> Result<(), ComponentError> {
         match self.ask(question)? {
             Answer::Done => Ok(()),
@@ -254,7 +248,7 @@ impl Isolated {
     }
 
     fn stepped(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<Progress, ComponentError> {
-        pilotage_process::at(self.place, t);
+        self.place.at(t);
         let outputs = std::mem::take(&mut self.read);
         let question = Question::Step {
             t,
@@ -268,6 +262,9 @@ impl Isolated {
             return Err(self.nonsense());
         };
         self.next_jump = next_jump;
+        if progress == Progress::Done {
+            self.place.at(t + h);
+        }
         if let Some(told) = told.filter(|told| told.len() == outputs.len()) {
             self.told = (outputs, told);
         }
@@ -303,6 +300,35 @@ impl Isolated {
     }
 }
 
+/// Sends a question, and waits for the answer, which stands in its place then. Memory is looked at now and then
+/// (`looked`).
+fn exchange(
+    channel: &Channel,
+    child: &mut Child,
+    looked: &mut Instant,
+    (limits, place): (Limits, &Place),
+    bytes: &mut Vec<u8>,
+) -> Result<(), Gone> {
+    let mut begun = Instant::now();
+    channel.send(bytes, || look(child, begun, limits))?;
+    channel.receive(bytes, || {
+        match child.page().going().first() {
+            // Whoever watches this process is told which call it is that takes so long.
+            Some(going) => place.doing(going.call),
+            // What we do there ourselves, such as unpacking, is not its time.
+            None => begun = Instant::now(),
+        }
+        look(child, begun, limits)
+    })?;
+    match looked.elapsed() > BETWEEN {
+        true => {
+            *looked = Instant::now();
+            check_memory(child, limits)
+        }
+        false => Ok(()),
+    }
+}
+
 /// Whether an answer is still to be hoped for.
 fn look(child: &mut Child, begun: Instant, limits: Limits) -> Result<(), Gone> {
     let ended = child.try_end();
@@ -317,20 +343,22 @@ fn look(child: &mut Child, begun: Instant, limits: Limits) -> Result<(), Gone> {
                 let call = call(child);
                 return Err(Gone::Late { call, limit });
             }
-            let Some(limit) = limits.memory else {
-                return Ok(());
-            };
-            match child.memory().filter(|used| *used > limit) {
-                Some(used) => Gone::Hungry {
-                    call: call(child),
-                    used,
-                    limit,
-                },
-                None => return Ok(()),
-            }
+            return check_memory(child, limits);
         }
     };
     Err(gone)
+}
+
+fn check_memory(child: &Child, limits: Limits) -> Result<(), Gone> {
+    let over = |limit: &u64| child.memory().filter(|used| used > limit);
+    match limits.memory.and_then(|limit| Some((over(&limit)?, limit))) {
+        Some((used, limit)) => Err(Gone::Hungry {
+            call: call(child),
+            used,
+            limit,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// What is, or was, being called.

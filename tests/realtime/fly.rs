@@ -1,10 +1,13 @@
 //! `pilotage fly` in a browser, and what FlightGear hears of it.
 
-use super::python;
 use crate::command::Folder;
-use crate::times;
+use crate::{python, times};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// One at a time.
+static ALONE: Mutex<()> = Mutex::new(());
 
 /// The scripted stick of `tests/python/fly.py` as a model: it takes the speed from the last four states, of a hundred and
 /// twentieth of a second each.
@@ -51,6 +54,7 @@ fn pilotage() -> PathBuf {
 /// page adds as a delay.
 #[test]
 fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = Folder::new();
     let browsers = Path::new(env!("CARGO_TARGET_TMPDIR")).join("browsers");
     let printed = python::run("fly.py", [pilotage(), browsers, folder.path(".")]);
@@ -87,6 +91,7 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
 /// Both versions of the packet, taken apart by a decoder that is not ours.
 #[test]
 fn flightgear_hears_where_vehicle_and_marker_are() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     for version in ["24", "25"] {
         let folder = Folder::new();
         let arguments = [pilotage(), folder.path("."), version.into()];
