@@ -15,6 +15,7 @@ struct Nobody;
 impl Listener for Nobody {
     fn state(&mut self, _state: State) {}
     fn row(&mut self, _row: &[f64]) {}
+    fn step(&mut self, _row: &[f64]) {}
     fn stop(&mut self) -> Option<String> {
         None
     }

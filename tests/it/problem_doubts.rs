@@ -77,6 +77,30 @@ fn a_bound_that_a_tie_reaches_is_told() {
     );
 }
 
+/// Flights say at their top with what they were flown, by whom, and whether they count.
+#[test]
+fn flights_that_do_not_go_together_are_told() {
+    let second = "[[run]]\nfile = \"2.csv\"\n";
+    let folder = problem(
+        "",
+        "[parameters]\n\"m.k\" = {}\n[[run]]\nfile = \"2.csv\"",
+        RUN,
+    );
+    let text = folder.read("problem.toml");
+    assert!(text.contains(second));
+    let other = "time,x\n0,1\n0.5,0.7\n1,0.6\n2,0.8\n4,1.1\n";
+    let top =
+        |device: &str| format!("# device: {device} (its name)\n# subject: P1\n# valid: yes\n");
+    let told = |first: &str, then: &str| {
+        folder.write("run.csv", top(first) + RUN);
+        folder.write("2.csv", top(then) + other);
+        words(&fit(&folder).json(), "mixed")
+    };
+    assert_eq!(told("mouse", "mouse"), None);
+    let why = told("mouse", "gamepad").unwrap();
+    assert!(why.contains("gamepad (2.csv), mouse (run.csv)"), "{why}");
+}
+
 /// Whatever is sought, the run begins at 1.
 #[test]
 fn a_constraint_that_no_given_begin_fulfils_is_refused() {

@@ -12,6 +12,7 @@ use crate::result::{Fit, Found};
 use crate::stability::CLOSED_LOOP;
 use pilotage_expression::Node;
 use pilotage_inference::spectrum::{Contradiction, Starved};
+use pilotage_series::flown;
 use pilotage_sqp::Status;
 use pilotage_text::counted;
 use std::fmt;
@@ -174,6 +175,8 @@ pub enum Diagnostic {
         /// How many runs are such copies.
         count: usize,
     },
+    /// Flights that do not go together, by what they say of themselves.
+    Mixed(String),
     /// What is no finite number where the search begins.
     Undefined(String),
     /// The solver did not converge, and an FMU failed a call on the way.
@@ -241,6 +244,7 @@ impl Diagnostic {
             Self::Misfit { .. } => "misfit",
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
+            Self::Mixed(_) => "mixed",
             Self::Flat(_) => "flat",
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
@@ -446,6 +450,7 @@ impl fmt::Display for Diagnostic {
                 f,
                 "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
             ),
+            Self::Mixed(words) => write!(f, "{words}"),
             Self::Undefined(what) => write!(f, "where the search begins, in {what}"),
             Self::FmuFailed { instance, trouble } => {
                 write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
@@ -555,6 +560,9 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         }
     }
     all.extend(of_copies(posed, fit));
+    let heads =
+        (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
+    all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     for (instance, part) in &posed.joint.parts {

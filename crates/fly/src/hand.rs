@@ -62,6 +62,12 @@ pub struct Input {
     pub frame: f64,
     /// Whether the page is visible and has the focus.
     pub seen: bool,
+    /// The simulation time that was drawn last \[s\], if something was.
+    #[serde(default)]
+    pub drawn: Option<f64>,
+    /// When that was done, by the page's clock \[ms\].
+    #[serde(default)]
+    pub drawn_at: Option<f64>,
 }
 
 /// A frame of a run.
@@ -128,6 +134,8 @@ impl Hand {
             name: String::new(),
             frame: 0.0,
             seen: false,
+            drawn: None,
+            drawn_at: None,
         };
         let latest = Latest {
             input,
@@ -148,6 +156,14 @@ impl Hand {
 
     fn latest(&self) -> MutexGuard<'_, Latest> {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the hand holds where the page says that it holds this: a joystick that the server reads goes before it.
+    pub fn holds(&self, page: Device) -> Device {
+        match self.latest().has_joystick {
+            true => Device::Joystick,
+            false => page,
+        }
     }
 
     /// Takes a frame; false where it is none: numbers that are no deflections, or fewer or more than axes.
@@ -311,6 +327,26 @@ impl Heard {
         Some((last.input.device, &last.input.name))
     }
 
+    /// What happened beside flying, each with its time: the focus or the stick was lost or came back, or nothing came for a
+    /// while.
+    pub fn events(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for pair in self.frames.windows(2) {
+            let [before, now] = [&pair[0], &pair[1]];
+            let gap = now.time - before.time;
+            let words = match (&before.input, &now.input) {
+                (old, new) if !is_same(old, new) => format!("{} ({})", new.device, new.name),
+                (old, new) if old.seen != new.seen => {
+                    (if new.seen { "focus" } else { "no focus" }).to_owned()
+                }
+                _ if gap > GAP.as_secs_f64() => format!("{:.0} ms without a frame", 1e3 * gap),
+                _ => continue,
+            };
+            all.push(format!("{:.3} s: {words}", now.time));
+        }
+        all
+    }
+
     /// Why a run that took so long \[s\] does not count, if it does not.
     pub fn fault(&self, seconds: f64) -> Option<String> {
         let first = match self.frames.first() {
@@ -330,7 +366,7 @@ impl Heard {
         let other = self
             .frames
             .iter()
-            .find(|frame| frame.input.device != first.device);
+            .find(|frame| !is_same(&frame.input, first));
         let unseen = self.frames.iter().find(|frame| !frame.input.seen);
         let (gap, dropped) = (self.gap(seconds), self.dropped());
         at(lost, "the stick was lost")
@@ -348,6 +384,11 @@ impl Heard {
     }
 }
 
+/// Whether two frames are of one stick.
+fn is_same(a: &Input, b: &Input) -> bool {
+    (a.device, &a.name) == (b.device, &b.name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -362,6 +403,8 @@ mod tests {
                 name: "mouse".to_owned(),
                 frame: 16.0,
                 seen: true,
+                drawn: None,
+                drawn_at: None,
             };
             let mut frame = Frame {
                 time: 0.016 * k as f64,

@@ -25,9 +25,12 @@ pub struct Axes {
 /// Reads a device from now on, in a thread of its own.
 ///
 /// # Errors
-/// When it cannot be opened.
+/// When it cannot be opened, or is another device.
 pub fn listen(path: &Path, axes: Axes, hand: Arc<Hand>) -> io::Result<()> {
     let mut device = File::open(path)?;
+    if is_other(&device)? {
+        return Err(io::Error::other("it is another device, and no joystick"));
+    }
     let name = path.display().to_string();
     let mut stick = vec![0.0; axes.numbers.len()];
     hand.replace(&stick, &name);
@@ -45,6 +48,20 @@ pub fn listen(path: &Path, axes: Axes, hand: Arc<Hand>) -> io::Result<()> {
         hand.lose_joystick();
     });
     Ok(())
+}
+
+/// Whether a device is none of input, which have the major number 13 (kernel documentation, `admin-guide/devices`).
+#[cfg(unix)]
+fn is_other(device: &File) -> io::Result<bool> {
+    use std::os::unix::fs::{FileTypeExt, MetadataExt};
+    let told = device.metadata()?;
+    let major = (told.rdev() >> 8) & 0xfff;
+    Ok(told.is_dir() || (told.file_type().is_char_device() && major != 13))
+}
+
+#[cfg(not(unix))]
+fn is_other(_: &File) -> io::Result<bool> {
+    Ok(false)
 }
 
 /// Number and deflection of an axis, where an event is of one.

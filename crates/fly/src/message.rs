@@ -30,6 +30,9 @@ pub enum FromPage {
         /// How the page reads it, for the record.
         #[serde(default)]
         calibration: serde_json::Value,
+        /// On what the page is shown, for the record.
+        #[serde(default)]
+        about: About,
     },
     /// The next run.
     Go,
@@ -42,6 +45,17 @@ pub enum FromPage {
         /// Which.
         kind: JobKind,
     },
+}
+
+/// On what a page is shown.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+pub struct About {
+    /// The browser, as it calls itself.
+    #[serde(default)]
+    pub browser: String,
+    /// The screen: its size, and device pixels of each CSS pixel.
+    #[serde(default)]
+    pub screen: String,
 }
 
 /// Work on what was recorded.
@@ -76,6 +90,9 @@ pub enum ToPage {
         state: JobState,
         /// How it goes, or what came out.
         words: String,
+        /// What came out for people, in a sentence.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        verdict: Option<String>,
         /// Where to look.
         #[serde(skip_serializing_if = "Option::is_none")]
         link: Option<String>,
@@ -122,6 +139,8 @@ pub struct Hello {
     pub recorded: Vec<Recorded>,
     /// Where the flights go.
     pub folder: String,
+    /// What there is to know before the first run.
+    pub notes: Vec<String>,
     /// What can be asked for now.
     pub can: Vec<JobKind>,
 }
@@ -254,8 +273,8 @@ pub struct ResultMessage {
     pub valid: bool,
     /// Why not.
     pub why: Option<String>,
-    /// The least distance of this task so far.
-    pub best: f64,
+    /// The least distance of this task so far; none while no run counts.
+    pub best: Option<f64>,
     /// Whether training is over.
     pub training_done: bool,
 }

@@ -98,12 +98,17 @@ pub struct Shape<'a> {
 /// What a person agrees to, where the protocol does not say.
 const CONSENT: &str = "I agree that how I move the stick is recorded in files on this computer, under the code above and without my name.";
 
+/// The farthest target, in the unit of the position.
+const FARTHEST: f64 = 1e6;
+/// The longest run \[s\].
+const LONGEST: f64 = 3600.0;
+
 impl Protocol {
     /// Without a file: targets of 10 and 20 of the position's unit, then sines to follow, and sines on the stick.
     pub fn usual(shape: Shape<'_>) -> Self {
         let steps = [10.0, 20.0].map(|size| step(shape, size));
-        let tracking = sines(shape, Some(2.0), None);
-        let disturbed = sines(shape, None, Some(0.1));
+        let tracking = sines(shape, Some(2.0), None, 1);
+        let disturbed = sines(shape, None, Some(0.1), 1);
         Self {
             title: "Steps, then tracking".to_owned(),
             tasks: steps.into_iter().chain([tracking, disturbed]).collect(),
@@ -232,12 +237,12 @@ fn step(shape: Shape<'_>, size: f64) -> Task {
     }
 }
 
-/// Sines as target, on the stick, or both.
-fn sines(shape: Shape<'_>, target: Option<f64>, disturbance: Option<f64>) -> Task {
-    let of = |rms: Option<f64>, lines: &[u32], seed: u64| -> Vec<Signal> {
+/// Sines as target, on the stick, or both; their phases are drawn.
+fn sines(shape: Shape<'_>, target: Option<f64>, disturbance: Option<f64>, seed: u64) -> Task {
+    let of = |rms: Option<f64>, lines: &[u32], own: u64| -> Vec<Signal> {
         let axes = 0..shape.axes as u64;
         axes.map(|axis| match rms {
-            Some(rms) => Signal::sines(lines, rms, seed + axis),
+            Some(rms) => Signal::sines(lines, rms, 1000 * (seed - 1) + own + axis),
             None => Signal::Constant(0.0),
         })
         .collect()
@@ -296,6 +301,14 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
     ])?;
     let [target, disturbance] = ["target", "disturbance"].map(|field| table.number(field));
     let (target, disturbance) = (target?, disturbance?);
+    if target.is_some_and(|target| !(target.is_finite() && target.abs() <= FARTHEST)) {
+        let why = format!("is not within {FARTHEST} of the begin");
+        return Err(fault(table, "target", why));
+    }
+    if disturbance.is_some_and(|rms| !(rms > 0.0 && rms <= 1.0)) {
+        let why = "is no part of full stick: above 0, and at most 1";
+        return Err(fault(table, "disturbance", why));
+    }
     let usual = match table.required("kind", table.string("kind")?)? {
         "step" => step(shape, table.required("target", target)?),
         "sines" if target.is_none() && disturbance.is_none() => {
@@ -305,7 +318,10 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
                 "\"sines\" wants target = RMS, or disturbance = RMS, or both",
             ));
         }
-        "sines" => sines(shape, target, disturbance),
+        "sines" => {
+            let seed = whole(table, "seed", 1.0)?.map_or(1, |seed| seed as u64);
+            sines(shape, target, disturbance, seed)
+        }
         _ => return Err(fault(table, "kind", "is neither \"step\" nor \"sines\"")),
     };
     if usual.target.iter().all(|own| *own == Signal::Constant(0.0)) && !usual.is_disturbed() {
@@ -323,14 +339,32 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
             "names files: letters, digits, - and _ alone",
         ));
     }
-    let seconds = positive(table, "seconds")?.unwrap_or(usual.seconds);
     let run_in = table.number("run_in")?.unwrap_or(usual.run_in);
-    if !(run_in >= 0.0 && run_in < seconds) {
-        return Err(fault(table, "run_in", "is not from 0 to `seconds`"));
-    }
-    if is_tracking && table.has("seconds") && (seconds - run_in) % PERIOD != 0.0 {
-        let why = format!("minus `run_in` is no multiple of the sines' period of {PERIOD} s");
+    let after_run_in = usual.seconds - usual.run_in;
+    let seconds = match positive(table, "seconds")? {
+        Some(seconds) => seconds,
+        None if is_tracking => run_in + after_run_in,
+        None => usual.seconds,
+    };
+    if seconds > LONGEST {
+        let why = format!("is more than {LONGEST}, an hour");
         return Err(fault(table, "seconds", why));
+    }
+    let periods = (seconds - run_in) / PERIOD;
+    let is_whole = periods > 0.5 && (periods - periods.round()).abs() < 1e-6;
+    if is_tracking && table.has("seconds") && !is_whole {
+        let why = format!(
+            "is not the run-in of {run_in} s and whole periods of the sines of {PERIOD} s, such as {}",
+            run_in + PERIOD
+        );
+        return Err(fault(table, "seconds", why));
+    }
+    if !(run_in >= 0.0 && run_in < seconds) {
+        return Err(fault(
+            table,
+            "run_in",
+            format!("is not from 0 to {seconds} s"),
+        ));
     }
     let rate = positive(table, "rate")?.unwrap_or(usual.rate);
     if (1000.0 / rate).fract() != 0.0 {
@@ -473,6 +507,23 @@ mod tests {
         assert_eq!(own.runs().len(), 4);
     }
 
+    /// The run-in is of any length, a period follows it, and other phases are drawn with another seed.
+    #[test]
+    fn sines_take_a_period_after_their_run_in() {
+        let of = |more: &str| {
+            let text = format!("[[task]]\nkind = \"sines\"\ntarget = 5\n{more}");
+            let protocol = Protocol::parse(&text, "p.toml", SHAPE).unwrap();
+            protocol.tasks.into_iter().next().unwrap()
+        };
+        let [usual, short, long] = ["", "run_in = 1", "run_in = 1\nseconds = 164.84"].map(of);
+        assert_eq!(
+            [usual.seconds, short.seconds, long.seconds],
+            [89.92, 82.92, 164.84]
+        );
+        assert_eq!(usual.target, short.target);
+        assert_ne!(usual.target, of("seed = 2").target);
+    }
+
     #[test]
     fn what_is_wrong_is_named_with_its_line() {
         for (text, told) in [
@@ -504,7 +555,23 @@ mod tests {
             ),
             (
                 "[[task]]\nkind = \"sines\"\ntarget = 5\nseconds = 20",
-                "p.toml:4: `seconds` minus `run_in`",
+                "p.toml:4: `seconds` is not the run-in of 8 s and whole periods of the sines of 81.92 s, such as 89.92",
+            ),
+            (
+                "[[task]]\nkind = \"sines\"\ntarget = 5\nrun_in = -1",
+                "p.toml:4: `run_in` is not from 0 to",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = inf",
+                "p.toml:3: `target` is not within 1000000 of the begin",
+            ),
+            (
+                "[[task]]\nkind = \"step\"\ntarget = 5\nseconds = 1e5",
+                "p.toml:4: `seconds` is more than 3600",
+            ),
+            (
+                "[[task]]\nkind = \"sines\"\ndisturbance = 50",
+                "p.toml:3: `disturbance` is no part of full stick",
             ),
             (
                 "[[task]]\nkind = \"step\"\ntarget = 5\n[[task]]\nkind = \"step\"\ntarget = 5",

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Ends the name of a flight that goes on.
 pub const PART: &str = ".part";
@@ -32,11 +33,19 @@ pub struct Growing {
 }
 
 impl Growing {
-    /// Begins the file of a flight beside its name.
+    /// Begins the file of a flight beside its name. Rows come to the disk at most so late (`pace`).
     ///
     /// # Errors
     /// When it cannot be written, or somebody flies there already.
-    pub fn create(path: &Path, header: &Header, columns: &[(String, String)]) -> io::Result<Self> {
+    pub fn create(
+        path: &Path,
+        header: &Header,
+        columns: &[(String, String)],
+        pace: Duration,
+    ) -> io::Result<Self> {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
         let part = with_ending(path, PART);
         let mut file = OpenOptions::new()
             .write(true)
@@ -45,9 +54,14 @@ impl Growing {
         file.write_all((head(header, columns)).as_bytes())?;
         let (rows, came) = channel::<Vec<f64>>();
         let writer = std::thread::spawn(move || {
-            // Each row by itself: a killed process loses none that came.
-            came.iter()
-                .try_for_each(|row| file.write_all(line(&row).as_bytes()))
+            while let Ok(row) = came.recv() {
+                let mut text = line(&row);
+                std::thread::sleep(pace);
+                text.extend(came.try_iter().map(|row| line(&row)));
+                // To the system at once: a killed process loses nothing of it.
+                file.write_all(text.as_bytes())?;
+            }
+            Ok(())
         });
         Ok(Self {
             path: path.to_owned(),
@@ -60,6 +74,17 @@ impl Growing {
     /// A row. Where the disk is full, the end tells.
     pub fn row(&self, row: &[f64]) {
         let _ = self.rows.send(row.to_vec());
+    }
+
+    /// Takes it away: it stands elsewhere.
+    ///
+    /// # Errors
+    /// When it could not be written, or cannot be removed.
+    pub fn discard(self) -> io::Result<()> {
+        drop(self.rows);
+        let written = self.writer.join().unwrap_or(Ok(()));
+        std::fs::remove_file(&self.part)?;
+        written
     }
 
     /// The whole flight in its place, with what is known of it in the end.
@@ -156,13 +181,21 @@ fn frames(heard: &Heard) -> Table {
         .first()
         .map_or(0, |frame| frame.input.stick.len());
     let sticks = (1..=axes).map(|axis| format!("hand{axis}"));
-    let names = ["n", "page_time", "arrival", "frame", "seen"]
-        .map(str::to_owned)
-        .into_iter()
-        .chain(sticks);
+    let names = [
+        "n",
+        "page_time",
+        "arrival",
+        "frame",
+        "seen",
+        "drawn",
+        "drawn_at",
+    ]
+    .map(str::to_owned)
+    .into_iter()
+    .chain(sticks);
     let unit = |name: &str| match name {
-        "page_time" | "frame" => "ms",
-        "arrival" => "s",
+        "page_time" | "frame" | "drawn_at" => "ms",
+        "arrival" | "drawn" => "s",
         _ => "1",
     };
     let names: Vec<(String, String)> = names
@@ -177,6 +210,8 @@ fn frames(heard: &Heard) -> Table {
         of(&|own| own.time),
         of(&|own| own.input.frame),
         of(&|own| f64::from(u8::from(own.input.seen))),
+        of(&|own| own.input.drawn.unwrap_or(f64::NAN)),
+        of(&|own| own.input.drawn_at.unwrap_or(f64::NAN)),
     ];
     columns.extend((0..axes).map(|axis| of(&|own| own.input.stick[axis])));
     Table { names, columns }

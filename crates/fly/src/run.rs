@@ -119,6 +119,8 @@ pub trait Listener {
     fn state(&mut self, state: State);
     /// A row of the flight.
     fn row(&mut self, row: &[f64]);
+    /// A row of the log, of each step.
+    fn step(&mut self, row: &[f64]);
     /// Why it has to end now, if it has.
     fn stop(&mut self) -> Option<String>;
 }
@@ -143,8 +145,8 @@ pub fn columns(craft: &Craft, task: &Task) -> Vec<(String, String)> {
     all
 }
 
-/// Columns of the log, beside those of the flight.
-fn of_log(columns: &[(String, String)]) -> Vec<(String, String)> {
+/// Columns of the log: those of the flight, and when and by what each step was.
+pub fn of_log(columns: &[(String, String)]) -> Vec<(String, String)> {
     let own = [
         ("late", "ms"),
         ("input", "1"),
@@ -303,11 +305,10 @@ impl Run<'_> {
                 self.task.is_disturbed(),
             );
             self.late.push(1e3 * late.as_secs_f64());
-            self.log.push(
-                row.iter()
-                    .copied()
-                    .chain([1e3 * late.as_secs_f64(), n as f64, at, age]),
-            );
+            let mut logged = row.clone();
+            logged.extend([1e3 * late.as_secs_f64(), n as f64, at, age]);
+            listener.step(&logged);
+            self.log.push(logged);
             if k % per_row == 0 {
                 self.flight.push(row.iter().copied());
                 listener.row(&row);

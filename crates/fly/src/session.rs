@@ -4,12 +4,12 @@ use crate::beside::Beside;
 use crate::craft::Craft;
 use crate::hand::{Device, Hand, Heard};
 use crate::message::{
-    AxisMessage, FromPage, Hello, JobKind, Phase, PhaseKind, ProtocolMessage, Recorded,
+    About, AxisMessage, FromPage, Hello, JobKind, Phase, PhaseKind, ProtocolMessage, Recorded,
     ResultMessage, StateMessage, TaskMessage, ToPage, VehicleMessage,
 };
 use crate::protocol::Protocol;
 use crate::record::{self, Growing, Header};
-use crate::run::{self, Flown, Listener, State, columns};
+use crate::run::{self, Flown, Listener, State, columns, of_log};
 use crate::task::{Signal, Task};
 use pilotage_cosim::Component;
 use pilotage_cosim::component::ComponentError;
@@ -23,6 +23,8 @@ use tokio::sync::{broadcast, watch};
 const COUNTDOWN: u32 = 3;
 /// Between two states while nothing flies.
 const IDLE: Duration = Duration::from_millis(33);
+/// Between two writings of the log of all steps.
+const PACE: Duration = Duration::from_millis(200);
 /// Folder of runs that do not count, of training, of logs, and of runs beside a model.
 const INVALID: &str = "invalid";
 const TRAINING: &str = "training";
@@ -117,6 +119,8 @@ pub struct Place {
     pub folder: PathBuf,
     /// Version, machine and whatever else stands at the top of each flight.
     pub header: Header,
+    /// What there is to know before the first run.
+    pub notes: Vec<String>,
 }
 
 /// A session.
@@ -131,6 +135,7 @@ pub struct Session {
     subject: String,
     device: Option<Device>,
     calibration: String,
+    about: About,
     /// Of each task, the rms errors of its training.
     trained: Vec<Vec<f64>>,
     best: Vec<f64>,
@@ -203,6 +208,7 @@ impl Session {
             subject: String::new(),
             device: None,
             calibration: String::new(),
+            about: About::default(),
             trained: vec![Vec::new(); tasks],
             best: vec![f64::INFINITY; tasks],
             beside: None,
@@ -261,6 +267,7 @@ impl Session {
                 consent,
                 device,
                 calibration,
+                about,
             } = command
             else {
                 continue;
@@ -283,8 +290,8 @@ impl Session {
                 });
                 continue;
             }
-            (self.subject, self.device, self.calibration) =
-                (subject, Some(device), calibration.to_string());
+            self.subject = subject;
+            self.take(device, &calibration, &about);
             self.board.say(&ToPage::Can {
                 can: self.works.can(&self.subject),
             });
@@ -316,18 +323,33 @@ impl Session {
                 Some(FromPage::Begin {
                     device,
                     calibration,
+                    about,
                     ..
-                }) => {
-                    self.tell_of_device(device);
-                    self.calibration = calibration.to_string();
-                }
+                }) => self.take(device, &calibration, &about),
                 _ => {}
             }
         }
     }
 
-    /// Devices are not mixed without a word.
-    fn tell_of_device(&mut self, device: Device) {
+    /// What the hand holds from now on. Devices are not mixed without a word.
+    fn take(&mut self, device: Device, calibration: &serde_json::Value, about: &About) {
+        let short = |words: &str| {
+            words
+                .chars()
+                .filter(|c| !c.is_control())
+                .take(200)
+                .collect()
+        };
+        self.calibration = short(&calibration.to_string());
+        self.about = About {
+            browser: short(&about.browser),
+            screen: short(&about.screen),
+        };
+        let device = self.hand.holds(device);
+        // While it is away it is still the one that was chosen.
+        if device == Device::None {
+            return;
+        }
         if self.device.is_some_and(|before| before != device) {
             let words = format!(
                 "another stick than before: a {device}; a fit of both would mix two ways to move the hand"
@@ -446,18 +468,21 @@ impl Session {
         }
         let name = self.free_name(&task);
         let path = self.place.folder.join(format!("{name}.csv"));
-        let begun = Growing::create(
-            &path,
-            &self.header(&task, None),
-            &columns(&self.craft, &task),
-        );
-        let growing = match begun {
-            Ok(growing) => growing,
+        let (header, columns) = (self.header(&task, None), columns(&self.craft, &task));
+        let log = self.place.folder.join(LOGS).join(format!("{name}.csv"));
+        let begun = Growing::create(&log, &header, &of_log(&columns), PACE);
+        let begun =
+            begun.and_then(
+                |log| match Growing::create(&path, &header, &columns, Duration::ZERO) {
+                    Ok(growing) => Ok((growing, log)),
+                    Err(error) => log.discard().and(Err(error)),
+                },
+            );
+        let (growing, log) = match begun {
+            Ok(begun) => begun,
             Err(error) => {
-                return Ok(self.failed(
-                    next,
-                    format!("{} cannot be written: {error}", path.display()),
-                ));
+                let folder = self.place.folder.display();
+                return Ok(self.failed(next, format!("{folder} cannot be written: {error}")));
             }
         };
         self.say(PhaseKind::Fly, Some(next), task.words.clone(), None, None);
@@ -466,6 +491,7 @@ impl Session {
             board: &self.board,
             commands: &self.commands,
             growing: &growing,
+            log: &log,
             quit: false,
         };
         let flown = run::fly(
@@ -478,7 +504,7 @@ impl Session {
         );
         let quit = watch.quit;
         let counts = match flown {
-            Ok(flown) => self.keep(next, &task, &name, growing, &flown),
+            Ok(flown) => self.keep(next, &task, &name, (growing, log), &flown),
             Err(error) => self.failed(next, error.to_string()),
         };
         if quit { Err(Quit) } else { Ok(counts) }
@@ -490,10 +516,10 @@ impl Session {
         next: Next,
         task: &Task,
         name: &str,
-        growing: Growing,
+        (growing, log): (Growing, Growing),
         flown: &Flown,
     ) -> bool {
-        let why = flown.fault();
+        let why = self.fault(flown);
         let is_valid = why.is_none();
         let below = match next.purpose {
             _ if !is_valid => Some(INVALID),
@@ -508,15 +534,14 @@ impl Session {
         let path = folder.join(format!("{name}.csv"));
         let header = self.header(task, Some((next, flown)));
         let written = growing.finish(Some(&path), &header, &flown.flight);
-        let written =
-            written.and_then(|_| record::logs(&self.place.folder.join(LOGS), name, &header, flown));
-        if let Err(error) = written {
-            return self.failed(
-                next,
-                format!("{} cannot be written: {error}", path.display()),
-            );
+        let written = written.map_err(|error| format!("{}: {error}", path.display()));
+        let logs = self.place.folder.join(LOGS);
+        let logged = record::logs(&logs, name, &header, flown).and_then(|()| log.discard());
+        let logged = logged.map_err(|error| format!("the log of all steps: {error}"));
+        if let Err(error) = written.and(logged) {
+            return self.failed(next, format!("it cannot be written: {error}"));
         }
-        if is_valid {
+        if is_valid && next.purpose != Purpose::Against {
             self.best[next.task] = self.best[next.task].min(flown.rms);
         }
         if is_valid && next.purpose == Purpose::Training {
@@ -540,6 +565,9 @@ impl Session {
         });
         let training_done = self.protocol.training.is_over(&self.trained[next.task]);
         let words = match &why {
+            Some(why) if next.purpose == Purpose::Against => {
+                format!("This run does not count: {why}.")
+            }
             Some(why) => format!("This run does not count: {why}. It is flown again."),
             None if next.purpose == Purpose::Training && !training_done => {
                 "Once more, for training.".to_owned()
@@ -555,11 +583,22 @@ impl Session {
             score: self.score(task, next.sign, flown.rms),
             valid: is_valid,
             why,
-            best: if best.is_finite() { best } else { flown.rms },
+            best: best.is_finite().then_some(best),
             training_done,
         };
         self.say(PhaseKind::After, Some(next), words, None, Some(result));
         is_valid
+    }
+
+    /// Why a run does not count, if it does not.
+    fn fault(&self, flown: &Flown) -> Option<String> {
+        let held = flown.heard.device().map(|(device, _)| device);
+        let is_other = |held: Device| self.device.is_some_and(|chosen| chosen != held);
+        let other = held.filter(|held| is_other(*held)).map(|held| {
+            let chosen = self.device.unwrap_or(Device::None);
+            format!("the hand held a {held}, and what was chosen is a {chosen}")
+        });
+        flown.fault().or(other)
     }
 
     fn score(&self, task: &Task, sign: f64, rms: f64) -> u32 {
@@ -635,12 +674,20 @@ impl Session {
             ("purpose", purpose.to_owned()),
             (
                 "valid",
-                flown
-                    .fault()
+                self.fault(flown)
                     .map_or_else(|| "yes".to_owned(), |why| format!("no: {why}")),
             ),
             ("device", device),
             ("calibration", self.calibration.clone()),
+            ("browser", self.about.browser.clone()),
+            ("screen", self.about.screen.clone()),
+            (
+                "events",
+                match flown.heard.events() {
+                    events if events.is_empty() => "none".to_owned(),
+                    events => events.join("; "),
+                },
+            ),
             (
                 "rms",
                 format!("{:.4} {}", flown.rms, self.craft.positions[0].unit),
@@ -670,6 +717,7 @@ struct Watch<'w> {
     board: &'w Board,
     commands: &'w Receiver<Command>,
     growing: &'w Growing,
+    log: &'w Growing,
     quit: bool,
 }
 
@@ -691,6 +739,10 @@ impl Listener for Watch<'_> {
 
     fn row(&mut self, row: &[f64]) {
         self.growing.row(row);
+    }
+
+    fn step(&mut self, row: &[f64]) {
+        self.log.row(row);
     }
 
     fn stop(&mut self) -> Option<String> {
@@ -731,6 +783,7 @@ fn hello(craft: &Craft, protocol: &Protocol, place: &Place) -> Hello {
         },
         recorded: Vec::new(),
         folder: place.folder.display().to_string(),
+        notes: place.notes.clone(),
         can: Vec::new(),
     }
 }

@@ -56,6 +56,7 @@ async fn session(folder: &Path) -> (String, String) {
     let place = Place {
         folder: folder.to_owned(),
         header: vec![("recorded by", "a test".into())],
+        notes: Vec::new(),
     };
     let (session, board) = Session::new(
         craft,
@@ -254,6 +255,28 @@ async fn a_socket_that_breaks_costs_one_run() {
     say(&mut socket, json!({ "type": "go" })).await;
     let again = until(&mut socket, "phase", |phase| phase["phase"] == "countdown").await;
     assert_eq!(again["run"], 1, "the same run once more");
+}
+
+/// Another stick than the one that was chosen flies: its calibration would stand in the flight, and be false.
+#[tokio::test]
+async fn a_stick_that_was_not_chosen_costs_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let mut socket = open(&address, &token).await;
+    let mut chosen = begin();
+    chosen["device"] = "keyboard".into();
+    say(&mut socket, chosen).await;
+    let results = fly(&mut socket, 1).await;
+    let why = results[0]["why"].as_str().unwrap();
+    // On a busy machine another fault may come first.
+    assert!(
+        why == "the hand held a gamepad, and what was chosen is a keyboard"
+            || why.contains("ms")
+            || why.contains('%'),
+        "{why}"
+    );
+    assert_eq!(results[0]["valid"], false);
+    assert!(results[0]["best"].is_null(), "{results:?}");
 }
 
 /// Wrong tokens, hosts and origins are refused; what is no message ends the connection, and harms no one.

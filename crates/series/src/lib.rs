@@ -14,6 +14,7 @@
 //! comes first.
 
 mod error;
+pub mod flown;
 mod lines;
 mod read;
 mod write;

@@ -3,14 +3,20 @@
 use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
+use crate::report::significant;
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
+use serde_json::Value;
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Makes a fit tell its progress and its result.
+const TOLD: [&str; 2] = ["--json", "--verbose"];
 
 /// Jobs of a session.
 #[derive(Clone)]
@@ -121,6 +127,7 @@ impl Jobs {
             }
             fit.extend([os("-o"), self.pilot(subject).into()]);
             fit.extend(report);
+            fit.extend(TOLD.map(os));
             return Ok(vec![fit]);
         }
         let problem: OsString = self.made.join(format!("{subject}-problem.toml")).into();
@@ -136,6 +143,7 @@ impl Jobs {
         ]);
         let mut fit = vec![os("fit"), problem, os("-o"), self.pilot(subject).into()];
         fit.extend(report);
+        fit.extend(TOLD.map(os));
         Ok(vec![init, fit])
     }
 
@@ -206,55 +214,55 @@ impl Works for Jobs {
     fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>) {
         let say = {
             let board = board.clone();
-            move |state, words: String, link| {
+            move |state, came: Came, link| {
                 board.say(&ToPage::Job {
                     kind,
                     state,
-                    words,
+                    words: came.words,
+                    verdict: came.verdict,
                     link,
                 })
             }
         };
         if self.is_busy.swap(true, Ordering::SeqCst) {
-            return say(
-                JobState::Failed,
-                "another job goes on; it is a moment".to_owned(),
-                None,
-            );
+            let words = "another job goes on; wait a moment".to_owned();
+            return say(JobState::Failed, Came::says(words), None);
         }
         let (commands, page) = match self.commands(kind, subject) {
             Ok(commands) => commands,
             Err(words) => {
                 self.is_busy.store(false, Ordering::SeqCst);
-                return say(JobState::Failed, words, None);
+                return say(JobState::Failed, Came::says(words), None);
             }
         };
-        say(JobState::Running, "begun".to_owned(), None);
+        say(JobState::Running, Came::says("begun".to_owned()), None);
         let (is_busy, board, folder) = (self.is_busy.clone(), board.clone(), self.folder.clone());
         let (own, subject) = (self.clone(), subject.to_owned());
         std::thread::spawn(move || {
             let told =
                 std::fs::create_dir_all(folder.join("made")).map_err(|error| error.to_string());
             let told = told.and_then(|()| {
-                let mut last = String::new();
-                for words in &commands {
-                    last = one(words, &folder, &|words| say(JobState::Running, words, None))?;
-                }
-                Ok(last)
+                let progress = |words| say(JobState::Running, Came::says(words), None);
+                let all = commands.iter().map(|words| one(words, &folder, &progress));
+                let all: Vec<Came> = all.collect::<Result<_, String>>()?;
+                Ok(match kind {
+                    JobKind::Compare => Came::side_by_side(own.subjects(), all),
+                    _ => all.into_iter().last().unwrap_or_default(),
+                })
             });
             is_busy.store(false, Ordering::SeqCst);
             match told {
-                Ok(words) => {
+                Ok(came) => {
                     say(
                         JobState::Done,
-                        words,
+                        came,
                         page.map(|page| format!("/made/{page}")),
                     );
                     board.say(&ToPage::Can {
                         can: own.can(&subject),
                     });
                 }
-                Err(words) => say(JobState::Failed, words, None),
+                Err(words) => say(JobState::Failed, Came::says(words), None),
             }
         });
     }
@@ -269,8 +277,12 @@ impl Works for Jobs {
     }
 }
 
-/// Runs one command; the last line of what it says. A fit that has not converged, exit code 1, has a page that tells.
-fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<String, String> {
+/// Longest line of progress.
+const LINE: usize = 160;
+
+/// Runs one command, telling the last line of its progress; what it came to. A fit that has not converged, exit code 1, has
+/// a page that tells.
+fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Came, String> {
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
         .args(words)
@@ -280,40 +292,126 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<String
         .stderr(Stdio::piped())
         .spawn()
         .map_err(|error| error.to_string())?;
-    let said = Arc::new(Mutex::new(String::new()));
-    let (errors, told) = (child.stderr.take(), said.clone());
-    let listening = std::thread::spawn(move || {
+    let mut output = child.stdout.take().ok_or("no output")?;
+    let reading = std::thread::spawn(move || {
         let mut text = String::new();
-        if let Some(mut errors) = errors {
-            let _ = errors.read_to_string(&mut text);
-        }
-        if let Ok(mut said) = told.lock() {
-            *said = text;
-        }
+        let _ = output.read_to_string(&mut text);
+        text
     });
-    let mut lines = Vec::new();
-    for line in BufReader::new(child.stdout.take().ok_or("no output")?)
-        .lines()
-        .map_while(Result::ok)
-    {
-        if !line.trim().is_empty() {
-            say(line.clone());
-            lines.push(line);
+    let errors = BufReader::new(child.stderr.take().ok_or("no output")?);
+    let (mut told, mut lines) = (Instant::now(), Vec::new());
+    for line in errors.lines().map_while(Result::ok) {
+        if ["note: ", "warning: ", "error: ", "hint: "]
+            .iter()
+            .any(|own| line.starts_with(own))
+        {
+            lines.push(line.clone());
+        }
+        if told.elapsed() > BETWEEN {
+            told = Instant::now();
+            say(line.trim().chars().take(LINE).collect());
         }
     }
     let status = child.wait().map_err(|error| error.to_string())?;
-    let _ = listening.join();
-    let errors = said.lock().map(|said| said.clone()).unwrap_or_default();
+    let text = reading.join().unwrap_or_default();
     match status.code() {
         Some(0 | 1) => {
-            // How a fit ended, before what the data excite.
-            let verdict = lines.iter().find(|line| line.contains("converged"));
-            let told = verdict.or(lines.first()).cloned();
-            Ok(told.unwrap_or_else(|| "done".to_owned()))
+            let mut came = Came::of(&text);
+            let notes = lines.iter().filter_map(|line| line.strip_prefix("note: "));
+            notes.for_each(|note| came.words += &format!(" Note: {note}."));
+            Ok(came)
         }
         _ => {
-            terminal::tell(&errors);
-            Err(errors.lines().next().unwrap_or("it failed").to_owned())
+            terminal::tell(&format!("{}\n", lines.join("\n")));
+            let error = lines.iter().find(|line| line.starts_with("error: "));
+            Err(error.or(lines.first()).map_or_else(
+                || "it failed".to_owned(),
+                |line| line.trim_start_matches("error: ").to_owned(),
+            ))
         }
     }
+}
+
+/// Between two words of progress.
+const BETWEEN: Duration = Duration::from_millis(200);
+
+/// What a command came to.
+#[derive(Debug, Default)]
+struct Came {
+    /// In a sentence.
+    verdict: Option<String>,
+    /// In detail.
+    words: String,
+}
+
+impl Came {
+    fn says(words: String) -> Self {
+        Self {
+            verdict: None,
+            words,
+        }
+    }
+
+    /// Of fits of several people, in their order.
+    fn side_by_side(people: Vec<String>, all: Vec<Self>) -> Self {
+        let verdicts = all.into_iter().filter_map(|own| own.verdict);
+        let lines: Vec<String> = (people.iter().zip(verdicts))
+            .map(|(person, verdict)| format!("{person}: {verdict}"))
+            .collect();
+        Self {
+            verdict: Some(lines.join(" ")),
+            words: "Their pages stand side by side.".to_owned(),
+        }
+    }
+
+    /// Of what it printed: of a fit one JSON object.
+    fn of(text: &str) -> Self {
+        let Ok(fit) = serde_json::from_str::<Value>(text) else {
+            return Self {
+                verdict: None,
+                words: text.lines().next().unwrap_or("done").to_owned(),
+            };
+        };
+        let status = fit["status"].as_str().unwrap_or("without an answer");
+        let verdict = match status {
+            "converged" => match figures(&fit) {
+                all if all.is_empty() => "A model of you is found.".to_owned(),
+                all => format!("A model of you is found: {}.", all.join(", ")),
+            },
+            _ => format!("No model of you is found ({status}): fly more runs, and try again."),
+        };
+        let doubts = fit["doubts"].as_array().into_iter().flatten();
+        let doubts = doubts.filter_map(|doubt| doubt["words"].as_str());
+        let doubts: Vec<&str> = doubts.collect();
+        let words = match doubts.is_empty() {
+            true => "Nothing speaks against it.".to_owned(),
+            false => format!("What speaks against it: {}.", doubts.join("; ")),
+        };
+        Self {
+            verdict: Some(verdict),
+            words,
+        }
+    }
+}
+
+/// What people ask for first, each with its interval.
+fn figures(fit: &Value) -> Vec<String> {
+    const NAMES: [(&str, &str); 3] = [
+        ("crossover_frequency", "crossover at"),
+        ("phase_margin", "phase margin"),
+        ("effective_delay", "delay"),
+    ];
+    let derived = fit["derived"].as_object();
+    let figure = |(name, words): (&str, &str)| {
+        let own = derived?.iter().find(|(key, _)| key.ends_with(name))?.1;
+        let number = |key: &str| own[key].as_f64().map(|value| significant(value, 3));
+        let unit = own["unit"].as_str().unwrap_or("");
+        let value = number("value")?;
+        let interval = match (number("low"), number("high")) {
+            (Some(low), Some(high)) => format!(" ({low} to {high})"),
+            _ => String::new(),
+        };
+        Some(format!("{words} {value} {unit}{interval}"))
+    };
+    NAMES.into_iter().filter_map(figure).collect()
 }

@@ -87,7 +87,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     port: u16,
     /// Serve the page at this address, to other computers too; wants --insecure.
-    #[arg(long, value_name = "ADDRESS", requires = "insecure")]
+    #[arg(long, value_name = "ADDRESS")]
     bind: Option<IpAddr>,
     /// Whoever sees the network sees the address with its token, may fly, and reads what is recorded.
     #[arg(long)]
@@ -99,6 +99,13 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
+    if let (Some(address), false) = (args.bind, args.insecure) {
+        let message = format!(
+            "--bind {address} serves the page to other computers: nothing is encrypted, and whoever sees its address may fly and \
+             read what is recorded"
+        );
+        return Err(Failure::new(message).hint("if that is meant, add --insecure"));
+    }
     let craft = args.craft()?;
     let protocol = match &args.protocol {
         Some(file) => Protocol::read(file, craft.shape())?,
@@ -110,12 +117,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         .map_err(|error| Failure::cannot_write(&args.output, &error))?;
     let unfinished =
         record::unfinished(&folder).map_err(|error| Failure::cannot_write(&args.output, &error))?;
-    for part in unfinished {
-        terminal::note(&format!(
-            "{} is a flight that did not come to its end; it does not count",
-            part.display()
-        ));
-    }
+    let told = |part: PathBuf| {
+        let name = part.strip_prefix(&folder).unwrap_or(&part).display();
+        format!("{name} is a flight that did not come to its end; it does not count")
+    };
+    let notes: Vec<String> = unfinished.into_iter().map(told).collect();
+    notes.iter().for_each(|note| terminal::note(note));
     let made = folder.join("made");
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -139,6 +146,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             ("date", made::made().date),
         ],
         folder: folder.clone(),
+        notes,
     };
     let jobs = Jobs::new(
         args.vehicle_from_anywhere(),
@@ -293,6 +301,10 @@ impl Args {
             Failure::new(format!("--flightgear {said}: {why}"))
                 .hint("such as --flightgear localhost:5500")
         };
+        if said.ends_with(":65535") {
+            let why = "the marker's place goes to the port after this one, and there is none";
+            return Err(wrong(why.to_owned()));
+        }
         let mut found = said
             .to_socket_addrs()
             .map_err(|error| wrong(error.to_string()))?;
@@ -306,6 +318,11 @@ impl Args {
                 heading,
                 elevation,
             },
+            numbers if numbers.iter().any(|number| !number.is_finite()) => {
+                return Err(Failure::new(
+                    "--runway: numbers alone, such as 37.6136,-122.3571,298,4",
+                ));
+            }
             [] => Runway::default(),
             _ => {
                 return Err(Failure::new(
@@ -380,7 +397,11 @@ fn open(address: &str) -> bool {
 fn origin(path: &Path) -> String {
     match std::fs::read(path) {
         Ok(bytes) => format!("{}, sha256 {}", path.display(), sha256(&bytes)),
-        Err(_) => "built in".to_owned(),
+        Err(_) => {
+            let name = path.to_string_lossy();
+            let text = crate::models::library::find(&name).map_or("", |own| own.text);
+            format!("built in, sha256 {}", sha256(text.as_bytes()))
+        }
     }
 }
 

@@ -46,11 +46,12 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    /// Of all FMUs, or of none.
+    /// Of all FMUs, or of none. A call that takes more than two seconds is taken for a hang: somebody sits there and flies.
     pub fn of_all(is_isolated: bool) -> Self {
         let all = is_isolated.then(|| ALL.to_owned());
         Self {
             isolate: all.into_iter().collect(),
+            step_limit: Some(2.0),
             ..Self::default()
         }
     }

@@ -1,5 +1,6 @@
 //! Sets of trials, from files and manifests.
 
+use super::read::Read;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_text::document::{self, Document, TomlTable};
 use std::collections::HashMap;
@@ -18,6 +19,9 @@ pub struct TrialSet {
     pub files: Vec<PathBuf>,
 }
 
+/// Files, each with what stands at its top.
+type Heads = Vec<(String, Vec<String>)>;
+
 impl TrialSet {
     /// Reads files in the order given; a file `*.toml` is a manifest, any other one run.
     ///
@@ -33,14 +37,15 @@ impl TrialSet {
     /// As [`TrialSet::read`].
     pub fn read_with(paths: &[PathBuf], columns: &ColumnNames) -> Result<Self, TrialError> {
         let mut set = Self::default();
+        let mut heads = Vec::new();
         for path in paths {
             match path
                 .extension()
                 .is_some_and(|extension| extension == "toml")
             {
-                true => set.read_manifest(path, columns)?,
+                true => set.read_manifest(path, columns, &mut heads)?,
                 false => {
-                    let trial = set.read_trial(path, columns)?;
+                    let trial = set.read_trial(path, columns, &mut heads)?;
                     set.fit.push(trial);
                 }
             }
@@ -48,6 +53,10 @@ impl TrialSet {
         set.distinguish();
         set.check_names()?;
         set.note_copies();
+        let heads = heads
+            .iter()
+            .map(|(file, comments)| (file.as_str(), comments.as_slice()));
+        set.notes.extend(pilotage_series::flown::mixed(heads));
         Ok(set)
     }
 
@@ -56,14 +65,29 @@ impl TrialSet {
         self.fit.iter().chain(&self.validation)
     }
 
-    fn read_trial(&mut self, path: &Path, columns: &ColumnNames) -> Result<Trial, TrialError> {
-        let (trial, notes) = Trial::read_with_notes(path, columns)?;
+    fn read_trial(
+        &mut self,
+        path: &Path,
+        columns: &ColumnNames,
+        heads: &mut Heads,
+    ) -> Result<Trial, TrialError> {
+        let Read {
+            trial,
+            notes,
+            comments,
+        } = Trial::read_with_notes(path, columns)?;
         self.notes.extend(notes);
+        heads.push((path.display().to_string(), comments));
         self.files.push(path.to_owned());
         Ok(trial)
     }
 
-    fn read_manifest(&mut self, path: &Path, columns: &ColumnNames) -> Result<(), TrialError> {
+    fn read_manifest(
+        &mut self,
+        path: &Path,
+        columns: &ColumnNames,
+        heads: &mut Heads,
+    ) -> Result<(), TrialError> {
         let (text, file) = (document::read(path)?, path.display().to_string());
         let document = Document::parse(&text, &file)?;
         let root = document.root();
@@ -75,7 +99,7 @@ impl TrialSet {
         self.files.push(path.to_owned());
         let folder = path.parent().unwrap_or(Path::new(""));
         runs.iter()
-            .try_for_each(|run| self.read_run(run, folder, columns))
+            .try_for_each(|run| self.read_run(run, folder, columns, heads))
     }
 
     fn read_run(
@@ -83,6 +107,7 @@ impl TrialSet {
         run: &TomlTable,
         folder: &Path,
         columns: &ColumnNames,
+        heads: &mut Heads,
     ) -> Result<(), TrialError> {
         run.only(&["file", "weight", "use"])?;
         let file = run.required("file", run.string("file")?)?;
@@ -98,7 +123,7 @@ impl TrialSet {
                 });
             }
         };
-        let trial = self.read_trial(&folder.join(file), columns);
+        let trial = self.read_trial(&folder.join(file), columns, heads);
         let trial = Trial {
             weight,
             ..trial.map_err(|error| listed(error, run))?

@@ -28,6 +28,15 @@ const STICK_TOLERANCE: f64 = 0.02;
 /// records a human's hand once a second.
 const SLOW: f64 = 1.0;
 
+/// A trial, and what its file says beside.
+pub(super) struct Read {
+    pub trial: Trial,
+    /// What the user may not have meant or not know.
+    pub notes: Vec<String>,
+    /// What stands at its top.
+    pub comments: Vec<String>,
+}
+
 impl Trial {
     /// Reads one run from its CSV file. What may be wrong with it is told by
     /// [`TrialSet::read`](super::TrialSet::read) alone.
@@ -35,14 +44,11 @@ impl Trial {
     /// # Errors
     /// When the file cannot be read, is not a time series, or lacks what a trial must have.
     pub fn read(path: &Path) -> Result<Self, TrialError> {
-        Self::read_with_notes(path, &ColumnNames::default()).map(|(trial, _)| trial)
+        Self::read_with_notes(path, &ColumnNames::default()).map(|read| read.trial)
     }
 
     /// The same, with what the user may not have meant or not know.
-    pub(super) fn read_with_notes(
-        path: &Path,
-        columns: &ColumnNames,
-    ) -> Result<(Self, Vec<String>), TrialError> {
+    pub(super) fn read_with_notes(path: &Path, columns: &ColumnNames) -> Result<Read, TrialError> {
         let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
             file: path.to_owned(),
             source,
@@ -55,14 +61,14 @@ impl Trial {
     /// # Errors
     /// As [`Trial::read`].
     pub fn parse(bytes: &[u8], origin: &str) -> Result<Self, TrialError> {
-        Self::parse_with_notes(bytes, origin, &ColumnNames::default()).map(|(trial, _)| trial)
+        Self::parse_with_notes(bytes, origin, &ColumnNames::default()).map(|read| read.trial)
     }
 
     fn parse_with_notes(
         bytes: &[u8],
         origin: &str,
         columns: &ColumnNames,
-    ) -> Result<(Self, Vec<String>), TrialError> {
+    ) -> Result<Read, TrialError> {
         let series = Series::parse_with_time(bytes, origin, columns.of("time"))?;
         let stem = Path::new(origin).file_stem();
         let target = values(
@@ -95,10 +101,11 @@ impl Trial {
         };
         trial.check()?;
         let notes = notes.into_iter().flatten();
-        Ok((
+        Ok(Read {
             trial,
-            notes.map(|note| format!("{origin}: {note}")).collect(),
-        ))
+            notes: notes.map(|note| format!("{origin}: {note}")).collect(),
+            comments: series.comments,
+        })
     }
 
     fn check(&self) -> Result<(), TrialError> {

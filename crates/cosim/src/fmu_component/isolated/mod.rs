@@ -102,11 +102,9 @@ impl From<Spoiled> for Gone {
 #[derive(Debug)]
 pub struct Isolated {
     outline: Outline,
-    channel: Channel,
-    child: Child,
+    line: Line,
     /// By which whoever watches this process knows it.
     place: Place,
-    limits: Limits,
     /// Question and answer as bytes.
     bytes: Vec<u8>,
     /// Why it is over, if it is.
@@ -121,8 +119,18 @@ pub struct Isolated {
     read: Vec<u32>,
     has_begun: bool,
     has_stepped: bool,
+}
+
+/// The other process, and the way to it.
+#[derive(Debug)]
+struct Line {
+    channel: Channel,
+    child: Child,
+    limits: Limits,
     /// When its memory was looked at last.
     looked: Instant,
+    /// Whether the FMU is unpacked and loaded.
+    is_open: bool,
 }
 
 impl Isolated {
@@ -151,10 +159,14 @@ impl Isolated {
         let child = Child::start(command, true).map_err(started)?;
         let mut own = Self {
             outline,
-            channel,
-            child,
+            line: Line {
+                channel,
+                child,
+                limits,
+                looked: Instant::now(),
+                is_open: false,
+            },
             place: Place::new(&format!("`{name}`")),
-            limits,
             bytes: Vec::new(),
             gone: None,
             is_free: false,
@@ -164,7 +176,6 @@ impl Isolated {
             read: Vec::new(),
             has_begun: false,
             has_stepped: false,
-            looked: Instant::now(),
         };
         // The folder may go as soon as the other end is open.
         own.ask(Question::Open {
@@ -176,6 +187,7 @@ impl Isolated {
             }),
         })?;
         drop(folder);
+        own.line.is_open = true;
         Ok(own)
     }
 
@@ -190,15 +202,9 @@ impl Isolated {
         self.sets.clear();
         self.told.0.clear();
         // Its process may end this one too: the memory between them is cut off, or it kills its parent.
-        let (child, looked) = (&mut self.child, &mut self.looked);
-        let heard = self.place.call(ASKING, || {
-            let heard = exchange(
-                &self.channel,
-                child,
-                looked,
-                (self.limits, &self.place),
-                &mut bytes,
-            );
+        let (line, place) = (&mut self.line, &self.place);
+        let heard = place.call(ASKING, || {
+            let heard = line.exchange(place, &mut bytes);
             if heard.is_err() {
                 // Where this process is told to end, it has ended its children, and no FMU is to blame.
                 pilotage_process::leftovers::stay_if_ending();
@@ -219,8 +225,8 @@ impl Isolated {
 
     /// There is nothing to be asked of it any more.
     fn end(&mut self, gone: Gone) -> ComponentError {
-        self.child.kill();
-        self.child.sweep();
+        self.line.child.kill();
+        self.line.child.sweep();
         self.gone = Some(gone.clone());
         gone.into()
     }
@@ -284,48 +290,48 @@ impl Isolated {
     /// Frees the FMU, and waits until its process has ended.
     fn free(&mut self) -> Result<(), ComponentError> {
         self.is_free = true;
-        let limit = self
-            .limits
-            .time
-            .map_or(AFTERWARDS, |own| own.min(AFTERWARDS));
-        self.limits.time = Some(limit);
+        let limits = &mut self.line.limits;
+        let limit = limits.time.map_or(AFTERWARDS, |own| own.min(AFTERWARDS));
+        limits.time = Some(limit);
         self.done(Question::Free)?;
         let begun = Instant::now();
-        while self.child.try_end()?.is_none() && begun.elapsed() < limit {
+        while self.line.child.try_end()?.is_none() && begun.elapsed() < limit {
             std::thread::sleep(Duration::from_millis(1));
         }
         // What the FMU has done to it may have kept it from removing its own.
-        self.child.sweep();
+        self.line.child.sweep();
         Ok(())
     }
 }
 
-/// Sends a question, and waits for the answer, which stands in its place then. Memory is looked at now and then
-/// (`looked`).
-fn exchange(
-    channel: &Channel,
-    child: &mut Child,
-    looked: &mut Instant,
-    (limits, place): (Limits, &Place),
-    bytes: &mut Vec<u8>,
-) -> Result<(), Gone> {
-    let mut begun = Instant::now();
-    channel.send(bytes, || look(child, begun, limits))?;
-    channel.receive(bytes, || {
-        match child.page().going().first() {
-            // Whoever watches this process is told which call it is that takes so long.
-            Some(going) => place.doing(going.call),
-            // What we do there ourselves, such as unpacking, is not its time.
-            None => begun = Instant::now(),
+impl Line {
+    /// Sends a question, and waits for the answer, which stands in its place then.
+    fn exchange(&mut self, place: &Place, bytes: &mut Vec<u8>) -> Result<(), Gone> {
+        let mut begun = Instant::now();
+        let Self {
+            channel,
+            child,
+            limits,
+            ..
+        } = self;
+        channel.send(bytes, || look(child, begun, *limits))?;
+        channel.receive(bytes, || {
+            match child.page().going().first() {
+                // Whoever watches this process is told which call it is that takes so long.
+                Some(going) => place.doing(going.call),
+                // To be unpacked is no time of its own.
+                None if !self.is_open => begun = Instant::now(),
+                None => {}
+            }
+            look(child, begun, *limits)
+        })?;
+        match self.looked.elapsed() > BETWEEN {
+            true => {
+                self.looked = Instant::now();
+                check_memory(&self.child, self.limits)
+            }
+            false => Ok(()),
         }
-        look(child, begun, limits)
-    })?;
-    match looked.elapsed() > BETWEEN {
-        true => {
-            *looked = Instant::now();
-            check_memory(child, limits)
-        }
-        false => Ok(()),
     }
 }
 
