@@ -1,14 +1,18 @@
 //! How regular the steps of a vehicle are that somebody flies: 60 s on an idle machine, and 60 s beside as many busy threads
-//! as there are processors.
+//! as there are processors. Meanwhile a joystick moves 100 times a second, as the program itself reads it: how long it takes
+//! from there to a step.
 
 use pilotage_cosim::NativeComponent;
 use pilotage_fly::craft::{Craft, Names};
 use pilotage_fly::hand::Hand;
+use pilotage_fly::joystick::{self, Axes};
 use pilotage_fly::protocol::Protocol;
 use pilotage_fly::run::{self, Listener, State};
 use pilotage_models::{Model, Quadcopter};
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 struct Nobody;
 
@@ -53,15 +57,11 @@ fn main() {
                 })
             })
             .collect();
-        let flown = run::fly(
-            &craft,
-            &protocol.tasks[0],
-            1.0,
-            &Hand::new(1),
-            None,
-            &mut Nobody,
-        );
+        let hand = Arc::new(Hand::new(1));
+        let moving = moved(&hand, &goes_on);
+        let flown = run::fly(&craft, &protocol.tasks[0], 1.0, &hand, None, &mut Nobody);
         goes_on.store(false, Ordering::Relaxed);
+        moving.join().unwrap();
         for thread in spinning {
             thread.join().unwrap();
         }
@@ -75,10 +75,37 @@ fn main() {
         let late = &flown.log.columns[place];
         let within = late.iter().filter(|late| **late < 1.0).count() as f64 / late.len() as f64;
         println!(
-            "{busy} busy threads, {} steps: late by [ms] {}; {:.2} % within 1 ms",
+            "{busy} busy threads, {} steps: late by [ms] {}; {:.2} % within 1 ms; from the stick to a step [ms] {}",
             late.len(),
             flown.lateness,
-            100.0 * within
+            100.0 * within,
+            flown.to_state
         );
     }
+}
+
+/// A pipe in the place of a joystick, whose axis 0 moves as long as that goes on.
+fn moved(hand: &Arc<Hand>, goes_on: &Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("js0");
+    let made = std::process::Command::new("mkfifo").arg(&path).status();
+    assert!(made.unwrap().success());
+    let mut options = std::fs::OpenOptions::new();
+    let mut pipe = options.read(true).write(true).open(&path).unwrap();
+    let axes = Axes {
+        numbers: vec![0],
+        inverted: vec![false],
+    };
+    joystick::listen(&path, axes, hand.clone()).unwrap();
+    let goes_on = goes_on.clone();
+    std::thread::spawn(move || {
+        let _folder = folder;
+        let mut value = 0i16;
+        while goes_on.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_micros(10_137));
+            value = (value + 1) % 1000;
+            let [low, high] = value.to_ne_bytes();
+            pipe.write_all(&[0, 0, 0, 0, low, high, 2, 0]).unwrap();
+        }
+    })
 }

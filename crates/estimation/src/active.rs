@@ -1,7 +1,7 @@
 //! Which constraints a solve violates, and which keep it stable.
 
-use crate::fit::Solved;
 use crate::posed::Posed;
+use crate::solved::Solved;
 use pilotage_sqp::Problem;
 
 /// Scaled violations above this are told.

@@ -2,7 +2,7 @@
 //! on where the search begins.
 
 use crate::describing::excitation;
-use crate::diagnostics::Diagnostic;
+use crate::diagnostic::Diagnostic;
 use crate::file::Deviation;
 use crate::fit::begin;
 use crate::posed::{Posed, Stands};

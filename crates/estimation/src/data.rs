@@ -1,8 +1,8 @@
 //! The runs: their columns, what drives the system in them, and at which times.
 
 use crate::error::ProblemError;
-use crate::file::{Change, Hold, RunLine};
-use crate::joint::unknown;
+use crate::file::{Change, Hold, ProblemFile, RunLine};
+use crate::joint::{Joint, unknown};
 use pilotage_cosim::description::Said;
 use pilotage_series::{Series, SeriesError};
 use pilotage_units::Unit;
@@ -413,4 +413,38 @@ mod tests {
         assert_eq!(gap(&rows, &kept(&|k| k >= 20)), Some([0.0, rows[20]]));
         assert_eq!(gap(&rows, &kept(&|k| k < 250)), Some([rows[249], 30.0]));
     }
+}
+
+/// Refuses runs in which an FMU has a time event.
+pub(crate) fn check_times(
+    file: &ProblemFile,
+    joint: &Joint,
+    data: &[RunData<'_>],
+) -> Result<(), ProblemError> {
+    for (instance, part) in &joint.parts {
+        let Some((fmu, event)) = part
+            .fmu
+            .as_ref()
+            .and_then(|fmu| Some((fmu, fmu.next_event?)))
+        else {
+            continue;
+        };
+        if let Some(run) = data.iter().find(|run| run.end() > event) {
+            let source = file
+                .system
+                .instances
+                .iter()
+                .find(|own| own.name == *instance);
+            let place = source.and_then(|own| own.source.place.as_ref());
+            let fault = format!(
+                "{} has an event at {event} s, and {} goes on to {} s; a fit takes equations without events: cut the \
+                 runs there",
+                fmu.path.display(),
+                run.name(),
+                run.end()
+            );
+            return Err(ProblemError::maybe_at(place, fault));
+        }
+    }
+    Ok(())
 }

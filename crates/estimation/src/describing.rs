@@ -7,10 +7,10 @@
 
 use crate::data::RunData;
 use crate::file::{Fed, Quantity};
-use crate::fit::Solved;
 use crate::loops::{ends, instance, opening};
 use crate::posed::Posed;
-use crate::result::variables;
+use crate::posed::variables;
+use crate::solved::Solved;
 use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::description::Wire;
 use pilotage_expression::Node;

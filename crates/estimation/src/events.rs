@@ -1,12 +1,8 @@
 //! Events of FMUs, between which alone their equations hold.
 
-use crate::data::RunData;
-use crate::error::ProblemError;
-use crate::file::ProblemFile;
-use crate::fit::Solved;
-use crate::joint::Joint;
 use crate::part::FmuPart;
 use crate::posed::Posed;
+use crate::solved::Solved;
 use pilotage_collocation::Stop;
 use pilotage_expression::Node;
 use std::fmt;
@@ -35,40 +31,6 @@ impl fmt::Display for Event {
             self.instance, self.file, self.time, self.run, self.indicator
         )
     }
-}
-
-/// Refuses runs in which an FMU has a time event.
-pub(crate) fn check_times(
-    file: &ProblemFile,
-    joint: &Joint,
-    data: &[RunData<'_>],
-) -> Result<(), ProblemError> {
-    for (instance, part) in &joint.parts {
-        let Some((fmu, event)) = part
-            .fmu
-            .as_ref()
-            .and_then(|fmu| Some((fmu, fmu.next_event?)))
-        else {
-            continue;
-        };
-        if let Some(run) = data.iter().find(|run| run.end() > event) {
-            let source = file
-                .system
-                .instances
-                .iter()
-                .find(|own| own.name == *instance);
-            let place = source.and_then(|own| own.source.place.as_ref());
-            let fault = format!(
-                "{} has an event at {event} s, and {} goes on to {} s; a fit takes equations without events: cut the \
-                 runs there",
-                fmu.path.display(),
-                run.name(),
-                run.end()
-            );
-            return Err(ProblemError::maybe_at(place, fault));
-        }
-    }
-    Ok(())
 }
 
 /// Indicators that are smaller where a run begins are zero but for rounding.

@@ -3,23 +3,12 @@
 use crate::data::filled;
 use crate::file::{Measured, Noise};
 use crate::posed::Posed;
-use crate::result::{Fit, RunFit};
+use crate::result::{Beside, Fit, RunFit};
 use crate::uncertainty::signal_of;
 use nalgebra::DMatrix;
 use pilotage_inference::crossed::{Crossed, Pair};
 use pilotage_inference::residuals::Explained;
 use pilotage_inference::{Autoregression, Data, Run};
-
-/// Residuals of a measured signal beside a column that drives an input.
-#[derive(Debug, Clone)]
-pub struct Beside {
-    /// The measured column.
-    pub measured: String,
-    /// The column that drives an input.
-    pub input: String,
-    /// Their correlations.
-    pub crossed: Crossed,
-}
 
 /// The residuals of a signal in a run where something was recorded, in standard deviations, and their times \[s\].
 fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {

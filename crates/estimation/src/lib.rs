@@ -46,7 +46,7 @@
 //! | [`mod@beforehand`] | what the runs excite, and what nothing measured depends on |
 //! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
-//! | [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostics`], [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what speaks against it, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
+//! | [`solved`], [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostic`], `diagnostics`, [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | a start that is solved, what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what may speak against it and what does, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
 //! | [`left_over`], `outliers` | what residuals say of the next one and of inputs; samples and runs that stand out of them |
 //! | [`folds`], [`per_run`], `same_data`, [`orders`], [`comparison`] | fits to some of the runs; to each alone; whether problems have the same data; a problem with another order; several problems on the same data |
 
@@ -57,7 +57,8 @@ mod begun;
 pub mod comparison;
 pub mod data;
 pub mod describing;
-pub mod diagnostics;
+pub mod diagnostic;
+mod diagnostics;
 pub mod error;
 pub mod evaluate;
 pub mod events;
@@ -83,6 +84,7 @@ pub mod refits;
 pub mod result;
 mod runs;
 mod same_data;
+pub mod solved;
 mod stability;
 pub mod starts;
 mod trouble;
@@ -90,7 +92,7 @@ pub mod uncertainty;
 pub mod unknowns;
 pub mod validation;
 
-pub use diagnostics::Diagnostic;
+pub use diagnostic::Diagnostic;
 pub use error::ProblemError;
 pub use file::ProblemFile;
 pub use fit::fit;

@@ -2,7 +2,8 @@
 
 use crate::joint::{Joint, conversion};
 use crate::posed::Posed;
-use crate::result::{Found, variables};
+use crate::posed::variables;
+use crate::result::Found;
 use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Wire;

@@ -1,6 +1,6 @@
 //! Samples and runs that stand out of a fit's residuals.
 
-use crate::diagnostics::Diagnostic;
+use crate::diagnostic::Diagnostic;
 use crate::file::Noise;
 use crate::posed::Posed;
 use crate::result::{Fit, RunFit};

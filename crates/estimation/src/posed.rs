@@ -6,20 +6,20 @@
 //! begins at zero.
 
 use crate::assembly::Assembly;
-use crate::data::RunData;
+pub use crate::assembly::made::{Names, Stands, State, Told};
+use crate::data::{RunData, check_times};
 use crate::error::ProblemError;
-use crate::events::check_times;
 use crate::file::{Initial, ProblemFile};
-use crate::fit::factor;
 use crate::followed::{Followed, Recorded};
 use crate::joint::Joint;
 use crate::names::Named;
 use crate::part::{Part, with_locals};
 use crate::unknowns::{Parameters, Unknown};
-use pilotage_collocation::{Bound, Differentiated, ParameterConstraints, Run};
+use nalgebra::{Complex, DMatrix};
+use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
-use pilotage_expression::Node;
 use pilotage_filter::Filter;
+use pilotage_linear::eigenvalues;
 use std::sync::Arc;
 
 /// A problem that is ready to be discretised.
@@ -55,84 +55,6 @@ pub struct Posed<'f> {
     pub followed: Option<Followed>,
     /// What was read, of each run that is fitted.
     pub data: Vec<RunData<'f>>,
-}
-
-/// What messages call bounds and constraints.
-#[derive(Debug, Clone, Default)]
-pub struct Names {
-    /// The bounds, in their order.
-    pub bounds: Vec<String>,
-    /// The constraints on the shared parameters, in their order.
-    pub parameters: Vec<String>,
-    /// Number of the first of these that is a condition of stability; all behind it are, and called by what is kept
-    /// stable.
-    pub stability: usize,
-}
-
-/// A state of the equations.
-#[derive(Debug, Clone)]
-pub struct State {
-    /// Its name; that of the parameter, of a run's own one.
-    pub name: String,
-    /// Typical magnitude, where one is known.
-    pub nominal: Option<f64>,
-    /// For each run, what it begins with where that is not known.
-    pub guesses: Vec<f64>,
-    /// What is added to it, where it begins at zero by that.
-    pub shift: Option<Node>,
-}
-
-impl State {
-    /// One that is 0 throughout so many runs, where a problem has none.
-    pub(crate) fn at_rest(runs: usize) -> Self {
-        Self {
-            name: "no state".to_owned(),
-            nominal: Some(1.0),
-            guesses: vec![0.0; runs],
-            shift: None,
-        }
-    }
-}
-
-/// Where an unknown stands among the variables.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Stands {
-    /// Among the shared parameters.
-    Shared(usize),
-    /// Among the shared parameters, one for each subject.
-    Subjects(Vec<(String, usize)>),
-    /// Among the states.
-    State(usize),
-}
-
-impl Stands {
-    /// Its variables in the equations, where the shared parameters begin at that one.
-    pub(crate) fn variables(&self, shared: usize) -> Vec<usize> {
-        match self {
-            Self::Shared(k) => vec![shared + k],
-            Self::Subjects(all) => all.iter().map(|(_, k)| shared + k).collect(),
-            Self::State(k) => vec![1 + k],
-        }
-    }
-}
-
-/// What is told of a solution, in the graph of the equations.
-#[derive(Debug, Clone)]
-pub struct Told {
-    /// What each sensor should show, in the unit of the signal.
-    pub predicted: Vec<Node>,
-    /// The standard deviation of each one's noise.
-    pub deviations: Vec<Node>,
-    /// The variables of the joint model: time, states, inputs, parameters.
-    pub joint: Vec<Node>,
-    /// Parameters that are tied to others.
-    pub tied: Vec<(String, Node)>,
-    /// What the file derives from parameters.
-    pub derived: Vec<(String, Node)>,
-    /// For each measured signal, the input that is what was recorded, where its residual is an expression of that.
-    pub seen: Vec<Option<usize>>,
-    /// For each measured signal, the recorded values of each run's samples, in the unit of the signal.
-    pub recorded: Vec<Vec<Vec<f64>>>,
 }
 
 /// How an instance is opened.
@@ -209,5 +131,64 @@ impl<'f> Posed<'f> {
             joint,
             data,
         })
+    }
+}
+
+/// All variables of the graph at a sample.
+pub(crate) fn variables(
+    posed: &Posed<'_>,
+    j: usize,
+    sample: usize,
+    x: &[f64],
+    theta: &[f64],
+) -> Vec<f64> {
+    let run = &posed.runs[j];
+    let mut all = vec![run.time[sample]];
+    all.extend_from_slice(x);
+    all.extend_from_slice(&run.inputs[sample]);
+    all.extend_from_slice(theta);
+    all
+}
+
+/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run; none where it is not known.
+pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
+    let system = &posed.model.system;
+    let n = posed.joint.model.states.len();
+    let last = posed.runs[0].time.len() - 1;
+    let at = variables(posed, 0, last, x, theta);
+    let mut graph = system.graph.clone();
+    let mut matrix = DMatrix::zeros(n, n);
+    let columns: Vec<_> = (0..n)
+        .map(|k| graph.derivatives(&system.derivatives[..n], system.state(k)))
+        .collect();
+    let values = graph.values(&at);
+    for (j, column) in columns.iter().enumerate() {
+        for (i, node) in column.iter().enumerate() {
+            matrix[(i, j)] = values[node.index()];
+        }
+    }
+    match n > 0 && matrix.iter().all(|value| value.is_finite()) {
+        true => eigenvalues(&matrix),
+        false => Vec::new(),
+    }
+}
+
+/// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are
+/// where the noise level is not told and the data are small.
+fn factor(runs: &[Run]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for recording in runs.iter().flat_map(|run| &run.measured) {
+        if recording.loss != Loss::Square {
+            return 1.0;
+        }
+        let known = recording.values.iter().copied();
+        let known: Vec<f64> = known.filter(|y| y.is_finite()).collect();
+        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+        sum += recording.weight * known.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+        count += known.len() as f64;
+    }
+    match sum > 0.0 {
+        true => (count / sum).max(1.0),
+        false => 1.0,
     }
 }

@@ -1,10 +1,11 @@
 //! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`.
 
 use crate::file::Noise;
-use crate::fit::Solved;
 use crate::loops::Looped;
+use crate::posed::variables;
 use crate::posed::{Posed, Stands};
-use crate::result::{Fit, variables};
+use crate::result::Fit;
+use crate::solved::Solved;
 use crate::uncertainty::{Linearised, Unsure, linearised};
 use crate::unknowns::Unknown;
 use pilotage_collocation::Run;

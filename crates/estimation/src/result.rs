@@ -1,20 +1,18 @@
 //! What a fit has found.
 
-use crate::diagnostics::{Diagnostic, SAME};
+use crate::diagnostic::Diagnostic;
 use crate::events::Events;
 use crate::file::Noise;
-use crate::fit::{MET, Refinement, Solved};
 use crate::innovations::{Ahead, ahead};
-use crate::left_over::Beside;
 use crate::part::About;
-use crate::posed::{Posed, Stands};
-use crate::uncertainty::{Uncertainty, Unsure};
-use nalgebra::{Complex, DMatrix};
+use crate::posed::{Posed, Stands, poles, variables};
+use crate::solved::{MET, Refinement, SAME, Solved};
+use crate::uncertainty::found::{Uncertainty, Unsure};
 use pilotage_collocation::Collocation;
 use pilotage_expression::Node;
+use pilotage_inference::crossed::Crossed;
 use pilotage_inference::residuals::Explained;
 use pilotage_inference::spectrum::Describing;
-use pilotage_linear::eigenvalues;
 use pilotage_sqp::{Kkt, Status};
 use std::sync::Arc;
 
@@ -333,22 +331,6 @@ impl Fit {
     }
 }
 
-/// All variables of the graph at a sample.
-pub(crate) fn variables(
-    posed: &Posed<'_>,
-    j: usize,
-    sample: usize,
-    x: &[f64],
-    theta: &[f64],
-) -> Vec<f64> {
-    let run = &posed.runs[j];
-    let mut all = vec![run.time[sample]];
-    all.extend_from_slice(x);
-    all.extend_from_slice(&run.inputs[sample]);
-    all.extend_from_slice(theta);
-    all
-}
-
 fn run_fit(
     posed: &Posed<'_>,
     problem: &Collocation,
@@ -471,25 +453,13 @@ fn reached(
     range.into_iter().flatten().find(is_reached)
 }
 
-/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run; none where it is not known.
-pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
-    let system = &posed.model.system;
-    let n = posed.joint.model.states.len();
-    let last = posed.runs[0].time.len() - 1;
-    let at = variables(posed, 0, last, x, theta);
-    let mut graph = system.graph.clone();
-    let mut matrix = DMatrix::zeros(n, n);
-    let columns: Vec<_> = (0..n)
-        .map(|k| graph.derivatives(&system.derivatives[..n], system.state(k)))
-        .collect();
-    let values = graph.values(&at);
-    for (j, column) in columns.iter().enumerate() {
-        for (i, node) in column.iter().enumerate() {
-            matrix[(i, j)] = values[node.index()];
-        }
-    }
-    match n > 0 && matrix.iter().all(|value| value.is_finite()) {
-        true => eigenvalues(&matrix),
-        false => Vec::new(),
-    }
+/// Residuals of a measured signal beside a column that drives an input.
+#[derive(Debug, Clone)]
+pub struct Beside {
+    /// The measured column.
+    pub measured: String,
+    /// The column that drives an input.
+    pub input: String,
+    /// Their correlations.
+    pub crossed: Crossed,
 }

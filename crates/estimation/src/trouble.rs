@@ -5,7 +5,7 @@ use crate::fit::begin;
 use crate::joint::Joint;
 use crate::part::FmuPart;
 use crate::posed::Posed;
-use crate::result::variables;
+use crate::posed::variables;
 use crate::starts::Start;
 use pilotage_expression::Node;
 

@@ -249,15 +249,16 @@ impl Hand {
         (latest.input.clone(), latest.arrived.elapsed())
     }
 
-    /// Writes the deflections, and gives number and page time \[ms\] of their frame, and how long ago it arrived.
-    pub fn read(&self, stick: &mut [f64]) -> (u64, f64, Duration) {
+    /// Writes the deflections, and gives number and page time \[ms\] of the last frame, and when the deflections arrived: with
+    /// that frame, or when the joystick moved.
+    pub fn read(&self, stick: &mut [f64]) -> (u64, f64, Instant) {
         let latest = self.latest();
         let (held, arrived) = match &latest.joystick {
             Some((held, _, moved)) => (held, *moved),
             None => (&latest.input.stick, latest.arrived),
         };
         stick.copy_from_slice(held);
-        (latest.input.n, latest.input.t, arrived.elapsed())
+        (latest.input.n, latest.input.t, arrived)
     }
 
     /// A run begins.

@@ -274,7 +274,7 @@ impl Run<'_> {
         let steps = (self.task.seconds * f64::from(STEPS)).round() as u32;
         let (per_row, per_state) = ((f64::from(STEPS) / self.task.rate) as u32, STEPS / SHOWN);
         let mut held = vec![0.0; self.craft.axes()];
-        let (mut last, mut positions_beside) = (0, Vec::new());
+        let (mut last, mut positions_beside) = (begun, Vec::new());
         for k in 0..=steps {
             let time = f64::from(k) * STEP;
             let due = begun + Duration::from_millis(u64::from(k) * 1000 / u64::from(STEPS));
@@ -286,16 +286,17 @@ impl Run<'_> {
                     Some("the computer did not keep up with the vehicle".to_owned()),
                 );
             }
-            let (n, at, age) = hand.read(&mut held);
+            let (n, at, arrived) = hand.read(&mut held);
             self.is_early |= k == 0 && held.iter().any(|held| held.abs() > EARLY);
             let acting = Acting::at(time, &held, self.craft, self.task, self.sign, &self.origin);
             let seen = match see(flying) {
                 Ok(seen) => seen,
                 Err(error) => return (time, Some(self.craft.failed(error).to_string())),
             };
-            let age = 1e3 * age.as_secs_f64();
-            if n != last {
-                last = n;
+            let age = 1e3 * arrived.elapsed().as_secs_f64();
+            // What arrived before the begin waited for that.
+            if arrived > last {
+                last = arrived;
                 self.to_state.push(age);
             }
             let row = acting.row(

@@ -2,12 +2,12 @@
 
 use super::inputs::Span;
 use super::{Assembly, Done, Known};
+use crate::assembly::made::Stands;
 use crate::data::Rows;
 use crate::error::ProblemError;
 use crate::file::{Constraint, Holds, Initial};
 use crate::interval::{ALL, Interval};
 use crate::names::Of;
-use crate::posed::Stands;
 use crate::stability;
 use crate::unknowns::{Meaning, Unknown};
 use pilotage_collocation::{Bound, BoundAt, ParameterConstraints};

@@ -1,12 +1,12 @@
 //! What is refused before the solve, beyond what single lines of the file say.
 
 use super::{Assembly, Done, Known, Made};
+use crate::assembly::made::Told;
 use crate::data::Rows;
 use crate::error::ProblemError;
 use crate::file::{Constraint, Deviation, Holds, Mesh};
 use crate::fit::MOST_INTERVALS;
 use crate::interval::{Interval, intervals, shared};
-use crate::posed::Told;
 use crate::ranges::check_range;
 use pilotage_cosim::description::Said;
 use pilotage_expression::{Graph, Node};

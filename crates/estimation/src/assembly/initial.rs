@@ -2,11 +2,11 @@
 
 use super::inputs::{Key, Span};
 use super::{Assembly, Done, Known};
+use crate::assembly::made::{Stands, State};
 use crate::data::{Rows, RunData};
 use crate::error::ProblemError;
 use crate::file::{Initial, Measured, Quantity};
 use crate::names::Of;
-use crate::posed::{Stands, State};
 use pilotage_expression::Node;
 use pilotage_text::document::Place;
 

@@ -2,12 +2,12 @@
 
 use super::inputs::Key;
 use super::{Assembly, Done};
+use crate::assembly::made::{Stands, Told};
 use crate::data::Rows;
 use crate::error::ProblemError;
 use crate::file::{Calibration, Deviation, Measured, Noise, Prior, Quantity};
 use crate::joint::{Joint, unknown};
 use crate::names::Of;
-use crate::posed::{Stands, Told};
 use crate::unknowns::{Meaning, calibration};
 use pilotage_collocation::Loss;
 use pilotage_expression::{Function, Node};

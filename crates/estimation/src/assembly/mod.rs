@@ -14,16 +14,17 @@ mod bounds;
 mod checks;
 mod initial;
 mod inputs;
+pub(crate) mod made;
 mod measured;
 mod noise;
 mod parameters;
 
+use crate::assembly::made::{Names, Stands, State, Told};
 use crate::data::{Rows, RunData, Source};
 use crate::error::ProblemError;
 use crate::file::ProblemFile;
 use crate::joint::Joint;
 use crate::names::Named;
-use crate::posed::{Names, Stands, State, Told};
 use crate::unknowns::{Parameters, Unknown};
 use inputs::{Key, Span};
 use measured::Measurement;

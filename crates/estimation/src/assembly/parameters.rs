@@ -2,11 +2,11 @@
 
 use super::inputs::{Key, Span};
 use super::{Assembly, Done};
+use crate::assembly::made::Stands;
 use crate::error::ProblemError;
 use crate::file::Per;
 use crate::names::Of;
 use crate::part::Part;
-use crate::posed::Stands;
 use crate::unknowns::{Meaning, Unknown};
 use pilotage_expression::{Function, Node};
 use std::collections::HashMap;

@@ -1,15 +1,14 @@
 //! Where the search begins: the nonlinear program of a start, its mesh, its scheme and its scales.
 
-use super::MOST_INTERVALS;
 use crate::file::{Mesh, Options};
 use crate::posed::{Posed, Stands};
+use crate::solved::STIFF_SCHEME;
 use crate::starts::Start;
-use pilotage_collocation::{Collocation, Course, Loss, Quality, Run, Scales, Scheme, Stop};
+use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
 
-/// Where equations are stiff: L-stable, so that what decays within an interval is gone at its end (Hairer & Wanner,
-/// *Solving Ordinary Differential Equations II*, section IV.3).
-pub(super) const STIFF_SCHEME: Scheme = Scheme::Radau(3);
+/// Most mesh intervals of all runs together.
+pub(crate) const MOST_INTERVALS: usize = 400_000;
 
 /// Nodes beside the samples on the meshes to begin with, about, at most.
 const MOST_STEPS: usize = 4000;
@@ -234,24 +233,4 @@ pub(super) fn discretised(
         scales,
         &posed.bounds,
     )
-}
-
-/// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are
-/// where the noise level is not told and the data are small.
-pub fn factor(runs: &[Run]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for recording in runs.iter().flat_map(|run| &run.measured) {
-        if recording.loss != Loss::Square {
-            return 1.0;
-        }
-        let known = recording.values.iter().copied();
-        let known: Vec<f64> = known.filter(|y| y.is_finite()).collect();
-        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        sum += recording.weight * known.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-        count += known.len() as f64;
-    }
-    match sum > 0.0 {
-        true => (count / sum).max(1.0),
-        false => 1.0,
-    }
 }

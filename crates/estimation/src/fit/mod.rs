@@ -20,12 +20,11 @@ mod solve;
 mod unfinished;
 mod watch;
 
+pub(crate) use begin::MOST_INTERVALS;
+pub use begin::begin;
 pub(crate) use begin::initial;
-pub use begin::{begin, factor};
-pub use refine::Refinement;
 pub(crate) use solve::sqp_options;
-pub use solve::{SeeIterates, Solved, nearer, solve};
-pub use unfinished::MET;
+pub use solve::{SeeIterates, nearer, solve};
 
 use crate::describing::describing;
 use crate::diagnostics::diagnostics;
@@ -35,6 +34,7 @@ use crate::left_over::beside_inputs;
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
+use crate::solved::{Refinement, Solved};
 use crate::starts::starts;
 use crate::trouble;
 use crate::uncertainty::{Unsure, linearised, uncertainty};
@@ -62,9 +62,6 @@ pub struct Progress<'a> {
 
 /// Sees each iterate, and is asked between them; `Break` ends the fit with the best iterate so far and that status.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send + 'a;
-
-/// Most mesh intervals of all runs together.
-pub(crate) const MOST_INTERVALS: usize = 400_000;
 
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {

@@ -1,17 +1,18 @@
 //! The fit of what is predicted from sample to sample, from the response on.
 
-use super::Refinement;
 use super::check::free_run;
-use super::solve::Solved;
 use super::watch::Watch;
 use super::{cut, looped};
 use crate::active::beyond;
 use crate::describing::describing;
-use crate::diagnostics::{Diagnostic, diagnostics};
+use crate::diagnostic::Diagnostic;
+use crate::diagnostics::diagnostics;
 use crate::innovations::{Begin, Likelihood, Predicted, linearised, predicted as searched};
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::{Fit, RunFit};
+use crate::solved::Refinement;
+use crate::solved::Solved;
 use crate::uncertainty::uncertainty;
 use pilotage_sqp::{Iterate, Solution, Status};
 use std::sync::Arc;

@@ -1,10 +1,11 @@
 //! The race of the starts: those that are behind after some iterations are left.
 
 use super::begin::begin;
-use super::solve::{Solved, nearer, once, rescaled, solve};
+use super::solve::{nearer, once, rescaled, solve};
 use super::watch::Watch;
-use crate::diagnostics::SAME;
 use crate::posed::Posed;
+use crate::solved::SAME;
+use crate::solved::Solved;
 use crate::starts::Start;
 use pilotage_sqp::Status;
 use rayon::prelude::*;

@@ -1,37 +1,18 @@
 //! A solution on ever finer meshes.
 
-use super::MOST_INTERVALS;
-use super::begin::{Point, STIFF_SCHEME, at_point};
-use super::solve::{Solved, solve};
+use super::begin::MOST_INTERVALS;
+use super::begin::{Point, at_point};
+use super::solve::solve;
 use super::watch::Watch;
 use crate::file::Mesh;
 use crate::posed::Posed;
-use pilotage_collocation::{Collocation, Scheme, refined};
+use crate::solved::Solved;
+use crate::solved::{Refinement, STIFF_SCHEME};
+use pilotage_collocation::{Collocation, refined};
 use pilotage_sqp::Status;
 
 /// How often a mesh is refined at most.
 const MOST_REFINEMENTS: usize = 12;
-
-/// How a mesh was refined.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Refinement {
-    /// How often.
-    pub rounds: usize,
-    /// Intervals of all runs.
-    pub intervals: usize,
-    /// Largest estimated relative error of a state; not a number where it was not estimated.
-    pub error: f64,
-    /// Largest change of each shared parameter by the last refinement, relative to its scale.
-    pub changes: Vec<f64>,
-    /// Iterations of all solves.
-    pub iterations: usize,
-    /// The scheme at the end.
-    pub scheme: Scheme,
-    /// Whether it came to its end: neither a limit of time nor the user ended it.
-    pub is_done: bool,
-    /// Whether the iteration limit ended the solve on a finer mesh.
-    pub is_limited: bool,
-}
 
 /// A solution, and the local errors of its mesh where they are known.
 type Estimated = (Solved, Option<Vec<Vec<f64>>>);
@@ -79,30 +60,6 @@ pub(super) fn refine(
 }
 
 impl Refinement {
-    /// Of a solution whose mesh has not been refined.
-    pub(crate) fn new(solved: &Solved) -> Self {
-        Self {
-            rounds: 0,
-            intervals: solved
-                .problem
-                .runs
-                .iter()
-                .map(|run| run.mesh.len() - 1)
-                .sum(),
-            error: f64::NAN,
-            changes: Vec::new(),
-            iterations: solved.solution.work.iterations,
-            scheme: solved.problem.scheme,
-            is_done: false,
-            is_limited: false,
-        }
-    }
-
-    /// Whether the scheme is that for stiff equations.
-    pub fn is_for_stiff(&self) -> bool {
-        self.scheme == STIFF_SCHEME
-    }
-
     /// Tells of a mesh.
     fn take(&mut self, solved: &Solved, errors: &[Vec<f64>]) {
         let largest = errors.iter().flatten().copied().fold(0.0, f64::max);

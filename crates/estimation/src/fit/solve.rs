@@ -1,73 +1,13 @@
 //! The SQP from one point, begun again with other scales where it makes no progress.
 
 use crate::posed::Posed;
-use nalgebra::Complex;
+use crate::solved::Solved;
 use pilotage_collocation::{Collocation, Scales};
-use pilotage_sqp::{Iteration, Solution, SqpOptions, Status, Work};
+use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
-
-/// A start, solved.
-#[derive(Debug)]
-pub struct Solved {
-    /// The nonlinear program.
-    pub problem: Collocation,
-    /// Its solution.
-    pub solution: Solution,
-}
-
-impl Solved {
-    /// The shared parameters, as the search sees them.
-    pub fn theta(&self) -> Vec<f64> {
-        let z = &self.solution.iterate.z;
-        self.problem.physical_theta(z)
-    }
-
-    /// The poles of the joint equations where the first run ends \[1/s\], with other shared parameters at the same states.
-    pub fn poles_with(&self, posed: &Posed<'_>, theta: &[f64]) -> Vec<Complex<f64>> {
-        let last = self
-            .problem
-            .states_at_samples(&self.solution.iterate.z, 0)
-            .pop();
-        let poles = last.map(|x| crate::result::poles(posed, &x, theta));
-        poles.unwrap_or_default()
-    }
-
-    /// The objective where the states fulfil the scaled equations up to this violation; else infinite.
-    pub(super) fn within(&self, violation: f64) -> f64 {
-        match self.solution.kkt.primal <= violation {
-            true => self.solution.iterate.f,
-            false => f64::INFINITY,
-        }
-    }
-
-    /// The objective where it is nearly what it will be; else infinite.
-    pub(super) fn nearly(&self) -> f64 {
-        self.within(NEARLY)
-    }
-
-    /// Where the states of each run begin, in their units.
-    pub(crate) fn initial(&self) -> Vec<Vec<f64>> {
-        initial(&self.problem, &self.solution.iterate.z)
-    }
-}
-
-/// Where the states of each run begin by these variables, in their units.
-pub(super) fn initial(problem: &Collocation, z: &[f64]) -> Vec<Vec<f64>> {
-    let first = |j: usize| {
-        let scaled = problem.coefficients(z, j).iter();
-        scaled
-            .zip(&problem.model.scales.states)
-            .map(|(x, s)| x * s)
-            .collect()
-    };
-    (0..problem.runs.len()).map(first).collect()
-}
 
 /// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
 const SHORT_STEP: f64 = 0.01;
-
-/// Largest violation of the scaled constraints with which an objective is nearly what it will be.
-const NEARLY: f64 = 1e-3;
 
 /// How often a solve that makes no progress is begun again, with scales of the size that it has found.
 const RESCALED: usize = 3;

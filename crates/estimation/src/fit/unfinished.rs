@@ -3,18 +3,15 @@
 
 use super::begin::begin;
 use super::check::simulation;
-use super::solve::Solved;
 use super::watch::Watch;
 use crate::posed::{Posed, Stands};
+use crate::solved::{MET, Solved};
 use crate::starts::Start;
 use pilotage_collocation::{Collocation, Stop};
 use pilotage_sqp::iterate::violation;
 use pilotage_sqp::{Iterate, Kkt, Problem, Solution, Status};
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Largest violation of the scaled equations and constraints with which they are met.
-pub const MET: f64 = 1e-4;
 
 /// Of starts of which none has converged the one with the least objective where the equations are met: as the solver
 /// left it, or simulated with its parameters. The given start as it begins is among them. None where nothing is met, or

@@ -24,8 +24,9 @@ pub(crate) use ahead::ahead;
 pub use likelihood::Likelihood;
 pub(crate) use linearised::linearised;
 
-use crate::fit::{Solved, initial};
+use crate::fit::initial;
 use crate::posed::Posed;
+use crate::solved::Solved;
 use crate::starts::Start;
 use limits::Limits;
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status, solve};

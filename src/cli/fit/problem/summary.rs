@@ -8,7 +8,7 @@ use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
 use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
-use crate::estimation::left_over::Beside;
+use crate::estimation::result::Beside;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::validation::Judged;
 use crate::estimation::{Fit, Posed};
