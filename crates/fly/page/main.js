@@ -3,85 +3,124 @@
 import { Panel } from "./panel.js";
 import { Scene, Track } from "./scene.js";
 import { Socket } from "./socket.js";
-import { Sticks } from "./sticks.js";
+import { Sticks, remember, remembered } from "./sticks.js";
 
 const SHOWN = 100; // between two words on what was drawn [ms]
+const PAUSES = ["ready", "after"], RUNS = ["countdown", "fly"];
 
-const canvas = document.getElementById("scene");
-const scene = new Scene(canvas), track = new Track();
-let sticks = null, phase = { phase: "welcome" }, number = 0, before = performance.now(), told = 0, watches = false, pressed = false;
+const $ = id => document.getElementById(id);
+const canvas = $("scene"), patch = new URLSearchParams(location.search).has("patch");
+const scene = new Scene(canvas, patch), track = new Track();
+let sticks = null, phase = { phase: "welcome" }, number = 0, before = performance.now(), told = 0, watches = false, pressed = true;
+let drawn = null; // when the last frame was
+let untold = false; // whether the server has to hear what the hand holds
 
 const socket = new Socket(hear, connected => {
   watches = false;
-  panel.trouble(connected ? "" : "The connection is lost; it is tried again.");
+  panel.trouble(connected ? "" : "The connection is lost; it is tried again.", !connected);
 });
 const panel = new Panel(message => socket.say(message));
-document.getElementById("patch").hidden = !new URLSearchParams(location.search).has("patch");
+$("patch").hidden = !patch;
+$("subject").value = remembered("subject") ?? $("subject").value;
 
 const heard = {
   hello(message) {
     panel.hello(message);
-    sticks ??= new Sticks(canvas, message.vehicle.axes.length, () => panel.devices(sticks));
+    sticks ??= new Sticks(canvas, message.vehicle.axes.length, () => panel.devices(sticks), () => { untold = true; });
+    sticks.look();
     panel.devices(sticks);
+    untold = true;
   },
   phase(message) {
     const begins = message.phase !== phase.phase || message.task !== phase.task;
+    if (message.phase === "countdown" && phase.phase !== "countdown") panel.trouble("");
     phase = message;
     panel.phase(message);
+    if (watches) watch();
     if (begins) scene.begin(panel.vehicle, panel.protocol.tasks[message.task]);
+    sticks.rest(message.phase === "countdown");
     if (message.phase === "fly") sticks.chosen.centre();
   },
   state(message) { track.add(message, performance.now()); },
   job(message) { panel.job(message); },
   can({ can }) { panel.can = can; panel.jobs(); },
   trouble({ words }) { panel.trouble(words); },
-  taken() { watches = true; panel.show("taken"); },
+  taken() { watches = true; watch(); },
 };
 
 function hear(message) { heard[message.type]?.(message); }
 
-document.getElementById("take").addEventListener("click", () => { watches = false; panel.phase(phase); });
-document.getElementById("welcome").addEventListener("submit", event => {
-  event.preventDefault();
+// A page without the stick sees runs, and may take it.
+function watch() { panel.show(RUNS.includes(phase.phase) ? null : "taken"); }
+
+// Who flies, with what. The server hears it once more whenever that has changed.
+function begin() {
+  sticks.keep();
+  untold = false;
+  const subject = $("subject").value.trim();
+  remember("subject", subject);
   socket.say({
     type: "begin",
-    subject: document.getElementById("subject").value,
-    consent: document.getElementById("consent").checked,
+    subject,
+    consent: phase.phase !== "welcome" || $("consent").checked,
     device: sticks.chosen.type,
     calibration: sticks.chosen.calibration?.() ?? null,
+    about: { browser: navigator.userAgent, screen: `${screen.width}x${screen.height} at ${devicePixelRatio}` },
   });
+}
+
+function go() {
+  if (PAUSES.includes(phase.phase) && !sticks.lost) socket.say({ type: "go" });
+}
+
+$("go").addEventListener("click", go);
+$("stop").addEventListener("click", () => socket.say({ type: "stop" }));
+$("take").addEventListener("click", () => {
+  socket.say({ type: "take" });
+  watches = false;
+  untold = true;
+  panel.phase(phase);
+});
+$("welcome").addEventListener("submit", event => {
+  event.preventDefault();
+  begin();
 });
 addEventListener("keydown", ({ key, repeat, target }) => {
-  if (repeat || target.closest("input, select, button, a, summary")) return;
-  if (key === " " && ["ready", "after"].includes(phase.phase)) socket.say({ type: "go" });
-  if (key === "Escape" && ["countdown", "fly"].includes(phase.phase)) socket.say({ type: "stop" });
+  if (repeat) return;
+  if (key === "Escape" && RUNS.includes(phase.phase)) return socket.say({ type: "stop" });
+  if (key === " " && !target.closest("input, select, button, a, summary")) go();
 });
 
 // The first button of a gamepad is Space.
 function button() {
   const down = sticks.chosen.pressed?.() ?? false;
-  if (down && !pressed && ["ready", "after"].includes(phase.phase)) socket.say({ type: "go" });
+  if (down && !pressed) go();
   pressed = down;
 }
 
 function frame(now) {
   requestAnimationFrame(frame);
+  const state = track.at(performance.now()), flies = state && phase.phase === "fly";
   if (sticks) {
     sticks.look();
+    if (untold && !sticks.lost && !watches && [...PAUSES, "end"].includes(phase.phase)) begin();
     button();
     const read = sticks.read(now);
-    panel.bar(read.stick[0]);
+    panel.stick(read.stick);
     panel.patch(Math.abs(read.stick[0]) > 0.5);
     if (!watches) {
       number += 1;
       const seen = document.visibilityState === "visible" && document.hasFocus();
-      socket.say({ type: "input", n: number, t: performance.now(), ...read, frame: now - before, seen });
+      socket.say({
+        type: "input", n: number, t: performance.now(), ...read, frame: now - before, seen,
+        drawn: flies ? state.time : null, drawn_at: drawn,
+      });
     }
   }
   before = now;
-  const state = track.at(performance.now());
   scene.draw(state);
-  if (state && phase.phase === "fly") {
+  drawn = performance.now();
+  if (flies) {
     panel.left(state.left);
     if (now - told > SHOWN && !watches) {
       told = now;

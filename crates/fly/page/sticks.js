@@ -3,37 +3,55 @@
 
 const RISE = 1 / 300, FALL = 1 / 200; // of the keyboard [1/ms]
 const REACH = 0.25; // of the window, for full deflection of mouse and thumb
-const USED = 0.05; // what of an axis is no rest
+const USED = 0.1; // what of an axis is no rest
 
 const limited = value => Math.max(-1, Math.min(1, value));
 
+// What this tab keeps over a reload; nothing where the browser keeps nothing.
+export function remember(key, value) {
+  try { sessionStorage.setItem(key, JSON.stringify(value)); } catch { /* then not */ }
+}
+
+export function remembered(key) {
+  try { return JSON.parse(sessionStorage.getItem(key)); } catch { return null; }
+}
+
+// A mouse, whose centre is where its run began, or a finger, whose centre is where it came down. While it rests, before a run,
+// the centre goes with it.
 class Pointer {
   constructor(element, axes, type) {
-    Object.assign(this, { type, name: type, axes, values: new Array(axes).fill(0), at: null });
-    const from = type === "mouse" ? "pointermove" : "pointerdown";
-    const own = event => (type === "mouse") === (event.pointerType === "mouse");
-    element.addEventListener(from, event => {
-      if (!own(event)) return;
-      // Where a thumb comes down is its rest; a mouse rests where its run began.
-      if (type === "touch") { this.at = [event.clientX, event.clientY]; element.setPointerCapture(event.pointerId); }
+    Object.assign(this, { type, name: type, axes, values: new Array(axes).fill(0), at: null, place: null, finger: null, rests: false });
+    if (type === "mouse") {
+      addEventListener("pointermove", event => event.pointerType === "mouse" && this.move(event));
+      return;
+    }
+    element.addEventListener("pointerdown", event => {
+      if (event.pointerType === "mouse" || this.finger !== null) return;
+      this.finger = event.pointerId;
+      element.setPointerCapture(event.pointerId);
       this.move(event);
     });
-    if (type === "touch") {
-      element.addEventListener("pointermove", event => own(event) && this.at && this.move(event));
-      for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, event => own(event) && this.centre());
+    element.addEventListener("pointermove", event => event.pointerId === this.finger && this.move(event));
+    for (const end of ["pointerup", "pointercancel"]) {
+      element.addEventListener(end, event => {
+        if (event.pointerId !== this.finger) return;
+        this.finger = this.place = null;
+        this.centre();
+      });
     }
   }
 
   move({ clientX, clientY }) {
     this.place = [clientX, clientY];
-    this.at ??= [clientX, clientY];
+    if (this.rests) this.at = this.place;
+    this.at ??= this.place;
     const reach = REACH * Math.min(innerWidth, 2 * innerHeight);
     const moved = [(clientX - this.at[0]) / reach, (this.at[1] - clientY) / reach];
     this.values = moved.slice(0, this.axes).map(limited);
   }
 
   centre() {
-    this.at = this.type === "mouse" ? this.place ?? null : null;
+    this.at = this.place;
     this.values.fill(0);
   }
 
@@ -42,7 +60,7 @@ class Pointer {
 
 class Keyboard {
   constructor(axes) {
-    Object.assign(this, { type: "keyboard", name: "arrow keys", values: new Array(axes).fill(0), held: new Set(), last: 0 });
+    Object.assign(this, { type: "keyboard", name: "arrow keys", values: new Array(axes).fill(0), held: new Set(), last: 0, rests: false });
     addEventListener("keydown", event => {
       if (!event.key.startsWith("Arrow") || event.target.closest("input, select")) return;
       event.preventDefault();
@@ -55,12 +73,17 @@ class Keyboard {
   read(now) {
     const passed = Math.min(now - this.last, 100);
     this.last = now;
+    if (this.rests) this.centre();
+    else this.follow(passed);
+    return this.values;
+  }
+
+  follow(passed) {
     const wanted = [["ArrowRight", "ArrowLeft"], ["ArrowUp", "ArrowDown"]].map(([more, less]) => this.held.has(more) - this.held.has(less));
     this.values = this.values.map((value, axis) => {
       const step = (wanted[axis] ? RISE : FALL) * passed;
       return value + Math.max(-step, Math.min(step, wanted[axis] - value));
     });
-    return this.values;
   }
 
   centre() { this.values.fill(0); }
@@ -68,34 +91,50 @@ class Keyboard {
 
 // A gamepad as browsers know it, with an axis, a rest and ends for each axis of the vehicle.
 class Gamepad {
-  constructor(pad, axes) {
-    Object.assign(this, { type: "gamepad", name: pad.id, index: pad.index, dead: 0 });
+  constructor(name, index, axes) {
+    Object.assign(this, { type: "gamepad", name, index, dead: 0 });
     this.map = Array.from({ length: axes }, (_, k) => ({ axis: k, invert: k === 1, centre: 0, range: 1 }));
   }
 
-  pad() { return navigator.getGamepads?.()[this.index] ?? null; }
+  // Null while it is not there.
+  pad() {
+    const pad = navigator.getGamepads?.()[this.index];
+    return pad?.connected && pad.id === this.name ? pad : null;
+  }
 
   raw(axis) { return this.pad()?.axes[axis] ?? 0; }
 
   read() {
-    if (!this.pad()?.connected) return null;
+    if (!this.pad()) return null;
     return this.map.map(({ axis, invert, centre, range }) => {
-      const value = (this.raw(axis) - centre) / range;
-      return Math.abs(value) <= this.dead ? 0 : limited(invert ? -value : value);
+      const value = (this.raw(axis) - centre) / range * (invert ? -1 : 1);
+      // Beyond the dead zone it begins at 0.
+      const beyond = Math.max(0, Math.abs(value) - this.dead) / (1 - this.dead);
+      return limited(Math.sign(value) * beyond);
     });
   }
 
-  pressed() { return this.pad()?.buttons.some(button => button.pressed) ?? false; }
+  // One that is not there counts as pressed, so that the press by which it comes starts nothing.
+  pressed() { return this.pad()?.buttons.some(button => button.pressed) ?? true; }
 
   rest() { for (const own of this.map) own.centre = this.raw(own.axis); }
 
-  // Between the calls the stick is moved to its ends.
+  // Between the calls the stick is moved to its ends; the second one tells which axes were.
   watch() {
-    const most = this.map.map(() => 0);
-    const timer = setInterval(() => this.map.forEach((own, k) => { most[k] = Math.max(most[k], Math.abs(this.raw(own.axis) - own.centre)); }), 8);
+    const seen = this.map.map(own => [this.raw(own.axis), this.raw(own.axis)]);
+    const look = () => this.map.forEach((own, k) => {
+      const value = this.raw(own.axis);
+      seen[k] = [Math.min(seen[k][0], value), Math.max(seen[k][1], value)];
+    });
+    const timer = setInterval(look, 8);
     return () => {
       clearInterval(timer);
-      this.map.forEach((own, k) => { if (most[k] > USED) own.range = most[k]; });
+      return this.map.map((own, k) => {
+        const [least, most] = seen[k];
+        if (most - least < USED) return false;
+        own.range = Math.max(most - own.centre, own.centre - least);
+        return true;
+      });
     };
   }
 
@@ -108,22 +147,62 @@ class Gamepad {
 }
 
 export class Sticks {
-  constructor(element, axes, changed) {
-    this.axes = axes;
+  // `come` is called when devices come or go, `change` when another one is chosen or it is read in another way.
+  constructor(element, axes, come, change) {
+    Object.assign(this, { axes, come, change });
     this.all = [new Pointer(element, axes, "mouse"), new Keyboard(axes)];
     if (navigator.maxTouchPoints > 0) this.all.push(new Pointer(element, axes, "touch"));
-    this.chosen = matchMedia("(pointer: coarse)").matches && this.all[2] ? this.all[2] : this.all[0];
-    this.changed = changed;
+    const usual = matchMedia("(pointer: coarse)").matches && this.all[2] ? this.all[2] : this.all[0];
+    this.chosen = this.before() ?? usual;
     addEventListener("gamepadconnected", () => this.look());
   }
 
-  // Gamepads that are there and are not yet known.
+  // The device from before a reload; a gamepad is taken for one that is not there yet.
+  before() {
+    const { type, name, map, dead } = remembered("stick") ?? {};
+    if (type !== "gamepad") return this.all.find(device => device.type === type);
+    const own = new Gamepad(name, -1, this.axes);
+    if (map?.length === this.axes) Object.assign(own, { map, dead });
+    this.all.push(own);
+    return own;
+  }
+
+  choose(device) {
+    if (!device) return;
+    this.chosen = device;
+    this.keep();
+  }
+
+  // The chosen device, and how it is read, hold from now on.
+  keep() {
+    const { type, name, map, dead } = this.chosen;
+    remember("stick", { type, name, map, dead });
+    this.change();
+  }
+
+  // Whether the chosen one is not there.
+  get lost() { return this.chosen.type === "gamepad" && !this.chosen.pad(); }
+
+  // Gamepads come and go.
   look() {
-    const known = new Set(this.all.map(device => device.index));
-    const found = [...(navigator.getGamepads?.() ?? [])].filter(pad => pad?.connected && !known.has(pad.index));
-    if (!found.length) return;
-    this.all.push(...found.map(pad => new Gamepad(pad, this.axes)));
-    this.changed();
+    const known = this.all.filter(device => device.type === "gamepad");
+    for (const pad of navigator.getGamepads?.() ?? []) {
+      if (!pad?.connected || known.some(device => device.index === pad.index && device.name === pad.id)) continue;
+      const back = known.find(device => device.name === pad.id && !device.pad());
+      if (back) back.index = pad.index;
+      else this.all.push(new Gamepad(pad.id, pad.index, this.axes));
+    }
+    const there = this.all.map(device => device.pad?.() !== null).join();
+    if (there !== this.there) {
+      this.there = there;
+      this.come();
+    }
+  }
+
+  // Before a run nothing that a mouse, a finger or a key does is a deflection.
+  rest(rests) {
+    for (const device of this.all) device.rests = rests;
+    if (rests) this.chosen.centre();
   }
 
   read(now) {
