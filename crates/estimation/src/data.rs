@@ -392,29 +392,6 @@ impl Signal {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::gap;
-
-    #[test]
-    fn a_gap_is_much_longer_than_what_is_usual() {
-        let rows: Vec<f64> = (0..=300).map(|k| 0.1 * f64::from(k)).collect();
-        let kept = |is_kept: &dyn Fn(usize) -> bool| -> Vec<f64> {
-            (0..=300).filter(|k| is_kept(*k)).map(|k| rows[k]).collect()
-        };
-        // All, every third, and one lost here and there.
-        assert_eq!(gap(&rows, &rows), None);
-        assert_eq!(gap(&rows, &kept(&|k| k % 3 == 0)), None);
-        assert_eq!(gap(&rows, &kept(&|k| k % 50 != 7)), None);
-        assert_eq!(
-            gap(&rows, &kept(&|k| !(100..200).contains(&k))),
-            Some([rows[99], rows[200]])
-        );
-        assert_eq!(gap(&rows, &kept(&|k| k >= 20)), Some([0.0, rows[20]]));
-        assert_eq!(gap(&rows, &kept(&|k| k < 250)), Some([rows[249], 30.0]));
-    }
-}
-
 /// Refuses runs in which an FMU has a time event.
 pub(crate) fn check_times(
     file: &ProblemFile,
@@ -447,4 +424,27 @@ pub(crate) fn check_times(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gap;
+
+    #[test]
+    fn a_gap_is_much_longer_than_what_is_usual() {
+        let rows: Vec<f64> = (0..=300).map(|k| 0.1 * f64::from(k)).collect();
+        let kept = |is_kept: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            (0..=300).filter(|k| is_kept(*k)).map(|k| rows[k]).collect()
+        };
+        // All, every third, and one lost here and there.
+        assert_eq!(gap(&rows, &rows), None);
+        assert_eq!(gap(&rows, &kept(&|k| k % 3 == 0)), None);
+        assert_eq!(gap(&rows, &kept(&|k| k % 50 != 7)), None);
+        assert_eq!(
+            gap(&rows, &kept(&|k| !(100..200).contains(&k))),
+            Some([rows[99], rows[200]])
+        );
+        assert_eq!(gap(&rows, &kept(&|k| k >= 20)), Some([0.0, rows[20]]));
+        assert_eq!(gap(&rows, &kept(&|k| k < 250)), Some([rows[249], 30.0]));
+    }
 }
