@@ -109,7 +109,7 @@ pub const ASKING: u32 = 3;
 const FMI2: u32 = 1000;
 const FMI3: u32 = 2000;
 
-/// What a call is called whose number a process that loads FMUs has [noted](pilotage_process::call).
+/// What a call is called whose number a process that loads FMUs has [noted](pilotage_process::Place::call).
 pub fn call_name(number: u32) -> &'static str {
     let name = match number {
         LOADING => Some("the initialization of its library"),
