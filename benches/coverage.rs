@@ -2,6 +2,7 @@
 //!
 //!     cargo bench --bench coverage            # 300 sets a row, docs/uncertainty.md
 //!     cargo bench --bench coverage -- 50      # fewer
+//!     cargo bench --bench coverage -- "| 6 |" # rows whose first cells have this text
 //!
 //! Each row is a model, a number of runs and a kind of noise; each column a method, and what is taken unless one is
 //! named. A cell counts over sets and parameters; its error is some 1 % at 300 sets. Sets whose
@@ -264,10 +265,10 @@ fn held(
 }
 
 fn main() {
-    let sets = std::env::args()
-        .filter_map(|word| word.parse().ok())
-        .next()
-        .unwrap_or(300);
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let sets = words.iter().find_map(|word| word.parse().ok());
+    let sets = sets.unwrap_or(300);
+    let only = words.iter().find(|word| word.contains('|'));
     println!("| model | noise | runs | plain | sidpac | ar | cr3 | default |");
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let rows: Vec<(&Case, f64, usize)> = [
@@ -275,11 +276,11 @@ fn main() {
         (&SHORT, &[0.0, 0.9], &[1, 2, 4, 8]),
         (&FREE, &[0.98], &[1, 4, 8]),
         (&OWN, &[0.98], &[4]),
-        (&LOOP, &[0.0, 0.98], &[1, 2, 4, 8]),
-        (&SENSOR, &[0.0, 0.9], &[1, 2, 4, 8]),
-        (&REMNANT, &[0.0, 0.9], &[1, 2, 4, 8]),
-        (&STEPS, &[0.0, 0.9], &[1, 2, 4, 8]),
-        (&BOTH, &[0.0, 0.9], &[1, 2, 4, 8]),
+        (&LOOP, &[0.0, 0.98], &[1, 2, 4, 6, 12]),
+        (&SENSOR, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
+        (&REMNANT, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
+        (&STEPS, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
+        (&BOTH, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
         (&HUBER, &[0.0], &[1, 4, 8]),
     ]
     .into_iter()
@@ -291,6 +292,14 @@ fn main() {
     })
     .collect();
     for (number, (case, correlation, runs)) in rows.iter().enumerate() {
+        let noise = match *correlation {
+            0.0 => "white".to_owned(),
+            own => format!("AR(1) {own}"),
+        };
+        let row = format!("| {} | {noise} | {runs} |", case.name);
+        if only.is_some_and(|only| !row.contains(only)) {
+            continue;
+        }
         let mut cells = Vec::new();
         for method in Method::ALL.into_iter().map(Some).chain([None]) {
             let done = AtomicUsize::new(0);
@@ -311,16 +320,8 @@ fn main() {
                 _ => format!("{:.1}", 100.0 * held as f64 / all as f64),
             });
         }
-        let noise = match *correlation {
-            0.0 => "white".to_owned(),
-            own => format!("AR(1) {own}"),
-        };
         eprint!("\r");
-        println!(
-            "| {} | {noise} | {runs} | {} |",
-            case.name,
-            cells.join(" | ")
-        );
+        println!("{row} {} |", cells.join(" | "));
     }
     eprintln!();
 }
