@@ -1,7 +1,7 @@
 """Flies `pilotage fly` in a browser to the end of a protocol: `fly.py PILOTAGE BROWSERS FOLDER`.
 
-A scripted stick of known gain and lead stands in the place of the gamepad, inside the page: no driver can fake one, and a
-call through it takes too long. The page is reloaded in the middle of a run, and its socket dropped in another. What is wrong
+A scripted stick of known gain and lead, late by a known time and with a remnant, stands in the place of the gamepad, inside
+the page: no driver can fake one, and a call through it takes too long. The page is reloaded in the middle of a run, and its socket dropped in another. What is wrong
 with what the page shows is printed, else the results of the runs as JSON; `no browser` where there is none.
 """
 
@@ -15,7 +15,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from pages import LEAST, found, launched
 from playwright.sync_api import sync_playwright
 
-GAIN, LEAD = 0.03, 2.0  # [1/m], [s]
+GAIN, LEAD, LATE = 0.03, 2.0, 0.1  # [1/m], [s], [s]
+# The remnant is a sum of sines of the time with phases by the number of the run: frequencies [rad/s]; amplitude [1].
+REMNANT, NOISE = [1.1, 1.9, 3.1, 4.7, 7.3, 9.7], 0.003
 PROTOCOL = """
 title = "Steps"
 order = "given"
@@ -30,13 +32,15 @@ runs = 3
 """
 SIZES = [(390, 844), (844, 390), (800, 600), (1400, 900)]
 
-# A gamepad whose stick leans on the error and its rate, as the states come; and the sockets, to drop one.
+# A gamepad whose stick leans on the error and its rate, as they were LATE before; and the sockets, to drop one.
 STICK = """
 (() => {
   const pad = { id: "scripted stick", index: 0, connected: true, axes: [0], buttons: [{ pressed: false }], mapping: "" };
   navigator.getGamepads = () => [pad];
   window.sockets = [];
   const states = [];
+  const wanted = [];
+  const remnant = t => REMNANT.reduce((sum, w, k) => sum + NOISE * Math.sin(w * t + 2.4 * k + 1.7 * (window.phase?.run ?? 1) * (k + 1)), 0);
   const Native = WebSocket;
   window.WebSocket = class extends Native {
     constructor(...all) {
@@ -47,19 +51,24 @@ STICK = """
         if (message.type === "phase") window.phase = message;
         if (message.type === "trouble") window.trouble = message.words;
         if (message.type !== "state") return;
-        if (states.length && message.t < states.at(-1).t) states.length = 0;
+        if (states.length && message.t < states.at(-1).t) states.length = wanted.length = 0;
         states.push(message);
         if (states.length > 4) states.shift();
         const [first, last] = [states[0], states.at(-1)];
         const rate = last.t > first.t ? (last.x[0] - first.x[0]) / (last.t - first.t) : 0;
         // Nothing before the start.
-        pad.axes[0] = last.t === 0 ? 0 : Math.max(-1, Math.min(1, GAIN * (last.target[0] - last.x[0] - LEAD * rate)));
+        const stick = GAIN * (last.target[0] - last.x[0] - LEAD * rate) + remnant(last.t);
+        wanted.push([last.t, last.t === 0 ? 0 : Math.max(-1, Math.min(1, stick))]);
+        while (wanted.length > 1 && wanted[1][0] <= last.t - LATE) wanted.shift();
+        pad.axes[0] = wanted[0][1];
         window.state = last;
       });
     }
   };
 })();
-""".replace("GAIN", str(GAIN)).replace("LEAD", str(LEAD))
+"""
+for name in ("GAIN", "LEAD", "LATE", "REMNANT", "NOISE"):
+    STICK = STICK.replace(name, str(globals()[name]))
 
 LOOK = """
 least => {
