@@ -318,3 +318,35 @@ fn a_fit_that_did_not_converge_is_not_solved_again() {
     );
     assert!(ended.json()["parameters"]["theta1"]["bootstrap"].is_null());
 }
+
+/// Where noise drives the system its predictions are solved again, and the same numbers come for any number of threads.
+#[test]
+fn predictions_are_solved_again_too() {
+    let folder = Folder::new();
+    let example = example("problems/remnant/problem.toml");
+    let fit = |threads: &str| {
+        let output = folder.path(".").display().to_string();
+        let example = example.display().to_string();
+        let mut words = vec!["fit", &example, "-o", &output, "--json", "--force"];
+        words.extend(["--profile", "q", "--bootstrap", "3"]);
+        words.extend(["--bootstrap-kind", "parametric"]);
+        let ended = folder.pilotage_with(&words, &[("RAYON_NUM_THREADS", threads)]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        timeless(&ended)
+    };
+    let json = fit("1");
+    let own = &json["parameters"]["q"];
+    let [low, value, high] = [
+        &own["profile"]["low"],
+        &own["value"],
+        &own["profile"]["high"],
+    ]
+    .map(number);
+    // A density is skewed: it may be larger than found by more than it may be smaller.
+    assert!(
+        low < value && value < high && high - value > value - low,
+        "{own}"
+    );
+    assert!(number(&own["bootstrap"]["sd"]) > 0.0, "{own}");
+    assert_eq!(json, fit("2"));
+}

@@ -94,7 +94,9 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
     let slowest = files.iter().map(|file| to_picture(&folder, file));
     let slowest = slowest.fold(0.0, f64::max);
     let [low, high] = interval("pilot.tau");
-    eprintln!("delay between {low} and {high} s, of which 0.1 are the stick's; from input to picture {slowest} s");
+    eprintln!(
+        "delay between {low} and {high} s, of which 0.1 are the stick's; from input to picture {slowest} s"
+    );
     assert!(high > 0.1 && low < 0.1 + slowest, "{slowest}: {json}");
     assert!(high - low < 0.2, "{json}");
 }

@@ -1,6 +1,7 @@
 //! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`.
 
 use crate::file::Noise;
+use crate::innovations::Again;
 use crate::loops::Looped;
 use crate::posed::variables;
 use crate::posed::{Posed, Stands};
@@ -11,7 +12,7 @@ use crate::unknowns::Unknown;
 use pilotage_collocation::Run;
 use pilotage_inference::{Autoregression, Inference, LEVEL, quantile};
 use pilotage_refits::study::{self, Derive};
-use pilotage_refits::{Coordinate, Study, Threshold};
+use pilotage_refits::{Collocated, Coordinate, Resample, Study, Threshold};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
 
@@ -33,20 +34,32 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
 /// # Errors
 /// Where the fit does not say how sure it is.
 pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure> {
-    if posed.filter.is_some() {
-        return Err(Unsure::Innovations);
-    }
     let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
     let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
-    let (problem, at) = (&solved.problem, &solved.solution.iterate);
-    let Linearised { data, signals, .. } =
-        linearised(posed, problem, at).ok_or(Unsure::NoDerivatives)?;
+    let again = fit.optimum.as_ref();
+    let again = again.and_then(|own| Again::new(posed, own));
+    let (linear, factor) = match &again {
+        Some(again) => (Some(again.linearised()), again.factor()),
+        None => {
+            let (problem, at) = (&solved.problem, &solved.solution.iterate);
+            (linearised(posed, problem, at), posed.factor)
+        }
+    };
+    let drawn = match again {
+        Some(_) => "values drawn from what is predicted, sample by sample",
+        None => "residuals drawn from autoregressive noise",
+    };
+    let Linearised { data, signals, .. } = linear.ok_or(Unsure::NoDerivatives)?;
     let inference = Inference::new(&data)?;
     let degrees = (!data.is_scaled).then(|| inference.degrees());
+    let refit: Box<dyn Resample + Send + 'p> = match again {
+        Some(again) => Box::new(again),
+        None => Box::new(collocated((posed, fit, solved), &inference, signals)),
+    };
     let mut unknowns = Vec::new();
     for ((unknown, stands), intervals) in posed.unknowns.iter().zip(&sure.intervals) {
         for ((label, at), interval) in coordinates(posed, stands).into_iter().zip(intervals) {
-            let value = at.value(problem, &solved.solution.iterate.z);
+            let value = refit.value(at);
             let slope = if unknown.log {
                 unknown.found(value)
             } else {
@@ -70,18 +83,15 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
         }
     }
     Ok(Study {
-        solved: pilotage_refits::Solved {
-            problem: problem.clone(),
-            at: at.clone(),
-            options: crate::fit::sqp_options(posed, posed.file.options.max_iterations),
-        },
+        solved: refit,
+        drawn,
         unknowns,
-        factor: posed.factor,
+        factor,
         threshold: Threshold {
             // A prior counts against the noise that was stated, and so does its part of the objective.
             noise: match sure.is_penalised {
-                true => posed.factor,
-                false => inference.noise() * posed.factor,
+                true => factor,
+                false => inference.noise() * factor,
             },
             root: match sure.is_penalised {
                 true => quantile(LEVEL, f64::INFINITY),
@@ -91,21 +101,33 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
         degrees,
         constraints: posed.names.parameters.clone(),
         bounds: posed.names.bounds.clone(),
-        signals,
         derived: fit.derived.iter().map(|own| own.name.clone()).collect(),
         derive: derive(posed, fit, solved),
-        simulate: {
-            let noise = inference.noise().sqrt();
-            let drawn = Drawn {
-                posed,
-                fit,
-                solved,
-                processes: inference.coloured(),
-                noise,
-            };
-            Box::new(move |random| drawn.runs(random))
-        },
     })
+}
+
+/// The solution of the responses, and what is drawn about it.
+fn collocated<'p>(
+    (posed, fit, solved): (&'p Posed<'p>, &'p Fit, &'p Solved),
+    inference: &Inference<'_>,
+    signals: usize,
+) -> Collocated<'p> {
+    let drawn = Drawn {
+        posed,
+        fit,
+        solved,
+        processes: inference.coloured(),
+        noise: inference.noise().sqrt(),
+    };
+    Collocated {
+        solved: pilotage_refits::Solved {
+            problem: solved.problem.clone(),
+            at: solved.solution.iterate.clone(),
+            options: crate::fit::sqp_options(posed, posed.file.options.max_iterations),
+        },
+        signals,
+        simulate: Box::new(move |random| drawn.runs(random)),
+    }
 }
 
 /// What follows from shared parameters, where the states stay what they are. Not numbers where runs have parameters of

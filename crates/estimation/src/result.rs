@@ -3,7 +3,7 @@
 use crate::diagnostic::Diagnostic;
 use crate::events::Events;
 use crate::file::Noise;
-use crate::innovations::{Ahead, ahead};
+use crate::innovations::{Ahead, Optimum, ahead};
 use crate::part::About;
 use crate::posed::{Posed, Stands, poles, variables};
 use crate::solved::{MET, Refinement, SAME, Solved};
@@ -75,6 +75,8 @@ pub struct Fit {
     pub describing: Describing,
     /// The solution itself.
     pub solved: Option<Arc<Solved>>,
+    /// The solution of predictions, where noise drives the system.
+    pub optimum: Option<Arc<Optimum>>,
     /// Which expression is no finite number where the search begins, where a solve ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
@@ -261,6 +263,7 @@ impl Fit {
             uncertainty: Err(Unsure::NotConverged),
             describing: Describing::default(),
             solved: None,
+            optimum: None,
             trouble: None,
         }
     }

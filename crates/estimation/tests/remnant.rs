@@ -1,8 +1,11 @@
 //! Prediction errors: a loop with a human's noise in it, whose truth is known.
 
+use pilotage_estimation::refits::study;
 use pilotage_estimation::validation::validated;
 use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage_inference::quantile;
 use pilotage_inference::residuals::LjungBox;
+use pilotage_refits::{End, Kind, Watch, spread};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -249,4 +252,103 @@ fn the_response_is_what_is_fitted_unless_something_else_is_said() {
     assert!(plain.runs[0].ahead.is_none());
     // As one Gaussian noise on what was recorded, the noise in the loop is much larger than the sensor's.
     assert!(told(&plain, "s").0 > 3.0 * 0.03);
+}
+
+/// Each point of a profile is a fit in which the file fixes the parameter; where the interval ends, −2 log likelihood is
+/// above the least one by χ². A prior and a range hold in both.
+#[test]
+fn profiles_of_predictions_are_fits_with_the_parameter_fixed() {
+    let folder = folder(2);
+    let (gain, lag) = ("\"m.gain\"", "\"m.lag\"");
+    let wide = PROBLEM.replace("\"m.*\" = {}", &format!("{gain} = {{}}\n{lag} = {{}}"));
+    let (lag_range, prior) = (
+        "start = 0.3, min = 0.29, max = 0.31",
+        "prior = { normal = [0.4, 0.1] }",
+    );
+    for (more, name) in [("", "q"), (lag_range, "m.gain"), (prior, "m.lag")] {
+        let text = wide.replace(&format!("{lag} = {{}}"), &format!("{lag} = {{ {more} }}"));
+        let file = parsed(&folder, &(text.clone() + &lines(0..2)));
+        let posed = Posed::new(&file, &part::open).unwrap();
+        let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let study = study(&posed, &found).unwrap();
+        let place = study.unknowns.iter().position(|own| own.name == name);
+        let own = study
+            .profiles(&[place.unwrap()], &Watch::default())
+            .remove(0);
+        let objective = |value: f64| {
+            let line = |own: &str| {
+                let key = format!(
+                    "{} = {{",
+                    if own == "q" {
+                        own.into()
+                    } else {
+                        format!("\"{own}\"")
+                    }
+                );
+                let begin = text.find(&key).unwrap();
+                let end = begin + text[begin..].find('\n').unwrap();
+                let fixed = format!("{key} start = {value}, fixed = true }}");
+                format!("{}{fixed}{}", &text[..begin], &text[end..])
+            };
+            let own = fitted(&parsed(&folder, &(line(name) + &lines(0..2))));
+            // A prior of what is fixed is no term of that fit.
+            let is_prior = name == "m.lag" && more == prior;
+            own.objective
+                + if is_prior {
+                    ((value - 0.4) / 0.1).powi(2)
+                } else {
+                    0.0
+                }
+        };
+        for point in own.points.iter().step_by(3) {
+            let (found, expected) = (point.objective / study.factor, objective(point.value));
+            assert!(
+                (found - expected).abs() < 2e-3,
+                "{name}: {found} {expected}"
+            );
+        }
+        let is_bounded = own.points.iter().any(|point| !point.constraints.is_empty());
+        assert_eq!(is_bounded, more == lag_range, "{:?}", own.points);
+        for end in own.ends {
+            let End::Crossed(at) = end else {
+                panic!("{name}: {end:?}")
+            };
+            let excess = objective(at) - found.objective;
+            let expected = quantile(0.95, f64::INFINITY).powi(2);
+            assert!((excess - expected).abs() < 0.02, "{name}: {excess}");
+        }
+    }
+}
+
+/// Replicates that are drawn from the filter spread as Fisher's information says, and whole runs that are drawn as the
+/// jackknife does. A prior is drawn too.
+#[test]
+fn bootstraps_of_predictions_spread_as_covariances_say() {
+    let folder = folder(8);
+    let prior = PROBLEM.replace(
+        "\"m.*\" = {}",
+        "\"m.*\" = {}\n\"m.lag\" = { prior = { normal = [0.3, 0.002] } }",
+    );
+    for (text, kind, runs, most) in [
+        (PROBLEM, Kind::Parametric, 2, 0.2),
+        (&prior, Kind::Parametric, 2, 0.2),
+        (PROBLEM, Kind::Runs, 8, 0.35),
+    ] {
+        let method = if kind == Kind::Runs { "cr3" } else { "plain" };
+        let text = text.replace("[fit]", &format!("[fit]\ncovariance = \"{method}\""));
+        let file = parsed(&folder, &(text + &lines(0..runs)));
+        let posed = Posed::new(&file, &part::open).unwrap();
+        let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let study = study(&posed, &found).unwrap();
+        let numbers: Vec<u64> = (0..200).collect();
+        let all = study.bootstrap((kind, 3), &numbers, &|_| (), &Watch::default());
+        let values: Vec<&Vec<f64>> = all.iter().filter_map(|own| own.values.as_ref()).collect();
+        assert!(values.len() >= 198, "{}", values.len());
+        for (k, own) in study.unknowns.iter().enumerate() {
+            let spread = spread(values.iter().map(|own| own[k]), 0.95).unwrap();
+            let (_, sd) = told(&found, &own.name);
+            let ratio = spread.sd / sd;
+            assert!((ratio - 1.0).abs() < most, "{kind} {}: {ratio}", own.name);
+        }
+    }
 }

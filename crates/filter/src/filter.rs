@@ -85,6 +85,15 @@ pub struct Course<const N: usize> {
     pub predicted: Vec<Vec<f64>>,
 }
 
+/// What is about to be seen of a signal.
+struct Seen {
+    signal: usize,
+    sample: usize,
+    /// By all before it, signals of the same sample among them.
+    expected: f64,
+    variance: f64,
+}
+
 /// Where a run has come to.
 struct Place<'a, const N: usize> {
     /// All variables but the states.
@@ -147,6 +156,41 @@ impl Filter {
         rest: &[Jet<N>],
         parts: usize,
     ) -> Course<N> {
+        let recorded = |at: &Seen| record.measured[at.signal][at.sample];
+        self.learning::<T, N>(record, (initial, rest), parts, &mut &recorded)
+    }
+
+    /// Values that could have been recorded where a record has some: each is drawn from what is predicted by those before
+    /// it, with a number of unit variance. Signals without a value at a sample have none there (NaN).
+    ///
+    /// # Panics
+    /// As [`Filter::run`].
+    pub fn simulated(
+        &self,
+        record: &Record<'_>,
+        initial: &[Jet<0>],
+        rest: &[Jet<0>],
+        parts: usize,
+        mut gauss: impl FnMut() -> f64,
+    ) -> Vec<Vec<f64>> {
+        let missing = record.measured.iter().map(|own| vec![f64::NAN; own.len()]);
+        let mut drawn: Vec<Vec<f64>> = missing.collect();
+        let mut draw = |at: &Seen| {
+            let value = at.expected + at.variance.sqrt() * gauss();
+            drawn[at.signal][at.sample] = value;
+            value
+        };
+        self.learning::<f64, 0>(record, (initial, rest), parts, &mut draw);
+        drawn
+    }
+
+    fn learning<T: Number<N>, const N: usize>(
+        &self,
+        record: &Record<'_>,
+        (initial, rest): (&[Jet<N>], &[Jet<N>]),
+        parts: usize,
+        see: &mut dyn FnMut(&Seen) -> f64,
+    ) -> Course<N> {
         let mut place = Place::new(self, record, initial, rest);
         let mut found = Course {
             innovations: Vec::new(),
@@ -156,7 +200,7 @@ impl Filter {
             if sample > 0 && record.time[sample] > record.time[sample - 1] {
                 self.predict::<T, N>(&mut place, sample, parts);
             }
-            self.update::<T, N>(&mut place, sample, &mut found);
+            self.update::<T, N>(&mut place, sample, &mut found, see);
         }
         found
     }
@@ -214,6 +258,7 @@ impl Filter {
         place: &mut Place<'_, N>,
         sample: usize,
         found: &mut Course<N>,
+        see: &mut dyn FnMut(&Seen) -> f64,
     ) {
         let (n, m) = (self.states, place.record.measured.len());
         let before = place.mean.clone();
@@ -223,19 +268,25 @@ impl Filter {
         let (variances, slopes) = others.split_at(m);
         for signal in 0..m {
             found.predicted[signal].push(shown[signal].value);
-            let seen = place.record.measured[signal][sample];
-            if !seen.is_finite() {
+            if !place.record.measured[signal][sample].is_finite() {
                 continue;
             }
             let slope = &slopes[signal * n..][..n];
             let moved = place.mean.iter().zip(&before).map(|(x, b)| *x - *b);
             let moved: Vec<Jet<N>> = moved.collect();
             let expected = shown[signal] + dot(slope, &moved);
+            let variance = place.variance(slope) + variances[signal];
+            let seen = see(&Seen {
+                signal,
+                sample,
+                expected: expected.value,
+                variance: variance.value,
+            });
             let innovation = Innovation {
                 signal,
                 sample,
                 error: Jet::constant(seen) - expected,
-                variance: place.variance(slope) + variances[signal],
+                variance,
             };
             place.learn(slope, &innovation);
             found.innovations.push(innovation);

@@ -199,6 +199,36 @@ fn the_likelihood_is_that_of_the_textbook() {
     assert!((own - more).abs() < 1e-9 * own.abs(), "{own} {more}");
 }
 
+/// Of values that are drawn the innovations are the numbers they were drawn with, whatever the system.
+#[test]
+fn what_is_drawn_has_the_innovations_it_was_drawn_with() {
+    let (time, inputs, measured) = data();
+    for equations in [equations(), nonlinear()] {
+        let filter = filter(&equations);
+        let (begin, theta) = (BEGIN.map(Jet::constant), THETA.map(Jet::constant));
+        let record = |measured| Record {
+            time: &time,
+            inputs: &inputs,
+            measured,
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        let mut numbers = Vec::<f64>::new();
+        let drawn = filter.simulated(&record(&measured), &begin, &theta, 2, || {
+            numbers.push(StandardNormal.sample(&mut random));
+            numbers[numbers.len() - 1]
+        });
+        let pairs = drawn.iter().flatten().zip(measured.iter().flatten());
+        assert!(pairs.clone().all(|(a, b)| a.is_finite() == b.is_finite()));
+        assert!(pairs.filter(|(a, b)| a == b).count() == 0);
+        let course = filter.run::<f64, 0>(&record(&drawn), &begin, &theta, 2);
+        assert_eq!(course.innovations.len(), numbers.len());
+        for (own, number) in course.innovations.iter().zip(&numbers) {
+            let z = own.standardised();
+            assert!((z - number).abs() < 1e-9, "{z} is not {number}");
+        }
+    }
+}
+
 /// Derivatives of the likelihood by three parameters and an initial state.
 #[test]
 fn derivatives_are_those_of_differences() {

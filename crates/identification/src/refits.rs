@@ -6,7 +6,7 @@ use super::uncertainty::data;
 use super::{Fit, FitOptions, Trial, derived};
 use pilotage_collocation::Run;
 use pilotage_inference::{Autoregression, Inference, LEVEL, quantile};
-use pilotage_refits::{Coordinate, Solved, Study, Threshold, Unknown};
+use pilotage_refits::{Collocated, Coordinate, Solved, Study, Threshold, Unknown};
 use pilotage_sqp::{Iterate, Status};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -63,19 +63,22 @@ pub fn study(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Option<Study<
         degrees: Some(degrees),
         constraints: names.collect(),
         bounds: vec!["the limit of the stick".to_owned()],
-        signals: 1,
-        simulate: {
-            let predicted = predicted(&problem, &at);
-            let runs = problem.runs.clone();
-            Box::new(move |random| drawn(&runs, &predicted, &processes[0], random))
-        },
+        drawn: "residuals drawn from autoregressive noise",
         derived: derived::names(fit, options),
         derive: derived::again(fit, options),
-        solved: Solved {
-            problem,
-            at,
-            options: sqp,
-        },
+        solved: Box::new(Collocated {
+            signals: 1,
+            simulate: {
+                let predicted = predicted(&problem, &at);
+                let runs = problem.runs.clone();
+                Box::new(move |random| drawn(&runs, &predicted, &processes[0], random))
+            },
+            solved: Solved {
+                problem,
+                at,
+                options: sqp,
+            },
+        }),
     })
 }
 

@@ -1,19 +1,10 @@
 //! Bootstraps: the problem solved again with other data (Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993).
 
-use crate::solved::{Coordinate, Solved, Watch, solve_from_afar};
-use pilotage_collocation::{Collocation, Run};
+use crate::refit::{Data, Found, Resample};
+use crate::solved::Watch;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
-
-/// Data of a refit.
-#[derive(Debug, Clone)]
-pub struct Sample {
-    /// Its runs.
-    pub runs: Vec<Run>,
-    /// Of which run of the solved problem each of them is.
-    pub from: Vec<usize>,
-}
 
 /// A refit.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,15 +42,15 @@ fn below(end: u64, random: &mut ChaCha8Rng) -> u64 {
     }
 }
 
-/// What is told of a refit: of its sample, its problem and its variables.
-pub type Values<'a> = dyn Fn(&Sample, &Collocation, &[f64]) -> Vec<f64> + Sync + 'a;
+/// What is told of a refit with other data.
+pub type Values<'a> = dyn Fn(&Found) -> Vec<f64> + Sync + 'a;
 
 /// Refits with these numbers to what `draw` gives each, in parallel: the same for any number of threads. `see` gets each
 /// as soon as it is there, in any order. Stopped ones are left out.
 pub fn resampled(
-    solved: &Solved,
+    problem: &dyn Resample,
     numbers: &[u64],
-    draw: &(dyn Fn(u64) -> Sample + Sync),
+    draw: &(dyn Fn(u64) -> Data + Sync),
     values: &Values<'_>,
     (see, watch): (&(dyn Fn(&Replicate) + Sync), &Watch<'_>),
 ) -> Vec<Replicate> {
@@ -67,15 +58,13 @@ pub fn resampled(
         if (watch.stops)() {
             return None;
         }
-        let sample = draw(*number);
-        let (problem, z) = posed(solved, &sample);
-        let found = solve_from_afar(&problem, z, &solved.options, watch);
+        let found = problem.refitted(draw(*number), watch);
         if found.is_none() && (watch.stops)() {
             return None;
         }
         let replicate = Replicate {
             number: *number,
-            values: found.map(|iterate| values(&sample, &problem, &iterate.z)),
+            values: found.map(|own| values(&own)),
         };
         see(&replicate);
         (watch.done)();
@@ -84,39 +73,6 @@ pub fn resampled(
     // One at a time: a refit may take ten times as long as another.
     let found = numbers.par_iter().with_max_len(1).map(replicate);
     found.collect::<Vec<_>>().into_iter().flatten().collect()
-}
-
-/// The problem of other data, and its variables where the solved one has come to.
-fn posed(solved: &Solved, sample: &Sample) -> (Collocation, Vec<f64>) {
-    let whole = &solved.problem;
-    let problem = Collocation::new(
-        whole.model.tapes.clone(),
-        whole.constraints.clone(),
-        whole.scheme,
-        sample.runs.clone(),
-        whole.model.scales.clone(),
-        &whole.bounds,
-    );
-    let own = sample
-        .from
-        .iter()
-        .flat_map(|run| whole.coefficients(&solved.at.z, *run));
-    let z = own.chain(whole.theta(&solved.at.z)).copied().collect();
-    (problem, z)
-}
-
-impl Sample {
-    /// The value of a coordinate of the solved problem; not a number where its run is not there.
-    pub fn value(&self, at: Coordinate, problem: &Collocation, z: &[f64]) -> f64 {
-        let own = match at {
-            Coordinate::Shared(_) => Some(at),
-            Coordinate::Initial { run, state } => {
-                let place = self.from.iter().position(|from| *from == run);
-                place.map(|run| Coordinate::Initial { run, state })
-            }
-        };
-        own.map_or(f64::NAN, |own| own.value(problem, z))
-    }
 }
 
 /// What values spread over.

@@ -1,18 +1,19 @@
-//! A problem in which a parameter or an initial state is fixed.
+//! A collocation problem in which a parameter or an initial state is fixed.
 
-use crate::solved::{Coordinate, Solved};
+use crate::refit::{Coordinate, Fixed, Point};
+use crate::solved::{Solved, Watch, point, solve};
 use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Run, Scales};
 use std::sync::Arc;
 
-/// A problem with one coordinate fixed, to any value. A shared parameter becomes an input, so that the equations are
+/// A collocation problem with one coordinate fixed. A shared parameter becomes an input, so that the equations are
 /// differentiated once for all of its values.
-pub(crate) struct Fixed<'s> {
+pub(crate) struct Held<'s> {
     solved: &'s Solved,
     at: Coordinate,
     model: Arc<Differentiated>,
 }
 
-impl<'s> Fixed<'s> {
+impl<'s> Held<'s> {
     pub fn new(solved: &'s Solved, at: Coordinate) -> Self {
         let own = &solved.problem.model.tapes;
         let model = match at {
@@ -23,7 +24,7 @@ impl<'s> Fixed<'s> {
     }
 
     /// The problem with that value, in units.
-    pub fn problem(&self, value: f64) -> Collocation {
+    fn problem(&self, value: f64) -> Collocation {
         let whole = &self.solved.problem;
         let mut runs = whole.runs.clone();
         match self.at {
@@ -58,9 +59,10 @@ impl<'s> Fixed<'s> {
         }
         scales
     }
+}
 
-    /// Its variables at the solution of the whole problem.
-    pub fn begin(&self) -> Vec<f64> {
+impl Fixed for Held<'_> {
+    fn begin(&self) -> Vec<f64> {
         let mut z = self.solved.at.z.clone();
         if let Coordinate::Shared(k) = self.at {
             z.remove(self.solved.problem.layout.theta + k);
@@ -68,11 +70,16 @@ impl<'s> Fixed<'s> {
         z
     }
 
-    /// Puts a value, in units, where it stands among the variables.
-    pub fn put(&self, z: &mut [f64], value: f64) {
+    fn put(&self, z: &mut [f64], value: f64) {
         if let Coordinate::Initial { run, state } = self.at {
             let scale = self.solved.problem.model.scales.states[state];
             z[self.solved.problem.layout.runs[run].z + state] = value / scale;
         }
+    }
+
+    fn solved(&self, value: f64, z: Vec<f64>, watch: &Watch<'_>) -> Option<Point> {
+        let problem = self.problem(value);
+        let found = solve(&problem, z, &self.solved.options, watch)?;
+        Some(point(&problem, found))
     }
 }

@@ -1,4 +1,4 @@
-//! A solved collocation problem, solved again a little changed: profile likelihoods and bootstraps.
+//! A solved problem, solved again a little changed: profile likelihoods and bootstraps.
 //!
 //! Intervals from a covariance are those of a linear model. Where a parameter's interval is wide against its value they
 //! are not the data's; then a profile, which solves again with the parameter fixed ([`profile()`]), and a bootstrap, which
@@ -35,7 +35,8 @@
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | `solved` | the solution, and how it is solved again |
+//! | [`refit`] | what can be solved again: with a coordinate fixed, or with other data |
+//! | `solved` | a collocation problem as that |
 //! | `fixed` | the same with a parameter or an initial state fixed |
 //! | [`mod@profile`] | profile likelihoods |
 //! | [`study`] | what a fit hands over: unknowns by their names, data, noise |
@@ -44,10 +45,12 @@
 pub mod bootstrap;
 mod fixed;
 pub mod profile;
+pub mod refit;
 mod solved;
 pub mod study;
 
-pub use bootstrap::{Replicate, Sample, Spread, resampled, spread};
+pub use bootstrap::{Replicate, Spread, resampled, spread};
 pub use profile::{End, Point, Profile, Sought, Threshold, profile};
-pub use solved::{Coordinate, Solved, Watch};
+pub use refit::{Coordinate, Data, Fixed, Found, Refit, Resample};
+pub use solved::{Collocated, Solved, Watch};
 pub use study::{Kind, Study, Unknown};

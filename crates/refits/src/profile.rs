@@ -5,10 +5,8 @@
 //! 6.1). The interval is where |ζ| is below a threshold: √χ²₁ where the noise is known, Student's t where s² is estimated
 //! (Venzon & Moolgavkar, J. R. Stat. Soc. C 37, 1988).
 
-use crate::fixed::Fixed;
-use crate::solved::{Coordinate, Solved, Watch, solve};
-use pilotage_collocation::{BoundAt, Collocation};
-use pilotage_sqp::Iterate;
+use crate::refit::{self, Coordinate, Fixed, Refit};
+use crate::solved::Watch;
 use rayon::prelude::*;
 
 /// Steps to the threshold on a side, about.
@@ -61,6 +59,19 @@ pub struct Point {
     pub bounds: Vec<usize>,
 }
 
+impl Point {
+    /// Of a refit with that value and ζ.
+    fn of(value: f64, root: f64, found: &refit::Point) -> Self {
+        Self {
+            value,
+            objective: found.objective,
+            root,
+            constraints: found.constraints.clone(),
+            bounds: found.bounds.clone(),
+        }
+    }
+}
+
 /// Where a side of a profile ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
@@ -100,45 +111,40 @@ impl Profile {
 /// # Panics
 /// Where a step is not above 0, or the threshold is not.
 pub fn profile(
-    solved: &Solved,
+    solved: &dyn Refit,
     sought: &[Sought],
     threshold: Threshold,
     watch: &Watch<'_>,
 ) -> Vec<Profile> {
     assert!(threshold.noise > 0.0 && threshold.root > 0.0, "a threshold");
     assert!(sought.iter().all(|own| own.step > 0.0), "steps");
-    let fixed: Vec<Fixed<'_>> = (sought.par_iter())
-        .map(|own| Fixed::new(solved, own.at))
+    let estimate = solved.solution();
+    let fixed: Vec<Box<dyn Fixed + '_>> = (sought.par_iter())
+        .map(|own| solved.fixed(own.at))
         .collect();
     let tasks: Vec<(usize, f64)> = (0..sought.len())
         .flat_map(|k| [(k, -1.0), (k, 1.0)])
         .collect();
     let side = |(k, sign): &(usize, f64)| {
-        let found = Side::new(solved, &fixed[*k], sought[*k], threshold, *sign, *watch).walked();
+        let begin = (solved.value(sought[*k].at), estimate.objective);
+        let side = Side::new(begin, &*fixed[*k], sought[*k], threshold, *sign, *watch);
+        let found = side.walked();
         (watch.done)();
         found
     };
     let sides: Vec<(Vec<Point>, End)> = tasks.par_iter().map(side).collect();
     let pairs = sides.chunks_exact(2).zip(sought);
     pairs
-        .map(|(sides, own)| joined(solved, own.at, sides, threshold))
+        .map(|(sides, own)| {
+            let estimate = Point::of(solved.value(own.at), 0.0, &estimate);
+            joined(estimate, sides, threshold)
+        })
         .collect()
 }
 
 /// Both sides, and the estimate between them.
-fn joined(
-    solved: &Solved,
-    at: Coordinate,
-    sides: &[(Vec<Point>, End)],
-    threshold: Threshold,
-) -> Profile {
-    let estimate = Point {
-        value: at.value(&solved.problem, &solved.at.z),
-        objective: solved.at.f,
-        root: 0.0,
-        constraints: held_constraints(&solved.problem, &solved.at),
-        bounds: held_bounds(&solved.problem, &solved.at),
-    };
+fn joined(estimate: Point, sides: &[(Vec<Point>, End)], threshold: Threshold) -> Profile {
+    let best = estimate.objective;
     let mut points = vec![estimate];
     sides
         .iter()
@@ -148,7 +154,7 @@ fn joined(
         (0..points.len()).min_by(|a, b| points[*a].objective.total_cmp(&points[*b].objective));
     let margin = LOWER * threshold.noise * threshold.root.powi(2);
     Profile {
-        lower: least.filter(|k| points[*k].objective < solved.at.f - margin),
+        lower: least.filter(|k| points[*k].objective < best - margin),
         ends: [sides[0].1, sides[1].1],
         points,
     }
@@ -156,8 +162,9 @@ fn joined(
 
 /// A side of a profile on its way.
 struct Side<'a> {
-    solved: &'a Solved,
-    fixed: &'a Fixed<'a>,
+    /// The objective of the estimate.
+    best: f64,
+    fixed: &'a dyn Fixed,
     sought: Sought,
     threshold: Threshold,
     sign: f64,
@@ -169,18 +176,17 @@ struct Side<'a> {
 
 impl<'a> Side<'a> {
     fn new(
-        solved: &'a Solved,
-        fixed: &'a Fixed<'a>,
+        (value, best): (f64, f64),
+        fixed: &'a dyn Fixed,
         sought: Sought,
         threshold: Threshold,
         sign: f64,
         watch: Watch<'a>,
     ) -> Self {
-        let value = sought.at.value(&solved.problem, &solved.at.z);
         Self {
             path: vec![(value, 0.0, fixed.begin())],
             points: Vec::new(),
-            solved,
+            best,
             fixed,
             sought,
             threshold,
@@ -271,24 +277,17 @@ impl<'a> Side<'a> {
 
     /// Adds the point with that value; false where it does not converge.
     fn add(&mut self, value: f64) -> bool {
-        let problem = self.fixed.problem(value);
         let z = self.predicted(value);
-        let Some(iterate) = solve(&problem, z, &self.solved.options, &self.watch) else {
+        let Some(found) = self.fixed.solved(value, z, &self.watch) else {
             return false;
         };
-        let excess = (iterate.f - self.solved.at.f) / self.threshold.noise;
+        let excess = (found.objective - self.best) / self.threshold.noise;
         let root = excess.max(0.0).sqrt();
-        self.points.push(Point {
-            value,
-            objective: iterate.f,
-            root: self.sign * root,
-            constraints: held_constraints(&problem, &iterate),
-            bounds: held_bounds(&problem, &iterate),
-        });
+        self.points.push(Point::of(value, self.sign * root, &found));
         let place = self
             .path
             .partition_point(|own| (own.0 - value) * self.sign < 0.0);
-        self.path.insert(place, (value, root, iterate.z));
+        self.path.insert(place, (value, root, found.z));
         true
     }
 
@@ -308,20 +307,4 @@ impl<'a> Side<'a> {
         self.fixed.put(&mut z, value);
         z
     }
-}
-
-/// Constraints on parameters with a multiplier.
-fn held_constraints(problem: &Collocation, at: &Iterate) -> Vec<usize> {
-    let own = &at.eta[problem.layout.parameter_constraints..];
-    (0..own.len()).filter(|k| own[*k] != 0.0).collect()
-}
-
-/// Bounds with a multiplier at the begin of any run.
-fn held_bounds(problem: &Collocation, at: &Iterate) -> Vec<usize> {
-    let is_held = |k: &usize| {
-        let mut runs = problem.layout.runs.iter();
-        runs.any(|run| at.eta[run.g + k * run.samples] != 0.0)
-    };
-    let starts = (0..problem.bounds.len()).filter(|k| problem.bounds[*k].at == BoundAt::Start);
-    starts.filter(is_held).collect()
 }

@@ -1,7 +1,10 @@
-//! The solution of a problem, and how it is solved again.
+//! The solution of a collocation problem, and how it is solved again.
 
-use pilotage_collocation::Collocation;
+use crate::fixed::Held;
+use crate::refit::{Coordinate, Data, Fixed, Found, Point, Refit, Resample};
+use pilotage_collocation::{BoundAt, Collocation, Run};
 use pilotage_sqp::{Iterate, SqpOptions, Status};
+use rand_chacha::ChaCha8Rng;
 use std::ops::ControlFlow;
 
 /// A problem with its solution.
@@ -15,35 +18,146 @@ pub struct Solved {
     pub options: SqpOptions,
 }
 
-/// What is sought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Coordinate {
-    /// A shared parameter.
-    Shared(usize),
-    /// The initial value of a state of a run, which is what a run's own parameter is.
-    Initial {
-        /// The run.
-        run: usize,
-        /// The state.
-        state: usize,
-    },
+/// Makes runs of a replicate: other values recorded of the same runs.
+pub type Simulate<'a> = dyn Fn(&mut ChaCha8Rng) -> Vec<Run> + Send + Sync + 'a;
+
+/// The same with what other data follow from.
+pub struct Collocated<'a> {
+    /// The solution.
+    pub solved: Solved,
+    /// Number of measured outputs that are recorded; those behind are what is known beforehand.
+    pub signals: usize,
+    /// Draws residuals.
+    pub simulate: Box<Simulate<'a>>,
 }
 
-impl Coordinate {
-    /// Whether it is that of one run.
-    pub fn is_initial(self) -> bool {
-        matches!(self, Self::Initial { .. })
+impl Refit for Solved {
+    fn solution(&self) -> Point {
+        point(&self.problem, self.at.clone())
     }
 
-    /// Its value in units, by the variables of a problem.
-    pub fn value(self, problem: &Collocation, z: &[f64]) -> f64 {
-        let scales = &problem.model.scales;
-        match self {
-            Self::Shared(k) => problem.theta(z)[k] * scales.parameters[k],
-            Self::Initial { run, state } => {
-                problem.coefficients(z, run)[state] * scales.states[state]
+    fn value(&self, at: Coordinate) -> f64 {
+        let z = &self.at.z;
+        let own = match at {
+            Coordinate::Shared(k) => self.problem.theta(z)[k],
+            Coordinate::Initial { run, state } => self.problem.coefficients(z, run)[state],
+        };
+        own * self.scale(at)
+    }
+
+    fn scale(&self, at: Coordinate) -> f64 {
+        let scales = &self.problem.model.scales;
+        match at {
+            Coordinate::Shared(k) => scales.parameters[k],
+            Coordinate::Initial { state, .. } => scales.states[state],
+        }
+    }
+
+    fn fixed(&self, at: Coordinate) -> Box<dyn Fixed + '_> {
+        Box::new(Held::new(self, at))
+    }
+}
+
+impl Refit for Collocated<'_> {
+    fn solution(&self) -> Point {
+        self.solved.solution()
+    }
+
+    fn value(&self, at: Coordinate) -> f64 {
+        self.solved.value(at)
+    }
+
+    fn scale(&self, at: Coordinate) -> f64 {
+        self.solved.scale(at)
+    }
+
+    fn fixed(&self, at: Coordinate) -> Box<dyn Fixed + '_> {
+        self.solved.fixed(at)
+    }
+}
+
+impl Resample for Collocated<'_> {
+    fn runs(&self) -> usize {
+        self.solved.problem.runs.len()
+    }
+
+    fn refitted(&self, data: Data, watch: &Watch<'_>) -> Option<Found> {
+        let (runs, from) = match data {
+            Data::Counted(counts) => self.counted(&counts),
+            Data::Simulated(mut random) => {
+                ((self.simulate)(&mut random), (0..self.runs()).collect())
+            }
+        };
+        let (problem, z) = self.solved.posed(runs, &from);
+        let found = solve_from_afar(&problem, z, &self.solved.options, watch)?;
+        let initial = |run: usize| {
+            let place = from.iter().position(|from| *from == run)?;
+            let own = problem.coefficients(&found.z, place).iter();
+            let scales = &problem.model.scales.states;
+            Some(own.zip(scales).map(|(own, scale)| own * scale).collect())
+        };
+        Some(Found {
+            shared: problem.physical_theta(&found.z),
+            initial: (0..self.runs()).map(initial).collect(),
+        })
+    }
+}
+
+impl Collocated<'_> {
+    /// Runs that are drawn so often, and of which run each of them is. What is known of shared parameters beforehand stands
+    /// in one run, and stays.
+    fn counted(&self, counts: &[usize]) -> (Vec<Run>, Vec<usize>) {
+        let whole = &self.solved.problem.runs;
+        let from: Vec<usize> = (0..whole.len()).filter(|j| counts[*j] > 0).collect();
+        let mut runs: Vec<Run> = from.iter().map(|j| whole[*j].clone()).collect();
+        for (run, j) in runs.iter_mut().zip(&from) {
+            let recorded = run.measured[..self.signals].iter_mut();
+            recorded.for_each(|own| own.weight *= counts[*j] as f64);
+        }
+        for prior in self.signals..self.solved.problem.measured {
+            let is_there = |run: &Run| run.measured[prior].values.iter().any(|y| y.is_finite());
+            let first = whole.iter().find(|run| is_there(run));
+            if let (false, Some(first)) = (runs.iter().any(is_there), first) {
+                runs[0].measured[prior].values[0] = first.measured[prior].values[0];
             }
         }
+        (runs, from)
+    }
+}
+
+impl Solved {
+    /// The problem of other data, and its variables where the solved one has come to.
+    fn posed(&self, runs: Vec<Run>, from: &[usize]) -> (Collocation, Vec<f64>) {
+        let whole = &self.problem;
+        let problem = Collocation::new(
+            whole.model.tapes.clone(),
+            whole.constraints.clone(),
+            whole.scheme,
+            runs,
+            whole.model.scales.clone(),
+            &whole.bounds,
+        );
+        let own = from.iter();
+        let own = own.flat_map(|run| whole.coefficients(&self.at.z, *run));
+        let z = own.chain(whole.theta(&self.at.z)).copied().collect();
+        (problem, z)
+    }
+}
+
+/// A solution, with what holds there with a multiplier.
+pub(crate) fn point(problem: &Collocation, at: Iterate) -> Point {
+    let own = &at.eta[problem.layout.parameter_constraints..];
+    let constraints = (0..own.len()).filter(|k| own[*k] != 0.0).collect();
+    let is_held = |k: &usize| {
+        let mut runs = problem.layout.runs.iter();
+        runs.any(|run| at.eta[run.g + k * run.samples] != 0.0)
+    };
+    let starts = (0..problem.bounds.len()).filter(|k| problem.bounds[*k].at == BoundAt::Start);
+    Point {
+        constraints,
+        bounds: starts.filter(is_held).collect(),
+        objective: at.f,
+        z: at.z,
     }
 }
 
@@ -67,7 +181,7 @@ impl Default for Watch<'_> {
 }
 
 /// As [`solve`], from the solution of other data: on a coarser mesh first, where that is much smaller.
-pub(crate) fn solve_from_afar(
+fn solve_from_afar(
     problem: &Collocation,
     z: Vec<f64>,
     options: &SqpOptions,

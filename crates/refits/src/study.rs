@@ -1,10 +1,9 @@
 //! What a fit hands over to be solved again: its unknowns by their names, its data, its noise.
 
-use crate::bootstrap::{Replicate, Sample, counts, random, resampled};
+use crate::bootstrap::{Replicate, counts, random, resampled};
 use crate::profile::{End, Profile, Sought, Threshold, profile};
-use crate::solved::{Coordinate, Solved, Watch};
-use pilotage_collocation::{Collocation, Run};
-use rand_chacha::ChaCha8Rng;
+use crate::refit::{Coordinate, Data, Found, Resample};
+use crate::solved::Watch;
 use std::fmt;
 
 /// Runs from which on whole runs are drawn.
@@ -33,16 +32,13 @@ pub struct Unknown {
     pub told: Vec<bool>,
 }
 
-/// Makes runs of a replicate: other values recorded of the same runs.
-pub type Simulate<'a> = dyn Fn(&mut ChaCha8Rng) -> Vec<Run> + Send + Sync + 'a;
-
 /// What follows from the shared parameters, in their units.
 pub type Derive<'a> = dyn Fn(&[f64]) -> Vec<f64> + Send + Sync + 'a;
 
 /// A solved problem with what its refits need.
 pub struct Study<'a> {
     /// The problem at its solution.
-    pub solved: Solved,
+    pub solved: Box<dyn Resample + Send + 'a>,
     /// What is sought.
     pub unknowns: Vec<Unknown>,
     /// What the solver's objective is, per unit of the problem's.
@@ -55,14 +51,12 @@ pub struct Study<'a> {
     pub constraints: Vec<String>,
     /// Names of the bounds.
     pub bounds: Vec<String>,
-    /// Number of measured outputs that are recorded; those behind are what is known beforehand.
-    pub signals: usize,
     /// Names of what follows from shared parameters.
     pub derived: Vec<String>,
     /// Its values; not numbers where there are none.
     pub derive: Box<Derive<'a>>,
-    /// Draws residuals.
-    pub simulate: Box<Simulate<'a>>,
+    /// What [`Kind::Parametric`] draws, in words.
+    pub drawn: &'static str,
 }
 
 /// What is drawn.
@@ -131,13 +125,13 @@ impl Study<'_> {
     /// The value of an unknown.
     pub fn value(&self, k: usize) -> f64 {
         let own = &self.unknowns[k];
-        own.found(own.at.value(&self.solved.problem, &self.solved.at.z))
+        own.found(self.solved.value(own.at))
     }
 
     /// The profiles of these unknowns, in their units.
     pub fn profiles(&self, of: &[usize], watch: &Watch<'_>) -> Vec<Profile> {
         let sought: Vec<Sought> = of.iter().map(|k| self.sought(&self.unknowns[*k])).collect();
-        let mut found = profile(&self.solved, &sought, self.threshold, watch);
+        let mut found = profile(&*self.solved, &sought, self.threshold, watch);
         for (profile, k) in found.iter_mut().zip(of) {
             let own = &self.unknowns[*k];
             let points = profile.points.iter_mut();
@@ -156,11 +150,7 @@ impl Study<'_> {
     }
 
     fn sought(&self, own: &Unknown) -> Sought {
-        let scales = &self.solved.problem.model.scales;
-        let scale = match own.at {
-            Coordinate::Shared(k) => scales.parameters[k],
-            Coordinate::Initial { state, .. } => scales.states[state],
-        };
+        let scale = self.solved.scale(own.at);
         let is_step = own.half.is_finite() && own.half > 0.0;
         let end = |end: f64, inward: f64| match own.searched(end) {
             end if end.is_finite() => end + inward * INSIDE * (scale + end.abs()),
@@ -189,44 +179,22 @@ impl Study<'_> {
         let draw = |number: u64| {
             let mut random = random(seed, number);
             match kind {
-                Kind::Runs => self.drawn(&counts(self.solved.problem.runs.len(), &mut random)),
-                Kind::Parametric => Sample {
-                    runs: (self.simulate)(&mut random),
-                    from: (0..self.solved.problem.runs.len()).collect(),
-                },
+                Kind::Runs => Data::Counted(counts(self.solved.runs(), &mut random)),
+                Kind::Parametric => Data::Simulated(random),
             }
         };
-        let values = |sample: &Sample, problem: &Collocation, z: &[f64]| {
-            let value = |own: &Unknown| match sample.from.iter().any(|run| own.told[*run]) {
-                true => own.found(sample.value(own.at, problem, z)),
+        let values = |found: &Found| {
+            let is_drawn = |run: usize| found.initial[run].is_some();
+            let is_told = |own: &Unknown| (0..own.told.len()).any(|j| own.told[j] && is_drawn(j));
+            let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
+            let of = |own: &Unknown| match is_told(own) && !initial(own) {
+                true => own.found(found.value(own.at)),
                 false => f64::NAN,
             };
-            let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
-            let of = |own: &Unknown| if initial(own) { f64::NAN } else { value(own) };
             let mut all: Vec<f64> = self.unknowns.iter().map(of).collect();
-            all.extend((self.derive)(&problem.physical_theta(z)));
+            all.extend((self.derive)(&found.shared));
             all
         };
-        resampled(&self.solved, numbers, &draw, &values, (see, watch))
-    }
-
-    /// Runs that are drawn so often: one that is drawn twice has twice the weight. What is known of shared parameters
-    /// beforehand stands in one run, and stays.
-    fn drawn(&self, counts: &[usize]) -> Sample {
-        let whole = &self.solved.problem.runs;
-        let from: Vec<usize> = (0..whole.len()).filter(|j| counts[*j] > 0).collect();
-        let mut runs: Vec<Run> = from.iter().map(|j| whole[*j].clone()).collect();
-        for (run, j) in runs.iter_mut().zip(&from) {
-            let recorded = run.measured[..self.signals].iter_mut();
-            recorded.for_each(|own| own.weight *= counts[*j] as f64);
-        }
-        for prior in self.signals..self.solved.problem.measured {
-            let is_there = |run: &Run| run.measured[prior].values.iter().any(|y| y.is_finite());
-            let first = whole.iter().find(|run| is_there(run));
-            if let (false, Some(first)) = (runs.iter().any(is_there), first) {
-                runs[0].measured[prior].values[0] = first.measured[prior].values[0];
-            }
-        }
-        Sample { runs, from }
+        resampled(&*self.solved, numbers, &draw, &values, (see, watch))
     }
 }

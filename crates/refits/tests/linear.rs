@@ -8,7 +8,7 @@ use pilotage_expression::System;
 use pilotage_refits::bootstrap::{counts, random};
 use pilotage_refits::study::{Study, Unknown};
 use pilotage_refits::{
-    Coordinate, End, Kind, Profile, Solved, Sought, Threshold, Watch, profile, spread,
+    Collocated, Coordinate, End, Kind, Profile, Solved, Sought, Threshold, Watch, profile, spread,
 };
 use pilotage_sqp::{SqpOptions, Status};
 use rand_distr::{Distribution, StandardNormal};
@@ -242,11 +242,14 @@ fn study(runs: usize) -> Study<'static> {
         degrees: None,
         constraints: Vec::new(),
         bounds: Vec::new(),
-        signals: 1,
+        drawn: "",
         derived: vec!["difference".to_owned()],
         derive: Box::new(|theta| vec![theta[0] - theta[1]]),
-        simulate: Box::new(move |_| whole.clone()),
-        solved,
+        solved: Box::new(Collocated {
+            solved,
+            signals: 1,
+            simulate: Box::new(move |_| whole.clone()),
+        }),
     }
 }
 

@@ -7,7 +7,9 @@ use crate::active::beyond;
 use crate::describing::describing;
 use crate::diagnostic::Diagnostic;
 use crate::diagnostics::diagnostics;
-use crate::innovations::{Begin, Likelihood, Predicted, linearised, predicted as searched};
+use crate::innovations::{
+    Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched,
+};
 use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::{Fit, RunFit};
@@ -71,6 +73,7 @@ pub(super) fn predicted(
     let exceeded = exceeded.map(|(name, by)| Diagnostic::BeyondLimit { name, by });
     found.diagnostics.extend(exceeded.filter(|_| is_whole));
     found.solved = Some(Arc::new(last));
+    found.optimum = Some(Arc::new(Optimum::of(best)));
     found
 }
 

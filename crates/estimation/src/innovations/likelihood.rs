@@ -25,6 +25,12 @@ pub struct Likelihood<'p> {
     filter: &'p Filter,
     /// In how many parts an interval between samples is taken.
     pub parts: usize,
+    /// For each signal and run what was recorded, in the place of the problem's.
+    pub recorded: Option<&'p [Vec<Vec<f64>>]>,
+    /// For each unknown what the residual of its prior is more, if anything.
+    pub shifts: Option<&'p [f64]>,
+    /// How often each run counts, if not once.
+    pub counts: Option<&'p [usize]>,
 }
 
 /// The innovations of a run and their derivatives by its unknowns, shared ones first.
@@ -44,6 +50,9 @@ impl<'p> Likelihood<'p> {
             posed,
             filter: posed.filter.as_ref()?,
             parts: 1,
+            recorded: None,
+            shifts: None,
+            counts: None,
         })
     }
 
@@ -110,19 +119,42 @@ impl<'p> Likelihood<'p> {
         states: &[Jet<N>],
         theta: &[Jet<N>],
     ) -> Course<N> {
-        let posed = self.posed;
-        let measured: Vec<Vec<f64>> = posed
-            .told
-            .recorded
-            .iter()
-            .map(|all| all[j].clone())
-            .collect();
-        let record = Record {
-            time: &posed.runs[j].time,
-            inputs: &posed.runs[j].inputs,
-            measured: &measured,
-        };
+        let measured = self.measured(j);
+        let record = self.record(j, &measured);
         self.filter.run::<T, N>(&record, states, theta, self.parts)
+    }
+
+    /// What was recorded of a run, by signals.
+    fn measured(&self, j: usize) -> Vec<Vec<f64>> {
+        let all = self.recorded.unwrap_or(&self.posed.told.recorded);
+        all.iter().map(|own| own[j].clone()).collect()
+    }
+
+    fn record<'a>(&self, j: usize, measured: &'a [Vec<f64>]) -> Record<'a>
+    where
+        'p: 'a,
+    {
+        let run = &self.posed.runs[j];
+        Record {
+            time: &run.time,
+            inputs: &run.inputs,
+            measured,
+        }
+    }
+
+    /// What could have been recorded of a run whose states begin there, by signals; with numbers of unit variance.
+    pub fn simulated(
+        &self,
+        j: usize,
+        initial: &[f64],
+        theta: &[Jet<0>],
+        gauss: &mut dyn FnMut() -> f64,
+    ) -> Vec<Vec<f64>> {
+        let measured = self.measured(j);
+        let states: Vec<Jet<0>> = initial.iter().map(|x| Jet::constant(*x)).collect();
+        let record = self.record(j, &measured);
+        self.filter
+            .simulated(&record, &states, theta, self.parts, gauss)
     }
 
     /// A run, filtered.
@@ -134,6 +166,7 @@ impl<'p> Likelihood<'p> {
     pub fn value(&self, unknowns: &[f64]) -> f64 {
         let runs: Vec<f64> = (0..self.posed.runs.len())
             .into_par_iter()
+            .filter(|j| self.counts(*j))
             .map(|j| {
                 let innovations = self.filtered(j, unknowns).innovations;
                 let sum: f64 = innovations.iter().map(Innovation::surprise).sum();
@@ -145,29 +178,34 @@ impl<'p> Likelihood<'p> {
 
     /// The weight of a run.
     pub fn weight(&self, j: usize) -> f64 {
-        self.posed.data[j].line.weight
+        let often = self.counts.map_or(1, |counts| counts[j]);
+        self.posed.data[j].line.weight * often as f64
+    }
+
+    /// Whether a run counts.
+    pub fn counts(&self, j: usize) -> bool {
+        self.counts.is_none_or(|counts| counts[j] > 0)
     }
 
     /// The innovations of all runs with their derivatives.
     pub fn rows(&self, unknowns: &[f64]) -> Vec<RunRows> {
-        let runs = (0..self.posed.runs.len()).map(|j| self.posed.shared + self.free(j).len());
-        let passes = runs.enumerate().flat_map(|(j, count)| {
-            let firsts = (0..count.max(1)).step_by(WIDTH);
-            firsts.map(move |first| (j, first, count))
+        let width = |j: usize| self.posed.shared + self.free(j).len();
+        let runs = 0..self.posed.runs.len();
+        let passes = runs.clone().filter(|j| self.counts(*j)).flat_map(|j| {
+            let firsts = (0..width(j).max(1)).step_by(WIDTH);
+            firsts.map(move |first| (j, first))
         });
-        let passes: Vec<(usize, usize, usize)> = passes.collect();
+        let passes: Vec<(usize, usize)> = passes.collect();
         let courses: Vec<Course<WIDTH>> = passes
             .par_iter()
-            .map(|(j, first, _)| self.course::<DualSVec64<WIDTH>, WIDTH>(*j, unknowns, *first))
+            .map(|(j, first)| self.course::<DualSVec64<WIDTH>, WIDTH>(*j, unknowns, *first))
             .collect();
-        let mut all: Vec<RunRows> = Vec::new();
-        for ((_, first, count), course) in passes.iter().zip(&courses) {
+        let mut all: Vec<RunRows> = runs.map(|j| RunRows::empty(width(j))).collect();
+        for ((j, first), course) in passes.iter().zip(&courses) {
             if *first == 0 {
-                all.push(RunRows::new(course, *count));
+                all[*j] = RunRows::new(course, width(*j));
             }
-            if let Some(run) = all.last_mut() {
-                run.fill(course, *first);
-            }
+            all[*j].fill(course, *first);
         }
         all
     }
@@ -181,7 +219,10 @@ impl<'p> Likelihood<'p> {
             } else {
                 Vec::new()
             };
-            let term = move |place: usize| PriorTerm::of(unknown, unknowns[place], place);
+            let term = move |place: usize| {
+                let shift = self.shifts.map_or(0.0, |shifts| shifts[place]);
+                PriorTerm::of(unknown, unknowns[place], place, shift)
+            };
             places.into_iter().filter_map(term)
         })
     }
@@ -230,6 +271,15 @@ impl<'p> Likelihood<'p> {
 }
 
 impl RunRows {
+    /// Of a run that does not count.
+    fn empty(unknowns: usize) -> Self {
+        Self {
+            innovations: Vec::new(),
+            errors: DMatrix::zeros(0, unknowns),
+            variances: DMatrix::zeros(0, unknowns),
+        }
+    }
+
     fn new<const N: usize>(course: &Course<N>, unknowns: usize) -> Self {
         let plain = |own: &Innovation<N>| Innovation {
             signal: own.signal,
@@ -289,14 +339,14 @@ pub struct PriorTerm {
 }
 
 impl PriorTerm {
-    fn of(unknown: &Unknown, searched: f64, place: usize) -> Option<Self> {
+    fn of(unknown: &Unknown, searched: f64, place: usize, shift: f64) -> Option<Self> {
         let prior = unknown.prior?;
         let (p, slope) = match (unknown.log, prior.log) {
             (true, false) => (searched.exp(), searched.exp()),
             (false, true) => (searched.ln(), 1.0 / searched),
             _ => (searched, 1.0),
         };
-        let residual = (p - prior.mean) / prior.sd;
+        let residual = (p - prior.mean) / prior.sd + shift;
         Some(Self {
             place,
             value: residual * residual,

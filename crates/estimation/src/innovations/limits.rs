@@ -13,6 +13,8 @@ pub struct Limits<'p> {
     own: Vec<(std::ops::Range<usize>, Vec<usize>)>,
     /// What is bounded where each run begins.
     begin: Tape,
+    /// Which bounds of the problem these are.
+    bounds: Vec<usize>,
     lower: Vec<f64>,
     upper: Vec<f64>,
 }
@@ -26,10 +28,12 @@ impl<'p> Limits<'p> {
         let moves = system
             .graph
             .dependants(|variable| (1..=states).contains(&variable));
-        let bounded = system.outputs[first..].iter().zip(&posed.bounds);
+        let outputs = &system.outputs[first..];
         let is_known = |node: &Node, at| at == BoundAt::Start || !moves[node.index()];
-        let known = bounded.filter(|(node, bound)| is_known(node, bound.at));
-        let (nodes, bounds): (Vec<Node>, Vec<&Bound>) = known.unzip();
+        let known = (0..outputs.len()).filter(|k| is_known(&outputs[*k], posed.bounds[*k].at));
+        let places: Vec<usize> = known.collect();
+        let nodes: Vec<Node> = places.iter().map(|k| outputs[*k]).collect();
+        let bounds: Vec<&Bound> = places.iter().map(|k| &posed.bounds[*k]).collect();
         let count = posed.constraints.count();
         let (mut lower, mut upper) = (vec![0.0; count], vec![f64::INFINITY; count]);
         for _ in &posed.runs {
@@ -41,6 +45,7 @@ impl<'p> Limits<'p> {
             posed,
             own: own.map(|(j, range)| (range, likelihood.free(j))).collect(),
             begin: Tape::new(&system.graph, system.variables(), |_| false, &[&nodes]),
+            bounds: places,
             lower,
             upper,
         }
@@ -49,6 +54,11 @@ impl<'p> Limits<'p> {
     /// Lower and upper limits.
     pub fn ends(&self) -> (&[f64], &[f64]) {
         (&self.lower, &self.upper)
+    }
+
+    /// Which of the problem's bounds hold where each run begins.
+    pub fn bounds(&self) -> &[usize] {
+        &self.bounds
     }
 
     /// The values: those of the shared parameters, then those of each run.

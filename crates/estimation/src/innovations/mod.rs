@@ -10,7 +10,9 @@
 //! | `program` | both as a nonlinear program |
 //! | `ahead` | predictions and innovations of a run, as results have them |
 //! | `linearised` | a solution as a least-squares problem, for its covariance |
+//! | `again` | a solution, solved again: profiles and bootstraps |
 
+mod again;
 mod ahead;
 mod likelihood;
 mod limits;
@@ -19,6 +21,8 @@ mod program;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use again::Again;
+pub use again::Optimum;
 pub use ahead::Ahead;
 pub(crate) use ahead::ahead;
 pub use likelihood::Likelihood;

@@ -35,6 +35,8 @@ pub struct Program<'p> {
     /// Whether the curvature is that of differences. Fisher's information is the mean of the curvature over data: it is
     /// quicker to have, and a poor model of a density that the data do not tell from zero.
     pub is_exact: bool,
+    /// An unknown that stays at a scaled value.
+    pub fixed: Option<(usize, f64)>,
     /// Number of shared parameters, and where the unknowns of the runs stand.
     shared: usize,
     own: Vec<std::ops::Range<usize>>,
@@ -76,6 +78,7 @@ impl<'p> Program<'p> {
             own: likelihood.own(),
             shared,
             is_exact: false,
+            fixed: None,
             factor: 1.0 / samples.max(1) as f64,
             likelihood,
             limits,
@@ -181,6 +184,20 @@ impl<'p> Program<'p> {
         }
     }
 
+    /// What a run has of its own stays where it is while the run does not count: its curvature is that of the scales.
+    fn hold_uncounted(&self, values: &mut [f64]) {
+        let uncounted = (0..self.own.len()).filter(|j| !self.likelihood.counts(*j));
+        let held: Vec<usize> = uncounted.flat_map(|j| self.own[j].clone()).collect();
+        if held.is_empty() {
+            return;
+        }
+        for (value, (i, k)) in values.iter_mut().zip(self.pairs()) {
+            if i == k && held.contains(&k) {
+                *value += 1.0;
+            }
+        }
+    }
+
     /// The sum of the runs' information on two unknowns.
     fn entry(&self, blocks: &[DMatrix<f64>], i: usize, k: usize) -> f64 {
         let runs = self.own.iter().zip(blocks);
@@ -200,7 +217,7 @@ impl Problem for Program<'_> {
     }
 
     fn n_equalities(&self) -> usize {
-        0
+        usize::from(self.fixed.is_some())
     }
 
     fn limits(&self) -> (&[f64], &[f64]) {
@@ -211,7 +228,10 @@ impl Problem for Program<'_> {
         &self.weights
     }
 
-    fn evaluate(&self, z: &[f64], _: &mut [f64], g: &mut [f64]) -> f64 {
+    fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64 {
+        if let Some((k, value)) = self.fixed {
+            c[0] = z[k] - value;
+        }
         let unknowns = self.unknowns(z);
         let values = self.limits.values(&unknowns).into_iter().zip(&self.sizes);
         g.iter_mut()
@@ -227,7 +247,7 @@ impl SparseProblem for Program<'_> {
     }
 
     fn equality_pattern(&self) -> Pattern {
-        Vec::new()
+        self.fixed.iter().map(|(k, _)| (0, *k)).collect()
     }
 
     fn inequality_pattern(&self) -> Pattern {
@@ -237,7 +257,8 @@ impl SparseProblem for Program<'_> {
             .collect()
     }
 
-    fn jacobians(&self, z: &[f64], _: &mut [f64], inequality: &mut [f64]) {
+    fn jacobians(&self, z: &[f64], equality: &mut [f64], inequality: &mut [f64]) {
+        equality.fill(1.0);
         let slopes = self.limits.slopes(&self.unknowns(z));
         let entries = self.inequality_pattern().into_iter().zip(inequality);
         for ((i, k), entry) in entries {
@@ -251,12 +272,14 @@ impl SparseProblem for Program<'_> {
 
     fn hessian(&self, z: &[f64], _: &[f64], eta: &[f64], kind: Hessian, values: &mut [f64]) {
         values.copy_from_slice(&self.linear(z).hessian);
+        self.hold_uncounted(values);
         if kind == Hessian::GaussNewton {
             return;
         }
         if let Some(own) = self.is_exact.then(|| self.differences(z)).flatten() {
             values.copy_from_slice(&own);
         }
+        self.hold_uncounted(values);
         if eta.iter().all(|own| *own == 0.0) {
             return;
         }

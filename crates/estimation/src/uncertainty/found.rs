@@ -14,11 +14,6 @@ pub enum Unsure {
         "the derivatives are not known: a run has more than 126 unknowns, or its linearised equations are singular"
     )]
     NoDerivatives,
-    /// Nothing but the response is solved again.
-    #[error(
-        "the fit of prediction errors is not solved again: --profile and --bootstrap take objective = \"response\""
-    )]
-    Innovations,
     /// No covariance.
     #[error(transparent)]
     Obstacle(#[from] Obstacle),

@@ -75,11 +75,6 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     if args.evaluate {
         return evaluate::run(&posed, args.json);
     }
-    if let (true, Some(flag)) = (posed.filter.is_some(), args.refits.flag()) {
-        let message = format!("{flag} is not done with objective = \"prediction-error\"");
-        let hint = "the fit has standard deviations and intervals without it; leave it out";
-        return Err(Failure::new(message).hint(hint));
-    }
     let plan = args
         .refits
         .plan(&refits::sought(&posed), posed.runs.len())?;

@@ -80,6 +80,8 @@ pub struct Refitted {
 struct Bootstrapped {
     asked: u64,
     kind: Kind,
+    /// What was drawn, in words.
+    drawn: &'static str,
     seed: u64,
     replicates: Vec<Replicate>,
 }
@@ -262,6 +264,10 @@ impl Plan {
         let found = Bootstrapped {
             asked,
             kind,
+            drawn: match kind {
+                Kind::Runs => "runs drawn with replacement",
+                Kind::Parametric => study.drawn,
+            },
             seed,
             replicates,
         };

@@ -74,8 +74,8 @@ impl Kept {
 
 /// The first line: of what fit, drawn how.
 fn head(study: &Study<'_>, kind: Kind, seed: u64) -> String {
-    let solved = &study.solved;
-    let values = solved.at.z.iter().chain([&solved.at.f]);
+    let solved = study.solved.solution();
+    let values = solved.z.iter().chain([&solved.objective]);
     let mut bytes: Vec<u8> = values.flat_map(|value| value.to_le_bytes()).collect();
     study
         .unknowns

@@ -227,18 +227,15 @@ impl Refitted {
 
 impl Bootstrapped {
     fn told(&self) -> String {
-        let what = match self.kind {
-            crate::refits::Kind::Runs => "runs drawn with replacement",
-            crate::refits::Kind::Parametric => "residuals drawn from autoregressive noise",
-        };
         let failed = self.replicates.len() - self.converged();
         let failed = match failed {
             0 => String::new(),
             failed => format!("; {failed} did not converge and are left out"),
         };
         format!(
-            "bootstrap: {} refits, {what}, seed {}{failed}",
+            "bootstrap: {} refits, {}, seed {}{failed}",
             self.converged(),
+            self.drawn,
             self.seed
         )
     }
