@@ -1,4 +1,4 @@
-//! The loop that the instances of a problem close, cut open at a wire, linear at the end of the first run.
+//! The loops that the instances of a problem close, each cut open at a wire, linear at the end of the first run.
 
 use crate::joint::{Joint, conversion};
 use crate::posed::Posed;
@@ -8,10 +8,10 @@ use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Wire;
 use pilotage_expression::{Graph, Node};
-use pilotage_linear::{LoopFigures, OpenLoop, StateSpace, eigenvalues};
+use pilotage_linear::{Figure, LoopFigures, OpenLoop, StateSpace, eigenvalues};
 use std::collections::HashMap;
 
-/// The joint equations without a wire that closes their only loop.
+/// The joint equations without a wire that closes a loop.
 pub(crate) struct Cut<'p> {
     posed: &'p Posed<'p>,
     /// Graph of the equations, and for each of its variables where the closed ones have it: none for the input that the
@@ -25,11 +25,9 @@ pub(crate) struct Cut<'p> {
 }
 
 impl<'p> Cut<'p> {
-    /// Of a problem whose instances close a loop that one wire opens; none of others, such as a task in two axes.
-    pub fn new(posed: &'p Posed<'p>) -> Option<Self> {
-        let description = &posed.file.system;
-        let cut = opening(description)?;
-        let mut open = description.clone();
+    /// Of a problem without the wire of that number.
+    fn new(posed: &'p Posed<'p>, cut: usize) -> Option<Self> {
+        let mut open = posed.file.system.clone();
         let wire = open.connections.remove(cut);
         let joint = Joint::new(&open, posed.joint.parts.clone()).ok()?;
         let (closed, own) = (&posed.joint.model, &joint.model);
@@ -76,7 +74,7 @@ impl<'p> Cut<'p> {
 
     /// The loop with these shared parameters and these states at the end of the first run. None where a derivative is no
     /// finite number.
-    pub fn at(
+    fn at(
         &self,
         x: &[f64],
         theta: &[f64],
@@ -118,29 +116,77 @@ impl<'p> Cut<'p> {
     }
 }
 
-/// The loop of a solution, with its figures.
-pub(crate) struct Looped<'p> {
+/// A loop of a solution, with its figures.
+struct Loop<'p> {
+    /// The output whose wire is cut, where there are several loops.
+    name: Option<String>,
     cut: Cut<'p>,
-    /// The states at the end of the first run.
-    x: Vec<f64>,
     figures: LoopFigures,
 }
 
+impl Loop<'_> {
+    /// Figures with the loop's name; the poles, which are those of all loops, without.
+    fn named(&self, figures: &LoopFigures) -> Vec<Figure> {
+        let mut all = figures.named();
+        if let Some(name) = &self.name {
+            let own = all.iter_mut().filter(|own| !own.is_of_pole());
+            own.for_each(|own| own.name = format!("{}({name})", own.name));
+        }
+        all
+    }
+}
+
+/// The loops of a solution. Where wires lead side by side, as from a pilot's two sticks, each is cut with the others closed
+/// (margins of one path at a time: MIL-F-9490D, 3.1.3.6).
+pub(crate) struct Looped<'p> {
+    loops: Vec<Loop<'p>>,
+    /// The states at the end of the first run.
+    x: Vec<f64>,
+}
+
 impl<'p> Looped<'p> {
-    /// Of a problem with these states at the end of the first run, and shared parameters; none where [`Cut::new`] knows
-    /// none.
+    /// Of a problem with these states at the end of the first run, and shared parameters; none where no wires between two
+    /// instances open all loops, or one is not linear there.
     pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
-        let cut = Cut::new(posed)?;
+        let description = &posed.file.system;
+        let wires = openings(description);
+        let is_single = wires.len() == 1;
+        let own = |wire: usize| {
+            let cut = Cut::new(posed, wire)?;
+            let name = description.connections[wire].from.value.clone();
+            Some(Loop {
+                name: (!is_single).then_some(name),
+                figures: cut.at(x, theta)?.figures(),
+                cut,
+            })
+        };
+        let loops: Option<Vec<Loop<'p>>> = wires.into_iter().map(own).collect();
         Some(Self {
-            figures: cut.at(x, theta)?.figures(),
+            loops: loops.filter(|own| !own.is_empty())?,
             x: x.to_vec(),
-            cut,
         })
+    }
+
+    /// The figures of all loops as they have become, and the poles once.
+    fn all(&self, of: impl Fn(&Loop<'p>) -> Option<LoopFigures>) -> Vec<Figure> {
+        let mut all = Vec::new();
+        for (k, own) in self.loops.iter().enumerate() {
+            let figures = of(own).unwrap_or_default();
+            let named = own.named(&figures).into_iter();
+            all.extend(named.filter(|own| k == 0 || !own.is_of_pole()));
+        }
+        // Poles come last, as of one loop.
+        all.sort_by_key(Figure::is_of_pole);
+        all
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        self.all(|own| Some(own.figures.clone()))
     }
 
     /// The figures, as what is found.
     pub fn found(&self) -> Vec<Found> {
-        let figures = self.figures.named().into_iter();
+        let figures = self.figures().into_iter();
         let found = figures.map(|figure| Found {
             name: figure.name,
             unit: Some(figure.unit.to_owned()),
@@ -153,10 +199,11 @@ impl<'p> Looped<'p> {
 
     /// The same figures with shared parameters that may be far away.
     pub fn again(&self, theta: &[f64]) -> Vec<f64> {
-        let found = self.cut.at(&self.x, theta);
-        let found = found.map(|own| own.figures_with(&self.figures.poles).named());
-        let found = found.unwrap_or_default();
-        let figures = self.figures.named();
+        let found = self.all(|own| {
+            let moved = own.cut.at(&self.x, theta)?;
+            Some(moved.figures_with(&own.figures.poles))
+        });
+        let figures = self.figures();
         figures.iter().map(|own| own.value_in(&found)).collect()
     }
 
@@ -165,12 +212,8 @@ impl<'p> Looped<'p> {
     pub fn moved(&self, theta: &[f64], (state, by): (usize, f64)) -> Vec<f64> {
         let mut x = self.x.clone();
         x[state] += by;
-        let moved = self
-            .cut
-            .at(&x, theta)
-            .map(|own| own.figures_near(&self.figures).named());
-        let moved = moved.unwrap_or_default();
-        let figures = self.figures.named();
+        let moved = self.all(|own| Some(own.cut.at(&x, theta)?.figures_near(&own.figures)));
+        let figures = self.figures();
         figures.iter().map(|own| own.value_in(&moved)).collect()
     }
 }
@@ -194,19 +237,32 @@ pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String 
 
 /// The first wire without which no instance acts on itself, where with it one does.
 pub(crate) fn opening(description: &SystemDescription) -> Option<usize> {
+    match openings(description)[..] {
+        [own] => Some(own),
+        _ => None,
+    }
+}
+
+/// The same, or the first wires that lead from one instance to another without which none does.
+fn openings(description: &SystemDescription) -> Vec<usize> {
     let wires = description.connections.iter();
     let edges: Vec<[String; 2]> = wires.map(|wire| ends(description, wire)).collect();
-    let without = |cut: Option<usize>| {
-        let kept = edges
-            .iter()
-            .enumerate()
-            .filter(move |(k, _)| Some(*k) != cut);
-        kept.map(|(_, edge)| edge).collect::<Vec<_>>()
+    let is_open = |cut: &[usize]| {
+        let kept = edges.iter().enumerate();
+        let kept = kept.filter(|(k, _)| !cut.contains(k));
+        !has_circle(&kept.map(|(_, edge)| edge).collect::<Vec<_>>())
     };
-    let is_open = |cut: &usize| !has_circle(&without(Some(*cut)));
-    (0..edges.len())
-        .filter(|_| has_circle(&without(None)))
-        .find(is_open)
+    if is_open(&[]) {
+        return Vec::new();
+    }
+    let beside = |k: usize| -> Vec<usize> {
+        let others = edges.iter().enumerate();
+        let beside = others.filter(|(_, own)| **own == edges[k]);
+        beside.map(|(k, _)| k).collect()
+    };
+    let single = (0..edges.len()).map(|k| vec![k]);
+    let all = single.chain((0..edges.len()).map(beside));
+    all.into_iter().find(|cut| is_open(cut)).unwrap_or_default()
 }
 
 /// Whether edges lead from anywhere back to it: what nothing leads to is taken away until nothing is left.

@@ -127,6 +127,44 @@ fn a_gain_before_an_integrator_has_the_figures_of_the_crossover_model() {
     assert!(!names.contains(&"gain_margin"), "{names:?}");
 }
 
+/// Two sticks of a vehicle whose axes disturb each other: each loop has the figures that it has with the other one closed.
+/// With `ż₁ = s₁ - c z₂`, `ż₂ = s₂ + d z₁` and gains k, b that is `L₁ = k (s + b)/(s (s + b) + c d)`.
+#[test]
+fn loops_of_two_sticks_are_cut_one_at_a_time() {
+    let pilot = "[model]\nname = \"pilot\"\n[inputs]\ntarget = 1\np1 = 0\np2 = 0\n[parameters]\nk = 0.5\nb = 0.8\n\
+                 [outputs]\nstick = \"k * (target - p1)\"\nstick2 = \"-b * p2\"\n";
+    let vehicle = "[model]\nname = \"vehicle\"\n[inputs]\nstick = 0\nstick2 = 0\n[states]\n\
+                   z1 = { der = \"stick - 0.5 * z2\" }\nz2 = { der = \"stick2 + 0.6 * z1\" }\n";
+    let files = [("pilot.toml", pilot), ("vehicle.toml", vehicle)];
+    let problem = "[system.pilot]\nmodel = \"pilot.toml\"\n[system.vehicle]\nmodel = \"vehicle.toml\"\n[connect]\n\
+                   \"pilot.stick\" = \"vehicle.stick\"\n\"pilot.stick2\" = \"vehicle.stick2\"\n\
+                   \"vehicle.z1\" = \"pilot.p1\"\n\"vehicle.z2\" = \"pilot.p2\"\n\
+                   [[measured]]\nsignal = \"vehicle.z1\"\ncolumn = \"x\"\n[parameters]\n\"pilot.k\" = {}\n";
+    let fit = fitted(&files, problem, 2, |t| 0.6 * (1.0 - (-0.9 * t).exp()));
+    let (k, of_k) = parameter(&fit, "pilot.k");
+    let (b, e) = (0.8, 0.3);
+    let (w, own) = derived(&fit, "crossover_frequency(pilot.stick)");
+    let (above, below) = (w * w + b * b, (e - w * w).powi(2) + (w * b).powi(2));
+    assert_near(k * k * above, below, 1e-9);
+    let slope = 2.0 * k * above / (4.0 * w * (w * w - e) + 2.0 * w * b * b - 2.0 * w * k * k);
+    assert_near(own.sd, slope.abs() * of_k.sd, 1e-5);
+    let phase = w.atan2(b) - (w * b).atan2(e - w * w);
+    let (margin, _) = derived(&fit, "phase_margin(pilot.stick)");
+    assert_near(margin, 180.0 + phase.to_degrees(), 1e-9);
+    // Of the second loop, in the same way with k and b in each other's place.
+    let (w, own) = derived(&fit, "crossover_frequency(pilot.stick2)");
+    let (above, below) = (w * w + k * k, (e - w * w).powi(2) + (w * k).powi(2));
+    assert_near(b * b * above, below, 1e-9);
+    let slope = (2.0 * k * b * b - 2.0 * w * w * k)
+        / (4.0 * w * (w * w - e) + 2.0 * w * k * k - 2.0 * w * b * b);
+    assert_near(own.sd, slope.abs() * of_k.sd, 1e-5);
+    // The poles are those of both, once: s² + (k + b) s + k b + e.
+    let poles: Vec<&str> = fit.derived.iter().map(|own| own.name.as_str()).collect();
+    let poles: Vec<&&str> = poles.iter().filter(|own| own.starts_with("pole")).collect();
+    assert_eq!(poles, [&"pole1_re", &"pole1_im"]);
+    assert_near(derived(&fit, "pole1_re").0, -0.5 * (k + b), 1e-9);
+}
+
 /// With a gain of its own for each run the figures are those of the first, as sure as its gain is.
 #[test]
 fn a_loop_with_a_gain_for_each_run_is_that_of_the_first() {

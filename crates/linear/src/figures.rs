@@ -110,23 +110,22 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Whether a figure of some loop has this name.
+    /// Whether a figure of some loop has this name; of one of several loops with `(the loop)` behind it.
     pub fn is_name(name: &str) -> bool {
-        let of_pole = |part: &str| {
-            let number = name
-                .strip_prefix("pole")
-                .and_then(|rest| rest.strip_suffix(part));
-            number.is_some_and(|number| number.parse::<u32>().is_ok())
-        };
+        let own = name.split_once('(').map_or(name, |(own, _)| own);
         [
             "crossover_frequency",
             "phase_margin",
             "effective_delay",
             "gain_margin",
         ]
-        .contains(&name)
-            || of_pole("_re")
-            || of_pole("_im")
+        .contains(&own)
+            || is_of_pole(name)
+    }
+
+    /// Whether it is a part of a pole.
+    pub fn is_of_pole(&self) -> bool {
+        is_of_pole(&self.name)
     }
 
     /// The value of the figure of the same name; not a number where there is none.
@@ -134,6 +133,14 @@ impl Figure {
         let own = others.iter().find(|other| other.name == self.name);
         own.map_or(f64::NAN, |own| own.value)
     }
+}
+
+fn is_of_pole(name: &str) -> bool {
+    let rest = name.strip_prefix("pole").unwrap_or_default();
+    let number = ["_re", "_im"]
+        .into_iter()
+        .find_map(|part| rest.strip_suffix(part));
+    number.is_some_and(|number| number.parse::<u32>().is_ok())
 }
 
 impl LoopFigures {
