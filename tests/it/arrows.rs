@@ -188,6 +188,40 @@ fn of_co_simulation_estimation_knows_descriptions_alone() {
     }
 }
 
+/// The modules of a fit lie one above the other.
+#[test]
+fn of_estimation_each_module_names_those_beneath_it() {
+    let layers = [
+        "problem",
+        "system",
+        "posed",
+        "search",
+        "innovations",
+        "result",
+        "fit",
+        "studies",
+    ];
+    let mut seen = BTreeSet::new();
+    for (file, code) in library() {
+        let Some(rest) = file.strip_prefix("crates/estimation/src/") else {
+            continue;
+        };
+        let own = layers.iter().position(|layer| is_of(rest, layer));
+        let Some(own) = own else {
+            assert_eq!(rest, "lib.rs", "a module that is in no layer");
+            continue;
+        };
+        seen.insert(own);
+        let above = &layers[own + 1..];
+        let named: Vec<&str> = code.split("crate::").skip(1).collect();
+        for layer in above {
+            let is_named = |text: &&&str| text.starts_with(&format!("{layer}::"));
+            assert_eq!(named.iter().find(is_named), None, "{file} names {layer}");
+        }
+    }
+    assert_eq!(seen.len(), layers.len());
+}
+
 #[test]
 fn only_the_command_line_knows_clap_and_the_terminal() {
     let library = library();

@@ -36,67 +36,34 @@
 //!
 //! Take it where models are text and data are files; `pilotage-collocation` is beneath it, for equations in Rust.
 //!
-//! | module | what it holds |
+//! | module, each beneath the next | what it holds |
 //! | --- | --- |
-//! | [mod@file], `read`, `runs` | what a problem file says |
-//! | [`part`], [`joint`] | the instances as equations, and wired |
-//! | [`unknowns`], `ranges`, `names` | parameters, what they are and between which values; the expressions of the file |
-//! | [`data`] | the runs: columns, inputs, times at which something changes |
-//! | `assembly`, `stability`, `interval`, [`posed`] | from all that to one system of equations |
-//! | [`mod@beforehand`] | what the runs excite, and what nothing measured depends on |
-//! | [`starts`], `followed`, [`mod@fit`], [`evaluate`] | where the search begins, the search, the problem without one |
+//! | [`problem`] | what a problem file says |
+//! | [`system`] | the instances as equations, and wired |
+//! | [`mod@posed`] | from these, the runs and the unknowns to one system of equations |
+//! | [`search`] | where the search begins, and what a solution is |
 //! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
-//! | [`solved`], [`result`], `active`, `begun`, `likelihood`, `loops`, [`describing`], [`diagnostic`], `diagnostics`, [`events`], [`validation`], [`mod@uncertainty`], [`refits`], `trouble` | a start that is solved, what was found, on which constraints, with what the runs began, the loop cut open, the same without a model, what may speak against it and what does, runs that were not fitted, how sure it is, the fit handed over to be solved again, what is not finite |
-//! | [`left_over`], `outliers` | what residuals say of the next one and of inputs; samples and runs that stand out of them |
-//! | [`folds`], [`per_run`], `same_data`, [`orders`], [`comparison`] | fits to some of the runs; to each alone; whether problems have the same data; a problem with another order; several problems on the same data |
+//! | [`result`] | what was found, how sure it is, what speaks against it |
+//! | [`mod@fit`] | the search itself, and the problem without one |
+//! | [`studies`] | what is fitted again: runs left out, other data, other models |
 
-mod active;
-mod assembly;
-pub mod beforehand;
-mod begun;
-pub mod comparison;
-pub mod data;
-pub mod describing;
-pub mod diagnostic;
-mod diagnostics;
-pub mod error;
-pub mod evaluate;
-pub mod events;
-pub mod file;
 pub mod fit;
-pub mod folds;
-mod followed;
 mod innovations;
-mod interval;
-pub mod joint;
-pub mod left_over;
-mod likelihood;
-mod loops;
-mod names;
-pub mod orders;
-mod outliers;
-pub mod part;
-pub mod per_run;
 pub mod posed;
-mod ranges;
-mod read;
-pub mod refits;
+pub mod problem;
 pub mod result;
-mod runs;
-mod same_data;
-pub mod solved;
-mod stability;
-pub mod starts;
-mod trouble;
-pub mod uncertainty;
-pub mod unknowns;
-pub mod validation;
+pub mod search;
+pub mod studies;
+pub mod system;
 
-pub use diagnostic::Diagnostic;
-pub use error::ProblemError;
-pub use file::ProblemFile;
-pub use fit::fit;
+pub use fit::{evaluate, fit};
 pub use innovations::Ahead;
 pub use posed::Posed;
-pub use read::OWN_KEYS;
-pub use result::Fit;
+pub use problem::error::ProblemError;
+pub use problem::file::{self, ProblemFile};
+pub use problem::read::OWN_KEYS;
+pub use result::diagnostic::Diagnostic;
+pub use result::{Fit, beforehand, describing, left_over, uncertainty};
+pub use search::starts;
+pub use studies::{comparison, folds, orders, per_run, refits, validation};
+pub use system::part;

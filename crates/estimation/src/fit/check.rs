@@ -1,11 +1,11 @@
 //! What was found, simulated: on a mesh that is too coarse, collocation may fit what no solution of the equations does.
 
-use super::begin::{discretised, scales};
 use super::watch::Watch;
-use crate::evaluate::objective;
+use crate::fit::evaluate::objective;
 use crate::posed::Posed;
-use crate::solved::Solved;
-use crate::solved::initial;
+use crate::search::begin::{discretised, scales};
+use crate::search::solved::Solved;
+use crate::search::solved::initial;
 use pilotage_collocation::{Collocation, Course, Quality, Scheme, Stop};
 use rayon::prelude::*;
 use std::time::Instant;

@@ -2,17 +2,17 @@
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | `begin` | the nonlinear program of a start |
 //! | `race` | all starts, and which is best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters where no start has converged |
 //! | `check` | the same parameters, simulated |
 //! | `predicted` | what is predicted from sample to sample, where noise drives the system |
+//! | [`evaluate`] | the problem at its starts, without a search |
 //! | `watch` | who looks on, and may end it |
 
-mod begin;
 mod check;
+pub mod evaluate;
 mod predicted;
 mod race;
 mod refine;
@@ -20,24 +20,21 @@ mod solve;
 mod unfinished;
 mod watch;
 
-pub(crate) use begin::MOST_INTERVALS;
-pub use begin::begin;
-pub(crate) use begin::initial;
 pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, nearer, solve};
 
-use crate::describing::describing;
-use crate::diagnostics::diagnostics;
-use crate::events::{Events, events};
 use crate::innovations;
-use crate::left_over::beside_inputs;
-use crate::loops::Looped;
 use crate::posed::Posed;
 use crate::result::Fit;
-use crate::solved::{Refinement, Solved};
-use crate::starts::starts;
-use crate::trouble;
-use crate::uncertainty::{Unsure, linearised, uncertainty};
+use crate::result::describing::describing;
+use crate::result::diagnostics::diagnostics;
+use crate::result::events::{Events, events};
+use crate::result::left_over::beside_inputs;
+use crate::result::loops::Looped;
+use crate::result::uncertainty::{Unsure, linearised, uncertainty};
+use crate::search::solved::{Refinement, Solved};
+use crate::search::starts::starts;
+use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
 use race::{best_of, better, has_answer, raced};
 use refine::refine;

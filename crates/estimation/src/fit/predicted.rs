@@ -3,19 +3,19 @@
 use super::check::free_run;
 use super::watch::Watch;
 use super::{cut, looped};
-use crate::active::beyond;
-use crate::describing::describing;
-use crate::diagnostic::Diagnostic;
-use crate::diagnostics::diagnostics;
 use crate::innovations::{
     Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched,
 };
-use crate::loops::Looped;
 use crate::posed::Posed;
+use crate::result::describing::describing;
+use crate::result::diagnostic::Diagnostic;
+use crate::result::diagnostics::diagnostics;
+use crate::result::loops::Looped;
+use crate::result::uncertainty::uncertainty;
 use crate::result::{Fit, RunFit};
-use crate::solved::Refinement;
-use crate::solved::Solved;
-use crate::uncertainty::uncertainty;
+use crate::search::active::beyond;
+use crate::search::solved::Refinement;
+use crate::search::solved::Solved;
 use pilotage_sqp::{Iterate, Solution, Status};
 use std::sync::Arc;
 use std::time::Instant;

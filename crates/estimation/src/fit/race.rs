@@ -1,12 +1,12 @@
 //! The race of the starts: those that are behind after some iterations are left.
 
-use super::begin::begin;
 use super::solve::{nearer, once, rescaled, solve};
 use super::watch::Watch;
 use crate::posed::Posed;
-use crate::solved::SAME;
-use crate::solved::Solved;
-use crate::starts::Start;
+use crate::search::begin::begin;
+use crate::search::solved::SAME;
+use crate::search::solved::Solved;
+use crate::search::starts::Start;
 use pilotage_sqp::Status;
 use rayon::prelude::*;
 

@@ -1,13 +1,13 @@
 //! A solution on ever finer meshes.
 
-use super::begin::MOST_INTERVALS;
-use super::begin::{Point, at_point};
 use super::solve::solve;
 use super::watch::Watch;
-use crate::file::Mesh;
+use crate::posed::MOST_INTERVALS;
 use crate::posed::Posed;
-use crate::solved::Solved;
-use crate::solved::{Refinement, STIFF_SCHEME};
+use crate::problem::file::Mesh;
+use crate::search::begin::{Point, at_point};
+use crate::search::solved::Solved;
+use crate::search::solved::{Refinement, STIFF_SCHEME};
 use pilotage_collocation::{Collocation, refined};
 use pilotage_sqp::Status;
 

@@ -1,7 +1,7 @@
 //! The SQP from one point, begun again with other scales where it makes no progress.
 
 use crate::posed::Posed;
-use crate::solved::Solved;
+use crate::search::solved::Solved;
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
 use std::ops::ControlFlow;

@@ -1,12 +1,12 @@
 //! What stands for a fit in which no start has converged. Iterates on the way to an optimum do not fulfil the equations,
 //! and their objectives are those of no run; so the best parameters so far are those with which a simulation is best.
 
-use super::begin::begin;
 use super::check::simulation;
 use super::watch::Watch;
 use crate::posed::{Posed, Stands};
-use crate::solved::{MET, Solved};
-use crate::starts::Start;
+use crate::search::begin::begin;
+use crate::search::solved::{MET, Solved};
+use crate::search::starts::Start;
 use pilotage_collocation::{Collocation, Stop};
 use pilotage_sqp::iterate::violation;
 use pilotage_sqp::{Iterate, Kkt, Problem, Solution, Status};

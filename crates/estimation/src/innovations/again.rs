@@ -5,7 +5,7 @@ use super::limits::Limits;
 use super::program::Program;
 use super::{Predicted, SCORED, linearised};
 use crate::posed::Posed;
-use crate::uncertainty::Linearised;
+use crate::search::solved::Linearised;
 use pilotage_filter::Jet;
 use pilotage_refits::refit::Point;
 use pilotage_refits::{Coordinate, Data, Fixed, Found, Refit, Resample, Watch};

@@ -1,7 +1,7 @@
 //! The likelihood of what was recorded, by what the filter predicted, and its derivatives.
 
+use crate::posed::unknowns::Unknown;
 use crate::posed::{Posed, Stands};
-use crate::unknowns::Unknown;
 use nalgebra::{DMatrix, DVector};
 use num_dual::DualSVec64;
 use pilotage_filter::{Course, Filter, Innovation, Jet, Number, Record};

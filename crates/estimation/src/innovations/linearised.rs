@@ -3,7 +3,7 @@
 use super::Predicted;
 use super::likelihood::RunRows;
 use crate::posed::Posed;
-use crate::uncertainty::Linearised;
+use crate::search::solved::Linearised;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use pilotage_collocation::{Sensitivities, Sensitivity};
 use pilotage_inference::{Data, Run};

@@ -28,10 +28,10 @@ pub(crate) use ahead::ahead;
 pub use likelihood::Likelihood;
 pub(crate) use linearised::linearised;
 
-use crate::fit::initial;
 use crate::posed::Posed;
-use crate::solved::Solved;
-use crate::starts::Start;
+use crate::search::begin::initial;
+use crate::search::solved::Solved;
+use crate::search::starts::Start;
 use limits::Limits;
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status, solve};
 use program::Program;

@@ -1,0 +1,73 @@
+//! A problem at its start values, without a solve.
+
+use crate::innovations;
+use crate::posed::{Posed, Stands};
+use crate::result::Fit;
+use crate::search::begin::begin;
+use crate::search::starts::{Start, given};
+use pilotage_collocation::Collocation;
+use pilotage_sqp::Problem;
+
+/// A problem at its start values: the states are simulated, and begin where the problem says, or at their guesses.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// The objective.
+    pub objective: f64,
+    /// Its derivative by each sought parameter, as the search sees it, by central differences that stay in its
+    /// range.
+    pub gradient: Vec<(String, f64)>,
+    /// For each run and measured signal, the residual at each sample in standard deviations, with log-normal noise that
+    /// of the logarithms; NaN where nothing was measured.
+    pub residuals: Vec<Vec<Vec<f64>>>,
+}
+
+/// Step of the differences, relative to a parameter's size.
+const STEP: f64 = 1e-5;
+
+/// The problem at its start values.
+pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
+    let start = given(posed);
+    let at = |start: &Start| match posed.filter {
+        Some(_) => innovations::value(posed, start),
+        None => objective(posed, &begin(posed, start, &|| false)),
+    };
+    let mut gradient = Vec::new();
+    for (unknown, stands) in &posed.unknowns {
+        let size = unknown.searched_nominal().unwrap_or(1.0) * STEP;
+        for (k, place) in posed.places(stands).into_iter().enumerate() {
+            let own = start.parameters[place];
+            let [least, most] = unknown.searched_range();
+            let moved = |value: f64| {
+                let mut theta = start.clone();
+                theta.parameters[place] = value;
+                at(&theta)
+            };
+            // At an end of its range, from there inwards.
+            let (up, down) = ((own + size).min(most), (own - size).max(least));
+            let name = match stands {
+                Stands::Subjects(all) => format!("{} ({})", unknown.name, all[k].0),
+                Stands::Shared(_) | Stands::State(_) => unknown.name.clone(),
+            };
+            gradient.push((name, (moved(up) - moved(down)) / (up - down)));
+        }
+    }
+    let at_start = begin(posed, &start, &|| false);
+    let runs = Fit::runs(posed, &at_start.0, &at_start.1);
+    let noises = posed.file.measured.iter().map(|measured| measured.noise);
+    let residuals = runs.iter().map(|run| {
+        let signals = noises.clone().enumerate();
+        signals.map(|(k, noise)| run.residuals(k, noise)).collect()
+    });
+    Evaluation {
+        objective: at(&start),
+        gradient,
+        residuals: residuals.collect(),
+    }
+}
+
+/// The objective of a nonlinear program at its variables.
+pub(crate) fn objective(posed: &Posed<'_>, (problem, z): &(Collocation, Vec<f64>)) -> f64 {
+    let mut equalities = vec![0.0; problem.n_equalities()];
+    let mut inequalities = vec![0.0; problem.limits().0.len()];
+    problem.evaluate(z, &mut equalities, &mut inequalities) / posed.factor
+}

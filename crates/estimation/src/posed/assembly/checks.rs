@@ -1,0 +1,217 @@
+//! What is refused before the solve, beyond what single lines of the file say.
+
+use super::{Assembly, Done, Known, Made};
+use crate::posed::MOST_INTERVALS;
+use crate::posed::assembly::made::Told;
+use crate::posed::data::Rows;
+use crate::posed::interval::{Interval, intervals, shared};
+use crate::posed::ranges::check_range;
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
+use pilotage_cosim::description::Said;
+use pilotage_expression::{Graph, Node};
+
+/// A constraint that is missed by less, relative to its value, is met up to rounding and the solver's tolerance.
+const MET: f64 = 1e-6;
+
+impl Assembly<'_> {
+    /// Refuses a step by which the mesh has more intervals than a solve can hold.
+    pub(super) fn check_mesh(&self) -> Done<()> {
+        let Mesh::Step(step) = self.file.options.mesh else {
+            return Ok(());
+        };
+        let durations = self.data.iter().map(|run| {
+            let time = &run.series.time;
+            time[time.len() - 1] - run.begin()
+        });
+        let duration: f64 = durations.sum();
+        if duration / step <= MOST_INTERVALS as f64 {
+            return Ok(());
+        }
+        let least = duration / MOST_INTERVALS as f64;
+        let fault = format!(
+            "the runs last {duration} s, which is more than {MOST_INTERVALS} such steps; write {least:.1e} or more"
+        );
+        let place = self.file.mesh_place.as_ref();
+        Err(ProblemError::maybe_at(place, fault))
+    }
+
+    /// Refuses parameters that are tied to a value out of their range, where the search begins.
+    pub(super) fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
+        for (name, node) in &told.tied {
+            let range = self.parameters.range(name, self.joint);
+            let mut lines = self.file.parameters.iter();
+            let line = lines.find(|line| line.name.value == *name);
+            let place = line.and_then(|line| line.name.place.as_ref());
+            for rows in rows {
+                check_range(name, self.number(*node, rows), range, place)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses noise levels that are not above 0: where they are recorded, or, if neither states nor time change them, at
+    /// the start.
+    pub(super) fn check_deviation(
+        &self,
+        k: usize,
+        node: Node,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let formula = match &self.file.measured[k].sd {
+            Deviation::Column(name) => {
+                return self.check_deviation_column(k, name, recorded, rows);
+            }
+            Deviation::Formula(formula) => formula,
+        };
+        let states = self.joint.model.states.len();
+        let start = self.number(node, &rows[0]);
+        match start > 0.0 || self.depends(node, |variable| variable <= states) {
+            true => Ok(()),
+            false => {
+                let fault =
+                    format!("the standard deviation starts at {start}; expected a number above 0");
+                Err(ProblemError::at(&self.file.place(formula), fault))
+            }
+        }
+    }
+
+    fn check_deviation_column(
+        &self,
+        k: usize,
+        name: &Said<String>,
+        recorded: &[Vec<f64>],
+        rows: &[Rows],
+    ) -> Done<()> {
+        let unit = self.file.measured[k].unit(self.joint);
+        for ((run, rows), recorded) in self.data.iter().zip(rows).zip(recorded) {
+            let column = run.column(name, unit)?;
+            for (sample, row) in rows.rows.iter().enumerate() {
+                let Some(sd) = row.map(|row| column[row]) else {
+                    continue;
+                };
+                if recorded[sample].is_finite() && (sd.is_nan() || sd <= 0.0) {
+                    let fault = format!(
+                        "{}: the column `{}` is {sd} at {} s; a standard deviation is above 0",
+                        run.line.file.display(),
+                        name.value,
+                        rows.time[sample]
+                    );
+                    return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
+    pub(super) fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
+        // What is known at the start, at the end, and at the samples between.
+        let mut found = [(); 3].map(|()| intervals(&self.graph, &self.ranges(rows)));
+        for (line, node) in self.file.constraints.iter().zip(nodes) {
+            if line.formula.names().next().is_none() {
+                let fault = "a constraint on a number, which nothing changes; leave it out";
+                return Err(ProblemError::at(&line.place, fault));
+            }
+            let places = match line.at {
+                Holds::Start => 0..1,
+                Holds::End => 1..2,
+                Holds::Samples | Holds::Parameters => 0..3,
+            };
+            for found in &mut found[places] {
+                let own = &mut found[node.index()];
+                let both = shared(*own, [line.min, line.max]);
+                *own = both.ok_or_else(|| contradiction(line, *own, ""))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses constraints that do not hold where a run begins, whatever is sought, by what its initial states are known
+    /// to be.
+    pub(super) fn check_begins(&self, nodes: &[Node], rows: &[Rows], known: &Known) -> Done<()> {
+        let lines = self.file.constraints.iter().zip(nodes);
+        let lines = lines.filter(|(line, _)| matches!(line.at, Holds::Start | Holds::Samples));
+        let lines: Vec<(&Constraint, &Node)> = lines.collect();
+        for ((run, rows), initial) in self.data.iter().zip(rows).zip(known) {
+            if lines.is_empty() {
+                break;
+            }
+            let mut ranges = self.ranges(std::slice::from_ref(rows));
+            let inputs = self.input_variables().zip(&rows.inputs[0]);
+            let states = (1..).zip(initial.iter().copied());
+            let states = states.filter_map(|(variable, x)| Some((variable, x?)));
+            let inputs = inputs.map(|(variable, value)| (variable, *value));
+            for (variable, value) in [(0, rows.time[0])].into_iter().chain(inputs).chain(states) {
+                ranges[variable] = [value; 2];
+            }
+            let found = intervals(&self.graph, &ranges);
+            for (line, node) in &lines {
+                let own = found[node.index()];
+                let slack = MET * own.map(f64::abs).into_iter().fold(1.0, f64::max);
+                if shared(own, [line.min - slack, line.max + slack]).is_none() {
+                    let place = format!(" where {} begins", run.name());
+                    return Err(contradiction(line, own, &place));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A constraint on what is known to lie elsewhere.
+fn contradiction(line: &Constraint, [low, high]: Interval, place: &str) -> ProblemError {
+    let shown = &line.formula.expression.text;
+    let is = match low == high {
+        true => format!("always {low}{place}"),
+        false => format!("from {low} to {high}{place} by what else is said"),
+    };
+    let (min, max) = (line.min, line.max);
+    let fault = format!("`{shown}` is {is}, never from {min} to {max}; change one of them");
+    ProblemError::at(&line.place, fault)
+}
+
+impl Made {
+    /// Refuses what is sought though no measured signal depends on it.
+    pub(super) fn check_dependence(&self) -> Done<()> {
+        let graph = &self.system.graph;
+        let noises = self.noises.iter();
+        let noises = noises.flat_map(|own| own.column.iter().chain([&own.density]));
+        let wanted = self.measured.iter().chain(noises).copied().collect();
+        let needed = needed(graph, &self.system.derivatives, wanted);
+        let is_needed = |variable: &usize| {
+            let node = graph.known_variable(*variable);
+            node.is_some_and(|node| needed[node.index()])
+        };
+        let shared = self.system.parameter(0);
+        for (unknown, stands) in &self.unknowns {
+            if !stands.variables(shared).iter().any(is_needed) {
+                let name = &unknown.name;
+                let fault = format!(
+                    "no measured signal depends on `{name}`; leave it out, or write fixed = true"
+                );
+                return Err(ProblemError::maybe_at(unknown.place.as_ref(), fault));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// On which nodes others depend: directly, or by the derivatives of states on which they depend.
+pub(super) fn needed(graph: &Graph, derivatives: &[Node], mut nodes: Vec<Node>) -> Vec<bool> {
+    loop {
+        let needed = graph.ancestors(&nodes);
+        let is_needed = |state: &usize| {
+            let variable = graph.known_variable(1 + state);
+            variable.is_some_and(|node| needed[node.index()])
+        };
+        let states = (0..derivatives.len()).filter(is_needed);
+        let derivatives = states.map(|state| derivatives[state]);
+        let before = nodes.len();
+        nodes.extend(derivatives.filter(|node| !needed[node.index()]));
+        if nodes.len() == before {
+            return needed;
+        }
+    }
+}

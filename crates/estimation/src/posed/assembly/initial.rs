@@ -1,0 +1,210 @@
+//! Initial states, and the values of variables where the search begins.
+
+use super::inputs::{Key, Span};
+use super::{Assembly, Done, Known};
+use crate::posed::assembly::made::{Stands, State};
+use crate::posed::data::{Rows, RunData};
+use crate::posed::names::Of;
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Initial, Measured, Quantity};
+use pilotage_expression::Node;
+use pilotage_text::document::Place;
+
+impl Assembly<'_> {
+    /// The states, and for each run what is known of their initial values.
+    pub(super) fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Known)> {
+        let (mut states, mut known) = (Vec::new(), vec![Vec::new(); rows.len()]);
+        let joint = self.joint;
+        for (name, start) in joint.model.states.iter().zip(self.start_nodes()) {
+            let (state, values) = self.initial_state(name, start, rows)?;
+            states.push(state);
+            for (known, value) in known.iter_mut().zip(values) {
+                known.push(value);
+            }
+        }
+        for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
+            if let Stands::State(_) = stands {
+                states.push(State {
+                    name: unknown.name.clone(),
+                    nominal: unknown.searched_nominal(),
+                    guesses: vec![unknown.searched(unknown.start); rows.len()],
+                    shift: None,
+                });
+                known.iter_mut().for_each(|known| known.push(None));
+            }
+        }
+        if states.is_empty() {
+            states.push(State::at_rest(rows.len()));
+            known.iter_mut().for_each(|known| known.push(Some(0.0)));
+        }
+        Ok((states, known))
+    }
+
+    /// A state of the joint model, and its initial value in each run where that is known.
+    fn initial_state(
+        &mut self,
+        name: &str,
+        start: Node,
+        rows: &[Rows],
+    ) -> Done<(State, Vec<Option<f64>>)> {
+        let line = self.initial_line(name);
+        let said = line.map(|line| &self.file.initial[line].1);
+        let place = line.and_then(|line| self.file.initial[line].0.place.as_ref());
+        let node = match (line, said) {
+            (Some(line), Some(Initial::Formula(_))) => {
+                let values = self.values[1].clone();
+                self.expressions(&[Of::Initial(line, name.to_owned())], None, &values)[0]
+            }
+            _ => start,
+        };
+        let runs = rows.len();
+        let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
+        if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+            let fault = format!(
+                "`{name}` begins at {number} where the search starts; expected a finite number"
+            );
+            return Err(ProblemError::maybe_at(place, fault));
+        }
+        let begin = numbers[0];
+        let all_known = |values: &[f64]| values.iter().copied().map(Some).collect();
+        let (guesses, known, shift) = match said {
+            None | Some(Initial::Formula(_)) if self.depends_on_sought(node) => {
+                (vec![0.0; runs], vec![Some(0.0); runs], Some(node))
+            }
+            None | Some(Initial::Formula(_)) => {
+                let known = all_known(&numbers);
+                (numbers, known, None)
+            }
+            Some(Initial::FirstSample) => {
+                let first = self.samples_at_begin(name, place)?;
+                (numbers, all_known(&first), None)
+            }
+            Some(Initial::Free | Initial::Steady) => {
+                let guesses = self.first_samples(name).unwrap_or(numbers);
+                (guesses, vec![None; runs], None)
+            }
+        };
+        self.begins.push(match shift {
+            Some(_) => begin,
+            None => known[0].unwrap_or(guesses[0]),
+        });
+        let about = self.joint.variables.get(name);
+        let state = State {
+            name: name.to_owned(),
+            nominal: about.and_then(|about| about.nominal),
+            guesses,
+            shift,
+        };
+        Ok((state, known))
+    }
+
+    /// The line of `[initial]` that is meant for a state: its own, else the last pattern.
+    pub(super) fn initial_line(&self, state: &str) -> Option<usize> {
+        self.file.initial_line(state)
+    }
+
+    /// The models' start values.
+    fn start_nodes(&mut self) -> Vec<Node> {
+        let mut starts = Vec::new();
+        for (instance, part) in &self.joint.parts {
+            let variables = self.part_variables(instance, part, Span::Begin);
+            let graph = &part.model.system.graph;
+            starts.extend(self.graph.import(graph, &part.starts, &variables));
+        }
+        starts
+    }
+
+    /// Whether an expression depends on states or shared parameters.
+    pub(super) fn depends_on_sought(&self, node: Node) -> bool {
+        let inputs = self.input_variables();
+        self.depends(node, |variable| variable > 0 && !inputs.contains(&variable))
+    }
+
+    /// The value of an expression at the begin of a run, where unknowns are at their starts.
+    pub(super) fn number(&self, node: Node, rows: &Rows) -> f64 {
+        self.graph.values(&self.begin_values(rows))[node.index()]
+    }
+
+    /// All variables at the begin of a run, where unknowns are at their starts and other states 0.
+    pub(super) fn begin_values(&self, rows: &Rows) -> Vec<f64> {
+        let mut values = vec![0.0; self.variables()];
+        values[0] = rows.time[0];
+        values[self.input_variables()].copy_from_slice(&rows.inputs[0]);
+        for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
+            for variable in stands.variables(self.first_shared()) {
+                values[variable] = unknown.searched(unknown.start);
+            }
+        }
+        values
+    }
+
+    /// States and inputs of the joint model as the first run begins: where it is linearised.
+    pub(super) fn operating_point(&self, rows: &[Rows]) -> (Vec<f64>, Vec<f64>) {
+        let values = self.graph.values(&self.begin_values(&rows[0]));
+        let input = |name: &String| match self.input(&Key::Fed(name.clone())) {
+            Some(input) => rows[0].inputs[0][input],
+            None => values[self.values[0][name].index()],
+        };
+        let inputs = self.joint.model.inputs.iter().map(input);
+        (self.begins.clone(), inputs.collect())
+    }
+
+    /// The sample of a state where each run begins.
+    fn samples_at_begin(&self, state: &str, place: Option<&Place>) -> Done<Vec<f64>> {
+        let fault = |fault: String| ProblemError::maybe_at(place, fault);
+        let measured = self.measured_as(state).ok_or_else(|| {
+            fault(format!(
+                "`{state}` begins at its first sample, but no [[measured]] has signal = \"{state}\" without gain and \
+                 offset"
+            ))
+        })?;
+        let measured = &self.file.measured[measured];
+        let unit = measured.unit(self.joint);
+        let sample = |run: &RunData<'_>| {
+            let values = run.column(&measured.column, unit)?;
+            run.at_begin(&values).ok_or_else(|| {
+                fault(format!(
+                    "{}: the column `{}` has no sample at {}, where the run begins; write \"free\"",
+                    run.line.file.display(),
+                    measured.column.value,
+                    run.shown(run.begin())
+                ))
+            })
+        };
+        self.data.iter().map(sample).collect()
+    }
+
+    /// The first measurement of a state in each run, where it is measured as it is.
+    fn first_samples(&self, state: &str) -> Option<Vec<f64>> {
+        let measured = &self.file.measured[self.measured_as(state)?];
+        let unit = measured.unit(self.joint);
+        let first = |run: &RunData<'_>| {
+            let values = run.column(&measured.column, unit).ok()?;
+            values.into_iter().find(|value| value.is_finite())
+        };
+        self.data.iter().map(first).collect()
+    }
+
+    /// States that are measured as they are, each with the first measured signal that is.
+    pub(super) fn measured_states(&self, states: &[State]) -> Vec<(usize, usize)> {
+        let names = self.joint.model.states.iter().enumerate();
+        let plain = names.filter(|(k, _)| states[*k].shift.is_none());
+        let found = plain.filter_map(|(k, name)| Some((k, self.measured_as(name)?)));
+        found.collect()
+    }
+
+    /// The first measured signal whose sensor shows a state as it is.
+    fn measured_as(&self, state: &str) -> Option<usize> {
+        let is_it = |own: &Measured| match &own.of {
+            Quantity::Signal(name) => self.is_state(name, state) && own.is_plain(),
+            Quantity::Expression(..) => false,
+        };
+        self.file.measured.iter().position(is_it)
+    }
+
+    /// Whether a signal is a state, by its name or as an output that is nothing else.
+    fn is_state(&self, signal: &str, state: &str) -> bool {
+        let node = |name: &str| self.joint.signal(name);
+        signal == state || (node(signal).is_some() && node(signal) == node(state))
+    }
+}

@@ -1,0 +1,206 @@
+//! A problem as equations: one system whose states, inputs and parameters are those that are sought or recorded.
+//!
+//! What differs from run to run is an input that is constant in the run, or jumps where it changes. What is sought
+//! for each run is a state whose derivative is zero and whose initial value is free, so that it is eliminated run by
+//! run as the others are. An initial state that depends on sought parameters is added to its state, which then
+//! begins at zero.
+
+mod assembly;
+pub mod data;
+pub(crate) mod followed;
+pub(crate) mod interval;
+pub(crate) mod names;
+pub(crate) mod ranges;
+pub(crate) mod stability;
+pub mod unknowns;
+
+use crate::posed::assembly::Assembly;
+pub use crate::posed::assembly::made::{Names, Stands, State, Told};
+use crate::posed::data::{RunData, check_times};
+use crate::posed::followed::{Followed, Recorded};
+use crate::posed::names::Named;
+use crate::posed::unknowns::{Parameters, Unknown};
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Initial, ProblemFile};
+use crate::system::joint::Joint;
+use crate::system::part::{Part, with_locals};
+use nalgebra::{Complex, DMatrix};
+use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Run};
+use pilotage_cosim::description::InstanceDescription;
+use pilotage_filter::Filter;
+use pilotage_linear::eigenvalues;
+use std::sync::Arc;
+
+/// Most mesh intervals of all runs together.
+pub(crate) const MOST_INTERVALS: usize = 400_000;
+
+/// A problem that is ready to be discretised.
+#[derive(Debug)]
+pub struct Posed<'f> {
+    /// What the file says.
+    pub file: &'f ProblemFile,
+    /// The instances.
+    pub joint: Joint,
+    /// The equations: measured outputs first, then bounded ones.
+    pub model: Arc<Differentiated>,
+    /// Bounds of the latter.
+    pub bounds: Vec<Bound>,
+    /// What parameters must fulfil.
+    pub constraints: ParameterConstraints,
+    /// What messages call bounds and constraints.
+    pub names: Names,
+    /// The runs that are fitted; their mesh is their samples.
+    pub runs: Vec<Run>,
+    /// What is sought, and where it stands.
+    pub unknowns: Vec<(Unknown, Stands)>,
+    /// Number of shared parameters.
+    pub shared: usize,
+    /// The states, those of the runs' own parameters behind.
+    pub states: Vec<State>,
+    /// What is told of a solution.
+    pub told: Told,
+    /// What the solver's objective is, per unit of the problem's.
+    pub factor: f64,
+    /// What predicts a sample from those before it, where noise drives the system.
+    pub filter: Option<Filter>,
+    /// Measured states as inputs, for the start of a search.
+    pub followed: Option<Followed>,
+    /// What was read, of each run that is fitted.
+    pub data: Vec<RunData<'f>>,
+}
+
+/// How an instance is opened.
+pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
+
+impl<'f> Posed<'f> {
+    /// Where an unknown stands among the parameters of a [start](crate::search::starts::Start).
+    pub(crate) fn places(&self, stands: &Stands) -> Vec<usize> {
+        match stands {
+            Stands::State(k) => vec![self.shared + k - self.joint.model.states.len()],
+            shared => shared.variables(0),
+        }
+    }
+
+    /// Names of the states whose initial values each run leaves open: those that are `free`. Ones that are `steady` are
+    /// searched too, and their equations tell them.
+    pub fn free_states(&self) -> impl Iterator<Item = &String> {
+        let is_free = |state: &&String| {
+            let line = self.file.initial_line(state);
+            line.is_some_and(|line| matches!(self.file.initial[line].1, Initial::Free))
+        };
+        self.joint.model.states.iter().filter(is_free)
+    }
+
+    /// Number of unknowns: shared parameters, those of runs, and free initial states.
+    pub fn count(&self) -> usize {
+        let stands = self.unknowns.iter().map(|(_, stands)| stands);
+        let own = stands
+            .filter(|stands| matches!(stands, Stands::State(_)))
+            .count();
+        self.shared + self.runs.len() * (own + self.free_states().count())
+    }
+
+    /// Name of the unit of what was measured, by its number, where it has one.
+    pub fn unit_of(&self, k: usize) -> Option<&str> {
+        self.file.measured[k].unit(&self.joint)
+    }
+
+    /// The problem of a file.
+    ///
+    /// # Errors
+    /// When anything in it does not fit: with file, line and column.
+    pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
+        let mut parts = Vec::new();
+        let named = file.named_signals();
+        for instance in &file.system.instances {
+            let part = with_locals(instance, open(instance)?, &named)?;
+            parts.push((instance.name.clone(), part));
+        }
+        let joint = Joint::new(&file.system, parts)?;
+        let parameters = Parameters::new(file, &joint)?;
+        let named = Named::new(file, &joint, &parameters)?;
+        let runs = file.runs.iter().filter(|run| run.fits);
+        let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
+        check_times(file, &joint, &data)?;
+        let made = Assembly::new(file, &joint, &parameters, &named, &data)?.finish()?;
+        let recorded = made.followed.iter();
+        let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
+        let recorded: Vec<Recorded<'_>> = recorded.collect();
+        Ok(Self {
+            model: Arc::new(Differentiated::new(&made.system)),
+            followed: Followed::new(&made.system, &made.runs, &recorded),
+            factor: factor(&made.runs),
+            filter: made.filter(joint.model.states.len()),
+            bounds: made.bounds,
+            constraints: made.constraints,
+            names: made.names,
+            runs: made.runs,
+            unknowns: made.unknowns,
+            shared: made.shared,
+            states: made.states,
+            told: made.told,
+            file,
+            joint,
+            data,
+        })
+    }
+}
+
+/// All variables of the graph at a sample.
+pub(crate) fn variables(
+    posed: &Posed<'_>,
+    j: usize,
+    sample: usize,
+    x: &[f64],
+    theta: &[f64],
+) -> Vec<f64> {
+    let run = &posed.runs[j];
+    let mut all = vec![run.time[sample]];
+    all.extend_from_slice(x);
+    all.extend_from_slice(&run.inputs[sample]);
+    all.extend_from_slice(theta);
+    all
+}
+
+/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run; none where it is not known.
+pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
+    let system = &posed.model.system;
+    let n = posed.joint.model.states.len();
+    let last = posed.runs[0].time.len() - 1;
+    let at = variables(posed, 0, last, x, theta);
+    let mut graph = system.graph.clone();
+    let mut matrix = DMatrix::zeros(n, n);
+    let columns: Vec<_> = (0..n)
+        .map(|k| graph.derivatives(&system.derivatives[..n], system.state(k)))
+        .collect();
+    let values = graph.values(&at);
+    for (j, column) in columns.iter().enumerate() {
+        for (i, node) in column.iter().enumerate() {
+            matrix[(i, j)] = values[node.index()];
+        }
+    }
+    match n > 0 && matrix.iter().all(|value| value.is_finite()) {
+        true => eigenvalues(&matrix),
+        false => Vec::new(),
+    }
+}
+
+/// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are
+/// where the noise level is not told and the data are small.
+fn factor(runs: &[Run]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for recording in runs.iter().flat_map(|run| &run.measured) {
+        if recording.loss != Loss::Square {
+            return 1.0;
+        }
+        let known = recording.values.iter().copied();
+        let known: Vec<f64> = known.filter(|y| y.is_finite()).collect();
+        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+        sum += recording.weight * known.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+        count += known.len() as f64;
+    }
+    match sum > 0.0 {
+        true => (count / sum).max(1.0),
+        false => 1.0,
+    }
+}

@@ -1,0 +1,85 @@
+//! What runs are called, and runs that stand twice.
+
+use crate::problem::error::ProblemError;
+use crate::problem::file::{RunLine, Set};
+use std::fs::canonicalize;
+use std::path::{Component, Path, PathBuf};
+
+/// Gives each run the shortest end of its path that no other file has. Where a file stands several times, all but the
+/// first have a number behind that.
+pub fn name(runs: &mut [RunLine]) {
+    let paths: Vec<Vec<String>> = runs.iter().map(|run| parts(&run.file)).collect();
+    for (k, run) in runs.iter_mut().enumerate() {
+        let own = &paths[k];
+        let others = || paths.iter().filter(|other| *other != own);
+        let is_own = |count: &usize| others().all(|other| end(other, *count) != end(own, *count));
+        let count = (1..own.len()).find(is_own).unwrap_or(own.len());
+        run.name = end(own, count).join("/");
+        let before = paths[..k].iter().filter(|other| *other == own).count();
+        if before > 0 {
+            run.name += &format!("#{}", before + 1);
+        }
+    }
+}
+
+/// The parts of a path; one that goes nowhere is none.
+fn parts(path: &Path) -> Vec<String> {
+    let parts = path.components().filter(|part| *part != Component::CurDir);
+    parts
+        .map(|part| part.as_os_str().to_string_lossy().into_owned())
+        .collect()
+}
+
+/// The last parts, so many or all.
+fn end(parts: &[String], count: usize) -> &[String] {
+    &parts[parts.len().saturating_sub(count)..]
+}
+
+/// Refuses a run that is fitted twice: each of its data would count twice.
+///
+/// # Errors
+/// When two entries have one file and the same settings.
+pub fn check_twice(runs: &[RunLine]) -> Result<(), ProblemError> {
+    let file = |run: &RunLine| canonicalize(&run.file).unwrap_or_else(|_| run.file.clone());
+    let fitted = runs.iter().filter(|run| run.fits);
+    let fitted: Vec<(PathBuf, &RunLine)> = fitted.map(|run| (file(run), run)).collect();
+    for (k, (file, run)) in fitted.iter().enumerate() {
+        let mut before = fitted[..k].iter();
+        if let Some((_, other)) = before.find(|(own, other)| own == file && is_alike(other, run)) {
+            let fault = format!(
+                "{} stands twice with the same settings, and its data would count twice; leave one out, or write weight \
+                 = 2 at the other",
+                other.name
+            );
+            return Err(ProblemError::at(&run.place, fault));
+        }
+    }
+    Ok(())
+}
+
+/// Whether the settings of two runs differ in their weight at most.
+fn is_alike(a: &RunLine, b: &RunLine) -> bool {
+    let start = |run: &RunLine| run.start_time.as_ref().map(|time| time.value);
+    a.subject == b.subject
+        && start(a) == start(b)
+        && told(&a.set) == told(&b.set)
+        && changed(a) == changed(b)
+}
+
+/// What changes in a run, and when.
+fn changed(run: &RunLine) -> Vec<(f64, Vec<(&str, &str)>)> {
+    let changes = run.changes.iter();
+    changes
+        .map(|change| (change.time, told(&change.set)))
+        .collect()
+}
+
+/// What is set, in an order that is not that of the file.
+fn told(set: &[Set]) -> Vec<(&str, &str)> {
+    let pairs = set
+        .iter()
+        .map(|own| (own.name.value.as_str(), own.value.expression.text.as_str()));
+    let mut all: Vec<(&str, &str)> = pairs.collect();
+    all.sort_unstable();
+    all
+}

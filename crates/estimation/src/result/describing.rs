@@ -1,0 +1,248 @@
+//! Describing functions of pilot and loop, straight from runs whose target or disturbance is a sum of sines, beside what was
+//! fitted ([`pilotage_inference::spectrum`]).
+//!
+//! They are there where two instances close one loop, and the output of the one that acts on the other is measured, with a
+//! target in its unit or a disturbance of it. The error is the target minus what is measured. What was fitted is the same
+//! ratio of responses to the forcing function; of a pilot that sees the error alone that is the pilot.
+
+use crate::posed::Posed;
+use crate::posed::data::RunData;
+use crate::posed::variables;
+use crate::problem::file::{Fed, Quantity};
+use crate::result::loops::{ends, instance, opening};
+use crate::search::solved::Solved;
+use nalgebra::{Complex, DMatrix};
+use pilotage_cosim::description::Wire;
+use pilotage_expression::Node;
+use pilotage_inference::spectrum::{Describing, Excitation, Flight};
+use pilotage_linear::StateSpace;
+
+/// Which columns are what, by their numbers in the file.
+#[derive(Debug, Clone, Copy)]
+struct Roles {
+    /// The input that is the target; none where a disturbance alone drives the loop.
+    target: Option<usize>,
+    /// The measured signals.
+    position: usize,
+    stick: Option<usize>,
+}
+
+/// The columns of a run.
+struct Columns {
+    name: String,
+    time: Vec<f64>,
+    forcing: Vec<Vec<f64>>,
+    position: Vec<f64>,
+    stick: Option<Vec<f64>>,
+}
+
+/// The responses of a fitted loop.
+pub struct FittedLoop {
+    roles: Roles,
+    /// From the inputs of the file to what is measured, in closed loop.
+    closed: StateSpace,
+}
+
+impl FittedLoop {
+    /// Of a solution, linear at the end of the first run. None where the problem has no such loop.
+    pub fn new(posed: &Posed<'_>, solved: &Solved) -> Option<Self> {
+        Self::with(posed, solved, &solved.theta())
+    }
+
+    /// The same with other shared parameters, at the same states.
+    pub fn with(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<Self> {
+        let roles = Roles::of(posed)?;
+        let closed = linear(posed, solved, theta)?;
+        Some(Self { roles, closed })
+    }
+
+    /// From the error to the stick, where an input of the file drives the loop at ω [rad/s]; NaN where no stick is measured.
+    pub fn pilot(&self, omega: f64) -> Complex<f64> {
+        let nothing = Complex::new(f64::NAN, f64::NAN);
+        let stick = self.roles.stick.map(|stick| self.transfer(stick, omega));
+        stick.map_or(nothing, |stick| stick / self.error(omega))
+    }
+
+    /// From the error to the position, likewise.
+    pub fn open_loop(&self, omega: f64) -> Complex<f64> {
+        self.transfer(self.roles.position, omega) / self.error(omega)
+    }
+
+    fn error(&self, omega: f64) -> Complex<f64> {
+        let target = f64::from(u8::from(self.roles.target.is_some()));
+        target - self.transfer(self.roles.position, omega)
+    }
+
+    fn transfer(&self, measured: usize, omega: f64) -> Complex<f64> {
+        let input = self.roles.target.unwrap_or(0);
+        self.closed
+            .transfer(measured, input, Complex::new(0.0, omega))
+    }
+}
+
+/// What the runs of a problem say of its pilot and loop, beside a solution. Empty where it has no such loop.
+pub(crate) fn describing(posed: &Posed<'_>, solved: &Solved) -> Describing {
+    let Some(fitted) = FittedLoop::new(posed, solved) else {
+        return Describing::default();
+    };
+    let all: Vec<Columns> = (posed.data.iter())
+        .filter_map(|run| Columns::of(posed, run, fitted.roles))
+        .collect();
+    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(fitted.roles)).collect();
+    Describing::of(
+        &flights,
+        [&|omega| fitted.pilot(omega), &|omega| {
+            fitted.open_loop(omega)
+        }],
+    )
+}
+
+/// What the runs of a problem excite, of the loop as above; none where there is no such loop.
+pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
+    let roles = Roles::of(posed)?;
+    let runs = posed.data.iter();
+    let all: Vec<Columns> = runs
+        .filter_map(|run| Columns::of(posed, run, roles))
+        .collect();
+    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(roles)).collect();
+    Excitation::of(&flights)
+}
+
+impl Roles {
+    /// Of a problem in which two instances close one loop.
+    fn of(posed: &Posed<'_>) -> Option<Self> {
+        let description = &posed.file.system;
+        opening(description)?;
+        let wires = &description.connections;
+        let pairs = wires
+            .iter()
+            .flat_map(|out| wires.iter().map(move |back| [out, back]));
+        let pairs = pairs.filter(|[out, back]| {
+            let ([a, b], [c, d]) = (ends(description, out), ends(description, back));
+            a == d && b == c
+        });
+        let found: Vec<Self> = pairs
+            .filter_map(|pair| Self::between(posed, pair))
+            .collect();
+        let rank = |own: &&Self| (own.target.is_some(), own.stick.is_some());
+        // The first of the best.
+        found.iter().rev().max_by_key(rank).copied()
+    }
+
+    /// Where a pilot acts through the one wire and sees through the other.
+    fn between(posed: &Posed<'_>, [out, back]: [&Wire; 2]) -> Option<Self> {
+        let description = &posed.file.system;
+        let [pilot, vehicle] = ends(description, out);
+        let position = measured(posed, back)?;
+        let unit = posed.unit_of(position);
+        let into = |own: &Fed, name: &str| instance(description, &own.signal.value) == name;
+        let is_target =
+            |own: &Fed| into(own, &pilot) && posed.joint.unit(&own.signal.value) == unit;
+        let target = posed.file.inputs.iter().position(is_target);
+        let is_disturbed = posed
+            .file
+            .inputs
+            .first()
+            .is_some_and(|own| into(own, &vehicle));
+        (target.is_some() || is_disturbed).then(|| Self {
+            target,
+            position,
+            stick: measured(posed, out),
+        })
+    }
+}
+
+/// The measured signal that a wire carries.
+fn measured(posed: &Posed<'_>, wire: &Wire) -> Option<usize> {
+    let carried = posed.joint.signal(&wire.from.value)?;
+    let is_it = |quantity: &Quantity| match quantity {
+        Quantity::Signal(name) => posed.joint.signal(name) == Some(carried),
+        Quantity::Expression(..) => false,
+    };
+    posed.file.measured.iter().position(|own| is_it(&own.of))
+}
+
+impl Columns {
+    fn of(posed: &Posed<'_>, run: &RunData<'_>, roles: Roles) -> Option<Self> {
+        let driven = |own: &Fed| {
+            let unit = posed.joint.unit(&own.signal.value);
+            run.column(&own.column, unit).ok()
+        };
+        let measured = |k: usize| {
+            let column = &posed.file.measured[k].column;
+            run.column(column, posed.unit_of(k)).ok()
+        };
+        Some(Self {
+            name: run.name(),
+            time: run.series.time.clone(),
+            forcing: posed
+                .file
+                .inputs
+                .iter()
+                .map(driven)
+                .collect::<Option<_>>()?,
+            position: measured(roles.position)?,
+            stick: roles.stick.and_then(measured),
+        })
+    }
+
+    fn flight(&self, roles: Roles) -> Flight<'_> {
+        let target = |k: usize| roles.target.map_or(0.0, |target| self.forcing[target][k]);
+        let error = self
+            .position
+            .iter()
+            .enumerate()
+            .map(|(k, own)| target(k) - own);
+        Flight {
+            name: &self.name,
+            time: &self.time,
+            forcing: self.forcing.iter().map(Vec::as_slice).collect(),
+            error: error.collect(),
+            stick: self.stick.as_deref(),
+            position: &self.position,
+        }
+    }
+}
+
+/// From the inputs of the file to what is measured, at the end of the first run. None where a derivative is no finite
+/// number.
+fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpace> {
+    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
+    let x = problem.states_at_samples(z, 0).pop()?;
+    let last = posed.runs[0].time.len() - 1;
+    let point = variables(posed, 0, last, &x, theta);
+    let system = &posed.model.system;
+    let inputs: Vec<usize> = (posed.file.inputs.iter())
+        .map(|own| input(posed, &own.signal.value))
+        .collect::<Option<_>>()?;
+    let (n, m) = (system.states, posed.told.predicted.len());
+    let of = [&system.derivatives[..], &posed.told.predicted].concat();
+    let mut graph = system.graph.clone();
+    let columns: Vec<Vec<Node>> = (0..n)
+        .map(|k| system.state(k))
+        .chain(inputs.iter().copied())
+        .map(|variable| graph.derivatives(&of, variable))
+        .collect();
+    let values = graph.values(&point);
+    let entry = |i: usize, j: usize| values[columns[j][i].index()];
+    let names = |count: usize| (0..count).map(|k| k.to_string()).collect();
+    let found = StateSpace {
+        a: DMatrix::from_fn(n, n, entry),
+        b: DMatrix::from_fn(n, inputs.len(), |i, j| entry(i, n + j)),
+        c: DMatrix::from_fn(m, n, |i, j| entry(n + i, j)),
+        d: DMatrix::from_fn(m, inputs.len(), |i, j| entry(n + i, n + j)),
+        states: names(n),
+        inputs: names(inputs.len()),
+        outputs: names(m),
+    };
+    found.check_finite().ok().map(|()| found)
+}
+
+/// The variable of the equations that is an input of the joint model.
+fn input(posed: &Posed<'_>, name: &str) -> Option<usize> {
+    let (model, system) = (&posed.joint.model, &posed.model.system);
+    let place = model.inputs.iter().position(|own| own == name)?;
+    let node = posed.told.joint[1 + model.states.len() + place];
+    let mut all = (0..system.inputs).map(|k| system.input(k));
+    all.find(|variable| system.graph.known_variable(*variable) == Some(node))
+}

@@ -1,0 +1,465 @@
+//! What may speak against a result, with the words and the code of each.
+
+use crate::posed::stability::CLOSED_LOOP;
+use crate::result::events::Event;
+use pilotage_inference::spectrum::{Contradiction, Starved};
+use pilotage_sqp::Status;
+use pilotage_text::counted;
+use std::fmt;
+
+/// What speaks against a result.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Diagnostic {
+    /// The solver did not converge.
+    NotConverged(Status),
+    /// The states do not fulfil the equations, or constraints do not hold: the largest scaled violation.
+    NotMet(f64),
+    /// A parameter lies on an end of its range.
+    AtBound {
+        /// Its name.
+        name: String,
+        /// The end.
+        bound: f64,
+        /// Whether it follows from others.
+        is_tied: bool,
+    },
+    /// A constraint that a solve which did not converge violates.
+    Violated {
+        /// The constraint.
+        name: String,
+        /// By how much, scaled.
+        by: f64,
+    },
+    /// The limit of an output, which is no constraint where noise drives the system, is exceeded without that noise.
+    BeyondLimit {
+        /// The limit, and the run.
+        name: String,
+        /// By how much at most, in the output's unit.
+        by: f64,
+    },
+    /// The system grows.
+    UnstableLoop {
+        /// How fast \[1/s\].
+        growth: f64,
+        /// `[stability]` keeps it stable where the first run begins.
+        is_kept: bool,
+    },
+    /// What is stable because the fit is kept from less: a condition of `[stability]` is active.
+    OnStabilityBound(String),
+    /// The mesh could not be refined until its error is as small as was asked for.
+    MeshError {
+        /// The estimated relative error of the states.
+        error: f64,
+        /// What was asked for.
+        tolerance: f64,
+        /// Whether the iteration limit ended the refinement.
+        is_limited: bool,
+    },
+    /// The states' estimated relative error is large on a mesh that the problem gives.
+    CoarseMesh(f64),
+    /// A simulation with what was found has another objective.
+    Simulated {
+        /// The objective of the collocation.
+        objective: f64,
+        /// That of the simulation; none where it does not come to an end.
+        simulated: Option<f64>,
+    },
+    /// A limit or the user ended the fit before all starts and refinements were done.
+    Cut {
+        /// What ended it.
+        status: Status,
+        /// Starts that were not done.
+        starts: usize,
+        /// Whether the mesh was still to be refined.
+        refinement: bool,
+        /// Whether events of FMUs were still to be looked for.
+        events: bool,
+    },
+    /// A start was better than what was found, and did not converge.
+    LowerStart {
+        /// Which, from 1.
+        start: usize,
+        /// How it ended.
+        status: Status,
+        /// Its objective.
+        objective: f64,
+    },
+    /// The last refinement of the mesh still moved the parameters, by this part of their size.
+    MeshMoves(f64),
+    /// Of so many starts one alone led here.
+    Alone(usize),
+    /// The model explains little of what was recorded.
+    PoorFit {
+        /// The measured column.
+        measured: String,
+        /// Variance accounted for, 1 at best.
+        explained: f64,
+    },
+    /// Residuals are correlated with an input that came before.
+    InputLeft {
+        /// The measured column.
+        measured: String,
+        /// The column that drives an input.
+        input: String,
+        /// By which time the input came before, where the correlation is largest \[s\].
+        lag: f64,
+        /// That correlation.
+        correlation: f64,
+    },
+    /// Samples that break away from their neighbours in the residuals, and come back.
+    Outlier {
+        /// The measured column.
+        measured: String,
+        /// Run of the largest.
+        run: String,
+        /// Its time \[s\].
+        time: f64,
+        /// Recorded minus modelled there.
+        value: f64,
+        /// Its unit.
+        unit: Option<String>,
+        /// How many such samples there are.
+        count: usize,
+        /// Their part of the column's sum of squares, 0 to 1.
+        share: f64,
+    },
+    /// Residuals that jump and do not come back.
+    Jump {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// Time of the first sample after it \[s\].
+        time: f64,
+        /// How far.
+        size: f64,
+        /// Its unit.
+        unit: Option<String>,
+    },
+    /// A run that is fitted far worse than the others.
+    Misfit {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// Its rms residual over the median of all runs'.
+        ratio: f64,
+    },
+    /// A measured signal stays at its largest or smallest value within runs: a stop, or the end of a sensor's range.
+    Clipped {
+        /// The measured column.
+        measured: String,
+        /// That value, in the signal's unit.
+        value: f64,
+        /// Its unit.
+        unit: Option<String>,
+        /// Part of the samples that lie there or at the other end, 0 to 1.
+        part: f64,
+    },
+    /// Two runs of different files have the same samples.
+    Copy {
+        /// Name of the run.
+        run: String,
+        /// Name of the one before.
+        of: String,
+        /// How many runs are such copies.
+        count: usize,
+    },
+    /// Flights that do not go together, by what they say of themselves.
+    Mixed(String),
+    /// What is no finite number where the search begins.
+    Undefined(String),
+    /// The solver did not converge, and an FMU failed a call on the way.
+    FmuFailed {
+        /// The instance.
+        instance: String,
+        /// The last call that failed, and why.
+        trouble: String,
+    },
+    /// An FMU would have an event in a run.
+    Event(Event),
+    /// What the description of an FMU says is not so.
+    Description {
+        /// The instance.
+        instance: String,
+        /// What.
+        note: String,
+    },
+    /// Along some direction the objective is flat: the data do not tell all parameters apart.
+    Flat(f64),
+    /// The describing function of the runs is not that of the fit.
+    Contradicted(Contradiction),
+    /// Sines tell fewer numbers than are sought.
+    Starved(Starved),
+    /// What nothing measured depends on, at several starts and after the fit.
+    Unidentifiable(String),
+}
+
+impl Diagnostic {
+    /// Its code, for scripts.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotConverged(_) => "not-converged",
+            Self::NotMet(_) => "not-met",
+            Self::AtBound { .. } => "at-bound",
+            Self::Violated { .. } => "violated",
+            Self::BeyondLimit { .. } => "beyond-limit",
+            Self::UnstableLoop { .. } => "unstable-loop",
+            Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
+            Self::OnStabilityBound(_) => "model-on-bound",
+            Self::MeshError { .. } | Self::CoarseMesh(_) => "mesh-error",
+            Self::MeshMoves(_) => "mesh-moves",
+            Self::Simulated { .. } => "simulation",
+            Self::Cut { .. } => "cut",
+            Self::LowerStart { .. } => "lower-start",
+            Self::Alone(_) => "alone",
+            Self::PoorFit { .. } => "poor-fit",
+            Self::InputLeft { .. } => "input-left",
+            Self::Outlier { .. } => "outlier",
+            Self::Jump { .. } => "jump",
+            Self::Misfit { .. } => "misfit",
+            Self::Clipped { .. } => "clipped",
+            Self::Copy { .. } => "copy",
+            Self::Mixed(_) => "mixed",
+            Self::Flat(_) => "flat",
+            Self::Contradicted(_) => "describing-function",
+            Self::Starved(_) => "few-lines",
+            Self::Unidentifiable(_) => "unidentifiable",
+            Self::Undefined(_) => "undefined",
+            Self::FmuFailed { .. } => "fmu-failed",
+            Self::Event(_) => "event",
+            Self::Description { .. } => "fmu-description",
+        }
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConverged(status) => write!(
+                f,
+                "the solver ended with \"{status}\": this is its best iterate, not a result; try other start values, ranges \
+                 (min, max) or more `starts`"
+            ),
+            Self::NotMet(violation) => write!(
+                f,
+                "the states that were found do not fulfil the equations and constraints (largest scaled violation \
+                 {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
+            ),
+            Self::AtBound {
+                name,
+                bound,
+                is_tied,
+            } => write!(
+                f,
+                "`{name}` lies on the end {bound} of its range: widen the range, or {}",
+                match is_tied {
+                    true => "tie it otherwise: it keeps what it follows from",
+                    false => "fix the parameter",
+                }
+            ),
+            Self::Violated { name, by } => write!(
+                f,
+                "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest"
+            ),
+            Self::BeyondLimit { name, by } => write!(
+                f,
+                "{name} is exceeded by up to {by:.1e}: prediction errors know no limits, and an exported model stays \
+                 within; fit the response, or flights that keep off the stops"
+            ),
+            Self::UnstableLoop { growth, is_kept } => write!(
+                f,
+                "the system, linearised where the first run ends, grows by {growth:.2e} 1/s: right if the recorded one \
+                 grew or oscillated by itself; {}",
+                match is_kept {
+                    true => "[stability] keeps it stable where the first run begins alone",
+                    false => "if not, add [stability] with closed_loop = true",
+                }
+            ),
+            Self::PoorFit {
+                measured,
+                explained,
+            } => write!(
+                f,
+                "the model explains {:.0} % of the variance of {measured} within the runs: another structure or other starts \
+                 may do better, or the runs move it by little more than noise",
+                100.0 * explained.max(0.0)
+            ),
+            Self::InputLeft {
+                measured,
+                input,
+                lag,
+                correlation,
+            } => write!(
+                f,
+                "the residuals of {measured} are correlated with {input}, most with what it was {lag:.3} s before \
+                 ({correlation:.2}): the model lacks a path or a delay from there, or has a wrong one"
+            ),
+            Self::Outlier {
+                measured,
+                run,
+                time,
+                value,
+                unit,
+                count,
+                share,
+            } => write!(
+                f,
+                "{measured} of {run} at {time} s is {value:.3e}{} from the model and breaks away from its neighbours ({}, \
+                 {:.0} % of the column's sum of squares): empty the cells if they are errors, or fit with noise = \
+                 \"student\"",
+                spaced(unit.as_deref()),
+                match count {
+                    1 => "one such sample".to_owned(),
+                    _ => format!("{count} such samples"),
+                },
+                100.0 * share,
+            ),
+            Self::Jump {
+                measured,
+                run,
+                time,
+                size,
+                unit,
+            } => write!(
+                f,
+                "the residuals of {measured} in {run} jump by {size:.3e}{} at {time} s and do not come back: part of the \
+                 column may have another origin or unit",
+                spaced(unit.as_deref()),
+            ),
+            Self::Misfit {
+                measured,
+                run,
+                ratio,
+            } => write!(
+                f,
+                "{measured} of {run} is fitted {ratio:.1} times as badly as that of the others: an origin, an input or a \
+                 unit may be another there, or another pilot flew; see what the fit is without it"
+            ),
+            Self::Clipped {
+                measured,
+                value,
+                unit,
+                part,
+            } => write!(
+                f,
+                "{:.0} % of the samples of {measured} stay at the ends of what was recorded, such as {value}{}: if that is a \
+                 stop, let the model saturate with `sat`; if a sensor's range, empty those cells",
+                100.0 * part,
+                spaced(unit.as_deref()),
+            ),
+            Self::Copy { run, of, count } => write!(
+                f,
+                "{run} has the samples of {of}{}: what is in both counts twice, and intervals are too narrow; leave one out",
+                match count {
+                    1 => String::new(),
+                    _ => format!(" ({count} runs are such copies)"),
+                }
+            ),
+            Self::OnStabilityBound(of) => write!(
+                f,
+                "{of} lies on the bound that [stability] keeps: runs this short do not tell how it settles in the \
+                 long run, or the data ask for what grows"
+            ),
+            Self::CoarseMesh(error) => write!(
+                f,
+                "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
+                 as much: leave `mesh` and `mesh_step` out, or lower the step"
+            ),
+            Self::MeshError {
+                error,
+                tolerance,
+                is_limited,
+            } => write!(
+                f,
+                "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for{}",
+                match is_limited {
+                    true => ", since a solve on a finer mesh was ended by max_iterations: raise it",
+                    false => "",
+                }
+            ),
+            Self::MeshMoves(change) => write!(
+                f,
+                "the last refinement of the mesh still moved a parameter by {change:.1e} of its size: lower \
+                 mesh_tolerance and compare"
+            ),
+            Self::Simulated {
+                objective,
+                simulated: Some(simulated),
+            } => write!(
+                f,
+                "a simulation from the initial states that were found, with the parameters that were found, has the \
+                 objective {simulated:.6e}, not {objective:.6e}: the mesh is too coarse, or the system is so unstable \
+                 that small errors grow"
+            ),
+            Self::Simulated {
+                simulated: None, ..
+            } => write!(
+                f,
+                "a simulation with what was found does not come to an end: the mesh is too coarse, or the system is \
+                 unstable"
+            ),
+            Self::Cut {
+                status,
+                starts,
+                refinement,
+                events,
+            } => write!(
+                f,
+                "{status} ended the fit before {} were done: what stands here is the best so far",
+                undone(*starts, *refinement, *events)
+            ),
+            Self::LowerStart {
+                start,
+                status,
+                objective,
+            } => write!(
+                f,
+                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): {}",
+                match status {
+                    Status::TimeLimit => "give it more time, or begin near it",
+                    Status::Interrupted | Status::Stopped => "let it go on, or begin near it",
+                    _ => "raise max_iterations, or begin near it",
+                }
+            ),
+            Self::Alone(starts) => write!(
+                f,
+                "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
+            ),
+            Self::Mixed(words) => write!(f, "{words}"),
+            Self::Undefined(what) => write!(f, "where the search begins, in {what}"),
+            Self::FmuFailed { instance, trouble } => {
+                write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
+            }
+            Self::Contradicted(found) => found.fmt(f),
+            Self::Starved(found) => found.fmt(f),
+            Self::Unidentifiable(words) => write!(f, "{words}: fix one, or measure more"),
+            Self::Event(event) => event.fmt(f),
+            Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
+            Self::Flat(curvature) => write!(
+                f,
+                "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not tell all \
+                 parameters apart; fix one, or give it a prior"
+            ),
+        }
+    }
+}
+
+/// A unit after a number.
+fn spaced(unit: Option<&str>) -> String {
+    unit.map(|unit| format!(" {unit}")).unwrap_or_default()
+}
+
+/// What a fit that was cut had still to do.
+fn undone(starts: usize, refinement: bool, events: bool) -> String {
+    let starts = (starts > 0).then(|| counted(starts, "start"));
+    let others = [
+        (refinement, "the refinement of the mesh"),
+        (events, "the look for events"),
+    ];
+    let others = others.into_iter().filter(|(is_undone, _)| *is_undone);
+    let all = starts
+        .into_iter()
+        .chain(others.map(|(_, what)| what.to_owned()));
+    all.collect::<Vec<_>>().join(" and ")
+}

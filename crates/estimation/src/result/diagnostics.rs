@@ -1,0 +1,221 @@
+//! What speaks against taking a result at its word.
+
+use crate::posed::Posed;
+use crate::problem::file::Mesh;
+use crate::result::Beside;
+use crate::result::diagnostic::Diagnostic;
+use crate::result::outliers::{of_copies, of_ends, of_runs, of_samples};
+use crate::result::{Fit, Found};
+use crate::search::active::{on_stability_bound, violated};
+use crate::search::solved::Solved;
+use crate::system::part::FmuPart;
+use pilotage_expression::Node;
+use pilotage_series::flown;
+use pilotage_sqp::Status;
+
+/// A pole that grows faster is unstable \[1/s\].
+const GROWTH: f64 = 1e-6;
+/// A change of parameters by a refinement that matters, relative to their size; and so an error of the states.
+const MOVES: f64 = 1e-3;
+/// Variance accounted for below which the model says little.
+const POOR: f64 = 0.5;
+/// Smallest scaled curvature that counts as one.
+const FLAT: f64 = 1e-9;
+/// What is undefined where all that stands in the problem is finite at its samples.
+const SUM: &str = "the objective: its terms are finite at all samples, and their sum, a derivative or a value between \
+                   samples is not";
+
+/// All that speaks against a result, the heaviest first.
+pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
+    let mut all = Vec::new();
+    let dead = failed(posed, |fmu| fmu.calls.fatal());
+    if let Some(status) = fit.cut {
+        all.push(Diagnostic::Cut {
+            status,
+            starts: fit.starts.iter().filter(|own| own.0 == status).count(),
+            refinement: !fit.refinement.is_done,
+            events: !fit.events.is_whole,
+        });
+    } else if fit.status != Status::Converged && !dead.is_empty() {
+        all.push(Diagnostic::NotConverged(fit.status));
+    } else if fit.status != Status::Converged {
+        all.push(Diagnostic::NotConverged(fit.status));
+        all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
+        if fit.trouble.is_none() {
+            let failed = failed(posed, |fmu| fmu.function.trouble());
+            let is_unknown = failed.is_empty() && fit.status == Status::UndefinedStart;
+            all.extend(is_unknown.then(|| Diagnostic::Undefined(SUM.to_owned())));
+            all.extend(failed);
+        }
+    }
+    all.extend(dead);
+    let is_undefined = fit.status == Status::UndefinedStart;
+    if !fit.is_met() && !is_undefined {
+        all.push(Diagnostic::NotMet(fit.kkt.primal));
+    }
+    if fit.status == Status::Infeasible {
+        let violated = violated(posed, solved).into_iter();
+        all.extend(violated.map(|(name, by)| Diagnostic::Violated { name, by }));
+    }
+    let growth = fit
+        .poles
+        .iter()
+        .map(|pole| pole[0])
+        .fold(f64::NEG_INFINITY, f64::max);
+    let is_loop = !posed.file.system.connections.is_empty();
+    if growth > GROWTH && (is_loop || is_linear(posed)) {
+        let is_kept = posed.file.stability.closed_loop.is_some();
+        all.push(Diagnostic::UnstableLoop { growth, is_kept });
+    }
+    if fit.is_answer() {
+        let kept = on_stability_bound(posed, solved).into_iter();
+        all.extend(kept.map(Diagnostic::OnStabilityBound));
+    }
+    all.extend(fit.events.found.iter().cloned().map(Diagnostic::Event));
+    let at_bound = |found: &Found| {
+        found.bound.map(|bound| Diagnostic::AtBound {
+            name: found.name.clone(),
+            bound,
+            is_tied: found.is_tied,
+        })
+    };
+    all.extend(fit.parameters.iter().filter_map(at_bound));
+    let curvature = solved.solution.curvature;
+    all.extend(
+        curvature
+            .filter(|own| fit.status == Status::Converged && *own < FLAT)
+            .map(Diagnostic::Flat),
+    );
+    all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
+    all.extend(of_inputs(fit));
+    if is_said(fit) {
+        for k in 0..posed.file.measured.len() {
+            all.extend(poor(posed, fit, k));
+            all.extend(of_samples(posed, fit, k));
+            all.extend(of_runs(posed, fit, k));
+            all.extend(of_ends(posed, fit, k));
+        }
+    }
+    all.extend(of_copies(posed, fit));
+    let heads =
+        (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
+    all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
+    all.extend(of_lower(fit));
+    all.extend(of_starts(fit));
+    for (instance, part) in &posed.joint.parts {
+        let notes = part.fmu.iter().flat_map(|fmu| fmu.notes.iter().cloned());
+        let instance = instance.clone();
+        all.extend(notes.map(|note| Diagnostic::Description {
+            instance: instance.clone(),
+            note,
+        }));
+    }
+    all.extend(of_mesh(posed, fit));
+    let simulated = Diagnostic::Simulated {
+        objective: fit.objective,
+        simulated: fit.simulated_objective,
+    };
+    let is_known = fit.is_met() && fit.cut.is_none();
+    all.extend((is_known && !fit.agrees()).then_some(simulated));
+    all
+}
+
+/// FMUs of which there is something to tell of failed calls.
+fn failed(posed: &Posed<'_>, trouble: impl Fn(&FmuPart) -> Option<String>) -> Vec<Diagnostic> {
+    let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
+        Some(Diagnostic::FmuFailed {
+            instance: instance.clone(),
+            trouble: trouble(part.fmu.as_ref()?)?,
+        })
+    });
+    failed.collect()
+}
+
+/// Whether the states' derivatives are linear in them: where they are not, what grows at one point may be an
+/// oscillation.
+fn is_linear(posed: &Posed<'_>) -> bool {
+    let system = &posed.model.system;
+    let mut graph = system.graph.clone();
+    let states: Vec<usize> = (0..posed.joint.model.states.len())
+        .map(|k| system.state(k))
+        .collect();
+    let slopes: Vec<Node> = (states.iter())
+        .flat_map(|state| graph.derivatives(&system.derivatives, *state))
+        .collect();
+    let varies = graph.dependants(|variable| states.contains(&variable));
+    slopes.iter().all(|node| !varies[node.index()])
+}
+
+/// Whether little of a measured signal is explained. A filter takes from the recording what the model alone does not say.
+fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let (mut left, mut total) = (0.0, 0.0);
+    for run in &fit.runs {
+        let known = run.recorded[k].iter().zip(&run.predicted[k]);
+        let known: Vec<(f64, f64)> = known
+            .map(|(y, h)| (*y, *h))
+            .filter(|(y, _)| y.is_finite())
+            .collect();
+        let mean = known.iter().map(|(y, _)| y).sum::<f64>() / known.len().max(1) as f64;
+        left += known.iter().map(|(y, h)| (y - h).powi(2)).sum::<f64>();
+        total += known.iter().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
+    }
+    let explained = 1.0 - left / total;
+    (explained < POOR && posed.filter.is_none()).then(|| Diagnostic::PoorFit {
+        measured: posed.file.measured[k].column.value.clone(),
+        explained,
+    })
+}
+
+/// Of all pairs together one in a hundred fits of right models has such a doubt.
+fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
+    let doubt = |own: &Beside| {
+        let lag = own.crossed.left(fit.beside.len())?;
+        Some(Diagnostic::InputLeft {
+            measured: own.measured.clone(),
+            input: own.input.clone(),
+            lag: own.crossed.lags[lag],
+            correlation: own.crossed.correlations[lag],
+        })
+    };
+    let pairs = fit.beside.iter().filter(|_| is_said(fit));
+    pairs.filter_map(doubt).collect()
+}
+
+/// Whether residuals are those of an answer, and more than the solver leaves over.
+fn is_said(fit: &Fit) -> bool {
+    fit.is_answer() && fit.chi2 > fit.resolution
+}
+
+fn of_lower(fit: &Fit) -> Option<Diagnostic> {
+    let start = fit.lower?;
+    let (status, objective) = fit.starts[start];
+    Some(Diagnostic::LowerStart {
+        start: start + 1,
+        // What ended the fit ended this start too: it would have gone on.
+        status: fit.cut.unwrap_or(status),
+        objective,
+    })
+}
+
+fn of_starts(fit: &Fit) -> Option<Diagnostic> {
+    let starts = fit.starts.len();
+    (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
+}
+
+fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    let (refinement, error) = (&fit.refinement, fit.refinement.error);
+    let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
+        // A local error that a simulation does not see moves no parameter either.
+        let is_seen = error > MOVES && !fit.agrees();
+        return is_seen.then_some(Diagnostic::CoarseMesh(error));
+    };
+    let change = refinement.changes.iter().copied().fold(0.0, f64::max);
+    if error > tolerance {
+        return Some(Diagnostic::MeshError {
+            error,
+            tolerance,
+            is_limited: refinement.is_limited,
+        });
+    }
+    (change > MOVES).then_some(Diagnostic::MeshMoves(change))
+}

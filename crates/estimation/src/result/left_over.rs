@@ -1,0 +1,133 @@
+//! What a fit leaves in its residuals: what they say of the next one, and of what drove the system.
+
+use crate::posed::Posed;
+use crate::posed::data::filled;
+use crate::problem::file::{Measured, Noise};
+use crate::result::uncertainty::signal_of;
+use crate::result::{Beside, Fit, RunFit};
+use nalgebra::DMatrix;
+use pilotage_inference::crossed::{Crossed, Pair};
+use pilotage_inference::residuals::Explained;
+use pilotage_inference::{Autoregression, Data, Run};
+
+/// The residuals of a signal in a run where something was recorded, in standard deviations, and their times \[s\].
+fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {
+    let residuals = run.residuals(k, noise).into_iter().zip(&run.time);
+    residuals.filter(|(e, _)| e.is_finite()).unzip()
+}
+
+/// The autoregressive process in the residuals of each measured signal; none where nothing was recorded, where the states that
+/// were found do not fulfil the equations, or where a filter predicts the next sample.
+pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
+    let measured = posed.file.measured.iter().enumerate();
+    let process = |(k, own): (usize, &Measured)| {
+        let series = fit.runs.iter().map(|run| known(run, k, own.noise));
+        let series: Vec<_> = series.filter(|(values, _)| !values.is_empty()).collect();
+        let is_told = fit.is_met() && posed.filter.is_none() && !series.is_empty();
+        is_told.then(|| Autoregression::of_series(&series))
+    };
+    measured.map(process).collect()
+}
+
+impl RunFit {
+    /// How much of a measured signal is explained one step ahead: by the model and what a process makes of the residuals up
+    /// to the sample before. Of a model whose noise is on the recording alone that is its best prediction, and no more
+    /// than the free run where residuals are white.
+    pub fn one_step(&self, k: usize, noise: Noise, process: &Autoregression) -> Option<Explained> {
+        let (residuals, time) = known(self, k, noise);
+        let mut expected = process.one_step(&residuals, &time).into_iter();
+        let samples = self.residuals(k, noise).into_iter();
+        let predicted = samples.enumerate().map(|(sample, residual)| {
+            let (h, sd) = (self.predicted[k][sample], self.deviations[k][sample]);
+            let next = if residual.is_finite() {
+                expected.next()
+            } else {
+                None
+            };
+            match (next, noise) {
+                (None, _) => h,
+                (Some(e), Noise::LogNormal) => h * (sd * e).exp(),
+                (Some(e), _) => h + sd * e,
+            }
+        });
+        Explained::of(&self.recorded[k], &predicted.collect::<Vec<_>>())
+    }
+}
+
+/// The residuals of each measured signal beside each column that drives an input, over all runs that were fitted; those
+/// whose samples are not evenly apart, and inputs that do not vary within runs, are left out. `data` are the same residuals
+/// with their derivatives, where these are known.
+pub(crate) fn beside_inputs(
+    posed: &Posed<'_>,
+    runs: &[RunFit],
+    data: Option<&Data>,
+) -> Vec<Beside> {
+    let mut columns: Vec<&str> = posed
+        .file
+        .inputs
+        .iter()
+        .map(|fed| &fed.column.value[..])
+        .collect();
+    columns.sort_unstable();
+    columns.dedup();
+    let mut all = Vec::new();
+    for (k, measured) in posed.file.measured.iter().enumerate() {
+        for column in &columns {
+            let pairs = posed
+                .data
+                .iter()
+                .zip(runs)
+                .enumerate()
+                .map(|(j, (own, run))| {
+                    let series = &own.series;
+                    let input = series
+                        .column(column)
+                        .map(|own| filled(&series.time, &own.values));
+                    let own = data.and_then(|data| data.runs.get(j));
+                    let (left, gradients) = own
+                        .and_then(|own| linearised(own, signal_of(posed, k)?))
+                        .unwrap_or_else(|| (known(run, k, measured.noise), Default::default()));
+                    Pair {
+                        gradients,
+                        ..pair(left, (&series.time, input.as_deref()))
+                    }
+                });
+            let pairs: Vec<Pair> = pairs.collect();
+            all.extend(Crossed::of(&pairs).map(|crossed| Beside {
+                measured: measured.column.value.clone(),
+                input: (*column).to_owned(),
+                crossed,
+            }));
+        }
+    }
+    all
+}
+
+/// Values and their times \[s\].
+type Timed = (Vec<f64>, Vec<f64>);
+
+/// Residuals of a signal in a run, and their derivatives by the shared unknowns and by the run's own.
+fn linearised(run: &Run, signal: usize) -> Option<(Timed, [DMatrix<f64>; 2])> {
+    let rows = run.signals.get(signal)?.clone();
+    let left = run.residuals.rows(rows.start, rows.len());
+    let gradients = [&run.shared, &run.own].map(|of| of.rows(rows.start, rows.len()).into_owned());
+    let timed = (left.iter().copied().collect(), run.time[rows].to_vec());
+    Some((timed, gradients))
+}
+
+/// Residuals with the input at their times.
+fn pair((residuals, time): Timed, (times, input): (&[f64], Option<&[f64]>)) -> Pair {
+    let at = |t: &f64| {
+        let row = times.partition_point(|own| own < t);
+        input
+            .and_then(|input| input.get(row))
+            .copied()
+            .unwrap_or(0.0)
+    };
+    Pair {
+        input: time.iter().map(at).collect(),
+        residuals,
+        time,
+        gradients: Default::default(),
+    }
+}

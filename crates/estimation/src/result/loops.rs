@@ -1,0 +1,311 @@
+//! The loops that the instances of a problem close, each cut open at a wire, linear at the end of the first run.
+
+use crate::posed::Posed;
+use crate::posed::variables;
+use crate::result::Found;
+use crate::system::joint::{Joint, conversion};
+use nalgebra::{Complex, DMatrix};
+use pilotage_cosim::SystemDescription;
+use pilotage_cosim::description::Wire;
+use pilotage_expression::{Graph, Node};
+use pilotage_linear::{Figure, LoopFigures, OpenLoop, StateSpace, eigenvalues};
+use std::collections::HashMap;
+
+/// The joint equations without a wire that closes a loop.
+pub(crate) struct Cut<'p> {
+    posed: &'p Posed<'p>,
+    /// Graph of the equations, and for each of its variables where the closed ones have it: none for the input that the
+    /// wire drove.
+    graph: Graph,
+    variables: Vec<Option<Node>>,
+    /// The signal at the wire's other end, in the unit of the input.
+    signal: Node,
+    /// Rows of `[A b; c d]`.
+    rows: Vec<Vec<Node>>,
+}
+
+impl<'p> Cut<'p> {
+    /// Of a problem without the wire of that number.
+    fn new(posed: &'p Posed<'p>, cut: usize) -> Option<Self> {
+        let mut open = posed.file.system.clone();
+        let wire = open.connections.remove(cut);
+        let joint = Joint::new(&open, posed.joint.parts.clone()).ok()?;
+        let (closed, own) = (&posed.joint.model, &joint.model);
+        let told: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
+            .into_iter()
+            .flatten()
+            .zip(posed.told.joint[1..].iter().copied())
+            .collect();
+        let names = [&own.states, &own.inputs, &own.parameters];
+        let known = names
+            .into_iter()
+            .flatten()
+            .map(|name| told.get(name).copied());
+        let variables: Vec<Option<Node>> = std::iter::once(Some(posed.told.joint[0]))
+            .chain(known)
+            .collect();
+        let missing = |name: &&String| !told.contains_key(name);
+        if names.into_iter().flatten().filter(missing).count() != 1 {
+            return None;
+        }
+        let mut graph = own.system.graph.clone();
+        let signal = joint.signal(&wire.from.value)?;
+        let conversion = conversion(&joint.variables, &wire).ok()?;
+        let offset = graph.constant(conversion.offset);
+        let signal = graph.scale(conversion.factor, signal);
+        let signal = graph.add(signal, offset);
+        let input = 1 + variables[1..].iter().position(Option::is_none)?;
+        let columns = (0..own.states.len())
+            .map(|k| own.system.state(k))
+            .chain([input]);
+        let outputs = [&own.system.derivatives[..], &[signal]].concat();
+        let columns: Vec<Vec<Node>> = columns
+            .map(|variable| graph.derivatives(&outputs, variable))
+            .collect();
+        let row = |i: usize| columns.iter().map(|column| column[i]).collect();
+        Some(Self {
+            rows: (0..outputs.len()).map(row).collect(),
+            posed,
+            graph,
+            variables,
+            signal,
+        })
+    }
+
+    /// The loop with these shared parameters and these states at the end of the first run. None where a derivative is no
+    /// finite number.
+    fn at(
+        &self,
+        x: &[f64],
+        theta: &[f64],
+    ) -> Option<OpenLoop<impl Fn(f64) -> Complex<f64> + use<>>> {
+        let open = self.linear(x, theta);
+        open.check_finite().ok()?;
+        let returned = 1.0 + open.d[(0, 0)];
+        let closed = &open.a - &open.b * &open.c / returned;
+        Some(OpenLoop {
+            open: open.poles(),
+            closed: eigenvalues(&closed),
+            response: move |omega| open.transfer(0, 0, Complex::new(0.0, omega)),
+        })
+    }
+
+    /// `ẋ = A x + b w`, `L = -(c x + d w)`.
+    fn linear(&self, x: &[f64], theta: &[f64]) -> StateSpace {
+        let last = self.posed.runs[0].time.len() - 1;
+        let system = &self.posed.model.system.graph;
+        let told = system.values(&variables(self.posed, 0, last, x, theta));
+        let mut point: Vec<f64> = (self.variables.iter())
+            .map(|node| node.map_or(0.0, |node| told[node.index()]))
+            .collect();
+        let input = self.variables.iter().position(Option::is_none).unwrap_or(0);
+        // What the wire carries is there what comes out at its other end.
+        point[input] = self.graph.values(&point)[self.signal.index()];
+        let values = self.graph.values(&point);
+        let n = self.rows.len() - 1;
+        let entry = |i: usize, j: usize| values[self.rows[i][j].index()];
+        StateSpace {
+            a: DMatrix::from_fn(n, n, entry),
+            b: DMatrix::from_fn(n, 1, |i, _| entry(i, n)),
+            c: DMatrix::from_fn(1, n, |_, j| -entry(n, j)),
+            d: DMatrix::from_element(1, 1, -entry(n, n)),
+            states: self.posed.joint.model.states.clone(),
+            inputs: vec!["cut".to_owned()],
+            outputs: vec!["returned".to_owned()],
+        }
+    }
+}
+
+/// A loop of a solution, with its figures.
+struct Loop<'p> {
+    /// The output whose wire is cut, where there are several loops.
+    name: Option<String>,
+    cut: Cut<'p>,
+    figures: LoopFigures,
+}
+
+impl Loop<'_> {
+    /// Figures with the loop's name; the poles, which are those of all loops, without.
+    fn named(&self, figures: &LoopFigures) -> Vec<Figure> {
+        let mut all = figures.named();
+        if let Some(name) = &self.name {
+            let own = all.iter_mut().filter(|own| !own.is_of_pole());
+            own.for_each(|own| own.name = format!("{}({name})", own.name));
+        }
+        all
+    }
+}
+
+/// The loops of a solution. Where wires lead side by side, as from a pilot's two sticks, each is cut with the others closed
+/// (margins of one path at a time: MIL-F-9490D, 3.1.3.6).
+pub(crate) struct Looped<'p> {
+    loops: Vec<Loop<'p>>,
+    /// The states at the end of the first run.
+    x: Vec<f64>,
+}
+
+impl<'p> Looped<'p> {
+    /// Of a problem with these states at the end of the first run, and shared parameters; none where no wires between two
+    /// instances open all loops, or one is not linear there.
+    pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
+        let description = &posed.file.system;
+        let wires = openings(description);
+        let is_single = wires.len() == 1;
+        let own = |wire: usize| {
+            let cut = Cut::new(posed, wire)?;
+            let name = description.connections[wire].from.value.clone();
+            Some(Loop {
+                name: (!is_single).then_some(name),
+                figures: cut.at(x, theta)?.figures(),
+                cut,
+            })
+        };
+        let loops: Option<Vec<Loop<'p>>> = wires.into_iter().map(own).collect();
+        Some(Self {
+            loops: loops.filter(|own| !own.is_empty())?,
+            x: x.to_vec(),
+        })
+    }
+
+    /// The figures of all loops as they have become, and the poles once.
+    fn all(&self, of: impl Fn(&Loop<'p>) -> Option<LoopFigures>) -> Vec<Figure> {
+        let mut all = Vec::new();
+        for (k, own) in self.loops.iter().enumerate() {
+            let figures = of(own).unwrap_or_default();
+            let named = own.named(&figures).into_iter();
+            all.extend(named.filter(|own| k == 0 || !own.is_of_pole()));
+        }
+        // Poles come last, as of one loop.
+        all.sort_by_key(Figure::is_of_pole);
+        all
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        self.all(|own| Some(own.figures.clone()))
+    }
+
+    /// The figures, as what is found.
+    pub fn found(&self) -> Vec<Found> {
+        let figures = self.figures().into_iter();
+        let found = figures.map(|figure| Found {
+            name: figure.name,
+            unit: Some(figure.unit.to_owned()),
+            values: vec![(None, figure.value)],
+            is_tied: true,
+            bound: None,
+        });
+        found.collect()
+    }
+
+    /// The same figures with shared parameters that may be far away.
+    pub fn again(&self, theta: &[f64]) -> Vec<f64> {
+        let found = self.all(|own| {
+            let moved = own.cut.at(&self.x, theta)?;
+            Some(moved.figures_with(&own.figures.poles))
+        });
+        let figures = self.figures();
+        figures.iter().map(|own| own.value_in(&found)).collect()
+    }
+
+    /// The same figures with other shared parameters, and a change of a state: that of a run's own parameter, which is the
+    /// same all along the run. Not numbers where they are gone.
+    pub fn moved(&self, theta: &[f64], (state, by): (usize, f64)) -> Vec<f64> {
+        let mut x = self.x.clone();
+        x[state] += by;
+        let moved = self.all(|own| Some(own.cut.at(&x, theta)?.figures_near(&own.figures)));
+        let figures = self.figures();
+        figures.iter().map(|own| own.value_in(&moved)).collect()
+    }
+}
+
+/// The instances from which and to which a wire leads.
+pub(crate) fn ends(description: &SystemDescription, wire: &Wire) -> [String; 2] {
+    [&wire.from.value, &wire.to.value].map(|end| instance(description, end))
+}
+
+/// The instance of a signal.
+pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String {
+    let named = |own: &&str| {
+        signal
+            .strip_prefix(*own)
+            .is_some_and(|rest| rest.starts_with('.'))
+    };
+    let names = description.instances.iter().map(|own| own.name.as_str());
+    let longest = names.filter(named).max_by_key(|name| name.len());
+    longest.unwrap_or_default().to_owned()
+}
+
+/// The first wire without which no instance acts on itself, where with it one does.
+pub(crate) fn opening(description: &SystemDescription) -> Option<usize> {
+    match openings(description)[..] {
+        [own] => Some(own),
+        _ => None,
+    }
+}
+
+/// The same, or the first wires that lead from one instance to another without which none does.
+fn openings(description: &SystemDescription) -> Vec<usize> {
+    let wires = description.connections.iter();
+    let edges: Vec<[String; 2]> = wires.map(|wire| ends(description, wire)).collect();
+    let is_open = |cut: &[usize]| {
+        let kept = edges.iter().enumerate();
+        let kept = kept.filter(|(k, _)| !cut.contains(k));
+        !has_circle(&kept.map(|(_, edge)| edge).collect::<Vec<_>>())
+    };
+    if is_open(&[]) {
+        return Vec::new();
+    }
+    let beside = |k: usize| -> Vec<usize> {
+        let others = edges.iter().enumerate();
+        let beside = others.filter(|(_, own)| **own == edges[k]);
+        beside.map(|(k, _)| k).collect()
+    };
+    let single = (0..edges.len()).map(|k| vec![k]);
+    let all = single.chain((0..edges.len()).map(beside));
+    all.into_iter().find(|cut| is_open(cut)).unwrap_or_default()
+}
+
+/// Whether edges lead from anywhere back to it: what nothing leads to is taken away until nothing is left.
+fn has_circle(edges: &[&[String; 2]]) -> bool {
+    let mut left = edges.to_vec();
+    loop {
+        let ends: Vec<&String> = left.iter().map(|edge| &edge[1]).collect();
+        let kept: Vec<&[String; 2]> = left
+            .iter()
+            .copied()
+            .filter(|edge| ends.contains(&&edge[0]))
+            .collect();
+        if kept.len() == left.len() {
+            return !left.is_empty();
+        }
+        left = kept;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn circles_are_found() {
+        let edges = |all: &[(&str, &str)]| -> Vec<[String; 2]> {
+            all.iter()
+                .map(|(a, b)| [(*a).to_owned(), (*b).to_owned()])
+                .collect()
+        };
+        for (all, expected) in [
+            (vec![], false),
+            (vec![("a", "b"), ("b", "c"), ("a", "c")], false),
+            (vec![("a", "b"), ("b", "a")], true),
+            (vec![("x", "a"), ("a", "b"), ("b", "c"), ("c", "b")], true),
+            (vec![("a", "a")], true),
+        ] {
+            let all = edges(&all);
+            assert_eq!(
+                has_circle(&all.iter().collect::<Vec<_>>()),
+                expected,
+                "{all:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! Samples and runs that stand out of a fit's residuals.
+
+use crate::posed::Posed;
+use crate::problem::file::Noise;
+use crate::result::diagnostic::Diagnostic;
+use crate::result::{Fit, RunFit};
+use pilotage_inference::outliers::{Breaks, Kind, Values, misfit, resolution};
+
+/// Part of a signal's samples at the ends of its range that is worth a word.
+const CLIPPED: f64 = 0.05;
+/// Samples in a row that stay at a value.
+const STAYS: usize = 5;
+/// A coarser recording, of so many steps at most, stays anywhere.
+const LEVELS: f64 = 20.0;
+
+/// Samples of a measured signal that stand out; those of a distribution with long tails are expected to.
+pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
+    let measured = &posed.file.measured[k];
+    if !matches!(measured.noise, Noise::Normal | Noise::LogNormal) {
+        return Vec::new();
+    }
+    let unit = posed.unit_of(k).map(str::to_owned);
+    let runs: Vec<Values> = fit
+        .runs
+        .iter()
+        .map(|run| looked_at(run, k, measured.noise))
+        .collect();
+    let breaks = Breaks::of(&runs, Kind::Residuals);
+    let of_run = |run: usize| (measured.column.value.clone(), fit.runs[run].name.clone());
+    let square = |(run, sample): (usize, usize)| runs[run].values[sample].powi(2);
+    let largest = (breaks.samples()).max_by(|a, b| square(*a).total_cmp(&square(*b)));
+    let outlier = largest.map(|(run, sample)| {
+        let (measured, name) = of_run(run);
+        let all = runs.iter().flat_map(|own| &own.values);
+        let total: f64 = all.filter(|z| z.is_finite()).map(|z| z * z).sum();
+        Diagnostic::Outlier {
+            measured,
+            run: name,
+            time: fit.runs[run].time[sample],
+            value: missed(&fit.runs[run], k)[sample],
+            unit: unit.clone(),
+            count: breaks.samples().count(),
+            share: breaks.samples().map(square).sum::<f64>() / total,
+        }
+    });
+    let jump = breaks.jump().map(|(run, sample, _)| {
+        let (measured, name) = of_run(run);
+        let missed = missed(&fit.runs[run], k);
+        let before = missed[..sample].iter().rfind(|own| own.is_finite());
+        Diagnostic::Jump {
+            measured,
+            run: name,
+            time: fit.runs[run].time[sample],
+            size: missed[sample] - before.copied().unwrap_or(0.0),
+            unit: unit.clone(),
+        }
+    });
+    outlier.into_iter().chain(jump).collect()
+}
+
+/// The run in which a measured signal is fitted worst, where that is far worse than in the others.
+pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let measured = &posed.file.measured[k];
+    let has_some = |run: &&RunFit| run.recorded[k].iter().any(|y| y.is_finite());
+    let runs: Vec<&RunFit> = fit.runs.iter().filter(has_some).collect();
+    let rms: Vec<f64> = (runs.iter())
+        .map(|run| rms(&run.residuals(k, measured.noise)))
+        .collect();
+    let tasks: Vec<f64> = runs.iter().map(|run| variation(run, k)).collect();
+    let (run, ratio) = misfit(&rms, &tasks)?;
+    Some(Diagnostic::Misfit {
+        measured: measured.column.value.clone(),
+        run: runs[run].name.clone(),
+        ratio,
+    })
+}
+
+/// A measured signal that stays at the ends of its range, for some samples within a run: at rest it may begin and end there.
+pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let runs = || fit.runs.iter().map(|run| &run.recorded[k]);
+    let all: Vec<f64> = runs()
+        .flatten()
+        .copied()
+        .filter(|y| y.is_finite())
+        .collect();
+    let lowest = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if highest - lowest < LEVELS * resolution(&all) {
+        return None;
+    }
+    let stays = |end: f64| -> usize { runs().map(|run| stays(run, end)).sum() };
+    let (low, high) = (stays(lowest), stays(highest));
+    let part = (low + high) as f64 / all.len() as f64;
+    (part >= CLIPPED).then(|| Diagnostic::Clipped {
+        measured: posed.file.measured[k].column.value.clone(),
+        value: if high >= low { highest } else { lowest },
+        unit: posed.unit_of(k).map(str::to_owned),
+        part,
+    })
+}
+
+/// How many samples of a run lie at a value in stretches that are long, and no begin or end of the run.
+fn stays(run: &[f64], value: f64) -> usize {
+    let mut stretches = run.chunk_by(|a, b| (*a == value) == (*b == value));
+    let is_long = |own: &&[f64]| own[0] == value && own.len() >= STAYS;
+    stretches.next();
+    stretches.next_back();
+    stretches.filter(is_long).map(<[f64]>::len).sum()
+}
+
+/// Runs of different files that have the same samples: of one file, with other settings, that is meant.
+pub fn of_copies(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    let of = |k: usize| {
+        (0..k).find(|&first| {
+            let [a, b] = [first, k].map(|k| &fit.runs[k]);
+            let [file, other] = [first, k].map(|k| &posed.data[k].line.file);
+            file != other && has_samples(a, b)
+        })
+    };
+    let copies = (0..fit.runs.len()).filter_map(|k| Some((k, of(k)?)));
+    let copies: Vec<(usize, usize)> = copies.collect();
+    let &(run, first) = copies.first()?;
+    Some(Diagnostic::Copy {
+        run: fit.runs[run].name.clone(),
+        of: fit.runs[first].name.clone(),
+        count: copies.len(),
+    })
+}
+
+/// Whether two runs have the same samples, to the bit, and something is measured there.
+fn has_samples(a: &RunFit, b: &RunFit) -> bool {
+    let bits = |run: &RunFit| -> Vec<u64> {
+        let values = run.time.iter().chain(run.recorded.iter().flatten());
+        values.map(|value| value.to_bits()).collect()
+    };
+    let is_measured = a.recorded.iter().flatten().any(|y| y.is_finite());
+    is_measured && a.time.len() == b.time.len() && bits(a) == bits(b)
+}
+
+/// The residuals of a measured signal, in standard deviations.
+fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
+    let of = |y: &f64, sd: &f64| match noise {
+        Noise::LogNormal => y.ln() / sd,
+        _ => y / sd,
+    };
+    let recorded = run.recorded[k].iter().zip(&run.deviations[k]);
+    let recorded: Vec<f64> = recorded.map(|(y, sd)| of(y, sd)).collect();
+    // Not what a filter predicts, which follows a break of the recording.
+    let modelled = run.predicted[k].iter().zip(&run.deviations[k]);
+    Values {
+        time: run.time.clone(),
+        values: run.residuals(k, noise),
+        resolution: resolution(&recorded),
+        modelled: modelled.map(|(h, sd)| of(h, sd)).collect(),
+    }
+}
+
+/// Recorded minus modelled, in the unit of the signal: what the residuals are of.
+fn missed(run: &RunFit, k: usize) -> Vec<f64> {
+    let ahead = run.ahead.as_ref().map(|ahead| &ahead.predicted[k]);
+    let samples = run.recorded[k]
+        .iter()
+        .zip(ahead.unwrap_or(&run.predicted[k]));
+    samples.map(|(y, h)| y - h).collect()
+}
+
+/// Standard deviation of what was recorded of a signal.
+fn variation(run: &RunFit, k: usize) -> f64 {
+    let known: Vec<f64> = run.recorded[k]
+        .iter()
+        .copied()
+        .filter(|y| y.is_finite())
+        .collect();
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    rms(&known.iter().map(|y| y - mean).collect::<Vec<_>>())
+}
+
+/// Root mean square of what is known; NaN of nothing.
+fn rms(values: &[f64]) -> f64 {
+    let known: Vec<f64> = values
+        .iter()
+        .copied()
+        .filter(|value| value.is_finite())
+        .collect();
+    (known.iter().map(|value| value * value).sum::<f64>() / known.len() as f64).sqrt()
+}

@@ -1,0 +1,277 @@
+//! A solution, linearised: each measured value as a row of a least-squares problem.
+
+use crate::posed::Posed;
+use crate::search::solved::Linearised;
+use nalgebra::{DMatrix, DVector, RowDVector};
+use pilotage_collocation::{Collocation, Loss, Recording, Sensitivities, Sensitivity};
+use pilotage_inference::{Data, Noise, Row, Run};
+use pilotage_sqp::Iterate;
+use std::ops::Range;
+
+/// The terms of a measured signal among those of the objective: its residual, and its noise level where that is sought.
+#[derive(Debug, Clone, Copy)]
+struct Terms {
+    residual: usize,
+    level: Option<usize>,
+}
+
+/// The least-squares problem of a solution. None where its derivatives are not known: see [`Sensitivities::new`].
+pub(crate) fn linearised(
+    posed: &Posed<'_>,
+    problem: &Collocation,
+    at: &Iterate,
+) -> Option<Linearised> {
+    let found = Sensitivities::new(problem, at)?;
+    let terms = terms(posed);
+    let signals = terms.iter().map(Terms::end).max().unwrap_or(0);
+    let outputs = outputs(posed, problem, &at.z);
+    let noises = noises(posed, &outputs);
+    let priors = signals..problem.measured;
+    let (mut runs, mut shared_priors) = (Vec::new(), Vec::new());
+    for (j, own) in found.runs.iter().enumerate() {
+        let place = Place {
+            recordings: &posed.runs[j].measured,
+            noises: &noises,
+            time: &posed.runs[j].time,
+            outputs: &outputs[j],
+            sensitivity: own,
+        };
+        let mut rows = Rows::default();
+        let of_signals = terms.iter().flat_map(|terms| place.add(*terms, &mut rows));
+        let of_signals = of_signals.collect();
+        let prior = place.add_priors(priors.clone(), posed.shared, &mut rows, &mut shared_priors);
+        runs.push(rows.run(own, posed.shared, of_signals, prior));
+    }
+    let prior = match shared_priors.is_empty() {
+        true => DMatrix::zeros(0, posed.shared),
+        false => DMatrix::from_rows(&shared_priors),
+    };
+    let scales = DVector::from_column_slice(&problem.model.scales.parameters);
+    let data = Data {
+        runs,
+        prior,
+        active: found.parameters.clone(),
+        scales,
+        is_scaled: terms.iter().any(|own| own.level.is_some()),
+    };
+    Some(Linearised {
+        data,
+        sensitivities: found,
+        signals,
+    })
+}
+
+/// For each run, the residuals of the measured signals at other variables of a problem of the same runs.
+pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<DVector<f64>> {
+    let terms = terms(posed);
+    let outputs = outputs(posed, problem, z);
+    let noises = noises(posed, &outputs);
+    let of_run = |j: usize| {
+        let mut all = Vec::new();
+        for own in &terms {
+            let term = own.residual;
+            let rows = values(
+                &posed.runs[j].measured[term],
+                &outputs[j][term],
+                noises[term],
+            );
+            let rows: Vec<Row> = rows.map(|(_, row)| row).collect();
+            all.extend(rows.iter().map(|row| row.location));
+            all.extend(
+                rows.iter()
+                    .filter(|_| own.level.is_some())
+                    .map(|row| row.level),
+            );
+        }
+        DVector::from_vec(all)
+    };
+    (0..posed.runs.len()).map(of_run).collect()
+}
+
+impl Terms {
+    /// The first term behind.
+    fn end(&self) -> usize {
+        self.level.unwrap_or(self.residual) + 1
+    }
+}
+
+/// Which signal of the [`Run`]s of a least-squares problem has the residuals of a measured signal.
+pub(crate) fn signal_of(posed: &Posed<'_>, measured: usize) -> Option<usize> {
+    terms(posed).get(measured).map(|own| own.residual)
+}
+
+/// The terms of each measured signal: a noise level follows its residual, and what is known beforehand comes last.
+fn terms(posed: &Posed<'_>) -> Vec<Terms> {
+    let Some(run) = posed.runs.first() else {
+        return Vec::new();
+    };
+    let is_level = |k: usize| {
+        run.measured
+            .get(k)
+            .is_some_and(|own| own.loss == Loss::Linear)
+    };
+    let mut next = 0;
+    let signals = (0..posed.told.predicted.len()).map(|_| {
+        let own = Terms {
+            residual: next,
+            level: is_level(next + 1).then_some(next + 1),
+        };
+        next = own.end();
+        own
+    });
+    signals.collect()
+}
+
+/// The samples at which a term has a value, and what it says there.
+fn values<'a>(
+    own: &'a Recording,
+    outputs: &'a [f64],
+    noise: Noise,
+) -> impl Iterator<Item = (usize, Row)> + 'a {
+    there(own, outputs).map(move |(k, z)| (k, Row::new(noise, z, own.weight)))
+}
+
+/// The samples at which a term has a value, and its residual.
+fn there<'a>(own: &'a Recording, outputs: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
+    let pairs = own.values.iter().zip(outputs).enumerate();
+    let there = pairs.filter(|(_, (y, _))| y.is_finite());
+    there.map(|(k, (y, h))| (k, y - h))
+}
+
+/// For each run, the outputs of all terms at the samples.
+fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f64>>> {
+    let runs = 0..posed.runs.len();
+    runs.map(|j| problem.outputs_at_samples(z, j)).collect()
+}
+
+/// The noise of each term, by the residuals of all runs.
+fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
+    let terms = posed.runs.first().map_or(0, |run| run.measured.len());
+    let noise = |term: usize| {
+        let runs = posed.runs.iter().zip(outputs);
+        let residuals = runs.flat_map(|(run, outputs)| {
+            let own = &run.measured[term];
+            there(own, &outputs[term]).map(|(_, z)| (z, own.weight))
+        });
+        match posed.runs[0].measured[term].loss {
+            Loss::Square | Loss::Linear => Noise::Normal,
+            Loss::Student { dof } => Noise::student(dof, residuals),
+            Loss::Absolute { smoothing } => Noise::laplace(smoothing, residuals),
+            Loss::Huber { threshold } => Noise::huber(threshold, residuals),
+        }
+    };
+    (0..terms).map(noise).collect()
+}
+
+/// A run at a solution.
+struct Place<'a> {
+    recordings: &'a [Recording],
+    noises: &'a [Noise],
+    time: &'a [f64],
+    outputs: &'a [Vec<f64>],
+    sensitivity: &'a Sensitivity,
+}
+
+/// Derivatives over `[θ; own unknowns]`, and residuals.
+#[derive(Default)]
+struct Rows {
+    derivatives: Vec<RowDVector<f64>>,
+    residuals: Vec<f64>,
+    time: Vec<f64>,
+}
+
+impl Place<'_> {
+    fn values(&self, term: usize) -> Vec<(usize, Row)> {
+        values(
+            &self.recordings[term],
+            &self.outputs[term],
+            self.noises[term],
+        )
+        .collect()
+    }
+
+    fn gradient(&self, term: usize, sample: usize) -> RowDVector<f64> {
+        self.sensitivity.outputs[term].row(sample).into_owned()
+    }
+
+    /// Adds the rows of a signal: those of its location, and those of its level where that is sought.
+    fn add(&self, terms: Terms, rows: &mut Rows) -> Vec<Range<usize>> {
+        let values = self.values(terms.residual);
+        let first = rows.residuals.len();
+        for (sample, row) in &values {
+            let mut gradient = self.gradient(terms.residual, *sample);
+            if let Some(level) = terms.level {
+                // Of (h - y)/sd, the part by sd is not that of the location.
+                let z = self.outputs[terms.residual][*sample];
+                gradient += 0.5 * z * self.gradient(level, *sample);
+            }
+            rows.add(
+                row.location_scale * gradient,
+                row.location,
+                self.time[*sample],
+            );
+        }
+        let middle = rows.residuals.len();
+        let levels = terms.level.map(|level| {
+            for (sample, row) in &values {
+                // The term is 2 ln sd.
+                let gradient = 0.5 * self.gradient(level, *sample);
+                rows.add(row.level_scale * gradient, row.level, self.time[*sample]);
+            }
+            middle..rows.residuals.len()
+        });
+        std::iter::once(first..middle).chain(levels).collect()
+    }
+
+    /// Adds what is known of the run's own unknowns beforehand; of shared parameters it goes elsewhere.
+    fn add_priors(
+        &self,
+        terms: Range<usize>,
+        shared: usize,
+        rows: &mut Rows,
+        others: &mut Vec<RowDVector<f64>>,
+    ) -> Range<usize> {
+        let first = rows.residuals.len();
+        for (term, (sample, row)) in
+            terms.flat_map(|term| self.values(term).into_iter().map(move |own| (term, own)))
+        {
+            let gradient = row.location_scale * self.gradient(term, sample);
+            match gradient.columns_range(shared..).amax() > 0.0 {
+                true => rows.add(gradient, row.location, self.time[sample]),
+                false => others.push(gradient.columns(0, shared).into_owned()),
+            }
+        }
+        first..rows.residuals.len()
+    }
+}
+
+impl Rows {
+    fn add(&mut self, gradient: RowDVector<f64>, residual: f64, time: f64) {
+        self.derivatives.push(gradient);
+        self.time.push(time);
+        self.residuals.push(residual);
+    }
+
+    fn run(
+        self,
+        of: &Sensitivity,
+        shared: usize,
+        signals: Vec<Range<usize>>,
+        prior: Range<usize>,
+    ) -> Run {
+        let width = shared + of.free.len();
+        let all = match self.derivatives.is_empty() {
+            true => DMatrix::zeros(0, width),
+            false => DMatrix::from_rows(&self.derivatives),
+        };
+        Run {
+            shared: all.columns(0, shared).into_owned(),
+            own: all.columns(shared, width - shared).into_owned(),
+            residuals: DVector::from_vec(self.residuals),
+            time: self.time,
+            signals,
+            prior,
+            active: of.active.clone(),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Which constraints a solve violates, and which keep it stable.
+
+use crate::posed::Posed;
+use crate::search::solved::Solved;
+use pilotage_sqp::Problem;
+
+/// Scaled violations above this are told.
+const VIOLATED: f64 = 1e-6;
+
+/// A scaled condition of stability is on its limit within this.
+const ON_LIMIT: f64 = 1e-6;
+
+/// Most constraints that are told.
+const MOST: usize = 3;
+
+/// The constraints that are violated most, and by how much, scaled: equations of states, bounds, constraints on
+/// parameters.
+pub(crate) fn violated(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
+    let all = equations(posed, solved).into_iter();
+    let all = all.chain(limits(posed, solved));
+    let mut worst: Vec<(String, f64)> = Vec::new();
+    for (name, by) in all.filter(|(_, by)| *by > VIOLATED) {
+        match worst.iter_mut().find(|(own, _)| *own == name) {
+            Some((_, most)) => *most = most.max(by),
+            None => worst.push((name, by)),
+        }
+    }
+    worst.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    worst.truncate(MOST);
+    worst
+}
+
+/// For each run and state by how much its equation is violated.
+fn equations(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
+    let c = &solved.solution.iterate.c;
+    let mut all = Vec::new();
+    for (at, run) in solved.problem.layout.runs.iter().zip(&posed.data) {
+        let defects = &c[at.equalities()][at.known..];
+        for (k, state) in posed.states.iter().enumerate() {
+            let own = defects.iter().skip(k).step_by(posed.states.len());
+            let most = own.fold(0.0, |most: f64, defect| most.max(defect.abs()));
+            all.push((
+                format!("the equation of `{}` in {}", state.name, run.name()),
+                most,
+            ));
+        }
+    }
+    all
+}
+
+/// By how much each inequality is violated.
+fn limits(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
+    let (problem, g) = (&solved.problem, &solved.solution.iterate.g);
+    let (lower, upper) = problem.limits();
+    let by = |i: usize| (lower[i] - g[i]).max(g[i] - upper[i]);
+    let mut all = Vec::new();
+    for (at, run) in problem.layout.runs.iter().zip(&posed.data) {
+        for (k, name) in posed.names.bounds.iter().enumerate() {
+            let first = at.g + k * at.samples;
+            let most = (first..first + at.samples).map(by).fold(0.0, f64::max);
+            all.push((format!("{name} in {}", run.name()), most));
+        }
+    }
+    let first = problem.layout.parameter_constraints;
+    let on_parameters = posed.names.parameters.iter().enumerate();
+    all.extend(
+        on_parameters.map(|(k, name)| match k < posed.names.stability {
+            true => (name.clone(), by(first + k)),
+            false => (format!("the stability of {name}"), by(first + k)),
+        }),
+    );
+    all
+}
+
+/// Limits of outputs that are exceeded, and by how much at most.
+pub(crate) fn beyond(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
+    let all = limits(posed, solved).into_iter();
+    let is_beyond = |(name, by): &(String, f64)| name.starts_with("the limit of") && *by > VIOLATED;
+    all.filter(is_beyond).take(MOST).collect()
+}
+
+/// What is stable because the solve was kept from less: conditions of stability that lie on their limits, with a
+/// multiplier.
+pub(crate) fn on_stability_bound(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {
+    let iterate = &solved.solution.iterate;
+    let first = solved.problem.layout.parameter_constraints;
+    let lower = solved.problem.limits().0;
+    let is_active = |k: &usize| {
+        let i = first + k;
+        iterate.eta[i] != 0.0 && iterate.g[i] <= lower[i] + ON_LIMIT
+    };
+    let names = &posed.names.parameters;
+    let active = (posed.names.stability..names.len()).filter(is_active);
+    let mut all: Vec<String> = active.map(|k| names[k].clone()).collect();
+    all.dedup();
+    all
+}

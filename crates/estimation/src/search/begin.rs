@@ -1,0 +1,233 @@
+//! Where the search begins: the nonlinear program of a start, its mesh, its scheme and its scales.
+
+use crate::posed::{MOST_INTERVALS, Posed, Stands};
+use crate::problem::file::{Mesh, Options};
+use crate::search::solved::STIFF_SCHEME;
+use crate::search::starts::Start;
+use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
+use rayon::prelude::*;
+
+/// Nodes beside the samples on the meshes to begin with, about, at most.
+const MOST_STEPS: usize = 4000;
+
+/// Error of a step of a simulation, relative to the states.
+const TOLERANCE: f64 = 1e-6;
+
+/// A state that stays below this part of the size that it was taken for is simulated with its own size.
+const TINY: f64 = 0.1;
+
+/// Where a search begins, or goes on.
+pub(crate) struct Point<'p> {
+    /// The shared parameters.
+    pub theta: &'p [f64],
+    /// Where the states of each run begin.
+    pub initial: Vec<Vec<f64>>,
+    /// Measured states are as they were recorded.
+    pub follows: bool,
+}
+
+/// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. Where it is to
+/// stop the states stay where they are.
+pub fn begin(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> (Collocation, Vec<f64>) {
+    let (theta, own) = start.parameters.split_at(posed.shared);
+    let runs = 0..posed.runs.len();
+    let point = Point {
+        theta,
+        initial: runs.map(|j| initial(posed, own, j)).collect(),
+        follows: start.follows,
+    };
+    at_point(posed, &point, posed.file.options.scheme, stop)
+}
+
+/// The same where a search has come to. Without a scheme it is one that suits the equations there.
+pub(crate) fn at_point(
+    posed: &Posed<'_>,
+    point: &Point<'_>,
+    scheme: Option<Scheme>,
+    stop: &Stop<'_>,
+) -> (Collocation, Vec<f64>) {
+    let courses = courses(posed, point, stop);
+    let scheme = scheme.unwrap_or_else(|| suited(&courses));
+    let pairs = posed.runs.iter().zip(&courses);
+    let runs = pairs.map(|(run, own)| meshed(run, own, &posed.file.options));
+    let runs: Vec<Run> = runs.collect();
+    let followed = posed.followed.as_ref().filter(|_| point.follows);
+    let mut paths = match followed {
+        Some(followed) => (point.initial.par_iter().enumerate())
+            .map(|(j, initial)| {
+                let quality = quality(sizes(posed, initial));
+                let mut course = followed.simulate(j, point.theta, initial, &quality, stop);
+                course.thin(MOST_STEPS);
+                course
+            })
+            .collect(),
+        None => courses,
+    };
+    paths.iter_mut().for_each(|own| tame(posed, own));
+    let problem = discretised(posed, runs, scales(posed, &paths, point.theta), scheme);
+    let paths = paths.iter().map(|own| (&own.time[..], &own.states[..]));
+    let z = problem.variables_along(paths, point.theta);
+    (problem, z)
+}
+
+/// The scheme for equations of which these are simulations, where the user named none.
+fn suited(courses: &[Course]) -> Scheme {
+    match courses.iter().any(|course| course.is_stiff) {
+        true => STIFF_SCHEME,
+        false => Scheme::HermiteSimpson,
+    }
+}
+
+/// The runs from a point, simulated, with as many steps as their meshes need.
+fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
+    let most = MOST_STEPS.div_ceil(posed.runs.len().max(1));
+    let simulated = |(run, initial): (&Run, &Vec<f64>)| {
+        let mut course = course(posed, run, point.theta, initial, stop);
+        course.thin(most);
+        course
+    };
+    let runs = posed.runs.par_iter().zip(&point.initial);
+    runs.map(simulated).collect()
+}
+
+/// A run, simulated. Where the problem does not say how large a state is it is taken to be of the order of one until
+/// it turns out to be smaller.
+fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &Stop<'_>) -> Course {
+    let simulated = |magnitudes: &[f64]| {
+        posed
+            .model
+            .course(run, theta, initial, &quality(magnitudes.to_vec()), stop)
+    };
+    let told = sizes(posed, initial);
+    let course = simulated(&told);
+    let seen = course.sizes();
+    let is_tiny =
+        |k: usize| posed.states[k].nominal.is_none() && seen[k] > 0.0 && seen[k] < TINY * told[k];
+    let own: Vec<f64> = (0..told.len())
+        .map(|k| if is_tiny(k) { seen[k] } else { told[k] })
+        .collect();
+    match own == told {
+        true => course,
+        false => simulated(&own),
+    }
+}
+
+fn quality(magnitudes: Vec<f64>) -> Quality {
+    Quality {
+        tolerance: TOLERANCE,
+        magnitudes,
+    }
+}
+
+/// Where a run begins, with these parameters of its own.
+pub(crate) fn initial(posed: &Posed<'_>, own: &[f64], j: usize) -> Vec<f64> {
+    let joint = posed.states.len() - own.len();
+    (posed.states.iter().zip(&posed.runs[j].initial).enumerate())
+        .map(|(k, (state, known))| match k.checked_sub(joint) {
+            Some(k) => own[k],
+            None => known.unwrap_or(state.guesses[j]),
+        })
+        .collect()
+}
+
+/// How large states are, as far as that is known where they begin.
+fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
+    let pairs = posed.states.iter().zip(initial);
+    pairs
+        .map(|(state, x)| state.nominal.unwrap_or(1.0).max(x.abs()))
+        .collect()
+}
+
+/// The states that run away.
+fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
+    const FARTHEST: f64 = 1e6;
+    let (sizes, seen) = (sizes(posed, &course.states[0]), course.sizes());
+    let is_wild = |k: &usize| seen[*k] > FARTHEST * sizes[*k];
+    (0..sizes.len()).filter(is_wild).collect()
+}
+
+/// Of a state that runs away, the value where it begins.
+fn tame(posed: &Posed<'_>, course: &mut Course) {
+    let initial = course.states[0].clone();
+    for k in wild(posed, course) {
+        course.states.iter_mut().for_each(|x| x[k] = initial[k]);
+    }
+}
+
+/// Magnitudes of states and parameters.
+pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Scales {
+    let sizes: Vec<Vec<f64>> = courses.iter().map(Course::sizes).collect();
+    let largest = |k: usize| sizes.iter().map(|own| own[k]).fold(0.0, f64::max);
+    let state = |k: usize| {
+        let seen = Some(largest(k)).filter(|size| *size > 0.0);
+        posed.states[k].nominal.or(seen).unwrap_or(1.0)
+    };
+    let mut parameters: Vec<f64> = theta.iter().map(|value| value.abs()).collect();
+    for (unknown, stands) in &posed.unknowns {
+        let size = unknown.searched_nominal();
+        let range = unknown.max.zip(unknown.min);
+        let half = range.map(|(max, min)| 0.5 * (max - min));
+        let size = size.or(half).unwrap_or(1.0);
+        match stands {
+            Stands::Shared(k) => parameters[*k] = size,
+            Stands::Subjects(all) => all.iter().for_each(|(_, k)| parameters[*k] = size),
+            Stands::State(_) => {}
+        }
+    }
+    Scales {
+        states: (0..posed.states.len()).map(state).collect(),
+        parameters,
+    }
+}
+
+/// A run on the mesh that the options ask for; where they leave it open, with nodes beside the samples where its
+/// simulation needs them.
+fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
+    let mut run = run.clone();
+    match options.mesh {
+        Mesh::Step(step) => run.mesh = spread(&run, step),
+        Mesh::Tolerance(_) => run.mesh = course.mesh(),
+        Mesh::Samples => {}
+    }
+    run
+}
+
+/// Nodes about this far apart, and wherever inputs jump.
+fn spread(run: &Run, step: f64) -> Vec<f64> {
+    let jumps = run.time.windows(2).zip(run.inputs.windows(2));
+    let jumps = jumps.filter(|(time, inputs)| time[0] == time[1] && inputs[0] != inputs[1]);
+    let mut hard: Vec<f64> = vec![run.time[0]];
+    hard.extend(jumps.map(|(time, _)| time[0]));
+    hard.push(run.time[run.time.len() - 1]);
+    hard.dedup();
+    let mut mesh = vec![hard[0]];
+    for ends in hard.windows(2) {
+        let intervals = ((ends[1] - ends[0]) / step).round().max(1.0);
+        let intervals = intervals.min(MOST_INTERVALS as f64) as usize;
+        let inner =
+            (1..intervals).map(|k| ends[0] + (ends[1] - ends[0]) * k as f64 / intervals as f64);
+        mesh.extend(inner);
+        mesh.push(ends[1]);
+    }
+    mesh
+}
+
+/// The nonlinear program of these runs, its objective multiplied by [`Posed::factor`].
+pub(crate) fn discretised(
+    posed: &Posed<'_>,
+    mut runs: Vec<Run>,
+    scales: Scales,
+    scheme: Scheme,
+) -> Collocation {
+    for recording in runs.iter_mut().flat_map(|run| &mut run.measured) {
+        recording.weight *= posed.factor;
+    }
+    Collocation::new(
+        posed.model.clone(),
+        posed.constraints.clone(),
+        scheme,
+        runs,
+        scales,
+        &posed.bounds,
+    )
+}

@@ -1,0 +1,172 @@
+//! Where the search begins: at the given start, and elsewhere in the ranges.
+
+use crate::posed::Posed;
+use crate::posed::unknowns::Unknown;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, Uniform};
+
+/// Seed of the starts.
+const SEED: u64 = 0;
+
+/// Away from the given start, every other one is at most this many times larger or smaller.
+const NEAR: f64 = 3.0;
+
+/// The others are in the range, or where it has no end at most this many times larger or smaller.
+const FAR: f64 = 10.0;
+
+/// Part of the far starts of a parameter without a lower end that have the other sign than its given one.
+const TURNED: f64 = 0.3;
+
+/// Where a search begins.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// The shared parameters and then those of the runs, as the search sees them.
+    pub parameters: Vec<f64>,
+    /// Measured states begin as they were recorded; else all states are simulated.
+    pub follows: bool,
+}
+
+/// So many starts. The first is the given one, with measured states as recorded, the second the same simulated; the
+/// others are drawn.
+pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
+    let follows = posed.followed.is_some();
+    let drawn = drawn(posed, count - usize::from(follows && count > 1));
+    let start = |parameters: &Vec<f64>| Start {
+        parameters: parameters.clone(),
+        follows,
+    };
+    let mut all: Vec<Start> = drawn.iter().map(start).collect();
+    if all.len() < count {
+        let simulated = Start {
+            follows: false,
+            ..all[0].clone()
+        };
+        all.insert(1, simulated);
+    }
+    all
+}
+
+/// The given start, all states simulated.
+pub fn given(posed: &Posed<'_>) -> Start {
+    Start {
+        parameters: drawn(posed, 1).remove(0),
+        follows: false,
+    }
+}
+
+/// Parameters of so many starts. The first are the given ones; the others fill the ranges evenly (Latin hypercube:
+/// McKay, Beckman & Conover, Technometrics 21, 1979).
+fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let size = posed.shared + (posed.states.len() - posed.joint.model.states.len());
+    let mut starts = vec![vec![0.0; size]; count];
+    for (unknown, stands) in &posed.unknowns {
+        let places = posed.places(stands);
+        let values = column(unknown, count, &mut random);
+        for (start, value) in starts.iter_mut().zip(values) {
+            places.iter().for_each(|k| start[*k] = value);
+        }
+    }
+    starts
+}
+
+/// Values of one unknown: the given start, then one from each of equal parts of its range, in random order.
+fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut parts: Vec<usize> = (1..count).collect();
+    let unit = Uniform::new(0.0, 1.0).expect("not empty");
+    // Fisher and Yates.
+    for k in (1..parts.len()).rev() {
+        let other = (unit.sample(random) * (k + 1) as f64) as usize;
+        parts.swap(k, other.min(k));
+    }
+    let share = |part: usize| ((part - 1) as f64 + unit.sample(random)) / (count - 1) as f64;
+    let mut shares: Vec<f64> = parts.into_iter().map(share).collect();
+    turn_one(unknown, &mut shares);
+    let others = shares
+        .into_iter()
+        .enumerate()
+        .map(|(k, share)| match k % 2 {
+            0 => near(unknown, share),
+            _ => far(unknown, share),
+        });
+    let all = [unknown.start].into_iter().chain(others);
+    all.map(|value| unknown.searched(value)).collect()
+}
+
+/// Of far starts one has the other sign, whatever was drawn: from a wrong sign no search near it leads away.
+fn turn_one(unknown: &Unknown, shares: &mut [f64]) {
+    let far = shares.iter_mut().skip(1).step_by(2);
+    if let Some(least) = far
+        .min_by(|a, b| a.total_cmp(b))
+        .filter(|_| unknown.may_turn())
+        && *least >= TURNED
+    {
+        *least *= TURNED;
+    }
+}
+
+/// The value that has this share of the neighbourhood of the start below it.
+fn near(unknown: &Unknown, share: f64) -> f64 {
+    let start = unknown.start;
+    let value = match start == 0.0 {
+        true => (2.0 * share - 1.0) * unknown.nominal.unwrap_or(1.0),
+        false => start * NEAR.powf(2.0 * share - 1.0),
+    };
+    unknown.kept(value)
+}
+
+/// The value that has this share of the range below it: of the logarithm where the range spans much more than its
+/// lower end, or has none.
+fn far(unknown: &Unknown, share: f64) -> f64 {
+    match (unknown.min, unknown.max) {
+        (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
+        (Some(min), Some(max)) => min + share * (max - min),
+        _ if unknown.start == 0.0 => near(unknown, share),
+        _ if unknown.may_turn() && share < TURNED => {
+            unknown.kept(-unknown.start * FAR.powf(2.0 * share / TURNED - 1.0))
+        }
+        _ => unknown.kept(unknown.start * FAR.powf(2.0 * share - 1.0)),
+    }
+}
+
+impl Unknown {
+    /// Whether far starts may have the other sign.
+    fn may_turn(&self) -> bool {
+        let has_room = self.start > 0.0 || self.max.is_none_or(|max| max > 0.0);
+        self.min.is_none() && has_room && !self.log && self.start != 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::file::Per;
+
+    #[test]
+    fn of_eight_starts_one_has_the_other_sign() {
+        let unknown = Unknown {
+            name: "gain".into(),
+            unit: None,
+            start: -0.03,
+            min: None,
+            max: None,
+            nominal: None,
+            log: false,
+            prior: None,
+            per: Per::All,
+            place: None,
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        for _ in 0..50 {
+            let values = column(&unknown, 8, &mut random);
+            assert!(values.iter().any(|value| *value > 0.0), "{values:?}");
+        }
+        let kept = Unknown {
+            max: Some(0.0),
+            ..unknown
+        };
+        let values = column(&kept, 8, &mut random);
+        assert!(values.iter().all(|value| *value < 0.0), "{values:?}");
+    }
+}

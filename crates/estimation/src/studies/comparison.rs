@@ -1,0 +1,96 @@
+//! Several problems on the same data: which model is it?
+
+use crate::fit::{Observer, fit};
+use crate::posed::Posed;
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Noise, ProblemFile};
+use crate::result::Fit;
+use crate::studies::folds::{Ask, OpenInParallel, each, fitted, left_out};
+use crate::studies::same_data::check_same;
+use pilotage_inference::choice::{Comparison, Contender, choose};
+
+/// A problem among others.
+#[derive(Debug)]
+pub struct Candidate {
+    /// Its fit to all runs.
+    pub fit: Fit,
+    /// Its figures; what a run says against a fit to the others is not a number where there is no such fit.
+    pub figures: Contender,
+    /// Whether a run that is left out has free initial states, which are estimated from it.
+    pub is_begun: bool,
+}
+
+/// What came of a comparison.
+#[derive(Debug)]
+pub struct Compared {
+    /// The problems, in their order.
+    pub candidates: Vec<Candidate>,
+    /// The runs, in their order.
+    pub runs: Vec<String>,
+    /// The problem that is taken, and the comparisons that led there; none with fewer than three runs that all predict, or
+    /// where a problem has no answer.
+    pub choice: Option<(usize, Vec<Comparison>)>,
+}
+
+/// Fits each problem to all runs, and to all but one, for each run. `ask` is told how many fits are done, and of how many.
+///
+/// # Errors
+/// When a problem cannot be posed, or has other data than the first.
+pub fn compare(
+    files: &[ProblemFile],
+    open: OpenInParallel<'_>,
+    ask: &Ask<'_>,
+) -> Result<Compared, ProblemError> {
+    let posed = files.iter().map(|file| Posed::new(file, open));
+    let posed: Vec<Posed<'_>> = posed.collect::<Result<_, _>>()?;
+    posed[1..]
+        .iter()
+        .try_for_each(|other| check_same(&posed[0], other))?;
+    let runs = fitted(&files[0]);
+    let all = files.len() * (1 + runs.len());
+    let whole: Vec<Fit> = each(&posed, (0, all), ask, |posed, goes_on| {
+        let observer: &mut Observer<'_> = &mut |_| goes_on();
+        Ok(fit(posed, observer))
+    })?;
+    // Runs are in the same order in all files; validation runs may stand between them.
+    let folds = files.iter().zip(&whole).flat_map(|(file, whole)| {
+        let runs = fitted(file).into_iter();
+        runs.map(move |run| ((file, whole), run))
+    });
+    let folds: Vec<_> = folds.collect();
+    let surprises = each(&folds, (files.len(), all), ask, |(own, run), goes_on| {
+        let (file, whole) = *own;
+        let noises: Vec<Noise> = file.measured.iter().map(|own| own.noise).collect();
+        let judged = match whole.is_answer() {
+            true => left_out(*own, *run, open, goes_on)?,
+            false => None,
+        };
+        Ok(judged.map_or(f64::NAN, |run| run.surprise(&noises)))
+    })?;
+    let figures = posed
+        .iter()
+        .zip(&whole)
+        .zip(surprises.chunks(runs.len().max(1)));
+    let figures = figures.map(|((posed, fit), held_out)| Contender {
+        unknowns: posed.count(),
+        samples: fit.samples,
+        surprise: 2.0 * fit.nllh,
+        held_out: held_out.to_vec(),
+    });
+    let figures: Vec<Contender> = figures.collect();
+    let have_answers = whole.iter().all(Fit::is_answer);
+    Ok(Compared {
+        runs: runs
+            .iter()
+            .map(|k| files[0].runs[*k].name.clone())
+            .collect(),
+        choice: choose(&figures).filter(|_| have_answers),
+        candidates: (whole.into_iter().zip(figures).zip(&posed))
+            .map(|((fit, figures), posed)| Candidate {
+                is_begun: posed.free_states().next().is_some(),
+                fit,
+                figures,
+            })
+            .collect(),
+    })
+}

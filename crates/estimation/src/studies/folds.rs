@@ -1,0 +1,119 @@
+//! The fit to some of the runs: all but one, or one alone.
+
+use crate::fit::{Observer, fit};
+use crate::posed::Posed;
+use crate::problem::error::ProblemError;
+use crate::problem::file::{ProblemFile, RunLine};
+use crate::result::Fit;
+use crate::studies::validation::{GoesOn, Judged, validated};
+use crate::system::part::Part;
+use pilotage_cosim::description::InstanceDescription;
+use pilotage_sqp::Status;
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Opens the model of an instance, on any thread.
+pub type OpenInParallel<'o> =
+    &'o (dyn Fn(&InstanceDescription) -> Result<Part, ProblemError> + Sync);
+
+/// Told how many fits are done, and of how many; asked again and again whether to go on.
+pub type Ask<'a> = dyn Fn(usize, usize) -> ControlFlow<Status> + Sync + 'a;
+
+/// The numbers of the runs that are fitted, among all.
+pub fn fitted(file: &ProblemFile) -> Vec<usize> {
+    let runs = file.runs.iter().enumerate();
+    runs.filter(|(_, run)| run.fits).map(|(k, _)| k).collect()
+}
+
+/// Does work for each of these, in parallel, while [`Ask`] is told how much is done.
+pub(crate) fn each<T: Sync, R: Send>(
+    all: &[T],
+    (before, whole): (usize, usize),
+    ask: &Ask<'_>,
+    work: impl Fn(&T, &GoesOn<'_>) -> Result<R, ProblemError> + Sync,
+) -> Result<Vec<R>, ProblemError> {
+    let done = AtomicUsize::new(before);
+    let goes_on = || ask(done.load(Ordering::Relaxed), whole);
+    let one = |own: &T| {
+        let found = work(own, &goes_on);
+        done.fetch_add(1, Ordering::Relaxed);
+        found
+    };
+    all.par_iter().map(one).collect()
+}
+
+/// Each fitted run by a fit to the others, which begins where that to all ended; none where such a fit has no answer.
+///
+/// # Errors
+/// When a problem without a run cannot be posed.
+pub fn leave_one_out(
+    (file, whole): (&ProblemFile, &Fit),
+    open: OpenInParallel<'_>,
+    ask: &Ask<'_>,
+) -> Result<Vec<Option<Judged>>, ProblemError> {
+    let runs = fitted(file);
+    each(&runs, (0, runs.len()), ask, |run, goes_on| {
+        left_out((file, whole), *run, open, goes_on)
+    })
+}
+
+/// A run by a fit to the others, which begins where that to all ended.
+pub(crate) fn left_out(
+    (file, whole): (&ProblemFile, &Fit),
+    run: usize,
+    open: OpenInParallel<'_>,
+    goes_on: &GoesOn<'_>,
+) -> Result<Option<Judged>, ProblemError> {
+    let mut file = file.clone();
+    let mut place = 0..;
+    file.runs.retain_mut(|line| {
+        let is_fitted = line.fits;
+        line.fits &= place.next() != Some(run);
+        is_fitted
+    });
+    if file.runs.iter().all(|line| !line.fits) {
+        return Ok(None);
+    }
+    let fit = refit(&mut file, whole, open, goes_on)?;
+    match fit.is_answer() {
+        true => Ok(validated(&file, &fit, open, goes_on)?.pop()),
+        false => Ok(None),
+    }
+}
+
+/// The fit to some runs alone, which begins where that to all ended.
+pub(crate) fn alone(
+    (file, whole): (&ProblemFile, &Fit),
+    is_own: impl Fn(&RunLine) -> bool,
+    open: OpenInParallel<'_>,
+    goes_on: &GoesOn<'_>,
+) -> Result<Fit, ProblemError> {
+    let mut file = file.clone();
+    file.runs.retain(|line| line.fits && is_own(line));
+    refit(&mut file, whole, open, goes_on)
+}
+
+/// A fit from where another one ended.
+fn refit(
+    file: &mut ProblemFile,
+    whole: &Fit,
+    open: OpenInParallel<'_>,
+    goes_on: &GoesOn<'_>,
+) -> Result<Fit, ProblemError> {
+    file.options.starts = 1;
+    let mut posed = Posed::new(file, open)?;
+    let labels: Vec<&String> = (posed.data.iter())
+        .flat_map(|run| [Some(&run.line.name), run.line.subject.as_ref()])
+        .flatten()
+        .collect();
+    for (unknown, _) in &mut posed.unknowns {
+        let found = whole.parameters.iter().find(|own| own.name == unknown.name);
+        // One at the end of its range may be where nothing can begin, such as a density of 0.
+        if let Some(found) = found.filter(|own| own.bound.is_none()) {
+            unknown.start = found.mean_of(&labels);
+        }
+    }
+    let observer: &mut Observer<'_> = &mut |_| goes_on();
+    Ok(fit(&posed, observer))
+}

@@ -1,0 +1,261 @@
+//! A problem with another order of its linear model.
+
+use crate::fit::{Observer, fit};
+use crate::posed::Posed;
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Calibration, Deviation, Initial, Per, ProblemFile, Quantity, Sought};
+use crate::result::Fit;
+use crate::studies::folds::OpenInParallel;
+use crate::studies::validation::GoesOn;
+use pilotage_cosim::description::{InstanceSource, Said};
+use pilotage_language::file::Formula;
+use pilotage_models::library;
+use std::ops::RangeInclusive;
+
+/// A pole is added this many times as fast as those that are there, in the geometric mean.
+const FASTER: f64 = 3.0;
+/// The zero beside it is so much faster, so that the search sees the pole.
+const APART: f64 = 1.1;
+
+/// A problem of one order, and its fit.
+#[derive(Debug)]
+pub struct Ordered {
+    /// The order.
+    pub order: u32,
+    /// The problem, whose search begins where the fit has ended.
+    pub file: ProblemFile,
+    /// The fit.
+    pub fit: Fit,
+}
+
+/// The problem with each of these orders of the one instance whose model has one (`linear`). The transfer function of each
+/// order begins as the one before, if that has an answer, with a fast pole and a zero near it: a larger order does not end
+/// behind a smaller one.
+///
+/// # Errors
+/// Where not just one instance has an order, or something beside its plain search is said of a coefficient: coefficients
+/// of another order mean other things.
+pub fn ordered(
+    file: &ProblemFile,
+    orders: RangeInclusive<u32>,
+    open: OpenInParallel<'_>,
+    goes_on: &GoesOn<'_>,
+) -> Result<Vec<Ordered>, ProblemError> {
+    let instance = instance(file)?;
+    check(file, &instance)?;
+    let mut all: Vec<Ordered> = Vec::new();
+    for order in orders {
+        let before = all.last().filter(|own| own.fit.is_answer());
+        let start = before.map(|own| grown(&coefficients(&own.fit, &instance)));
+        let mut file = with_order(file, &instance, order, start.as_deref());
+        let found = {
+            let posed = Posed::new(&file, open)?;
+            let observer: &mut Observer<'_> = &mut |_| goes_on();
+            fit(&posed, observer)
+        };
+        let is_answer = found.is_answer();
+        file.options.starts = 1;
+        for line in &mut file.parameters {
+            let own = found
+                .parameters
+                .iter()
+                .find(|own| own.name == line.name.value);
+            if let Some(own) = own.filter(|own| is_answer && !own.is_tied) {
+                line.start = Some(own.mean());
+            }
+        }
+        all.push(Ordered {
+            order,
+            file,
+            fit: found,
+        });
+    }
+    Ok(all)
+}
+
+/// The one instance whose model has an order.
+fn instance(file: &ProblemFile) -> Result<String, ProblemError> {
+    let has_order = |source: &InstanceSource| match source {
+        InstanceSource::BuiltIn(name) => library::find(name).is_some_and(|own| own.has_order),
+        InstanceSource::Model(_) | InstanceSource::Table(_) => false,
+    };
+    let instances = file.system.instances.iter();
+    let found: Vec<&String> = instances
+        .filter(|own| has_order(&own.source.value))
+        .map(|own| &own.name)
+        .collect();
+    match found[..] {
+        [one] => Ok(one.clone()),
+        ref all => Err(ProblemError::Part(format!(
+            "{}: {} instances have a model with an order; one must have it, such as model = \"linear\"",
+            file.file,
+            all.len()
+        ))),
+    }
+}
+
+/// Refuses what is said of a coefficient beside that it is sought.
+fn check(file: &ProblemFile, instance: &str) -> Result<(), ProblemError> {
+    let is_meant = |name: &str| number(name, instance).is_some();
+    let fault = |name: &str| {
+        format!(
+            "`{name}` is another coefficient in another order: nothing but that it is sought may be said of it where orders \
+             are compared"
+        )
+    };
+    let is_special = |line: &&Sought| {
+        let is_bounded = line.min.is_some() || line.max.is_some() || line.prior.is_some();
+        is_bounded || line.fixed || line.value.is_some() || line.per != Per::All || line.log
+    };
+    let lines = file
+        .parameters
+        .iter()
+        .filter(|line| is_meant(&line.name.value));
+    if let Some(line) = lines.clone().find(is_special) {
+        let name = &line.name;
+        return Err(ProblemError::maybe_at(
+            name.place.as_ref(),
+            fault(&name.value),
+        ));
+    }
+    for formula in formulas(file) {
+        if let Some(name) = formula.names().find(|name| is_meant(name)) {
+            return Err(ProblemError::at(&file.place(formula), fault(name)));
+        }
+    }
+    let set = file.runs.iter().flat_map(|run| run.sets());
+    match set.map(|set| &set.name).find(|name| is_meant(&name.value)) {
+        Some(name) => Err(ProblemError::maybe_at(
+            name.place.as_ref(),
+            fault(&name.value),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// All expressions of a file.
+fn formulas(file: &ProblemFile) -> Vec<&Formula> {
+    let mut all: Vec<&Formula> = Vec::new();
+    for own in &file.measured {
+        if let Deviation::Formula(formula) = &own.sd {
+            all.push(formula);
+        }
+        if let Quantity::Expression(formula, _) = &own.of {
+            all.push(formula);
+        }
+        for said in [&own.gain, &own.offset] {
+            if let Calibration::Formula(formula) = said {
+                all.push(formula);
+            }
+        }
+    }
+    all.extend(file.parameters.iter().filter_map(|own| own.value.as_ref()));
+    all.extend(file.initial.iter().filter_map(|(_, own)| match own {
+        Initial::Formula(formula) => Some(formula),
+        Initial::Free | Initial::Steady | Initial::FirstSample => None,
+    }));
+    all.extend(file.constraints.iter().map(|own| &own.formula));
+    all.extend(file.derived.iter().map(|(_, formula)| formula));
+    all.extend(
+        file.runs
+            .iter()
+            .flat_map(|run| run.sets())
+            .map(|set| &set.value),
+    );
+    all
+}
+
+/// Which coefficient of an instance a name means, from 1.
+fn number(name: &str, instance: &str) -> Option<usize> {
+    let own = name.strip_prefix(instance)?.strip_prefix(".theta")?;
+    own.parse().ok()
+}
+
+/// The problem with another order: all coefficients are sought, from these values or those of the model.
+fn with_order(
+    file: &ProblemFile,
+    instance: &str,
+    order: u32,
+    start: Option<&[f64]>,
+) -> ProblemFile {
+    let mut file = file.clone();
+    let mut is_own = false;
+    for own in file
+        .system
+        .instances
+        .iter_mut()
+        .filter(|own| own.name == instance)
+    {
+        is_own = own.order.as_ref().is_some_and(|own| own.value == order);
+        own.order = Some(Said::from(order));
+    }
+    if is_own && start.is_none() {
+        return file;
+    }
+    let lines = file.parameters.iter();
+    let first = lines
+        .clone()
+        .position(|line| number(&line.name.value, instance).is_some());
+    let first = first.unwrap_or(file.parameters.len());
+    file.parameters
+        .retain(|line| number(&line.name.value, instance).is_none());
+    let lines = (0..2 * order as usize).map(|k| Sought {
+        name: Said::from(format!("{instance}.theta{}", k + 1)),
+        start: start.map(|start| start[k]),
+        min: None,
+        max: None,
+        nominal: None,
+        unit: None,
+        fixed: false,
+        value: None,
+        per: Per::All,
+        log: false,
+        prior: None,
+    });
+    let place = first.min(file.parameters.len());
+    file.parameters.splice(place..place, lines);
+    file
+}
+
+/// The coefficients that a fit has found: those of the denominator, from s⁰ up and without the leading 1, then those of the
+/// numerator.
+fn coefficients(fit: &Fit, instance: &str) -> Vec<f64> {
+    let found = fit.parameters.iter();
+    let found = found.filter_map(|own| Some((number(&own.name, instance)?, own.mean())));
+    let mut all: Vec<(usize, f64)> = found.collect();
+    all.sort_by_key(|(k, _)| *k);
+    all.into_iter().map(|(_, value)| value).collect()
+}
+
+/// The coefficients of nearly the same transfer function with one more pole and zero.
+fn grown(theta: &[f64]) -> Vec<f64> {
+    let order = theta.len() / 2;
+    let (below, above) = theta.split_at(order);
+    let size = below[0].abs().powf(1.0 / order as f64);
+    let pole = FASTER * if size > 0.0 { size } else { 1.0 };
+    // (s + a) times a polynomial whose leading coefficient stands last.
+    let times = |own: &[f64], a: f64| -> Vec<f64> {
+        let shifted = std::iter::once(0.0).chain(own.iter().copied());
+        let scaled = own.iter().map(|c| a * c).chain(std::iter::once(0.0));
+        scaled.zip(shifted).map(|(a, b)| a + b).collect()
+    };
+    let mut grown = times(&[below, &[1.0]].concat(), pole);
+    grown.truncate(order + 1);
+    let numerator = times(above, APART * pole);
+    grown.extend(numerator.iter().map(|c| c / APART));
+    grown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1/(s + 2) becomes (s + 6.6)/1.1 / ((s + 2)(s + 6)), whose gain at rest is the same.
+    #[test]
+    fn a_grown_transfer_function_is_nearly_the_same() {
+        let found = grown(&[2.0, 1.0]);
+        let expected = [12.0, 8.0, 6.0, 1.0 / 1.1];
+        let is_near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12;
+        assert!(found.iter().zip(&expected).all(is_near), "{found:?}");
+    }
+}

@@ -1,0 +1,306 @@
+//! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`.
+
+use crate::innovations::Again;
+use crate::posed::unknowns::Unknown;
+use crate::posed::variables;
+use crate::posed::{Posed, Stands};
+use crate::problem::file::Noise;
+use crate::result::Fit;
+use crate::result::loops::Looped;
+use crate::result::uncertainty::{Unsure, linearised};
+use crate::search::solved::Linearised;
+use crate::search::solved::Solved;
+use pilotage_collocation::Run;
+use pilotage_inference::{Autoregression, Inference, LEVEL, quantile};
+use pilotage_refits::study::{self, Derive};
+use pilotage_refits::{Collocated, Coordinate, Resample, Study, Threshold};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
+
+/// Part of the largest effect on a run from which on it tells of a parameter.
+const TELLS: f64 = 1e-6;
+
+/// The names of what is sought, with subjects or runs, in the order of [`Study::unknowns`].
+pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
+    let all = posed.unknowns.iter();
+    let all = all.flat_map(|(unknown, stands)| {
+        let labels = coordinates(posed, stands).into_iter();
+        labels.map(|(label, _)| (unknown.name.clone(), label))
+    });
+    all.collect()
+}
+
+/// A fit that is to be solved again.
+///
+/// # Errors
+/// Where the fit does not say how sure it is.
+pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure> {
+    let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
+    let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
+    let again = fit.optimum.as_ref();
+    let again = again.and_then(|own| Again::new(posed, own));
+    let (linear, factor) = match &again {
+        Some(again) => (Some(again.linearised()), again.factor()),
+        None => {
+            let (problem, at) = (&solved.problem, &solved.solution.iterate);
+            (linearised(posed, problem, at), posed.factor)
+        }
+    };
+    let drawn = match again {
+        Some(_) => "values drawn from what is predicted, sample by sample",
+        None => "residuals drawn from autoregressive noise",
+    };
+    let Linearised { data, signals, .. } = linear.ok_or(Unsure::NoDerivatives)?;
+    let inference = Inference::new(&data)?;
+    let degrees = (!data.is_scaled).then(|| inference.degrees());
+    let refit: Box<dyn Resample + Send + 'p> = match again {
+        Some(again) => Box::new(again),
+        None => Box::new(collocated((posed, fit, solved), &inference, signals)),
+    };
+    let mut unknowns = Vec::new();
+    for ((unknown, stands), intervals) in posed.unknowns.iter().zip(&sure.intervals) {
+        for ((label, at), interval) in coordinates(posed, stands).into_iter().zip(intervals) {
+            let value = refit.value(at);
+            let slope = if unknown.log {
+                unknown.found(value)
+            } else {
+                1.0
+            };
+            let effects = data.runs.iter().enumerate().map(|(j, run)| match at {
+                Coordinate::Shared(k) => run.shared.column(k).norm(),
+                Coordinate::Initial { run, .. } => f64::from(u8::from(run == j)),
+            });
+            let effects: Vec<f64> = effects.collect();
+            let most = effects.iter().copied().fold(0.0, f64::max);
+            unknowns.push(study::Unknown {
+                name: unknown.name.clone(),
+                label,
+                at,
+                is_log: unknown.log,
+                half: quantile(LEVEL, f64::INFINITY) * interval.sd / slope,
+                range: ends(unknown),
+                told: effects.iter().map(|own| *own > TELLS * most).collect(),
+            });
+        }
+    }
+    Ok(Study {
+        solved: refit,
+        drawn,
+        unknowns,
+        factor,
+        threshold: Threshold {
+            // A prior counts against the noise that was stated, and so does its part of the objective.
+            noise: match sure.is_penalised {
+                true => factor,
+                false => inference.noise() * factor,
+            },
+            root: match sure.is_penalised {
+                true => quantile(LEVEL, f64::INFINITY),
+                false => quantile(LEVEL, degrees.unwrap_or(f64::INFINITY)),
+            },
+        },
+        degrees,
+        constraints: posed.names.parameters.clone(),
+        bounds: posed.names.bounds.clone(),
+        derived: fit.derived.iter().map(|own| own.name.clone()).collect(),
+        derive: derive(posed, fit, solved),
+    })
+}
+
+/// The solution of the responses, and what is drawn about it.
+fn collocated<'p>(
+    (posed, fit, solved): (&'p Posed<'p>, &'p Fit, &'p Solved),
+    inference: &Inference<'_>,
+    signals: usize,
+) -> Collocated<'p> {
+    let drawn = Drawn {
+        posed,
+        fit,
+        solved,
+        processes: inference.coloured(),
+        noise: inference.noise().sqrt(),
+    };
+    Collocated {
+        solved: pilotage_refits::Solved {
+            problem: solved.problem.clone(),
+            at: solved.solution.iterate.clone(),
+            options: crate::fit::sqp_options(posed, posed.file.options.max_iterations),
+        },
+        signals,
+        simulate: Box::new(move |random| drawn.runs(random)),
+    }
+}
+
+/// What follows from shared parameters, where the states stay what they are. Not numbers where runs have parameters of
+/// their own: these are not told with them.
+fn derive<'p>(posed: &'p Posed<'p>, fit: &'p Fit, solved: &Solved) -> Box<Derive<'p>> {
+    if posed.joint.model.states.len() < posed.states.len() {
+        return Box::new(|_| vec![f64::NAN; fit.derived.len()]);
+    }
+    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
+    let states = problem.states_at_samples(z, 0);
+    let [begin, last] = [0, states.len() - 1].map(|sample| states[sample].clone());
+    let looped = Looped::new(posed, &last, &problem.physical_theta(z));
+    Box::new(move |theta| {
+        let graph = &posed.model.system.graph;
+        let values = graph.values(&variables(posed, 0, 0, &begin, theta));
+        let derived = posed
+            .told
+            .derived
+            .iter()
+            .map(|(_, node)| values[node.index()]);
+        let figures = looped.iter().flat_map(|own| own.again(theta));
+        derived.chain(figures).collect()
+    })
+}
+
+fn ends(unknown: &Unknown) -> [f64; 2] {
+    [
+        unknown.min.unwrap_or(f64::NEG_INFINITY),
+        unknown.max.unwrap_or(f64::INFINITY),
+    ]
+}
+
+/// Where the values of an unknown stand, with whose each is.
+fn coordinates(posed: &Posed<'_>, stands: &Stands) -> Vec<(Option<String>, Coordinate)> {
+    match stands {
+        Stands::Shared(k) => vec![(None, Coordinate::Shared(*k))],
+        Stands::Subjects(all) => (all.iter())
+            .map(|(subject, k)| (Some(subject.clone()), Coordinate::Shared(*k)))
+            .collect(),
+        Stands::State(state) => (posed.data.iter().enumerate())
+            .map(|(run, own)| (Some(own.name()), Coordinate::Initial { run, state: *state }))
+            .collect(),
+    }
+}
+
+/// Data with residuals that are drawn.
+struct Drawn<'p> {
+    posed: &'p Posed<'p>,
+    fit: &'p Fit,
+    solved: &'p Solved,
+    /// Of each signal's residuals, and of its level where that is sought.
+    processes: Vec<Autoregression>,
+    /// Standard deviation of the residuals, in those that were said.
+    noise: f64,
+}
+
+impl Drawn<'_> {
+    /// The runs, with what would be recorded if the fit were true. Coloured as the residuals are where the noise is normal;
+    /// white, of the distribution that was named, elsewhere.
+    fn runs(&self, random: &mut ChaCha8Rng) -> Vec<Run> {
+        let mut runs = self.solved.problem.runs.clone();
+        for (j, run) in runs.iter_mut().enumerate() {
+            let (mut term, mut process) = (0, 0);
+            for (k, measured) in self.posed.file.measured.iter().enumerate() {
+                let residuals = self.residuals(j, term, process, measured.noise, random);
+                self.record(run, (j, k, term), &residuals);
+                let has_level = self.has_level(term);
+                term += 1 + usize::from(has_level);
+                process += 1 + usize::from(has_level);
+            }
+            self.draw_priors(run, (j, term), random);
+        }
+        runs
+    }
+
+    /// Whether the noise level of a term is another one behind it.
+    fn has_level(&self, term: usize) -> bool {
+        let terms = &self.posed.runs[0].measured;
+        terms
+            .get(term + 1)
+            .is_some_and(|own| own.loss == pilotage_collocation::Loss::Linear)
+    }
+
+    /// A residual for each sample that was recorded, in standard deviations that were said or, of a plain signal, in its
+    /// unit.
+    fn residuals(
+        &self,
+        j: usize,
+        term: usize,
+        process: usize,
+        noise: Noise,
+        random: &mut ChaCha8Rng,
+    ) -> Vec<f64> {
+        let own = &self.posed.runs[j].measured[term];
+        let samples = own.values.iter().zip(&self.posed.runs[j].time);
+        let there = samples.filter(|(y, _)| y.is_finite());
+        let time: Vec<f64> = there.map(|(_, time)| *time).collect();
+        let count = time.len();
+        let root = own.weight.sqrt();
+        let mut one = |of: fn(&mut ChaCha8Rng, f64) -> f64, shape: f64| {
+            (0..count)
+                .map(|_| self.noise / root * of(random, shape))
+                .collect()
+        };
+        match noise {
+            Noise::Laplace => one(|random, _| laplace(random), 0.0),
+            Noise::Student(dof) => one(student, dof),
+            Noise::Huber(threshold) => one(huber, threshold),
+            Noise::Normal | Noise::LogNormal => {
+                let gauss = || StandardNormal.sample(random);
+                let drawn = self.processes[process].simulated(&time, gauss);
+                drawn.into_iter().map(|value| value / root).collect()
+            }
+        }
+    }
+
+    /// Puts what was drawn where the recorded values of a signal stand.
+    fn record(&self, run: &mut Run, (j, k, term): (usize, usize, usize), residuals: &[f64]) {
+        let fitted = &self.fit.runs[j];
+        let is_there: Vec<bool> = self.posed.runs[j].measured[term]
+            .values
+            .iter()
+            .map(|y| y.is_finite())
+            .collect();
+        let samples = (0..is_there.len()).filter(|sample| is_there[*sample]);
+        for (sample, residual) in samples.zip(residuals) {
+            let (h, sd) = (fitted.predicted[k][sample], fitted.deviations[k][sample]);
+            match (self.posed.told.seen[k], self.posed.file.measured[k].noise) {
+                (None, _) => run.measured[term].values[sample] = h + residual,
+                (Some(input), Noise::LogNormal) => {
+                    run.inputs[sample][input] = h * (sd * residual).exp();
+                }
+                (Some(input), _) => run.inputs[sample][input] = h + sd * residual,
+            }
+        }
+    }
+
+    /// What is known beforehand is drawn as data are: around what the fit has.
+    fn draw_priors(&self, run: &mut Run, (j, first): (usize, usize), random: &mut ChaCha8Rng) {
+        let outputs = self
+            .solved
+            .problem
+            .outputs_at_samples(&self.solved.solution.iterate.z, j);
+        for (term, prior) in self.posed.runs[j].measured.iter().enumerate().skip(first) {
+            if prior.values[0].is_finite() {
+                let gauss: f64 = StandardNormal.sample(random);
+                run.measured[term].values[0] = outputs[term][0] + gauss / prior.weight.sqrt();
+            }
+        }
+    }
+}
+
+/// Laplace's distribution with unit standard deviation.
+fn laplace(random: &mut ChaCha8Rng) -> f64 {
+    let [a, b]: [f64; 2] = [Exp1.sample(random), Exp1.sample(random)];
+    (a - b) / std::f64::consts::SQRT_2
+}
+
+/// Student's distribution with unit scale.
+fn student(random: &mut ChaCha8Rng, dof: f64) -> f64 {
+    StudentT::new(dof).map_or(f64::NAN, |own| own.sample(random))
+}
+
+/// Huber's distribution with unit scale, of density exp(-ℓ/2): by rejection from the exponential distributions that are its
+/// tails, continued to 0.
+fn huber(random: &mut ChaCha8Rng, threshold: f64) -> f64 {
+    loop {
+        let [size, spare]: [f64; 2] = [Exp1.sample(random), Exp1.sample(random)];
+        let size = size / threshold;
+        if spare >= 0.5 * (threshold - size).max(0.0).powi(2) {
+            let is_above: bool = StandardUniform.sample(random);
+            return if is_above { size } else { -size };
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Runs that were not fitted, by what was found from others.
+
+use crate::fit::{Observer, fit};
+use crate::posed::unknowns::calibration;
+use crate::posed::{Open, Posed};
+use crate::problem::error::ProblemError;
+use crate::problem::file::{Calibration, Noise, Per, ProblemFile, RunLine, Set, Sought};
+use crate::result::{Fit, Found, RunFit};
+use crate::search::begin::begin;
+use crate::search::starts::given;
+use pilotage_cosim::description::Said;
+use pilotage_language::file::Formula;
+use pilotage_sqp::Status;
+use std::ops::ControlFlow;
+
+/// Asked again and again whether to go on.
+pub type GoesOn<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
+
+/// What an initial state counts that is estimated from the run that it is to predict: as in Akaike's criterion, the
+/// expected gain in −2 log likelihood, once for the fit to these data and once for others.
+const ESTIMATED: f64 = 2.0;
+
+/// A run that was not fitted.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// The run, with the parameters that others gave.
+    pub run: RunFit,
+    /// Its free initial states, estimated from the run itself with all parameters held.
+    pub initial: Vec<Found>,
+    /// False where that estimate has not converged: the run then has no figures.
+    pub is_answer: bool,
+}
+
+impl Judged {
+    /// −2 log likelihood of what was recorded, with 2 for each initial state that was estimated from it; not a number where
+    /// that estimate is none.
+    pub fn surprise(&self, noises: &[Noise]) -> f64 {
+        match self.is_answer {
+            true => self.run.surprise(noises) + ESTIMATED * self.initial.len() as f64,
+            false => f64::NAN,
+        }
+    }
+}
+
+/// The validation runs of a problem. Parameters have their fitted values, those of a subject in its runs; one for each run
+/// has the mean of the fitted runs. Where the problem leaves initial states free they are estimated from the run, with the
+/// parameters held; else the run is simulated.
+///
+/// # Errors
+/// When a run cannot be read or does not fit the problem.
+pub fn validated(
+    file: &ProblemFile,
+    found: &Fit,
+    open: Open<'_>,
+    goes_on: &GoesOn<'_>,
+) -> Result<Vec<Judged>, ProblemError> {
+    if file.runs.iter().all(|run| run.fits) {
+        return Ok(Vec::new());
+    }
+    let file = fixed(file, found);
+    let posed = Posed::new(&file, open)?;
+    if posed
+        .runs
+        .iter()
+        .all(|run| run.initial.iter().all(Option::is_some))
+    {
+        return Ok(simulated(&posed));
+    }
+    let alone = (0..file.runs.len()).map(|own| {
+        let mut file = file.clone();
+        file.runs = vec![file.runs.swap_remove(own)];
+        estimated(&Posed::new(&file, open)?, goes_on)
+    });
+    alone.collect()
+}
+
+/// Runs of which nothing is unknown.
+fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
+    let (problem, z) = begin(posed, &given(posed), &|| false);
+    let judged = |run: RunFit| Judged {
+        run,
+        initial: Vec::new(),
+        is_answer: true,
+    };
+    Fit::runs(posed, &problem, &z)
+        .into_iter()
+        .map(judged)
+        .collect()
+}
+
+/// One run whose initial states are estimated.
+fn estimated(posed: &Posed<'_>, goes_on: &GoesOn<'_>) -> Result<Judged, ProblemError> {
+    let observer: &mut Observer<'_> = &mut |_| goes_on();
+    let mut found = fit(posed, observer);
+    let is_free = |own: &Found| posed.free_states().any(|state| *state == own.name);
+    let initial = found.initial(posed).into_iter().filter(is_free).collect();
+    Ok(Judged {
+        initial,
+        is_answer: found.is_answer(),
+        run: found.runs.swap_remove(0),
+    })
+}
+
+/// The problem of the validation runs, in which no parameter is sought.
+fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
+    let mut file = file.clone();
+    file.options.starts = 1;
+    file.runs.retain(|run| !run.fits);
+    file.stability = Default::default();
+    (file.options.starts, file.options.covariance) = (1, None);
+    for run in &mut file.runs {
+        run.fits = true;
+    }
+    let is_name = |line: &Sought| !line.name.value.ends_with(".*");
+    file.parameters
+        .retain(|line| is_name(line) && line.value.is_some());
+    for found in fit.parameters.iter().filter(|found| !found.is_tied) {
+        if let Some((measured, what)) = sensor(&file, &found.name) {
+            let formula = Calibration::Formula(Formula::of_number(found.mean()));
+            match what {
+                "gain" => file.measured[measured].gain = formula,
+                _ => file.measured[measured].offset = formula,
+            }
+            continue;
+        }
+        file.parameters.push(line(found));
+        for run in &mut file.runs {
+            set_subject(run, found);
+        }
+    }
+    file
+}
+
+/// The measured signal whose gain or offset a name means.
+fn sensor(file: &ProblemFile, name: &str) -> Option<(usize, &'static str)> {
+    let of = |what: &'static str| {
+        let is_it = |column: &str| calibration(what, column) == name;
+        let place = file
+            .measured
+            .iter()
+            .position(|own| is_it(&own.column.value));
+        place.map(|place| (place, what))
+    };
+    of("gain").or_else(|| of("offset"))
+}
+
+/// The line of a parameter that keeps what was found.
+fn line(found: &Found) -> Sought {
+    let is_own = !found.name.contains('.');
+    Sought {
+        name: Said::from(found.name.clone()),
+        start: Some(found.mean()),
+        min: None,
+        max: None,
+        nominal: None,
+        unit: found.unit.clone().filter(|_| is_own),
+        fixed: true,
+        value: None,
+        per: Per::All,
+        log: false,
+        prior: None,
+    }
+}
+
+/// A run has the value of its subject.
+fn set_subject(run: &mut RunLine, found: &Found) {
+    let is_own = |(label, _): &&(Option<String>, f64)| label.is_some() && *label == run.subject;
+    let is_set = run.set.iter().any(|set| set.name.value == found.name);
+    if let Some((_, value)) = found.values.iter().find(is_own).filter(|_| !is_set) {
+        run.set.push(Set {
+            name: Said::from(found.name.clone()),
+            value: Formula::of_number(*value),
+        });
+    }
+}

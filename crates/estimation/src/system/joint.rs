@@ -1,0 +1,283 @@
+//! The instances of a problem, wired: one model whose variables are called `instance.variable`.
+
+use crate::problem::error::ProblemError;
+use crate::system::part::{About, Part};
+use pilotage_cosim::SystemDescription;
+use pilotage_cosim::description::{Said, Wire};
+use pilotage_expression::{Model, Node};
+use pilotage_text::suggestion::{did_you_mean, suggestion};
+use pilotage_units::{Conversion, Unit};
+use std::collections::HashMap;
+
+/// Instances that are wired.
+#[derive(Debug)]
+pub struct Joint {
+    /// The parts by the names of their instances.
+    pub parts: Vec<(String, Part)>,
+    /// All of them as one; its outputs are those of the parts.
+    pub model: Model,
+    /// What is known of each variable: `instance.variable`.
+    pub variables: HashMap<String, About>,
+    /// Inputs that wires drive: for each the signal that it is.
+    pub driven: HashMap<String, String>,
+}
+
+impl Joint {
+    /// Wires the parts of a description.
+    ///
+    /// # Errors
+    /// Where a wire has an end that is not there, or units that do not fit.
+    pub fn new(
+        description: &SystemDescription,
+        parts: Vec<(String, Part)>,
+    ) -> Result<Self, ProblemError> {
+        Self::wired(description, parts, &[])
+    }
+
+    /// The same with an input for the noise that is added to each of these inputs: [`Self::noise_input`].
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_noise(
+        &self,
+        description: &SystemDescription,
+        noisy: &[&str],
+    ) -> Result<Self, ProblemError> {
+        Self::wired(description, self.parts.clone(), noisy)
+    }
+
+    /// The variable of the model's graph by which noise comes to an input; none where that is no input of an instance.
+    pub fn noise_input(&self, name: &str) -> Option<usize> {
+        let driver = self
+            .driven
+            .get(name)
+            .and_then(|signal| signal.strip_suffix(".y"));
+        let noise = driver.map(|part| format!("{part}.w"));
+        let name = noise.as_deref().unwrap_or(name);
+        let place = self.model.inputs.iter().position(|own| own == name)?;
+        Some(self.model.system.input(place))
+    }
+
+    fn wired(
+        description: &SystemDescription,
+        parts: Vec<(String, Part)>,
+        noisy: &[&str],
+    ) -> Result<Self, ProblemError> {
+        let mut variables = HashMap::new();
+        for (instance, part) in &parts {
+            for (name, about) in &part.variables {
+                variables.insert(format!("{instance}.{name}"), about.clone());
+            }
+        }
+        let mut models: Vec<(String, Model)> = (parts.iter())
+            .map(|(name, part)| (name.clone(), part.model.clone()))
+            .collect();
+        let mut wires: Vec<(String, String)> = Vec::new();
+        let mut driven: HashMap<String, String> = HashMap::new();
+        for (k, wire) in description.connections.iter().enumerate() {
+            let Wire { from, to } = wire;
+            check_end(&parts, from, End::Output)?;
+            check_end(&parts, to, End::Input)?;
+            let mut signal = from.value.clone();
+            let conversion = conversion(&variables, wire)?;
+            if conversion != Conversion::NONE {
+                // A part of its own; no instance of a user has a space in its name.
+                let name = format!("wire {k}");
+                models.push((name.clone(), converter(conversion)));
+                wires.push((signal, format!("{name}.u")));
+                signal = format!("{name}.y");
+            }
+            if noisy.contains(&to.value.as_str()) {
+                let name = format!("wire noise {k}");
+                models.push((name.clone(), adder()));
+                wires.push((signal, format!("{name}.u")));
+                signal = format!("{name}.y");
+            }
+            wires.push((signal.clone(), to.value.clone()));
+            if driven.insert(to.value.clone(), signal).is_some() {
+                let fault = format!("`{}` is driven twice; leave one of the wires out", to.value);
+                return Err(ProblemError::maybe_at(to.place.as_ref(), fault));
+            }
+        }
+        let named: Vec<(&str, Model)> = (models.iter())
+            .map(|(name, model)| (name.as_str(), model.clone()))
+            .collect();
+        let wires: Vec<(&str, &str)> = (wires.iter())
+            .map(|(from, to)| (from.as_str(), to.as_str()))
+            .collect();
+        let model = Model::join(&named, &wires);
+        Ok(Self {
+            model: model.map_err(|error| ProblemError::Part(error.to_string()))?,
+            parts,
+            variables,
+            driven,
+        })
+    }
+
+    /// The expression of a signal, a driven input among them, in the model's graph.
+    pub fn signal(&self, name: &str) -> Option<Node> {
+        let name = self.driven.get(name).map_or(name, String::as_str);
+        self.model.signal(name).ok()
+    }
+
+    /// Names of all signals: states, outputs and inputs.
+    pub fn signals(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for (instance, part) in &self.parts {
+            let model = &part.model;
+            let hidden = part.fmu.as_ref().map_or(0, |fmu| fmu.indicators.len());
+            let outputs = &model.outputs[..model.outputs.len() - hidden];
+            for own in [outputs, &model.states, &model.inputs] {
+                names.extend(own.iter().map(|name| format!("{instance}.{name}")));
+            }
+        }
+        names
+    }
+
+    /// The same with the locals of FMUs, which may be measured too.
+    pub fn measurable(&self) -> Vec<String> {
+        let mut names = self.signals();
+        for (instance, part) in &self.parts {
+            let locals = part.fmu.iter().flat_map(|fmu| &fmu.locals);
+            let locals = locals.map(|name| format!("{instance}.{name}"));
+            let others: Vec<String> = locals.filter(|name| !names.contains(name)).collect();
+            names.extend(others);
+        }
+        names
+    }
+
+    /// What messages call the model of a variable's instance.
+    pub fn source_of(&self, name: &str) -> String {
+        let own = self.part_of(name).map(|(part, _)| part);
+        let file = own.and_then(|part| part.file.as_ref());
+        let fmu = own.and_then(|part| part.fmu.as_ref());
+        match (file, fmu) {
+            (Some(compiled), _) => compiled.file.file.clone(),
+            (_, Some(fmu)) => fmu.path.display().to_string(),
+            _ => "its model".to_owned(),
+        }
+    }
+
+    /// The type of an FMU's parameter that is no single real of double precision.
+    pub fn parameter_of_other_type(&self, name: &str) -> Option<&str> {
+        let (part, own) = self.part_of(name)?;
+        let mut others = part.fmu.as_ref()?.others.iter();
+        let found = others.find(|(other, _)| other == own);
+        found.map(|(_, kind)| kind.as_str())
+    }
+
+    /// Whether a parameter is the start value of a state of an FMU.
+    pub fn is_start_parameter(&self, name: &str) -> bool {
+        let found = self.part_of(name);
+        let fmu = found.and_then(|(part, own)| Some((part.fmu.as_ref()?, own)));
+        fmu.is_some_and(|(fmu, own)| fmu.start_parameters.iter().any(|(_, start)| start == own))
+    }
+
+    /// The part whose instance a name begins with, and the rest of the name.
+    fn part_of<'n>(&self, name: &'n str) -> Option<(&Part, &'n str)> {
+        self.parts.iter().find_map(|(instance, part)| {
+            let rest = name.strip_prefix(instance.as_str())?.strip_prefix('.')?;
+            Some((part, rest))
+        })
+    }
+
+    /// Name of the unit of a variable, where it has one.
+    pub fn unit(&self, name: &str) -> Option<&str> {
+        self.variables.get(name)?.unit.as_deref()
+    }
+}
+
+/// An end of a wire.
+#[derive(Debug, Clone, Copy)]
+enum End {
+    Output,
+    Input,
+}
+
+fn check_end(parts: &[(String, Part)], name: &Said<String>, end: End) -> Result<(), ProblemError> {
+    let mut known: Vec<String> = Vec::new();
+    for (instance, part) in parts {
+        let model = &part.model;
+        let own: &[&Vec<String>] = match end {
+            End::Output => &[&model.outputs, &model.states],
+            End::Input => &[&model.inputs],
+        };
+        let own = own.iter().copied().flatten();
+        known.extend(own.map(|variable| format!("{instance}.{variable}")));
+    }
+    if known.contains(&name.value) {
+        return Ok(());
+    }
+    let what = match end {
+        End::Output => "output",
+        End::Input => "input",
+    };
+    let own = |part: &Part| match end {
+        End::Output => part.model.inputs.clone(),
+        End::Input => [part.model.outputs.clone(), part.model.states.clone()].concat(),
+    };
+    let is_other = parts.iter().any(|(instance, part)| {
+        let rest = name.value.strip_prefix(&format!("{instance}."));
+        rest.is_some_and(|rest| own(part).iter().any(|own| own == rest))
+    });
+    if is_other {
+        let fault = format!(
+            "`{}` is no {what}; a wire goes from an output to an input",
+            name.value
+        );
+        return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
+    }
+    Err(ProblemError::maybe_at(
+        name.place.as_ref(),
+        unknown(what, &name.value, &known),
+    ))
+}
+
+/// What to say of a name that nobody has.
+pub fn unknown(what: &str, name: &str, known: &[String]) -> String {
+    const MOST: usize = 30;
+    let near = did_you_mean(suggestion(name, known.iter().map(String::as_str)));
+    let shown = known[..known.len().min(MOST)].join(", ");
+    let more = match known.len().saturating_sub(MOST) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    match known.is_empty() {
+        true => format!("there is no {what} `{name}`: there is none at all"),
+        false => format!("there is no {what} `{name}`{near}; there are {shown}{more}"),
+    }
+}
+
+/// How the values of a wire change their unit.
+pub(crate) fn conversion(
+    variables: &HashMap<String, About>,
+    wire: &Wire,
+) -> Result<Conversion, ProblemError> {
+    let unit = |name: &str| variables.get(name)?.unit.as_deref();
+    let (Some(from), Some(to)) = (unit(&wire.from.value), unit(&wire.to.value)) else {
+        return Ok(Conversion::NONE);
+    };
+    let conversion = Unit::named(from).conversion(&Unit::named(to));
+    conversion.ok_or_else(|| {
+        let fault = format!(
+            "`{}` [{from}] does not fit `{}` [{to}]; convert it in a model between them",
+            wire.from.value, wire.to.value
+        );
+        ProblemError::maybe_at(wire.to.place.as_ref(), fault)
+    })
+}
+
+/// The model `y = u + w`.
+fn adder() -> Model {
+    let names: [&[&str]; 4] = [&[], &["u", "w"], &[], &["y"]];
+    let model = Model::trace(names, |at| [vec![], vec![at.u[0] + at.u[1]]]);
+    model.expect("a sum is an expression")
+}
+
+/// The model `y = factor u + offset`.
+fn converter(conversion: Conversion) -> Model {
+    let Conversion { factor, offset } = conversion;
+    let names: [&[&str]; 4] = [&[], &["u"], &[], &["y"]];
+    let model = Model::trace(names, |at| [vec![], vec![at.u[0] * factor + offset]]);
+    model.expect("a line is an expression")
+}

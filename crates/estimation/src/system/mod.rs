@@ -1,0 +1,4 @@
+//! The instances as equations, and wired.
+
+pub mod joint;
+pub mod part;
