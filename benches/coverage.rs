@@ -9,7 +9,9 @@
 //! variance came out negative are left out. The noise is recorded on top of the
 //! signal, or is the human's own: then it goes through the loop, and colours what is recorded as flights are.
 
-use pilotage::estimation::{Posed, ProblemFile, fit, part};
+use pilotage::estimation::refits::uncertainty_by;
+use pilotage::estimation::uncertainty::Uncertainty;
+use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::inference::Method;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -222,14 +224,9 @@ fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) 
     text
 }
 
-/// How many intervals of a set hold the truth, and how many there are.
-fn held(
-    case: &Case,
-    runs: usize,
-    correlation: f64,
-    seed: u64,
-    method: Option<Method>,
-) -> (usize, usize) {
+/// For each method, and the one that is taken unless it is named, how many intervals of a set hold the truth and how many
+/// there are.
+fn held(case: &Case, runs: usize, correlation: f64, seed: u64) -> Vec<(usize, usize)> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let folder = tempfile::tempdir().expect("a folder");
     let write =
@@ -244,14 +241,18 @@ fn held(
         write!(text, "[[run]]\nfile = \"{run}.csv\"\n").expect("text");
     }
     text += "[fit]\nstarts = 1\nmesh = \"samples\"\n";
-    let mut file =
-        ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("a problem");
-    file.options.covariance = method;
+    let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("a problem");
     let posed = Posed::new(&file, &part::open).expect("a problem");
     let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let Ok(sure) = &found.uncertainty else {
-        return (0, 0);
-    };
+    let named = Method::ALL.map(|method| uncertainty_by(&posed, &found, method).ok());
+    let all = named.iter().map(Option::as_ref);
+    let all = all.chain([found.uncertainty.as_ref().ok()]);
+    all.map(|sure| sure.map_or((0, 0), |sure| counted(case, &found, sure)))
+        .collect()
+}
+
+/// How many intervals hold the truth, and how many there are.
+fn counted(case: &Case, found: &Fit, sure: &Uncertainty) -> (usize, usize) {
     let mut counts = (0, 0);
     for (parameter, intervals) in found.parameters.iter().zip(&sure.intervals) {
         let truth = case.truth.iter().find(|(name, _)| *name == parameter.name);
@@ -300,26 +301,24 @@ fn main() {
         if only.is_some_and(|only| !row.contains(only)) {
             continue;
         }
-        let mut cells = Vec::new();
-        for method in Method::ALL.into_iter().map(Some).chain([None]) {
-            let done = AtomicUsize::new(0);
-            let counts = (0..sets).into_par_iter().map(|seed: u64| {
-                let counts = held(case, *runs, *correlation, seed, method);
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                let name = method.map_or("default", Method::as_str);
-                eprint!(
-                    "\rrow {} of {}, {name}: {done} of {sets} sets   ",
-                    number + 1,
-                    rows.len()
-                );
-                counts
-            });
-            let (held, all) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-            cells.push(match all {
-                0 => "–".to_owned(),
-                _ => format!("{:.1}", 100.0 * held as f64 / all as f64),
-            });
-        }
+        let done = AtomicUsize::new(0);
+        let counts = (0..sets).into_par_iter().map(|seed: u64| {
+            let counts = held(case, *runs, *correlation, seed);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            let (number, all) = (number + 1, rows.len());
+            eprint!("\rrow {number} of {all}: {done} of {sets} sets   ");
+            counts
+        });
+        let none = || vec![(0, 0); Method::ALL.len() + 1];
+        let counts = counts.reduce(none, |a, b| {
+            let pairs = a.into_iter().zip(b);
+            pairs.map(|(a, b)| (a.0 + b.0, a.1 + b.1)).collect()
+        });
+        let cell = |(held, all): (usize, usize)| match all {
+            0 => "–".to_owned(),
+            _ => format!("{:.1}", 100.0 * held as f64 / all as f64),
+        };
+        let cells: Vec<String> = counts.into_iter().map(cell).collect();
         eprint!("\r");
         println!("{row} {} |", cells.join(" | "));
     }

@@ -1,14 +1,19 @@
-//! Times the fit of the shipped trials with every scheme, on one core:
+//! Times the fit of the shipped trials with every scheme, and what a covariance costs beside an iteration, on one core:
 //!
 //! ```text
 //! cargo bench --bench solve
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
+use pilotage::estimation::refits::uncertainty_by;
+use pilotage::estimation::{Posed, ProblemFile, part};
 use pilotage::identification::{Fit, FitError, FitOptions, InitialState, TrialSet, fit};
+use pilotage::inference::Method;
+use pilotage::sqp::SqpOptions;
 use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 const SCHEMES: [Scheme; 3] = [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson];
 
@@ -37,6 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         fits.push((scheme, fit));
     }
+    covariances(Path::new(env!("CARGO_MANIFEST_DIR")))?;
     if let Some(file) = solution_file() {
         // Near one optimum: every scheme from the default scheme's θ, as compare.py begins, at rest.
         let default = fits
@@ -81,4 +87,59 @@ fn json(fit: &Fit) -> String {
         fit.theta,
         runs.join(", ")
     )
+}
+
+/// Of each problem of the examples the time of an iteration where the fit ended, and how many of these a covariance takes.
+fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    const AGAIN: u32 = 5;
+    let methods = Method::ALL.map(Method::as_str);
+    println!(
+        "\n{:<24} {:>9} {:>6}  covariance, in iterations: {}",
+        "problem",
+        "iteration",
+        "runs",
+        methods.join(", ")
+    );
+    for entry in std::fs::read_dir(root.join("examples/problems"))? {
+        let path = entry?.path().join("problem.toml");
+        let file = ProblemFile::read(&path)?;
+        let posed = Posed::new(&file, &part::open)?;
+        let found = pilotage::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let Some(solved) = found.solved.as_ref().filter(|_| posed.filter.is_none()) else {
+            continue;
+        };
+        // From beside the solution, so that there is something to do.
+        let mut z = solved.solution.iterate.z.clone();
+        let first = solved.problem.layout.theta;
+        z[first..].iter_mut().for_each(|own| *own *= 1.02);
+        let options = SqpOptions {
+            max_iterations: AGAIN as usize,
+            ..SqpOptions::default()
+        };
+        let clock = Instant::now();
+        let last = pilotage::transcription::solve(&solved.problem, z, &options, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        let iteration = clock.elapsed().as_secs_f64() / last.work.iterations.max(1) as f64;
+        let mut shares = Vec::new();
+        for method in Method::ALL {
+            let clock = Instant::now();
+            for _ in 0..AGAIN {
+                let _ = uncertainty_by(&posed, &found, method);
+            }
+            let one = clock.elapsed().as_secs_f64() / f64::from(AGAIN);
+            shares.push(format!("{:.2}", one / iteration));
+        }
+        println!(
+            "{:<24} {:>6.2} ms {:>6}  {}",
+            path.parent()
+                .and_then(Path::file_name)
+                .unwrap_or_default()
+                .display(),
+            1e3 * iteration,
+            posed.runs.len(),
+            shares.join(", ")
+        );
+    }
+    Ok(())
 }

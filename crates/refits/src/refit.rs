@@ -70,7 +70,7 @@ pub enum Data {
     /// Each run so often: one that is drawn twice has twice the weight.
     Counted(Vec<usize>),
     /// The same runs with noise that is drawn.
-    Simulated(ChaCha8Rng),
+    Simulated(Box<ChaCha8Rng>),
 }
 
 /// A solution with other data.

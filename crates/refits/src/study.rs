@@ -180,7 +180,7 @@ impl Study<'_> {
             let mut random = random(seed, number);
             match kind {
                 Kind::Runs => Data::Counted(counts(self.solved.runs(), &mut random)),
-                Kind::Parametric => Data::Simulated(random),
+                Kind::Parametric => Data::Simulated(Box::new(random)),
             }
         };
         let values = |found: &Found| {

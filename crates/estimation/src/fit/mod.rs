@@ -31,7 +31,7 @@ use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
-use crate::result::uncertainty::{Unsure, linearised, uncertainty};
+use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::starts::starts;
 use crate::search::trouble;
@@ -106,7 +106,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         refinement,
         ..Fit::of(posed, &last)
     };
-    let looped = looped(posed, &last);
+    let looped = Looped::of(posed, &last);
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
     // On a mesh that was refined since, the objective may have fallen below.
@@ -119,8 +119,16 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         let at = (&last.problem, &last.solution.iterate);
         linear = linearised(posed, at.0, at.1);
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
-        found.uncertainty = known
-            .and_then(|own| uncertainty(posed, &last, &found, own, simulated, looped.as_ref()));
+        found.uncertainty = known.and_then(|own| {
+            let looped = looped.as_ref();
+            uncertainty(
+                posed,
+                (&last, &found, own),
+                simulated,
+                looped,
+                method(posed),
+            )
+        });
         found.describing = describing(posed, &last);
     }
     if found.is_met() {
@@ -142,13 +150,6 @@ fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, 
             ..Events::default()
         },
     }
-}
-
-/// The loop that the instances close, at the end of the first run.
-fn looped<'p>(posed: &'p Posed<'p>, solved: &Solved) -> Option<Looped<'p>> {
-    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
-    let x = problem.states_at_samples(z, 0).pop()?;
-    Looped::new(posed, &x, &problem.physical_theta(z))
 }
 
 /// How a start ended, and its objective; not a number where its states do not nearly fulfil the equations.

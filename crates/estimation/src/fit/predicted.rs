@@ -1,8 +1,8 @@
 //! The fit of what is predicted from sample to sample, from the response on.
 
 use super::check::free_run;
+use super::cut;
 use super::watch::Watch;
-use super::{cut, looped};
 use crate::innovations::{
     Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched,
 };
@@ -11,7 +11,7 @@ use crate::result::describing::describing;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::diagnostics::diagnostics;
 use crate::result::loops::Looped;
-use crate::result::uncertainty::uncertainty;
+use crate::result::uncertainty::{method, uncertainty};
 use crate::result::{Fit, RunFit};
 use crate::search::active::beyond;
 use crate::search::solved::Refinement;
@@ -59,12 +59,18 @@ pub(super) fn predicted(
         is_limited: false,
         ..refinement
     };
-    let looped = looped(posed, &last);
+    let looped = Looped::of(posed, &last);
     found.derived.extend(looped.iter().flat_map(Looped::found));
     found.cut = cut(&found, watch);
     if found.status == Status::Converged {
         let linear = linearised(posed, best);
-        found.uncertainty = uncertainty(posed, &last, &found, &linear, None, looped.as_ref());
+        found.uncertainty = uncertainty(
+            posed,
+            (&last, &found, &linear),
+            None,
+            looped.as_ref(),
+            method(posed),
+        );
         found.describing = describing(posed, &last);
     }
     found.diagnostics = diagnostics(posed, &last, &found);

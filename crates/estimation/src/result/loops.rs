@@ -3,6 +3,7 @@
 use crate::posed::Posed;
 use crate::posed::variables;
 use crate::result::Found;
+use crate::search::solved::Solved;
 use crate::system::joint::{Joint, conversion};
 use nalgebra::{Complex, DMatrix};
 use pilotage_cosim::SystemDescription;
@@ -145,6 +146,13 @@ pub(crate) struct Looped<'p> {
 }
 
 impl<'p> Looped<'p> {
+    /// Of a solution, at the end of its first run.
+    pub fn of(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
+        let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
+        let x = problem.states_at_samples(z, 0).pop()?;
+        Self::new(posed, &x, &problem.physical_theta(z))
+    }
+
     /// Of a problem with these states at the end of the first run, and shared parameters; none where no wires between two
     /// instances open all loops, or one is not linear there.
     pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {

@@ -1,4 +1,5 @@
-//! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`.
+//! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`; and its covariance by
+//! another method.
 
 use crate::innovations::Again;
 use crate::posed::unknowns::Unknown;
@@ -7,15 +8,16 @@ use crate::posed::{Posed, Stands};
 use crate::problem::file::Noise;
 use crate::result::Fit;
 use crate::result::loops::Looped;
-use crate::result::uncertainty::{Unsure, linearised};
-use crate::search::solved::Linearised;
-use crate::search::solved::Solved;
+use crate::result::uncertainty::{Uncertainty, Unsure, linearised, uncertainty};
+use crate::search::solved::{Linearised, Solved};
 use pilotage_collocation::Run;
-use pilotage_inference::{Autoregression, Inference, LEVEL, quantile};
+use pilotage_inference::{Autoregression, Inference, LEVEL, Method, quantile};
 use pilotage_refits::study::{self, Derive};
 use pilotage_refits::{Collocated, Coordinate, Resample, Study, Threshold};
+use pilotage_sqp::Status;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
+use std::sync::Arc;
 
 /// Part of the largest effect on a run from which on it tells of a parameter.
 const TELLS: f64 = 1e-6;
@@ -30,6 +32,43 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
     all.collect()
 }
 
+/// How sure a fit is by another method than that of its problem.
+///
+/// # Errors
+/// Where the fit did not converge, or has no covariance by that method.
+pub fn uncertainty_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Uncertainty, Unsure> {
+    let is_there = |_: &&Arc<Solved>| fit.status == Status::Converged;
+    let solved = fit.solved.as_ref().filter(is_there);
+    let solved = solved.ok_or(Unsure::NotConverged)?;
+    let linear = linear(posed, solved, again(posed, fit).as_ref())?;
+    let looped = Looped::of(posed, solved);
+    uncertainty(
+        posed,
+        (solved, fit, &linear),
+        None,
+        looped.as_ref(),
+        Some(method),
+    )
+}
+
+/// The optimum of predictions.
+fn again<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Option<Again<'p>> {
+    Again::new(posed, fit.optimum.as_ref()?)
+}
+
+/// The solution as a least-squares problem.
+fn linear(
+    posed: &Posed<'_>,
+    solved: &Solved,
+    again: Option<&Again<'_>>,
+) -> Result<Linearised, Unsure> {
+    let (problem, at) = (&solved.problem, &solved.solution.iterate);
+    match again {
+        Some(again) => Ok(again.linearised()),
+        None => linearised(posed, problem, at).ok_or(Unsure::NoDerivatives),
+    }
+}
+
 /// A fit that is to be solved again.
 ///
 /// # Errors
@@ -37,20 +76,15 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
 pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure> {
     let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
     let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
-    let again = fit.optimum.as_ref();
-    let again = again.and_then(|own| Again::new(posed, own));
-    let (linear, factor) = match &again {
-        Some(again) => (Some(again.linearised()), again.factor()),
-        None => {
-            let (problem, at) = (&solved.problem, &solved.solution.iterate);
-            (linearised(posed, problem, at), posed.factor)
-        }
+    let again = again(posed, fit);
+    let (factor, drawn) = match &again {
+        Some(again) => (
+            again.factor(),
+            "values drawn from what is predicted, sample by sample",
+        ),
+        None => (posed.factor, "residuals drawn from autoregressive noise"),
     };
-    let drawn = match again {
-        Some(_) => "values drawn from what is predicted, sample by sample",
-        None => "residuals drawn from autoregressive noise",
-    };
-    let Linearised { data, signals, .. } = linear.ok_or(Unsure::NoDerivatives)?;
+    let Linearised { data, signals, .. } = linear(posed, solved, again.as_ref())?;
     let inference = Inference::new(&data)?;
     let degrees = (!data.is_scaled).then(|| inference.degrees());
     let refit: Box<dyn Resample + Send + 'p> = match again {

@@ -31,14 +31,13 @@ const ALONE: f64 = 1e-9;
 /// Distance from the end of a range, per size, within which a parameter lies on it.
 const NEAR: f64 = 1e-4;
 
-/// How sure a solution is, of which this is known; `simulated` is the same point, simulated.
+/// How sure a solution is by a method, where it is named; `simulated` is the same point, simulated.
 pub(crate) fn uncertainty(
     posed: &Posed<'_>,
-    solved: &Solved,
-    fit: &Fit,
-    linear: &Linearised,
+    (solved, fit, linear): (&Solved, &Fit, &Linearised),
     simulated: Option<&(Collocation, Vec<f64>)>,
     looped: Option<&Looped<'_>>,
+    method: Option<Method>,
 ) -> Result<Uncertainty, Unsure> {
     let (problem, at) = (&solved.problem, &solved.solution.iterate);
     let Linearised {
@@ -47,7 +46,7 @@ pub(crate) fn uncertainty(
         ..
     } = linear;
     let inference = Inference::new(data)?;
-    let covariance = inference.covariance(method(posed))?;
+    let covariance = inference.covariance(method)?;
     let names = names(posed);
     let theta = problem.physical_theta(&at.z);
     let percent = |(k, value): (usize, f64)| match names[k].starts_with("ln ") {
@@ -109,7 +108,7 @@ pub(crate) fn uncertainty(
 
 /// The method that the problem asks for. Innovations are white where the model is right, so that nothing but the runs'
 /// own scatter speaks against the plain covariance.
-fn method(posed: &Posed<'_>) -> Option<Method> {
+pub(crate) fn method(posed: &Posed<'_>) -> Option<Method> {
     const ENOUGH: usize = 4;
     let is_white = posed.filter.is_some() && posed.runs.len() < ENOUGH;
     let asked = posed.file.options.covariance;
