@@ -1,4 +1,4 @@
-//! The model of a person, which flies the same task on a vehicle of its own.
+//! The identified pilot, which flies the same task on a second vehicle.
 
 use crate::craft::{Craft, Flying, STEP};
 use pilotage_cosim::component::ComponentError;
@@ -63,7 +63,7 @@ impl Beside {
         })
     }
 
-    /// Goes on by a step to these targets, with what is added to the stick; the vehicle's positions before it.
+    /// A step with these targets and disturbances of the stick; returns the positions before it.
     ///
     /// # Errors
     /// When one of them fails.

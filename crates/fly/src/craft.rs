@@ -291,7 +291,7 @@ impl Craft {
         self.sticks.iter().zip(hand).map(of).collect()
     }
 
-    /// The hand that has these inputs, for whoever flies beside a person.
+    /// The hand with these inputs, for a model that flies beside a person.
     pub fn hand(&self, inputs: &[f64]) -> Vec<f64> {
         let of = |(stick, input): (&Stick, &f64)| {
             let part = |stop: f64| (input - stick.rest) / (stop - stick.rest);
@@ -378,7 +378,7 @@ impl Flying {
         })
     }
 
-    /// Goes on by a step with these inputs.
+    /// A step with these inputs.
     ///
     /// # Errors
     /// When the vehicle fails, or wants to end.

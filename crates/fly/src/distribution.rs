@@ -1,4 +1,4 @@
-//! How times are spread: a lag that is constant can be corrected, one that varies cannot, so both are told.
+//! Distributions of times: a constant lag can be corrected, a varying one cannot, so both are recorded.
 
 use serde::Serialize;
 

@@ -52,7 +52,7 @@ pub struct Pose {
 }
 
 impl Runway {
-    /// So far forward and to the right \[m\], leaning so much forward and to the right \[rad\].
+    /// Displacement forward and to the right \[m\], pitch forward and roll to the right \[rad\].
     pub fn pose(&self, moved: [f64; 2], lean: [f64; 2], speed: [f64; 2]) -> Pose {
         let heading = self.heading.to_radians();
         let turned = |[ahead, right]: [f64; 2]| {
@@ -167,7 +167,7 @@ impl Sender {
         })
     }
 
-    /// Sends a state. Nobody has to listen.
+    /// Sends a state, whether or not a receiver exists.
     ///
     /// # Errors
     /// When the system does not send.

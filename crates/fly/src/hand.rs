@@ -88,7 +88,7 @@ pub struct Shown {
     pub latency: f64,
 }
 
-/// What has come in last, and all that came in while a run goes on.
+/// The last input frame, and all frames of the current run.
 #[derive(Debug)]
 struct Latest {
     input: Input,

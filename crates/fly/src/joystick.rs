@@ -22,7 +22,7 @@ pub struct Axes {
     pub inverted: Vec<bool>,
 }
 
-/// Reads a device from now on, in a thread of its own.
+/// Reads a device in a separate thread from now on.
 ///
 /// # Errors
 /// When it cannot be opened, or is another device.

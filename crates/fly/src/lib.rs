@@ -1,7 +1,7 @@
 //! A person flies a vehicle in real time, on a page in the browser, and is recorded.
 //!
-//! The [vehicle](craft) is any co-simulation component; it runs in a thread of its own at 1 kHz ([`run`]), with the
-//! [hand] of whoever sits at the page on its stick. A [session] goes through a [protocol]: training, then measured
+//! The [vehicle](craft) is any co-simulation component; it runs in a separate thread at 1 kHz ([`run`]), with the
+//! [hand] of the person at the page on its stick. A [session] goes through a [protocol]: training, then measured
 //! runs of its [tasks](task). Each run is [recorded](record) as a flight that `pilotage fit` takes. The [server] shows the
 //! page, on this computer alone.
 //!

@@ -19,7 +19,7 @@ pub enum ProtocolError {
     /// It cannot be read.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A value that is none.
+    /// A value that is not allowed.
     #[error("{file}:{line}: `{field}` {fault}")]
     Value {
         /// The file.

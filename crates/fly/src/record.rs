@@ -17,13 +17,13 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Ends the name of a flight that goes on.
+/// Suffix of the file of an unfinished flight.
 pub const PART: &str = ".part";
 
 /// What the record says of a run, in the order of the lines at its top.
 pub type Header = Vec<(&'static str, String)>;
 
-/// A flight on the disk, which grows as rows come; a thread of its own writes, so that the disk does not hold the vehicle up.
+/// A flight on disk, which grows row by row; a separate thread writes, so that the disk does not delay the vehicle.
 #[derive(Debug)]
 pub struct Growing {
     path: PathBuf,
@@ -36,7 +36,7 @@ impl Growing {
     /// Begins the file of a flight beside its name. Rows come to the disk at most so late (`pace`).
     ///
     /// # Errors
-    /// When it cannot be written, or somebody flies there already.
+    /// When it cannot be written, or another program records there.
     pub fn create(
         path: &Path,
         header: &Header,
@@ -143,7 +143,7 @@ fn short(value: f64) -> String {
     format!("{}", rounded + 0.0)
 }
 
-/// Flights of the folder that were begun and have no end: somebody pulled the plug.
+/// Flights of the folder that were not finished: the program was killed, or the power was lost.
 ///
 /// # Errors
 /// When the folder cannot be read.

@@ -369,7 +369,7 @@ fn see(flying: &mut Flying) -> Result<Seen, pilotage_cosim::component::Component
     })
 }
 
-/// The root mean square distance to the target of somebody who lets go of the stick: what a score is measured by.
+/// The root mean square distance to the target with the stick at rest, against which a score is measured.
 ///
 /// # Errors
 /// When the vehicle fails.

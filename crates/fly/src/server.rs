@@ -68,7 +68,7 @@ struct Shared {
 pub struct Server {
     /// Of this address.
     pub listener: TcpListener,
-    /// Without it nobody is let in.
+    /// Requests without it are refused.
     pub token: String,
     /// Names by which it is called, with ports; where it is bound elsewhere than to this computer, others are taken too.
     pub is_open: bool,
@@ -76,7 +76,7 @@ pub struct Server {
     pub made: PathBuf,
 }
 
-/// A token that nobody guesses.
+/// A random token of 128 bits.
 ///
 /// # Errors
 /// When the system has no random numbers.
@@ -156,13 +156,13 @@ struct Asked {
     token: Option<String>,
 }
 
-/// Why somebody is not let in.
+/// Why a request is refused.
 fn refused(words: &'static str) -> Response {
     (StatusCode::FORBIDDEN, format!("{words}\n")).into_response()
 }
 
 impl Shared {
-    /// Whether a request comes by our name: another name that leads here is somebody else's page.
+    /// Whether `Host` is ours: another name that resolves to this address belongs to another page (DNS rebinding).
     fn is_ours(&self, headers: &HeaderMap) -> bool {
         let host = headers
             .get(header::HOST)

@@ -33,7 +33,7 @@ const AGAINST: &str = "against";
 /// Drawn size of a vehicle over the farthest target.
 const SIZE: f64 = 0.06;
 
-/// What comes to the session.
+/// Events of a session.
 #[derive(Debug)]
 pub enum Command {
     /// Of the page that has the stick.
@@ -42,7 +42,7 @@ pub enum Command {
     Quit,
 }
 
-/// What a page hears.
+/// Messages to a page.
 #[derive(Debug)]
 pub struct Listening {
     /// What it has to know at once.
@@ -171,7 +171,7 @@ enum Purpose {
 struct Quit;
 
 impl Session {
-    /// A session of that vehicle and protocol, and the board on which it tells what goes on.
+    /// A session of that vehicle and protocol, and the board to which it posts its state.
     pub fn new(
         craft: Craft,
         protocol: Protocol,
@@ -216,7 +216,7 @@ impl Session {
         (own, board)
     }
 
-    /// Goes on until the end is asked for.
+    /// Runs until its end is requested.
     pub fn run(mut self) {
         let _ = self.all();
     }
@@ -256,7 +256,7 @@ impl Session {
         }
     }
 
-    /// Until somebody has said who flies, and agrees.
+    /// Waits for a subject code and consent.
     fn welcome(&mut self) -> Result<(), Quit> {
         loop {
             let Some(command) = self.next(None)? else {
@@ -398,7 +398,7 @@ impl Session {
         }
     }
 
-    /// The vehicle where a run begins, and the stick as it is.
+    /// The vehicle at its initial state, and the current stick.
     fn show_rest(&self, next: Option<Next>) {
         let next = next.unwrap_or(Next {
             task: 0,
@@ -712,7 +712,7 @@ impl Session {
     }
 }
 
-/// Shows a run, writes its rows, and hears whether it shall end.
+/// Shows a run, writes its rows, and checks whether it is to end.
 struct Watch<'w> {
     board: &'w Board,
     commands: &'w Receiver<Command>,

@@ -29,7 +29,7 @@ const FULL: u32 = 1;
 struct Way {
     /// [`EMPTY`] or [`FULL`].
     state: AtomicU32,
-    /// Whether somebody sleeps until the state changes.
+    /// Whether a process waits for a change of the state.
     sleeper: AtomicU32,
     /// Bytes of the message that are still to come, those of this part among them.
     left: AtomicU64,
@@ -41,7 +41,7 @@ struct Layout {
     ways: [Way; 2],
 }
 
-/// Somebody has written over the memory: no message can be had from it any more.
+/// The memory is overwritten: it holds no message any more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Spoiled;
 
@@ -54,7 +54,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// A channel in a new file: the end of whoever asks first.
+    /// A channel in a new file: the end of the process that asks first.
     ///
     /// # Errors
     /// When the file cannot be made, or there is no room for it.
@@ -296,7 +296,7 @@ mod tests {
         assert_eq!(first.send(b"two", waited), Err(Why::Told("waited")));
     }
 
-    /// A length that no message has, a part of another message, a state that is none: each an error, and for ever.
+    /// An impossible length, a part of another message or an unknown state: each is an error from which the channel does not recover.
     #[test]
     fn what_the_other_side_writes_is_not_believed() {
         let mut message = Vec::new();

@@ -22,7 +22,7 @@ static HANDED_ON: AtomicU32 = AtomicU32::new(0);
 pub struct Child {
     child: std::process::Child,
     page: Page,
-    /// Whether it leads a process group of its own.
+    /// Whether it leads its own process group.
     is_group: bool,
     is_over: bool,
     _leftover: Leftover,
@@ -45,7 +45,7 @@ pub enum Ended {
 }
 
 impl Child {
-    /// Starts the command with a page. In a process group of its own (`is_group`) it gets no Ctrl-C from the terminal,
+    /// Starts the command with a page. In its own process group (`is_group`) it gets no Ctrl-C from the terminal,
     /// and all that it starts ends with it.
     ///
     /// # Errors
@@ -349,7 +349,7 @@ pub(crate) fn is_alive(number: u32) -> bool {
     pid.is_some_and(is_there) && !is_zombie(number)
 }
 
-/// Whether a process has ended, and nobody has asked for its status yet.
+/// Whether a process has ended and its status is not yet read.
 #[cfg(unix)]
 fn is_zombie(number: u32) -> bool {
     let told = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();

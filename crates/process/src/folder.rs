@@ -1,7 +1,7 @@
 //! Temporary folders that do not outlive their process for long, whatever ends it.
 //!
 //! Each has the number of its process in its name, and holds a file `lock` that this process keeps locked. A folder whose
-//! process is no more and whose lock nobody holds is left behind: the first folder that a process makes removes those.
+//! process has ended and whose lock is free is a leftover: the first folder that a process makes removes them.
 
 use crate::child::is_alive;
 use crate::leftovers::{self, Kind, Leftover};
@@ -65,7 +65,7 @@ pub fn sweep() {
     sweep_if(|number| !is_alive(number));
 }
 
-/// Removes those of a process that was killed just now, as soon as it is really gone; waits for that a moment.
+/// Removes those of a process that was just killed, once it has ended; waits briefly for that.
 pub(crate) fn sweep_of(process: u32) {
     for _ in 0..50 {
         if sweep_if(|number| number == process) {
@@ -100,7 +100,7 @@ fn process_of(name: &OsStr) -> Option<u32> {
     number.parse().ok()
 }
 
-/// Whether nobody holds the lock: a process of the same number elsewhere, with the same temporary folder, may.
+/// Whether the lock is free: another process with the same number and temporary folder (in a container) may hold it.
 fn is_free(folder: &Path) -> bool {
     match File::open(folder.join("lock")) {
         Ok(lock) => lock.try_lock().is_ok(),

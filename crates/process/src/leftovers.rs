@@ -40,7 +40,7 @@ fn all() -> MutexGuard<'static, All> {
 #[derive(Debug)]
 pub struct Leftover(u64);
 
-/// Makes something that a signal removes, in one go: there is no moment in which it is there and not known. Does not
+/// Makes something that a signal removes, atomically: it never exists without being registered. Does not
 /// come back when the process is being ended.
 ///
 /// # Errors
@@ -69,7 +69,7 @@ impl Drop for Leftover {
     }
 }
 
-/// Does not come back when a signal is ending this process: whoever removes what there is must come to its end.
+/// Does not return while a signal ends this process: the removal must finish.
 pub fn stay_if_ending() {
     while crate::page::is_stopped() || all().is_ending {
         std::thread::sleep(std::time::Duration::from_secs(1));
@@ -116,15 +116,15 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
     std::fs::remove_dir_all(gone)
 }
 
-/// Whether somebody else listens to SIGINT.
+/// Whether another part of the program handles SIGINT.
 static INTERRUPTS_ARE_HEARD: AtomicBool = AtomicBool::new(false);
 
-/// From now on SIGINT is left to whoever listens to it.
+/// Leaves SIGINT to its other handler from now on.
 pub fn leave_interrupts() {
     INTERRUPTS_ARE_HEARD.store(true, Ordering::SeqCst);
 }
 
-/// From now on SIGTERM and SIGHUP, and SIGINT until somebody else listens to it ([`leave_interrupts`]), first [remove] what
+/// From now on SIGTERM and SIGHUP, and SIGINT until it has another handler ([`leave_interrupts`]), first [remove] what
 /// there is, and then end the process as they would have.
 ///
 /// A signal that is ignored, as `nohup` does, stays ignored.

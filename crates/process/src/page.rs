@@ -20,7 +20,7 @@ const NAME: usize = 240;
 /// Room for records \[bytes\].
 const RECORDS: usize = 1 << 20;
 
-/// What is known of somebody whose code is called.
+/// What is known of the owner of the code that is called.
 #[repr(C)]
 struct Slot {
     /// The call that is going on; 0: none.
@@ -64,10 +64,10 @@ pub struct Going {
 }
 
 impl Page {
-    /// A page in a temporary folder of its own.
+    /// A page in its own temporary folder.
     ///
     /// # Errors
-    /// When there is no room for it: the file is written, so that memory that is there on paper alone ends nobody later.
+    /// When there is no space for it: the file is written in full, so that overcommitted memory does not end the process later.
     pub fn create() -> io::Result<Self> {
         let folder = Folder::create()?;
         let path = folder.path().join("page");
@@ -225,7 +225,7 @@ fn note_forks() {
 #[cfg(not(unix))]
 fn note_forks() {}
 
-/// Does not come back: a copy ends at once, nothing is removed or told by it; else a signal is ending this process.
+/// Does not return: a forked copy ends at once and neither removes nor reports anything; otherwise a signal ends this process.
 #[cold]
 fn vanish() -> ! {
     while STATE.load(Ordering::Relaxed) != IS_COPY {
@@ -294,7 +294,7 @@ impl Place {
         done
     }
 
-    /// Notes that within the call that goes on there is another one.
+    /// Notes another call within the current one.
     pub fn doing(&self, number: u32) {
         if let Some(page) = attached() {
             page.all[self.0].call.store(number, Ordering::Release);

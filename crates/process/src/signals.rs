@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Between two looks.
 const BETWEEN: Duration = Duration::from_millis(10);
 
-/// From now on `heard` is called in a thread of its own with each of these signals that comes, and before that, in the
+/// From now on `heard` is called in a separate thread with each of these signals that arrives, and before that, in the
 /// handler itself, `at_once`. One that is ignored, as `nohup` does, stays ignored.
 ///
 /// # Safety
@@ -58,7 +58,7 @@ pub(crate) unsafe fn listen_at_once(
     thread::Builder::new().name(name).spawn(listens).map(drop)
 }
 
-/// From now on `heard` is called in a thread of its own with each of these signals that comes. One that is ignored, as
+/// From now on `heard` is called in a separate thread with each of these signals that arrives. One that is ignored, as
 /// `nohup` does, stays ignored.
 ///
 /// # Errors

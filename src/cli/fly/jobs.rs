@@ -1,4 +1,4 @@
-//! What can be done with flights on the spot: each a command that the user could type, in a process of its own.
+//! Jobs on the recorded flights: each is a command that the user could type, in a separate process.
 
 use crate::cli::{system, terminal};
 use crate::cosim::Component;

@@ -59,7 +59,7 @@ pub struct Args {
     /// Outputs that are the positions [default: `position` and `position2`, `z`, or the first].
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
     measure: Vec<String>,
-    /// Run an FMU in a process of its own.
+    /// Run an FMU in a separate process.
     #[arg(long)]
     isolate: bool,
     /// A joystick that this program reads itself, by Linux's joystick interface, in place of the page's devices.
@@ -89,7 +89,7 @@ pub struct Args {
     /// Serve the page at this address, to other computers too; wants --insecure.
     #[arg(long, value_name = "ADDRESS")]
     bind: Option<IpAddr>,
-    /// Whoever sees the network sees the address with its token, may fly, and reads what is recorded.
+    /// Anyone on the network can read the address with its token, fly, and read the records.
     #[arg(long)]
     insecure: bool,
     /// Only print the address.
