@@ -18,6 +18,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Bernoulli, Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -306,7 +307,9 @@ fn main() {
             let counts = held(case, *runs, *correlation, seed);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             let (number, all) = (number + 1, rows.len());
-            eprint!("\rrow {number} of {all}: {done} of {sets} sets   ");
+            if std::io::stderr().is_terminal() {
+                eprint!("\rrow {number} of {all}: {done} of {sets} sets   ");
+            }
             counts
         });
         let none = || vec![(0, 0); Method::ALL.len() + 1];
@@ -319,8 +322,6 @@ fn main() {
             _ => format!("{:.1}", 100.0 * held as f64 / all as f64),
         };
         let cells: Vec<String> = counts.into_iter().map(cell).collect();
-        eprint!("\r");
         println!("{row} {} |", cells.join(" | "));
     }
-    eprintln!();
 }

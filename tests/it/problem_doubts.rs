@@ -77,6 +77,29 @@ fn a_bound_that_a_tie_reaches_is_told() {
     );
 }
 
+/// The model file of a fit with a parameter on the end of its range is a model file like others: its covariance holds that
+/// parameter, its interval does not.
+#[test]
+fn a_fitted_model_with_a_parameter_at_its_bound_is_read_again() {
+    let sought = "[parameters]\n\"m.k\" = {}\n\"m.b\" = {}\n";
+    let folder = problem("", sought, RUN);
+    let json = fit(&folder).json();
+    assert!(words(&json, "at-bound").is_some(), "{json}");
+    assert!(
+        json["parameters"]["m.b"]["sd"].as_f64().unwrap() > 0.0,
+        "{json}"
+    );
+    let ended = folder.pilotage(&["model", "check", "m-fitted.toml"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    // As an earlier version wrote it, with what rounding errors left.
+    let text = folder.read("m-fitted.toml");
+    let rounded = text.replacen("0.0]", "1e-34]", 1);
+    assert_ne!(rounded, text);
+    folder.write("m-fitted.toml", rounded);
+    let ended = folder.pilotage(&["model", "check", "m-fitted.toml"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+}
+
 /// Flights say at their top with what they were flown, by whom, and whether they count.
 #[test]
 fn flights_that_do_not_go_together_are_told() {

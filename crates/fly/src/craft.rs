@@ -229,6 +229,12 @@ impl Craft {
         self.sticks.len()
     }
 
+    /// For each axis whether a larger input leads forward.
+    pub fn forward(&self) -> Vec<bool> {
+        let is_forward = |stick: &Stick| stick.stops[0] < stick.stops[1];
+        self.sticks.iter().map(is_forward).collect()
+    }
+
     /// What tasks depend on.
     pub fn shape(&self) -> Shape<'_> {
         Shape {

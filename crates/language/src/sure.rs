@@ -6,6 +6,9 @@ use pilotage_text::document::{DocumentError, TomlTable};
 
 /// The table in which a fit says how sure its parameters are.
 pub const TITLE: &str = "uncertainty";
+/// Standard deviation of what is held, at most, relative to the one that is told.
+const HELD: f64 = 1e-9;
+
 /// Rounding of what was written.
 const ROUNDED: f64 = 1e-6;
 
@@ -64,8 +67,9 @@ pub fn check(
         own.only(&["sd", "low", "high"])?;
         let [sd, low, high] = [own.number("sd")?, own.number("low")?, own.number("high")?];
         let place = names.iter().position(|(own, _)| *own == name);
-        // One that lies on a bound is held, and has no variance.
-        let variance = place.map(|k| rows[k][k]).filter(|own| *own > 0.0);
+        // One that lies on a bound is held, and has no variance but for rounding errors.
+        let variance = place.map(|k| rows[k][k]);
+        let variance = variance.filter(|own| own.sqrt() > HELD * sd.unwrap_or(0.0));
         let words = match (sd, low, high) {
             (Some(sd), ..) if sd.is_nan() || sd < 0.0 => Some(format!("sd of `{name}` is {sd}")),
             (_, Some(low), Some(high)) if low.is_nan() || high.is_nan() || low > high => {

@@ -12,10 +12,21 @@ pub fn said<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
         .filter(|value| !value.is_empty())
 }
 
+/// The hash of the vehicle that was flown, which stands behind its name: its first digits.
+pub fn vehicle(comments: &[String]) -> Option<&str> {
+    let (_, hash) = said(comments, "vehicle")?.split_once("sha256 ")?;
+    hash.get(..DIGITS)
+}
+
+/// Digits of a hash that tell vehicles apart.
+const DIGITS: usize = 12;
+
 /// What speaks against fitting these flights as one: runs that by their own words do not count, different kinds of sticks,
-/// different people. Each flight is its name and its [comments](crate::Series::comments).
+/// vehicles and people. Each flight is its name and its [comments](crate::Series::comments).
 pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> Vec<String> {
-    let (mut notes, mut sticks, mut people) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
+    let mut notes = Vec::new();
+    let (mut sticks, mut vehicles, mut people) =
+        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     for (name, comments) in flights {
         if let Some(why) = said(comments, "valid").and_then(|valid| valid.strip_prefix("no")) {
             let why = why.trim_start_matches(':').trim();
@@ -32,6 +43,7 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
         let device = said(comments, "device").and_then(|told| told.split_whitespace().next());
         for (all, value) in [
             (&mut sticks, device),
+            (&mut vehicles, vehicle(comments)),
             (&mut people, said(comments, "subject")),
         ] {
             let of: &mut Vec<&str> = all.entry(value.unwrap_or("")).or_default();
@@ -51,6 +63,11 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
     notes.extend(kinds(&sticks).map(|kinds| {
         format!(
             "the runs were flown with different kinds of sticks, {kinds}: one pilot for all mixes ways to move the hand"
+        )
+    }));
+    notes.extend(kinds(&vehicles).map(|kinds| {
+        format!(
+            "the runs were flown with different vehicles (SHA-256 {kinds}): one of them is not that of the fit"
         )
     }));
     notes.extend(kinds(&people).map(|kinds| {

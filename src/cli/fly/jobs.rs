@@ -4,10 +4,13 @@ use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
 use crate::report::significant;
+use crate::series::flown;
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
+use pilotage_text::counted;
 use serde_json::Value;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -18,24 +21,36 @@ use std::time::{Duration, Instant};
 /// Makes a fit tell its progress and its result.
 const TOLD: [&str; 2] = ["--json", "--verbose"];
 
+/// Flights of a person below which a comparison says that there are few.
+const FEW: usize = 3;
+
+/// What is flown, as jobs have to know it.
+#[derive(Clone)]
+pub struct Flown {
+    /// As a command in any folder names it.
+    pub vehicle: OsString,
+    /// The first digits of its hash.
+    pub hash: String,
+    /// For each axis whether a positive input leads forward.
+    pub forward: Vec<bool>,
+}
+
 /// Jobs of a session.
 #[derive(Clone)]
 pub struct Jobs {
-    vehicle: OsString,
+    flown: Flown,
     folder: PathBuf,
     made: PathBuf,
-    is_quadcopter: bool,
     is_busy: Arc<AtomicBool>,
 }
 
 impl Jobs {
     /// On the flights of that folder; what they make goes to `made`.
-    pub fn new(vehicle: OsString, folder: PathBuf, made: PathBuf, is_quadcopter: bool) -> Self {
+    pub fn new(flown: Flown, folder: PathBuf, made: PathBuf) -> Self {
         Self {
-            vehicle,
+            flown,
             folder,
             made,
-            is_quadcopter,
             is_busy: Arc::default(),
         }
     }
@@ -44,54 +59,60 @@ impl Jobs {
         self.made.join(format!("{subject}-pilot.toml"))
     }
 
-    /// Valid flights of a person without disturbances, which a fit by the targets alone does not know.
-    fn flights(&self, subject: &str) -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(&self.folder)
-            .into_iter()
-            .flatten()
-            .flatten();
-        let paths = entries.map(|entry| entry.path());
+    /// Valid flights of a person with this vehicle and without disturbances, which a fit by the targets alone does not
+    /// know; and how many there are of other vehicles.
+    fn flights(&self, subject: &str) -> (Vec<PathBuf>, usize) {
+        let prefix = format!("{subject}-");
         let is_own = |path: &PathBuf| {
-            let name = path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            name.strip_prefix(&format!("{subject}-"))
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.strip_prefix(&prefix)
                 .is_some_and(|rest| rest.ends_with(".csv"))
         };
-        let mut all: Vec<PathBuf> = paths
-            .filter(is_own)
-            .filter(|path| !is_disturbed(path))
-            .collect();
-        all.sort();
-        all
+        let all = entries(&self.folder).into_iter().filter(is_own);
+        let (own, others): (Vec<PathBuf>, Vec<PathBuf>) = all.partition(|path| self.is_ours(path));
+        let own = own.into_iter().filter(|path| !is_disturbed(path));
+        (own.collect(), others.len())
     }
 
-    /// Codes of all persons who have flights here.
-    fn subjects(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(&self.folder)
-            .into_iter()
-            .flatten()
-            .flatten();
-        let mut all: Vec<String> = entries
-            .filter_map(|entry| said(&entry.path(), "subject"))
-            .collect();
+    /// Whether a flight is of this vehicle, or does not say of which.
+    fn is_ours(&self, path: &Path) -> bool {
+        let comments = comments(path);
+        flown::vehicle(&comments).is_none_or(|hash| self.flown.hash == hash)
+    }
+
+    /// How many flights of the folder are of other vehicles.
+    pub fn of_others(&self) -> usize {
+        let all = entries(&self.folder).into_iter();
+        let flights = all.filter(|path| path.extension().is_some_and(|own| own == "csv"));
+        flights.filter(|path| !self.is_ours(path)).count()
+    }
+
+    /// Codes of all persons who have flights with this vehicle here, each with their number.
+    fn subjects(&self) -> Vec<(String, usize)> {
+        let said = |path: &PathBuf| flown::said(&comments(path), "subject").map(str::to_owned);
+        let flights = entries(&self.folder);
+        let mut all: Vec<String> = flights.iter().filter_map(said).collect();
         all.sort();
         all.dedup();
-        all
+        let counted = all.into_iter().map(|subject| {
+            let count = self.flights(&subject).0.len();
+            (subject, count)
+        });
+        counted.filter(|(_, count)| *count > 0).collect()
     }
 
-    /// The commands of a job, each with its arguments, and the page that comes of them.
-    fn commands(
+    /// Does a job; what came of it, and the page or file that it made.
+    fn done(
         &self,
         kind: JobKind,
         subject: &str,
-    ) -> Result<(Vec<Vec<OsString>>, Option<String>), String> {
+        say: &dyn Fn(String),
+    ) -> Result<(Came, Option<String>), String> {
+        std::fs::create_dir_all(&self.made).map_err(|error| error.to_string())?;
         match kind {
             JobKind::Identify => {
-                let page = format!("{subject}.html");
-                Ok((self.identify(subject)?, Some(page)))
+                let came = self.identify(subject, say)?;
+                Ok((came, Some(format!("{subject}.html"))))
             }
             JobKind::Export => {
                 let pilot = self.pilot(subject);
@@ -99,93 +120,164 @@ impl Jobs {
                     return Err("identify first: there is no pilot yet".to_owned());
                 }
                 let file = format!("{subject}-pilot.fmu");
-                let mut words = vec![os("export")];
-                words.extend(self.is_quadcopter.then(|| os("pilot")));
-                words.extend([pilot.into(), os("-o"), self.made.join(&file).into()]);
-                Ok((vec![words], Some(file)))
+                let mut words = vec![os("export"), pilot.into(), os("-o")];
+                words.extend([self.made.join(&file).into(), os("--force")]);
+                let ended = one(&words, &self.folder, say)?;
+                Ok((Came::says(ended.text), Some(file)))
             }
-            JobKind::Compare => self.compare(),
-            JobKind::Against => Ok((Vec::new(), None)),
+            JobKind::Compare => Ok((self.compare(say)?, Some("compare.html".to_owned()))),
+            JobKind::Against => Ok((Came::default(), None)),
         }
     }
 
-    fn identify(&self, subject: &str) -> Result<Vec<Vec<OsString>>, String> {
-        let flights = self.flights(subject);
+    /// The fit of a person. Where the stick was at its stops, it goes on from there with a stick that saturates: a limit
+    /// that is a constraint would make the person slower than they are.
+    fn identify(&self, subject: &str, say: &dyn Fn(String)) -> Result<Came, String> {
+        let (flights, others) = self.flights(subject);
         if flights.is_empty() {
-            return Err("no flight counts so far that is without disturbances".to_owned());
+            return Err(match others {
+                0 => "no flight counts so far that is without disturbances".to_owned(),
+                _ => "all flights that count so far are of another vehicle, or with disturbances"
+                    .to_owned(),
+            });
         }
-        let report = [
-            os("--report"),
-            self.made.join(format!("{subject}.html")).into(),
-        ];
-        let flights: Vec<OsString> = flights.into_iter().map(OsString::from).collect();
-        if self.is_quadcopter {
-            let mut fit = vec![os("fit")];
-            fit.extend(flights);
-            if Path::new(&self.vehicle).is_file() {
-                fit.extend([os("--vehicle"), self.vehicle.clone()]);
-            }
-            fit.extend([os("-o"), self.pilot(subject).into()]);
-            fit.extend(report);
-            fit.extend(TOLD.map(os));
-            return Ok(vec![fit]);
+        let built_in = match self.flown.forward.len() {
+            1 => os("lead_lag"),
+            _ => os("crossover2"),
+        };
+        let mut ended = self.fit(subject, &flights, &built_in, false, say)?;
+        let start = self.made.join(format!("{subject}-start.toml"));
+        if ended.doubts().any(|(code, _)| code == "on-limit") {
+            std::fs::rename(self.pilot(subject), &start).map_err(|error| error.to_string())?;
+            ended = self.fit(subject, &flights, start.as_os_str(), true, say)?;
         }
-        let problem: OsString = self.made.join(format!("{subject}-problem.toml")).into();
+        let _ = std::fs::remove_file(&start);
+        if ended.json["status"] != "converged" {
+            // Nobody is to fly against what is no result, or to export it.
+            let _ = std::fs::remove_file(self.pilot(subject));
+        }
+        let mut came = Came::of(&ended);
+        if others > 0 {
+            let flights = counted(others, "flight");
+            came.words += &format!(" {flights} of another vehicle left out.");
+        }
+        Ok(came)
+    }
+
+    /// One fit, of a pilot that is built in or in a file.
+    fn fit(
+        &self,
+        subject: &str,
+        flights: &[PathBuf],
+        pilot: &OsStr,
+        saturates: bool,
+        say: &dyn Fn(String),
+    ) -> Result<Ended, String> {
+        let problem = self.made.join(format!("{subject}-problem.toml"));
         let mut init = vec![os("init")];
-        init.extend(flights);
-        init.extend([
-            os("--pilot"),
-            os("lead_lag"),
-            os("--vehicle"),
-            self.vehicle.clone(),
-            os("-o"),
-            problem.clone(),
-        ]);
-        let mut fit = vec![os("fit"), problem, os("-o"), self.pilot(subject).into()];
-        fit.extend(report);
+        init.extend(flights.iter().map(|path| path.clone().into_os_string()));
+        init.extend([os("--pilot"), pilot.to_owned()]);
+        init.extend([os("--vehicle"), self.flown.vehicle.clone()]);
+        init.extend([os("-o"), problem.clone().into(), os("--force")]);
+        one(&init, &self.folder, say)?;
+        let text = std::fs::read_to_string(&problem).map_err(|error| error.to_string())?;
+        let text = match saturates {
+            true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\n"),
+            false => self.turned(&text),
+        };
+        std::fs::write(&problem, text).map_err(|error| error.to_string())?;
+        let mut fit = vec![os("fit"), problem.into(), os("--force")];
+        fit.extend([os("-o"), self.pilot(subject).into()]);
+        let page = self.made.join(format!("{subject}.html"));
+        fit.extend([os("--report"), page.into()]);
         fit.extend(TOLD.map(os));
-        Ok(vec![init, fit])
+        one(&fit, &self.folder, say)
+    }
+
+    /// A problem whose gains start with the signs that lead forward.
+    fn turned(&self, problem: &str) -> String {
+        let names = [
+            "\"pilot.gain\" = { start = ",
+            "\"pilot.gain2\" = { start = ",
+        ];
+        let turned = names.iter().zip(&self.flown.forward).filter(|own| !own.1);
+        turned.fold(problem.to_owned(), |text, (begin, _)| {
+            text.replace(begin, &format!("{begin}-"))
+        })
     }
 
     /// Each person's fit, and a page that has them side by side.
-    fn compare(&self) -> Result<(Vec<Vec<OsString>>, Option<String>), String> {
+    fn compare(&self, say: &dyn Fn(String)) -> Result<Came, String> {
         let subjects = self.subjects();
         if subjects.len() < 2 {
-            return Err("one person has flown here so far: a comparison wants two".to_owned());
+            return Err(
+                "one person has flown this vehicle here so far: a comparison wants two".to_owned(),
+            );
         }
-        let mut all = Vec::new();
-        for subject in &subjects {
-            all.extend(self.identify(subject)?);
+        let mut lines = Vec::new();
+        for (subject, count) in &subjects {
+            let came = self.identify(subject, say)?;
+            let few = match count < &FEW {
+                true => format!(" Of {} alone.", counted(*count, "flight")),
+                false => String::new(),
+            };
+            let verdict = came.verdict.unwrap_or_default();
+            lines.push(format!("{subject}: {verdict}{few}"));
         }
-        let frames = subjects.iter().map(|subject| {
-            format!("<iframe data-page=\"{subject}.html\" title=\"{subject}\"></iframe>")
+        let frames = subjects.iter().map(|(subject, count)| {
+            let flights = counted(*count, "flight");
+            format!(
+                "<section><h1>{subject} <small>{flights}</small></h1><iframe data-page=\"{subject}.html\" title=\"{subject}\">\
+                 </iframe></section>"
+            )
         });
-        let page = format!(
-            "<!doctype html><meta charset=\"utf-8\"><title>Side by side</title><style>body{{margin:0;display:flex;height:100vh}}\
-             iframe{{flex:1;border:0;border-right:1px solid gray;min-width:0}}</style>{}<script>for (const own of document.querySelectorAll('iframe')) own.src = own.dataset.page + location.search</script>",
-            frames.collect::<String>()
-        );
-        std::fs::create_dir_all(&self.made).map_err(|error| error.to_string())?;
+        let page = COMPARE.replace("FRAMES", &frames.collect::<String>());
         std::fs::write(self.made.join("compare.html"), page).map_err(|error| error.to_string())?;
-        Ok((all, Some("compare.html".to_owned())))
+        Ok(Came {
+            verdict: Some(lines.join(" ")),
+            words: "Their pages stand side by side.".to_owned(),
+        })
     }
 }
+
+/// People side by side, and one below the other where there is no room.
+const COMPARE: &str = r#"<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>Side by side</title><style>
+:root { color-scheme: light dark; font-family: system-ui, sans-serif }
+body { margin: 0; display: flex; flex-wrap: wrap; min-height: 100vh }
+section { flex: 1 1 390px; min-width: min(390px, 100%); height: 100vh; display: flex; flex-direction: column; box-sizing: border-box; border-right: 1px solid gray }
+h1 { font-size: 1.1rem; margin: .5rem 1rem }
+small { font-weight: normal; opacity: .7 }
+iframe { flex: 1; border: 0 }
+</style>FRAMES<script>for (const own of document.querySelectorAll("iframe")) own.src = own.dataset.page + location.search</script></html>
+"#;
 
 fn os(word: &str) -> OsString {
     word.into()
 }
 
-/// A line at the top of a flight.
-fn said(path: &Path, key: &str) -> Option<String> {
+/// The files of a folder, in the order of their names.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let all = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut all: Vec<PathBuf> = all.map(|entry| entry.path()).collect();
+    all.sort();
+    all
+}
+
+/// The lines at the top of a flight; of other files none.
+fn comments(path: &Path) -> Vec<String> {
     let is_flight = path.extension().is_some_and(|own| own == "csv");
-    let file = std::fs::File::open(path).ok().filter(|_| is_flight)?;
+    let Some(file) = File::open(path).ok().filter(|_| is_flight) else {
+        return Vec::new();
+    };
     let lines = BufReader::new(file).lines().map_while(Result::ok);
-    let mut lines = lines.take_while(|line| line.starts_with('#'));
-    lines.find_map(|line| line.strip_prefix(&format!("# {key}: ")).map(str::to_owned))
+    lines
+        .map_while(|line| Some(line.strip_prefix('#')?.trim().to_owned()))
+        .collect()
 }
 
 fn is_disturbed(path: &Path) -> bool {
-    let Ok(file) = std::fs::File::open(path) else {
+    let Ok(file) = File::open(path) else {
         return true;
     };
     let mut lines = BufReader::new(file).lines().map_while(Result::ok);
@@ -196,7 +288,7 @@ fn is_disturbed(path: &Path) -> bool {
 
 impl Works for Jobs {
     fn can(&self, subject: &str) -> Vec<JobKind> {
-        let has_flights = !self.flights(subject).is_empty();
+        let has_flights = !self.flights(subject).0.is_empty();
         let has_pilot = self.pilot(subject).is_file();
         let has_others = self.subjects().len() > 1;
         let all = [
@@ -228,31 +320,15 @@ impl Works for Jobs {
             let words = "another job goes on; wait a moment".to_owned();
             return say(JobState::Failed, Came::says(words), None);
         }
-        let (commands, page) = match self.commands(kind, subject) {
-            Ok(commands) => commands,
-            Err(words) => {
-                self.is_busy.store(false, Ordering::SeqCst);
-                return say(JobState::Failed, Came::says(words), None);
-            }
-        };
         say(JobState::Running, Came::says("begun".to_owned()), None);
-        let (is_busy, board, folder) = (self.is_busy.clone(), board.clone(), self.folder.clone());
+        let (is_busy, board) = (self.is_busy.clone(), board.clone());
         let (own, subject) = (self.clone(), subject.to_owned());
         std::thread::spawn(move || {
-            let told =
-                std::fs::create_dir_all(folder.join("made")).map_err(|error| error.to_string());
-            let told = told.and_then(|()| {
-                let progress = |words| say(JobState::Running, Came::says(words), None);
-                let all = commands.iter().map(|words| one(words, &folder, &progress));
-                let all: Vec<Came> = all.collect::<Result<_, String>>()?;
-                Ok(match kind {
-                    JobKind::Compare => Came::side_by_side(own.subjects(), all),
-                    _ => all.into_iter().last().unwrap_or_default(),
-                })
-            });
+            let progress = |words| say(JobState::Running, Came::says(words), None);
+            let told = own.done(kind, &subject, &progress);
             is_busy.store(false, Ordering::SeqCst);
             match told {
-                Ok(came) => {
+                Ok((came, page)) => {
                     say(
                         JobState::Done,
                         came,
@@ -280,9 +356,27 @@ impl Works for Jobs {
 /// Longest line of progress.
 const LINE: usize = 160;
 
-/// Runs one command, telling the last line of its progress; what it came to. A fit that has not converged, exit code 1, has
-/// a page that tells.
-fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Came, String> {
+/// What a command printed.
+struct Ended {
+    /// All of it.
+    text: String,
+    /// Of a fit: one JSON object.
+    json: Value,
+    /// Notes beside.
+    notes: Vec<String>,
+}
+
+impl Ended {
+    /// Codes and words of the doubts of a fit.
+    fn doubts(&self) -> impl Iterator<Item = (&str, &str)> {
+        let doubts = self.json["doubts"].as_array().into_iter().flatten();
+        doubts.filter_map(|own| Some((own["code"].as_str()?, own["words"].as_str()?)))
+    }
+}
+
+/// Runs one command, telling the last line of its progress. A fit that has not converged, exit code 1, has a page that
+/// tells.
+fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended, String> {
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
         .args(words)
@@ -316,10 +410,12 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Came, 
     let text = reading.join().unwrap_or_default();
     match status.code() {
         Some(0 | 1) => {
-            let mut came = Came::of(&text);
             let notes = lines.iter().filter_map(|line| line.strip_prefix("note: "));
-            notes.for_each(|note| came.words += &format!(" Note: {note}."));
-            Ok(came)
+            Ok(Ended {
+                json: serde_json::from_str(&text).unwrap_or_default(),
+                notes: notes.map(str::to_owned).collect(),
+                text: text.lines().next().unwrap_or("done").to_owned(),
+            })
         }
         _ => {
             terminal::tell(&format!("{}\n", lines.join("\n")));
@@ -352,41 +448,33 @@ impl Came {
         }
     }
 
-    /// Of fits of several people, in their order.
-    fn side_by_side(people: Vec<String>, all: Vec<Self>) -> Self {
-        let verdicts = all.into_iter().filter_map(|own| own.verdict);
-        let lines: Vec<String> = (people.iter().zip(verdicts))
-            .map(|(person, verdict)| format!("{person}: {verdict}"))
-            .collect();
-        Self {
-            verdict: Some(lines.join(" ")),
-            words: "Their pages stand side by side.".to_owned(),
-        }
-    }
-
-    /// Of what it printed: of a fit one JSON object.
-    fn of(text: &str) -> Self {
-        let Ok(fit) = serde_json::from_str::<Value>(text) else {
-            return Self {
-                verdict: None,
-                words: text.lines().next().unwrap_or("done").to_owned(),
-            };
+    /// Of a fit.
+    fn of(fit: &Ended) -> Self {
+        let doubts: Vec<&str> = fit.doubts().map(|(_, words)| words).collect();
+        let status = fit.json["status"].as_str().unwrap_or("without an answer");
+        let (figures, is_told) = figures(&fit.json);
+        let figures = match figures.is_empty() {
+            true => String::new(),
+            false => format!(": {}", figures.join(", ")),
         };
-        let status = fit["status"].as_str().unwrap_or("without an answer");
-        let verdict = match status {
-            "converged" => match figures(&fit) {
-                all if all.is_empty() => "A model of you is found.".to_owned(),
-                all => format!("A model of you is found: {}.", all.join(", ")),
-            },
+        let verdict = match (status, is_told, doubts.is_empty()) {
+            ("converged", true, true) => format!("A model of you is found{figures}."),
+            ("converged", true, false) => {
+                format!("A model of you is found, in doubt (below){figures}.")
+            }
+            ("converged", false, _) => {
+                format!("These flights say little of you{figures}. Targets that move say more.")
+            }
             _ => format!("No model of you is found ({status}): fly more runs, and try again."),
         };
-        let doubts = fit["doubts"].as_array().into_iter().flatten();
-        let doubts = doubts.filter_map(|doubt| doubt["words"].as_str());
-        let doubts: Vec<&str> = doubts.collect();
-        let words = match doubts.is_empty() {
-            true => "Nothing speaks against it.".to_owned(),
+        let mut words = match doubts.is_empty() {
+            true if is_told => "Nothing speaks against it.".to_owned(),
+            true => String::new(),
             false => format!("What speaks against it: {}.", doubts.join("; ")),
         };
+        fit.notes
+            .iter()
+            .for_each(|note| words += &format!(" Note: {note}."));
         Self {
             verdict: Some(verdict),
             words,
@@ -394,24 +482,45 @@ impl Came {
     }
 }
 
-/// What people ask for first, each with its interval.
-fn figures(fit: &Value) -> Vec<String> {
-    const NAMES: [(&str, &str); 3] = [
+/// What people ask for first, each with its interval; and whether the data tell all of it.
+fn figures(fit: &Value) -> (Vec<String>, bool) {
+    const NAMES: [(&str, &str); 6] = [
         ("crossover_frequency", "crossover at"),
         ("phase_margin", "phase margin"),
-        ("effective_delay", "delay"),
+        ("effective_delay", "effective delay of the loop"),
+        ("pilot.gain", "gain"),
+        ("pilot.lead", "lead"),
+        ("pilot.delay", "your own delay"),
     ];
-    let derived = fit["derived"].as_object();
-    let figure = |(name, words): (&str, &str)| {
-        let own = derived?.iter().find(|(key, _)| key.ends_with(name))?.1;
-        let number = |key: &str| own[key].as_f64().map(|value| significant(value, 3));
-        let unit = own["unit"].as_str().unwrap_or("");
-        let value = number("value")?;
-        let interval = match (number("low"), number("high")) {
-            (Some(low), Some(high)) => format!(" ({low} to {high})"),
-            _ => String::new(),
-        };
-        Some(format!("{words} {value} {unit}{interval}"))
-    };
-    NAMES.into_iter().filter_map(figure).collect()
+    let mut is_told = true;
+    let mut all = Vec::new();
+    let tables = [&fit["derived"], &fit["parameters"]];
+    let values = tables
+        .iter()
+        .filter_map(|table| table.as_object())
+        .flatten();
+    let values: Vec<(&String, &Value)> = values.collect();
+    for (name, words) in NAMES {
+        let is_own = |key: &str| key == name || key.starts_with(&format!("{name}("));
+        for (key, own) in values.iter().filter(|(key, _)| is_own(key)) {
+            let number = |field: &str| own[field].as_f64();
+            let (Some(value), unit) = (number("value"), own["unit"].as_str().unwrap_or("")) else {
+                continue;
+            };
+            let axis = if key.ends_with("2)") {
+                "second axis, "
+            } else {
+                ""
+            };
+            let mut told = format!("{axis}{words} {} {unit}", significant(value, 3));
+            if let (Some(low), Some(high)) = (number("low"), number("high")) {
+                told += &format!(" ({} to {})", significant(low, 3), significant(high, 3));
+                is_told &= high - low < 2.0 * value.abs() || !name.contains('_');
+            } else {
+                is_told &= !name.contains('_');
+            }
+            all.push(told);
+        }
+    }
+    (all, is_told)
 }

@@ -2,11 +2,12 @@
 
 mod jobs;
 
-use self::jobs::Jobs;
+use self::jobs::{Flown, Jobs};
 use super::number::number;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
 use crate::identification::trials::sha256;
+use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;
 use pilotage_fly::craft::{Craft, Maker, Names};
 use pilotage_fly::flightgear::{self, Runway, Version};
@@ -16,6 +17,7 @@ use pilotage_fly::protocol::Protocol;
 use pilotage_fly::record;
 use pilotage_fly::server::{self, Server};
 use pilotage_fly::session::{Board, Command, Place, Session};
+use pilotage_text::counted;
 use std::ffi::OsString;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
@@ -121,9 +123,25 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let name = part.strip_prefix(&folder).unwrap_or(&part).display();
         format!("{name} is a flight that did not come to its end; it does not count")
     };
-    let notes: Vec<String> = unfinished.into_iter().map(told).collect();
-    notes.iter().for_each(|note| terminal::note(note));
+    let mut notes: Vec<String> = unfinished.into_iter().map(told).collect();
     let made = folder.join("made");
+    let flown = Flown {
+        vehicle: args.vehicle_from_anywhere(),
+        hash: flown::vehicle(&[format!("vehicle: {}", craft.origin)])
+            .unwrap_or_default()
+            .to_owned(),
+        forward: craft.forward(),
+    };
+    let jobs = Jobs::new(flown, folder.clone(), made.clone());
+    let others = jobs.of_others();
+    notes.extend((others > 0).then(|| {
+        format!(
+            "{} in {} of another vehicle: what is identified here leaves them out",
+            counted(others, "flight"),
+            args.output.display()
+        )
+    }));
+    notes.iter().for_each(|note| terminal::note(note));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build();
@@ -148,12 +166,6 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         folder: folder.clone(),
         notes,
     };
-    let jobs = Jobs::new(
-        args.vehicle_from_anywhere(),
-        folder,
-        made.clone(),
-        is_quadcopter(&args.vehicle),
-    );
     let (session, board) = Session::new(
         craft,
         protocol,
@@ -402,14 +414,5 @@ fn origin(path: &Path) -> String {
             let text = crate::models::library::find(&name).map_or("", |own| own.text);
             format!("built in, sha256 {}", sha256(text.as_bytes()))
         }
-    }
-}
-
-/// Whether the vehicle is the one of which `fit` needs no problem file.
-fn is_quadcopter(vehicle: &OsString) -> bool {
-    let path = Path::new(vehicle);
-    match path.exists() {
-        true => recognise::is_toml(path) && !recognise::is_model(path),
-        false => vehicle == "quadcopter",
     }
 }

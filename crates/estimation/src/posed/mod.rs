@@ -21,7 +21,7 @@ use crate::posed::followed::{Followed, Recorded};
 use crate::posed::names::Named;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
-use crate::problem::file::{Initial, ProblemFile};
+use crate::problem::file::{Initial, Limits, ProblemFile};
 use crate::system::joint::Joint;
 use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
@@ -41,6 +41,8 @@ pub struct Posed<'f> {
     pub file: &'f ProblemFile,
     /// The instances.
     pub joint: Joint,
+    /// The same without limits of outputs, where they saturate there: what is linear is linear within the limits.
+    pub(crate) unlimited: Option<Joint>,
     /// The equations: measured outputs first, then bounded ones.
     pub model: Arc<Differentiated>,
     /// Bounds of the latter.
@@ -116,13 +118,28 @@ impl<'f> Posed<'f> {
             let part = with_locals(instance, open(instance)?, &named)?;
             parts.push((instance.name.clone(), part));
         }
-        let joint = Joint::new(&file.system, parts)?;
+        let mut joint = Joint::new(&file.system, parts)?;
+        let mut unlimited = None;
+        let is_limited = |(_, part): &(String, Part)| part.limits.iter().any(Option::is_some);
+        if file.options.limits == Limits::Saturate && joint.parts.iter().any(is_limited) {
+            let mut parts = joint.parts.clone();
+            parts.iter_mut().for_each(|(_, part)| part.saturate());
+            let saturating = Joint::new(&file.system, parts)?;
+            unlimited = Some(std::mem::replace(&mut joint, saturating));
+        }
         let parameters = Parameters::new(file, &joint)?;
         let named = Named::new(file, &joint, &parameters)?;
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
         check_times(file, &joint, &data)?;
-        let made = Assembly::new(file, &joint, &parameters, &named, &data)?.finish()?;
+        let made = Assembly::new(
+            file,
+            (&joint, unlimited.as_ref()),
+            &parameters,
+            &named,
+            &data,
+        )?
+        .finish()?;
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
         let recorded: Vec<Recorded<'_>> = recorded.collect();
@@ -141,6 +158,7 @@ impl<'f> Posed<'f> {
             told: made.told,
             file,
             joint,
+            unlimited,
             data,
         })
     }

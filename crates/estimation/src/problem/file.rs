@@ -342,6 +342,8 @@ pub struct Options {
     pub starts: usize,
     /// Iteration limit of each solve.
     pub max_iterations: usize,
+    /// What limits of outputs do.
+    pub limits: Limits,
     /// How residuals become a covariance; none where the number of runs is to tell.
     pub covariance: Option<Method>,
 }
@@ -355,9 +357,19 @@ impl Default for Options {
             tolerance: 1e-8,
             starts: 8,
             max_iterations: 500,
+            limits: Limits::Constrain,
             covariance: None,
         }
     }
+}
+
+/// What limits of outputs do in a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limits {
+    /// They are constraints at all samples, as in the paper: a solution does not go there.
+    Constrain,
+    /// Outputs saturate there, as in a simulation.
+    Saturate,
 }
 
 /// What is minimised.

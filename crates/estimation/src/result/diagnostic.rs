@@ -37,6 +37,13 @@ pub enum Diagnostic {
         /// By how much at most, in the output's unit.
         by: f64,
     },
+    /// The limit of an output holds the solution as a constraint.
+    OnLimit {
+        /// The limit.
+        name: String,
+        /// At so many samples.
+        samples: usize,
+    },
     /// The system grows.
     UnstableLoop {
         /// How fast \[1/s\].
@@ -204,6 +211,7 @@ impl Diagnostic {
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
             Self::BeyondLimit { .. } => "beyond-limit",
+            Self::OnLimit { .. } => "on-limit",
             Self::UnstableLoop { .. } => "unstable-loop",
             Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
             Self::OnStabilityBound(_) => "model-on-bound",
@@ -266,6 +274,12 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{name} is exceeded by up to {by:.1e}: prediction errors know no limits, and an exported model stays \
                  within; fit the response, or flights that keep off the stops"
+            ),
+            Self::OnLimit { name, samples } => write!(
+                f,
+                "{name} holds the solution at {}: as a constraint it bends the parameters where the recorded output \
+                 saturated; fit again with [fit] limits = \"saturate\", from what is found here",
+                counted(*samples, "sample")
             ),
             Self::UnstableLoop { growth, is_kept } => write!(
                 f,

@@ -6,7 +6,7 @@ use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::outliers::{of_copies, of_ends, of_runs, of_samples};
 use crate::result::{Fit, Found};
-use crate::search::active::{on_stability_bound, violated};
+use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::solved::Solved;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
@@ -70,6 +70,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     if fit.is_answer() {
         let kept = on_stability_bound(posed, solved).into_iter();
         all.extend(kept.map(Diagnostic::OnStabilityBound));
+    }
+    if fit.is_answer() && posed.filter.is_none() {
+        let held = held(posed, solved).into_iter();
+        all.extend(held.map(|(name, samples)| Diagnostic::OnLimit { name, samples }));
     }
     all.extend(fit.events.found.iter().cloned().map(Diagnostic::Event));
     let at_bound = |found: &Found| {

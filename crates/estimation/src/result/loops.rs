@@ -30,7 +30,8 @@ impl<'p> Cut<'p> {
     fn new(posed: &'p Posed<'p>, cut: usize) -> Option<Self> {
         let mut open = posed.file.system.clone();
         let wire = open.connections.remove(cut);
-        let joint = Joint::new(&open, posed.joint.parts.clone()).ok()?;
+        let joint = posed.unlimited.as_ref().unwrap_or(&posed.joint);
+        let joint = Joint::new(&open, joint.parts.clone()).ok()?;
         let (closed, own) = (&posed.joint.model, &joint.model);
         let told: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
             .into_iter()

@@ -79,6 +79,22 @@ pub(crate) fn beyond(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     all.filter(is_beyond).take(MOST).collect()
 }
 
+/// Limits of outputs that hold the solution, and at how many samples.
+pub(crate) fn held(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, usize)> {
+    let eta = &solved.solution.iterate.eta;
+    let of_name = |(k, name): (usize, &String)| {
+        let runs = solved.problem.layout.runs.iter();
+        let samples = runs.flat_map(|at| at.g + k * at.samples..at.g + (k + 1) * at.samples);
+        (name.clone(), samples.filter(|i| eta[*i] != 0.0).count())
+    };
+    let names = posed.names.bounds.iter().enumerate();
+    let limits = names.filter(|(_, name)| name.starts_with("the limit of"));
+    limits
+        .map(of_name)
+        .filter(|(_, count)| *count > 0)
+        .collect()
+}
+
 /// What is stable because the solve was kept from less: conditions of stability that lie on their limits, with a
 /// multiplier.
 pub(crate) fn on_stability_bound(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {

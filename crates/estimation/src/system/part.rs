@@ -2,7 +2,7 @@
 
 use crate::problem::error::ProblemError;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
-use pilotage_expression::{Model, Node, Opaque};
+use pilotage_expression::{Function, Model, Node, Opaque, System};
 use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
 use pilotage_language::{Compiled, ModelFileError, parse};
@@ -18,6 +18,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Part of the range of an output within which the corners of its saturation are rounded.
+const CORNER: f64 = 0.01;
 
 /// An instance's model.
 #[derive(Debug, Clone)]
@@ -105,6 +108,30 @@ impl Part {
             model,
             starts,
             variables,
+        }
+    }
+
+    /// Lets outputs saturate at their limits, which are constraints no more. The corners are rounded within [`CORNER`] of
+    /// the range: of a corner itself the search has no derivative.
+    pub fn saturate(&mut self) {
+        let System { graph, outputs, .. } = &mut self.model.system;
+        for (output, limit) in outputs.iter_mut().zip(&mut self.limits) {
+            if let Some([low, high]) = limit.take() {
+                let range = graph.subtract(high, low);
+                let corner = graph.scale(CORNER, range);
+                let square = graph.multiply(corner, corner);
+                // Half of √((x - low)² + ε²) - √((x - high)² + ε²) + low + high.
+                let [above, below] = [low, high].map(|end| {
+                    let off = graph.subtract(*output, end);
+                    let off = graph.multiply(off, off);
+                    let sum = graph.add(off, square);
+                    graph.unary(Function::Sqrt, sum)
+                });
+                let ends = graph.add(low, high);
+                let sum = graph.subtract(above, below);
+                let sum = graph.add(sum, ends);
+                *output = graph.scale(0.5, sum);
+            }
         }
     }
 

@@ -199,7 +199,7 @@ impl Assembly<'_> {
         rows: &[Rows],
     ) -> Done<ParameterConstraints> {
         let at = stability::Point {
-            joint: self.joint,
+            joint: self.unlimited,
             file: self.file,
             values: &self.values[0],
             initial: &self.operating_point(rows),

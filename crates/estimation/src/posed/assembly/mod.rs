@@ -56,6 +56,8 @@ pub struct Made {
 pub struct Assembly<'a> {
     file: &'a ProblemFile,
     joint: &'a Joint,
+    /// The same without limits, where these saturate.
+    unlimited: &'a Joint,
     parameters: &'a Parameters,
     named: &'a Named,
     data: &'a [RunData<'a>],
@@ -85,7 +87,7 @@ impl<'a> Assembly<'a> {
     /// Finds what is a state, an input, a shared parameter.
     pub fn new(
         file: &'a ProblemFile,
-        joint: &'a Joint,
+        (joint, unlimited): (&'a Joint, Option<&'a Joint>),
         parameters: &'a Parameters,
         named: &'a Named,
         data: &'a [RunData<'a>],
@@ -93,6 +95,7 @@ impl<'a> Assembly<'a> {
         let mut own = Self {
             file,
             joint,
+            unlimited: unlimited.unwrap_or(joint),
             parameters,
             named,
             data,

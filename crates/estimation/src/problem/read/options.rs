@@ -2,7 +2,7 @@
 
 use super::Read;
 use super::fields::{at, place, positive, tolerance, whole, word};
-use crate::problem::file::{Mesh, Objective, Options, Stability};
+use crate::problem::file::{Limits, Mesh, Objective, Options, Stability};
 use pilotage_collocation::Scheme;
 use pilotage_cosim::description::Said;
 use pilotage_inference::Method;
@@ -47,6 +47,7 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
         "tolerance",
         "starts",
         "max_iterations",
+        "limits",
         "covariance",
     ])?;
     let objectives = [
@@ -76,6 +77,11 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
     options.starts = whole(table, "starts", options.starts, MOST_STARTS)?;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, MOST)?;
+    let limits = [
+        ("constrain", Limits::Constrain),
+        ("saturate", Limits::Saturate),
+    ];
+    options.limits = word(table, "limits", &limits, options.limits)?;
     let methods = Method::ALL.map(|method| (method.as_str(), Some(method)));
     options.covariance = word(table, "covariance", &methods, options.covariance)?;
     Ok(options)

@@ -46,7 +46,8 @@ pub(crate) fn uncertainty(
         ..
     } = linear;
     let inference = Inference::new(data)?;
-    let covariance = inference.covariance(method)?;
+    let mut covariance = inference.covariance(method)?;
+    hold(&mut covariance.matrix, &data.active);
     let names = names(posed);
     let theta = problem.physical_theta(&at.z);
     let percent = |(k, value): (usize, f64)| match names[k].starts_with("ln ") {
@@ -104,6 +105,16 @@ pub(crate) fn uncertainty(
     let more = words::notes(&found, fit);
     found.notes.extend(more);
     Ok(found)
+}
+
+/// A shared parameter that a constraint holds alone has no variance, rounding errors neither.
+fn hold(covariance: &mut DMatrix<f64>, active: &DMatrix<f64>) {
+    for k in 0..covariance.ncols() {
+        if active.row_iter().any(|row| is_alone(row.iter(), k)) {
+            covariance.row_mut(k).fill(0.0);
+            covariance.column_mut(k).fill(0.0);
+        }
+    }
 }
 
 /// The method that the problem asks for. Innovations are white where the model is right, so that nothing but the runs'
