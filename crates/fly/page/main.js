@@ -13,11 +13,15 @@ const canvas = $("scene"), patch = new URLSearchParams(location.search).has("pat
 const scene = new Scene(canvas, patch), track = new Track();
 let sticks = null, phase = { phase: "welcome" }, number = 0, before = performance.now(), told = 0, watches = false, pressed = true;
 let drawn = null; // when the last frame was
+let gone = false; // whether the program does not know this page any more
 let untold = false; // whether the server has to hear what the hand holds
 
 const socket = new Socket(hear, connected => {
   watches = false;
-  panel.trouble(connected ? "" : "The connection is lost; it is tried again.", !connected);
+  if (!gone) panel.trouble(connected ? "" : "The connection is lost; it is tried again.", !connected);
+}, () => {
+  gone = true;
+  panel.trouble("The program was started again: open the address that it shows now. This page is over.", true);
 });
 const panel = new Panel(message => socket.say(message));
 $("patch").hidden = !patch;

@@ -59,10 +59,10 @@ export class Panel {
     if (part === "pause") $("go").focus({ preventScroll: true });
   }
 
-  phase({ phase, task, run, of, training, words, seconds, result }) {
+  phase({ phase, task, run, of, training, against, words, seconds, result }) {
     const own = this.protocol.tasks[task], runs = phase === "countdown" || phase === "fly";
-    const count = of ? `run ${run} of ${of}` : `training ${run}`;
-    $("run").textContent = phase === "welcome" || phase === "end" ? "" : `${own.title}, ${training ? `training ${run}` : count}`;
+    const count = against ? "against your model" : training || !of ? `training ${run}` : `run ${run} of ${of}`;
+    $("run").textContent = phase === "welcome" || phase === "end" ? "" : `${own.title}, ${count}`;
     $("count").hidden = phase !== "countdown";
     $("seconds").textContent = seconds ?? "";
     $("left").textContent = "";
@@ -218,7 +218,7 @@ export class Panel {
         const moved = end();
         $("range").disabled = false;
         if (moved.includes(true)) sticks.keep();
-        const told = map.map((own, k) => `${ways[k]}: ${moved[k] ? `ends at ±${own.range.toFixed(2)}` : "the stick did not move"}.`);
+        const told = map.map((own, k) => `${ways[k]}: ${moved[k] ? `from ${(own.centre - own.range[0]).toFixed(2)} to ${(own.centre + own.range[1]).toFixed(2)}` : "the stick did not move"}.`);
         if (sticks.chosen === device) $("measured").value = told.reverse().join(" ");
       }, MEASURED);
     };

@@ -182,7 +182,7 @@ export class Scene {
   }
 
   shadow(x, y, wide, tall) {
-    this.g.fillStyle = "#0003";
+    this.g.fillStyle = this.dark.matches ? "#0009" : "#0003";
     this.g.beginPath();
     this.g.ellipse(x, y + 3, wide, tall, 0, 0, 7);
     this.g.fill();
@@ -440,10 +440,18 @@ export class Scene {
     const place = [width / 2 + right, height / 2 - ahead];
     this.plain();
     this.cross(width / 2, height / 2, 0.45 * least, c.soft, 2);
+    const rows = [[(x, y) => this.dot(x, y, 7), "target"], [(x, y) => this.cross(x, y, 7, c.soft, 2), "vehicle (stands still)"]];
+    if (state.beside?.length) {
+      // What the model sees of its own.
+      const [first, second] = state.target.map((target, k) => (target - state.beside[k]) * scale);
+      const [x, y] = second === undefined ? [first, 0] : [second, first];
+      this.ring(width / 2 + x, height / 2 - y, 14, c.other);
+      rows.push([(x, y) => this.ring(x, y, 7, c.other), "target as your model sees it"]);
+    }
     this.dot(...place, 14);
     this.edge(place, c.mark, this.far(state.x, state));
     this.scaleBar(scale);
-    this.legend([[(x, y) => this.dot(x, y, 7), "target"], [(x, y) => this.cross(x, y, 7, c.soft, 2), "vehicle (stands still)"]]);
+    this.legend(rows);
   }
 
   // Target and vehicle move on one scale.

@@ -3,7 +3,8 @@
 const FIRST = 200, LONGEST = 2000; // [ms]
 
 export class Socket {
-  constructor(hear, connected) {
+  constructor(hear, connected, refused) {
+    this.refused = refused;
     this.hear = hear;
     this.connected = connected;
     this.wait = FIRST;
@@ -23,6 +24,8 @@ export class Socket {
     socket.onclose = () => {
       this.socket = null;
       this.connected(false);
+      // A program that was started again has another token, and lets this page in no more.
+      fetch(location.href, { cache: "no-store" }).then(({ status }) => status === 403 && this.refused(), () => {});
       setTimeout(() => this.open(), this.wait);
       this.wait = Math.min(2 * this.wait, LONGEST);
     };

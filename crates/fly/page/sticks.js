@@ -21,38 +21,57 @@ export function remembered(key) {
 class Pointer {
   constructor(element, axes, type) {
     Object.assign(this, { type, name: type, axes, values: new Array(axes).fill(0), at: null, place: null, finger: null, rests: false });
+    this.others = new Map(); // other fingers that are down, and where
+    this.measure();
     if (type === "mouse") {
       addEventListener("pointermove", event => event.pointerType === "mouse" && this.move(event));
       return;
     }
     element.addEventListener("pointerdown", event => {
-      if (event.pointerType === "mouse" || this.finger !== null) return;
-      this.finger = event.pointerId;
+      if (event.pointerType === "mouse") return;
       element.setPointerCapture(event.pointerId);
-      this.move(event);
+      if (this.finger !== null) return this.others.set(event.pointerId, event);
+      this.hold(event);
     });
-    element.addEventListener("pointermove", event => event.pointerId === this.finger && this.move(event));
+    element.addEventListener("pointermove", event => {
+      if (event.pointerId === this.finger) this.move(event);
+      else if (this.others.has(event.pointerId)) this.others.set(event.pointerId, event);
+    });
     for (const end of ["pointerup", "pointercancel"]) {
       element.addEventListener(end, event => {
+        this.others.delete(event.pointerId);
         if (event.pointerId !== this.finger) return;
         this.finger = this.place = null;
         this.centre();
+        // The finger that is still down goes on, from where it is.
+        const [other] = this.others.values();
+        if (other) this.hold(other);
       });
     }
   }
+
+  hold(event) {
+    this.others.delete(event.pointerId);
+    this.finger = event.pointerId;
+    this.measure();
+    this.move(event);
+  }
+
+  // Full deflection stays what it is while the window is turned or resized.
+  measure() { this.reach = REACH * Math.min(innerWidth, 2 * innerHeight); }
 
   move({ clientX, clientY }) {
     this.place = [clientX, clientY];
     if (this.rests) this.at = this.place;
     this.at ??= this.place;
-    const reach = REACH * Math.min(innerWidth, 2 * innerHeight);
-    const moved = [(clientX - this.at[0]) / reach, (this.at[1] - clientY) / reach];
+    const moved = [(clientX - this.at[0]) / this.reach, (this.at[1] - clientY) / this.reach];
     this.values = moved.slice(0, this.axes).map(limited);
   }
 
   centre() {
     this.at = this.place;
     this.values.fill(0);
+    this.measure();
   }
 
   read() { return this.values; }
@@ -89,17 +108,18 @@ class Keyboard {
   centre() { this.values.fill(0); }
 }
 
-// A gamepad as browsers know it, with an axis, a rest and ends for each axis of the vehicle.
+// A gamepad as browsers know it, with an axis, a rest and its way to each end for each axis of the vehicle.
 class Gamepad {
   constructor(name, index, axes) {
     Object.assign(this, { type: "gamepad", name, index, dead: 0 });
-    this.map = Array.from({ length: axes }, (_, k) => ({ axis: k, invert: k === 1, centre: 0, range: 1 }));
+    this.map = Array.from({ length: axes }, (_, k) => ({ axis: k, invert: k === 1, centre: 0, range: [1, 1] }));
   }
 
   // Null while it is not there.
   pad() {
     const pad = navigator.getGamepads?.()[this.index];
-    return pad?.connected && pad.id === this.name ? pad : null;
+    const is_one = pad?.connected && pad.id === this.name && this.map.every(own => Number.isFinite(pad.axes[own.axis] ?? 0));
+    return is_one ? pad : null;
   }
 
   raw(axis) { return this.pad()?.axes[axis] ?? 0; }
@@ -107,7 +127,7 @@ class Gamepad {
   read() {
     if (!this.pad()) return null;
     return this.map.map(({ axis, invert, centre, range }) => {
-      const value = (this.raw(axis) - centre) / range * (invert ? -1 : 1);
+      const off = this.raw(axis) - centre, value = off / range[off < 0 ? 0 : 1] * (invert ? -1 : 1);
       // Beyond the dead zone it begins at 0.
       const beyond = Math.max(0, Math.abs(value) - this.dead) / (1 - this.dead);
       return limited(Math.sign(value) * beyond);
@@ -132,7 +152,9 @@ class Gamepad {
       return this.map.map((own, k) => {
         const [least, most] = seen[k];
         if (most - least < USED) return false;
-        own.range = Math.max(most - own.centre, own.centre - least);
+        const ways = [own.centre - least, most - own.centre];
+        // An end that was not reached is as far as the other one.
+        own.range = ways.map((way, k) => way < USED / 2 ? ways[1 - k] : way);
         return true;
       });
     };
@@ -162,7 +184,7 @@ export class Sticks {
     const { type, name, map, dead } = remembered("stick") ?? {};
     if (type !== "gamepad") return this.all.find(device => device.type === type);
     const own = new Gamepad(name, -1, this.axes);
-    if (map?.length === this.axes) Object.assign(own, { map, dead });
+    if (map?.length === this.axes && map.every(one => one.range?.length === 2)) Object.assign(own, { map, dead });
     this.all.push(own);
     return own;
   }

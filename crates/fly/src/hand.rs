@@ -158,6 +158,13 @@ impl Hand {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether the chosen device has gone during the run.
+    pub fn is_without_device(&self) -> bool {
+        let latest = self.latest();
+        let last = latest.frames.last();
+        last.is_some_and(|frame| frame.input.device == Device::None)
+    }
+
     /// What the hand holds where the page says that it holds this: a joystick that the server reads goes before it.
     pub fn holds(&self, page: Device) -> Device {
         match self.latest().has_joystick {

@@ -56,7 +56,7 @@ fn is_other(device: &File) -> io::Result<bool> {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
     let told = device.metadata()?;
     let major = (told.rdev() >> 8) & 0xfff;
-    Ok(told.is_dir() || (told.file_type().is_char_device() && major != 13))
+    Ok(told.is_file() || told.is_dir() || (told.file_type().is_char_device() && major != 13))
 }
 
 #[cfg(not(unix))]

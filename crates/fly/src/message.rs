@@ -230,6 +230,8 @@ pub struct Phase {
     pub of: Option<usize>,
     /// Whether this is training.
     pub training: bool,
+    /// Whether the person's model flies beside.
+    pub against: bool,
     /// What to do, or what was.
     pub words: String,
     /// Of a countdown.

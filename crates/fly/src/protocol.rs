@@ -224,7 +224,12 @@ fn step(shape: Shape<'_>, size: f64) -> Task {
     Task {
         name: format!("step-{size}"),
         title: shown.clone(),
-        words: format!("Bring the vehicle to the marker, {shown} away, and hold it there"),
+        words: match shape.axes {
+            1 => format!("Bring the vehicle to the marker, {shown} away, and hold it there"),
+            _ => format!(
+                "Bring the vehicle to the marker, {shown} forward and {shown} to the right, and hold it there"
+            ),
+        },
         target: vec![Signal::Constant(size); shape.axes],
         disturbance: vec![Signal::Constant(0.0); shape.axes],
         seconds: 15.0,

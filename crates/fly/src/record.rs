@@ -17,6 +17,9 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+/// Folder of the logs of all steps.
+pub const LOGS: &str = "full-rate";
+
 /// Suffix of the file of an unfinished flight.
 pub const PART: &str = ".part";
 
@@ -51,7 +54,11 @@ impl Growing {
             .write(true)
             .create_new(true)
             .open(&part)?;
-        file.write_all((head(header, columns)).as_bytes())?;
+        if let Err(error) = file.write_all((head(header, columns)).as_bytes()) {
+            // The disk is full: nothing is left that is in the way of the next run.
+            let _ = std::fs::remove_file(&part);
+            return Err(error);
+        }
         let (rows, came) = channel::<Vec<f64>>();
         let writer = std::thread::spawn(move || {
             while let Ok(row) = came.recv() {
@@ -143,11 +150,27 @@ fn short(value: f64) -> String {
     format!("{}", rounded + 0.0)
 }
 
-/// Flights of the folder that were not finished: the program was killed, or the power was lost.
+/// Flights of the folder that were not finished: the program was killed, the power was lost, or the disk was full. Of a run
+/// of which nothing but the log of all steps is left, that log.
 ///
 /// # Errors
 /// When the folder cannot be read.
 pub fn unfinished(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut all = parts(folder)?;
+    let names: Vec<_> = all
+        .iter()
+        .map(|path| path.file_name().map(ToOwned::to_owned))
+        .collect();
+    let logs = folder.join(LOGS);
+    if logs.is_dir() {
+        let is_alone = |path: &PathBuf| !names.contains(&path.file_name().map(ToOwned::to_owned));
+        all.extend(parts(&logs)?.into_iter().filter(is_alone));
+    }
+    Ok(all)
+}
+
+/// The files of a folder that are parts.
+fn parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();

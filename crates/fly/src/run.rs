@@ -89,6 +89,8 @@ pub struct Flown {
     pub to_state: Distribution,
     /// Root mean square distance to the target after the run-in, over all axes.
     pub rms: f64,
+    /// The same of the model that flew beside, if one did.
+    pub rms_beside: Option<f64>,
     /// How long it took \[s\].
     pub seconds: f64,
     /// Whether the stick was deflected when it began.
@@ -224,23 +226,27 @@ pub fn fly(
         to_state: Vec::new(),
         is_early: false,
         squares: (0.0, 0),
+        squares_beside: 0.0,
         craft,
         task,
         sign,
         origin,
     };
     let begun = Instant::now();
+    let has_beside = beside.is_some();
     hand.begin(begun);
     let (time, ended) = run.go(&mut flying, begun, hand, beside, listener);
     let heard = hand.end();
     let (sum, count) = run.squares;
+    let mean = |sum: f64| (sum / count.max(1) as f64).sqrt();
     Ok(Flown {
         flight: run.flight,
         log: run.log,
         heard,
         lateness: Distribution::of(run.late),
         to_state: Distribution::of(run.to_state),
-        rms: (sum / count.max(1) as f64).sqrt(),
+        rms: mean(sum),
+        rms_beside: has_beside.then(|| mean(run.squares_beside)),
         seconds: time,
         is_early: run.is_early,
         ended,
@@ -255,6 +261,7 @@ struct Run<'r> {
     to_state: Vec<f64>,
     is_early: bool,
     squares: (f64, usize),
+    squares_beside: f64,
     craft: &'r Craft,
     task: &'r Task,
     sign: f64,
@@ -317,7 +324,10 @@ impl Run<'_> {
             self.measure(time, &acting, &seen.positions);
             if let Some(own) = &mut beside {
                 match own.step(time, &acting.targets, &acting.disturbances) {
-                    Ok(positions) => positions_beside = positions,
+                    Ok(positions) => {
+                        self.measure_beside(time, &acting, &positions);
+                        positions_beside = positions;
+                    }
                     Err(error) => return (time, Some(format!("the model beside: {error}"))),
                 }
             }
@@ -335,6 +345,10 @@ impl Run<'_> {
                 if let Some(why) = listener.stop() {
                     return (time, Some(why));
                 }
+                // What follows would not count.
+                if hand.is_without_device() {
+                    return (time, None);
+                }
             }
             if k < steps
                 && let Err(error) = flying.step(time, &acting.inputs)
@@ -343,6 +357,13 @@ impl Run<'_> {
             }
         }
         (self.task.seconds, None)
+    }
+
+    fn measure_beside(&mut self, time: f64, acting: &Acting, positions: &[f64]) {
+        if time >= self.task.run_in {
+            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
+            self.squares_beside += errors.map(|error| error * error).sum::<f64>();
+        }
     }
 
     fn measure(&mut self, time: f64, acting: &Acting, positions: &[f64]) {

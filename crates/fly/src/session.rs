@@ -8,7 +8,7 @@ use crate::message::{
     ResultMessage, StateMessage, TaskMessage, ToPage, VehicleMessage,
 };
 use crate::protocol::Protocol;
-use crate::record::{self, Growing, Header};
+use crate::record::{self, Growing, Header, LOGS};
 use crate::run::{self, Flown, Listener, State, columns, of_log};
 use crate::task::{Signal, Task};
 use pilotage_cosim::Component;
@@ -25,10 +25,9 @@ const COUNTDOWN: u32 = 3;
 const IDLE: Duration = Duration::from_millis(33);
 /// Between two writings of the log of all steps.
 const PACE: Duration = Duration::from_millis(200);
-/// Folder of runs that do not count, of training, of logs, and of runs beside a model.
+/// Folder of runs that do not count, of training, and of runs beside a model.
 const INVALID: &str = "invalid";
 const TRAINING: &str = "training";
-const LOGS: &str = "full-rate";
 const AGAINST: &str = "against";
 /// Drawn size of a vehicle over the farthest target.
 const SIZE: f64 = 0.06;
@@ -187,6 +186,7 @@ impl Session {
             run: 1,
             of: None,
             training: false,
+            against: false,
             words: protocol.title.clone(),
             seconds: None,
             result: None,
@@ -440,6 +440,7 @@ impl Session {
             run: next.map_or(1, |next| next.run),
             of: next.and_then(|next| next.of),
             training: next.is_some_and(|next| next.purpose == Purpose::Training),
+            against: next.is_some_and(|next| next.purpose == Purpose::Against),
             words,
             seconds,
             result,
@@ -575,6 +576,15 @@ impl Session {
             None if next.purpose == Purpose::Training => "You are in practice.".to_owned(),
             None => "Recorded.".to_owned(),
         };
+        let unit = &self.craft.positions[0].unit;
+        let words = match flown.rms_beside {
+            Some(own) if is_valid => format!(
+                "{words} Typical distance of your model: {} {unit}, yours: {} {unit}.",
+                three(own),
+                three(flown.rms)
+            ),
+            _ => words,
+        };
         let best = self.best[next.task];
         let result = ResultMessage {
             file,
@@ -620,9 +630,10 @@ impl Session {
 
     /// The first name of this person and task that no flight has.
     fn free_name(&self, task: &Task) -> String {
-        let folders = ["", INVALID, TRAINING, AGAINST].map(|below| self.place.folder.join(below));
+        let folders = ["", INVALID, TRAINING, AGAINST, LOGS];
+        let folders = folders.map(|below| self.place.folder.join(below));
         let is_free = |name: &str| {
-            let endings = [".csv", ".csv.part"];
+            let endings = [".csv", ".csv.part", ".parquet"];
             let is_there = |folder: &PathBuf| {
                 endings
                     .iter()
@@ -755,6 +766,12 @@ impl Listener for Watch<'_> {
             _ => None,
         }
     }
+}
+
+/// Three digits.
+fn three(value: f64) -> String {
+    let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0);
+    format!("{value:.*}", digits as usize)
 }
 
 fn hello(craft: &Craft, protocol: &Protocol, place: &Place) -> Hello {

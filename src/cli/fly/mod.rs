@@ -101,7 +101,8 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    if let (Some(address), false) = (args.bind, args.insecure) {
+    let is_open = args.bind.is_some_and(|address| !address.is_loopback());
+    if let (Some(address), true, false) = (args.bind, is_open, args.insecure) {
         let message = format!(
             "--bind {address} serves the page to other computers: nothing is encrypted, and whoever sees its address may fly and \
              read what is recorded"
@@ -183,7 +184,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let server = Server {
             listener,
             token: server::token()?,
-            is_open: args.bind.is_some(),
+            is_open,
             made,
         };
         let address = server.address()?;
@@ -313,6 +314,9 @@ impl Args {
             Failure::new(format!("--flightgear {said}: {why}"))
                 .hint("such as --flightgear localhost:5500")
         };
+        if said.ends_with(":0") {
+            return Err(wrong("port 0 is none".to_owned()));
+        }
         if said.ends_with(":65535") {
             let why = "the marker's place goes to the port after this one, and there is none";
             return Err(wrong(why.to_owned()));
@@ -324,6 +328,11 @@ impl Args {
             .next()
             .ok_or_else(|| wrong("no such host".to_owned()))?;
         let runway = match self.runway.as_slice() {
+            &[latitude, longitude, ..] if latitude.abs() > 90.0 || longitude.abs() > 180.0 => {
+                return Err(Failure::new(format!(
+                    "--runway: latitude {latitude} and longitude {longitude} are no place; -90 to 90 and -180 to 180"
+                )));
+            }
             &[latitude, longitude, heading, elevation] => Runway {
                 latitude,
                 longitude,
@@ -359,7 +368,7 @@ impl Args {
         } else {
             "open in a browser:"
         };
-        if self.bind.is_some() {
+        if self.bind.is_some_and(|address| !address.is_loopback()) {
             terminal::note(
                 "other computers may open the page: whoever has this address may fly and read what is recorded, and nothing is encrypted",
             );
