@@ -135,6 +135,7 @@ export class Panel {
       told.splice(1, 0, anchor);
     }
     $("job").replaceChildren(...told);
+    $("job").scrollIntoView({ block: "start" });
   }
 
   // A job goes on, or none does.

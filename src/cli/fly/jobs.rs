@@ -182,7 +182,7 @@ impl Jobs {
         one(&init, &self.folder, say)?;
         let text = std::fs::read_to_string(&problem).map_err(|error| error.to_string())?;
         let text = match saturates {
-            true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\n"),
+            true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\nstarts = 1\n"),
             false => self.turned(&text),
         };
         std::fs::write(&problem, text).map_err(|error| error.to_string())?;
@@ -222,7 +222,8 @@ impl Jobs {
                 false => String::new(),
             };
             let verdict = came.verdict.unwrap_or_default();
-            lines.push(format!("{subject}: {verdict}{few}"));
+            let figures: Vec<&str> = came.words.lines().take(2).collect();
+            lines.push(format!("{subject}: {verdict}{few}\n{}", figures.join(", ")));
         }
         let frames = subjects.iter().map(|(subject, count)| {
             let flights = counted(*count, "flight");
@@ -234,8 +235,8 @@ impl Jobs {
         let page = COMPARE.replace("FRAMES", &frames.collect::<String>());
         std::fs::write(self.made.join("compare.html"), page).map_err(|error| error.to_string())?;
         Ok(Came {
-            verdict: Some(lines.join(" ")),
-            words: "Their pages stand side by side.".to_owned(),
+            verdict: Some("Their pages stand side by side.".to_owned()),
+            words: lines.join("\n"),
         })
     }
 }
@@ -453,24 +454,19 @@ impl Came {
         let doubts: Vec<&str> = fit.doubts().map(|(_, words)| words).collect();
         let status = fit.json["status"].as_str().unwrap_or("without an answer");
         let (figures, is_told) = figures(&fit.json);
-        let figures = match figures.is_empty() {
-            true => String::new(),
-            false => format!(": {}", figures.join(", ")),
-        };
         let verdict = match (status, is_told, doubts.is_empty()) {
-            ("converged", true, true) => format!("A model of you is found{figures}."),
-            ("converged", true, false) => {
-                format!("A model of you is found, in doubt (below){figures}.")
-            }
+            ("converged", true, true) => "A model of you is found.".to_owned(),
+            ("converged", true, false) => "A model of you is found, with doubts.".to_owned(),
             ("converged", false, _) => {
-                format!("These flights say little of you{figures}. Targets that move say more.")
+                "These flights say little of you: fly targets that move.".to_owned()
             }
             _ => format!("No model of you is found ({status}): fly more runs, and try again."),
         };
-        let mut words = match doubts.is_empty() {
+        let mut words: String = figures.iter().map(|own| format!("{own}\n")).collect();
+        words += &match doubts.is_empty() {
             true if is_told => "Nothing speaks against it.".to_owned(),
             true => String::new(),
-            false => format!("What speaks against it: {}.", doubts.join("; ")),
+            false => format!("What speaks against it:\n– {}.", doubts.join("\n– ")),
         };
         fit.notes
             .iter()
