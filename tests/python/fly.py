@@ -169,6 +169,8 @@ def main():
             tab.check("#consent")
             tab.click("#welcome .go")
             results = flown(tab, folder, wrong)
+            tab.click("#jobs button:has-text('Identify me')")
+            tab.wait_for_selector("#job .verdict", timeout=60_000)
             opened.close()
         print("\n".join(wrong) or json.dumps(results))
     finally:

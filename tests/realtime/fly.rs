@@ -90,6 +90,15 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
         assert!(low < truth && truth < high, "{name}: {json}");
         assert!((high - low) / truth.abs() < 0.15, "{name}: {json}");
     }
+    // The page's own button made a pilot of the same flights.
+    let made = folder.read("flights/made/P1-pilot.toml");
+    for (name, truth) in [("gain", -0.03), ("lead", 2.0)] {
+        let found = start(&made, name);
+        assert!(
+            (found / truth - 1.0).abs() < 0.1,
+            "{name} is {found}: {made}"
+        );
+    }
     // A state waits for a frame of the display, and a frame is held until the next.
     let slowest = files.iter().map(|file| to_picture(&folder, file));
     let slowest = slowest.fold(0.0, f64::max);
@@ -99,6 +108,15 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
     );
     assert!(high > 0.1 && low < 0.1 + slowest, "{slowest}: {json}");
     assert!(high - low < 0.2, "{json}");
+}
+
+/// The start value of a parameter in a model file.
+fn start(model: &str, name: &str) -> f64 {
+    let mut lines = model.lines();
+    let line = lines.find_map(|line| line.strip_prefix(&format!("{name} = {{")));
+    let value = line.and_then(|line| Some(line.split_once("start = ")?.1));
+    let value = value.and_then(|value| value.split([',', ' ', '}']).next());
+    value.and_then(|value| value.parse().ok()).expect(model)
 }
 
 /// From input to picture [s], as the page measured it in a flight: the median.

@@ -4,7 +4,7 @@ use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
 use crate::report::significant;
-use crate::series::flown;
+use crate::series::{Series, flown};
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
 use pilotage_text::counted;
@@ -130,7 +130,8 @@ impl Jobs {
         }
     }
 
-    /// The fit of a person. Where the stick was at its stops, it goes on from there with a stick that saturates: a limit
+    /// The fit of a person: to targets that move, where there are some, of a pilot who sees the error; to others of one who
+    /// sees marker and vehicle (docs/guidance.md, sections 1 and 2). Where the stick was at its stops, it goes on from there with a stick that saturates: a limit
     /// that is a constraint would make the person slower than they are.
     fn identify(&self, subject: &str, say: &dyn Fn(String)) -> Result<Came, String> {
         let (flights, others) = self.flights(subject);
@@ -141,25 +142,47 @@ impl Jobs {
                     .to_owned(),
             });
         }
-        let built_in = match self.flown.forward.len() {
-            1 => os("lead_lag"),
-            _ => os("crossover2"),
-        };
-        let mut ended = self.fit(subject, &flights, &built_in, false, say)?;
+        let (moving, still): (Vec<PathBuf>, Vec<PathBuf>) =
+            flights.into_iter().partition(|path| moves(path));
+        let (is_moving, is_one) = (!moving.is_empty(), self.flown.forward.len() == 1);
         let start = self.made.join(format!("{subject}-start.toml"));
+        let (pilot, text) = match (is_moving, is_one) {
+            (true, true) => (os("lead_lag"), None),
+            (true, false) => (os("crossover2"), None),
+            (false, true) => (
+                start.clone().into(),
+                Some(include_str!("pilots/pursuit.toml")),
+            ),
+            (false, false) => (
+                start.clone().into(),
+                Some(include_str!("pilots/pursuit2.toml")),
+            ),
+        };
+        if let Some(text) = text {
+            std::fs::write(&start, text).map_err(|error| error.to_string())?;
+        }
+        let (flights, left) = match is_moving {
+            true => (moving, still.len()),
+            false => (still, 0),
+        };
+        let mut ended = self.fit(subject, &flights, &pilot, false, say)?;
         if ended.doubts().any(|(code, _)| code == "on-limit") {
             std::fs::rename(self.pilot(subject), &start).map_err(|error| error.to_string())?;
             ended = self.fit(subject, &flights, start.as_os_str(), true, say)?;
         }
-        let _ = std::fs::remove_file(&start);
         if ended.json["status"] != "converged" {
             // Nobody is to fly against what is no result, or to export it.
             let _ = std::fs::remove_file(self.pilot(subject));
         }
         let mut came = Came::of(&ended);
+        if left > 0 {
+            let flights = counted(left, "flight");
+            came.words +=
+                &format!("\n{flights} to targets that stand still left out: they say less.");
+        }
         if others > 0 {
             let flights = counted(others, "flight");
-            came.words += &format!(" {flights} of another vehicle left out.");
+            came.words += &format!("\n{flights} of another vehicle left out.");
         }
         Ok(came)
     }
@@ -185,6 +208,8 @@ impl Jobs {
             true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\nstarts = 1\n"),
             false => self.turned(&text),
         };
+        // A loop that somebody flew is stable, and conditions on all of its states are in the way of the search.
+        let text = text.replace("closed_loop = true\n", "");
         std::fs::write(&problem, text).map_err(|error| error.to_string())?;
         let mut fit = vec![os("fit"), problem.into(), os("--force")];
         fit.extend([os("-o"), self.pilot(subject).into()]);
@@ -275,6 +300,20 @@ fn comments(path: &Path) -> Vec<String> {
     lines
         .map_while(|line| Some(line.strip_prefix('#')?.trim().to_owned()))
         .collect()
+}
+
+/// Whether a target moves in a flight.
+fn moves(path: &Path) -> bool {
+    let Ok(flight) = Series::read(path) else {
+        return false;
+    };
+    let targets = flight
+        .columns
+        .iter()
+        .filter(|own| own.name.starts_with("target"));
+    targets
+        .into_iter()
+        .any(|own| own.values.iter().any(|value| *value != own.values[0]))
 }
 
 fn is_disturbed(path: &Path) -> bool {
