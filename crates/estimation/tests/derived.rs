@@ -165,6 +165,32 @@ fn loops_of_two_sticks_are_cut_one_at_a_time() {
     assert_near(derived(&fit, "pole1_re").0, -0.5 * (k + b), 1e-9);
 }
 
+/// A stability augmentation inside, `u = s - c v`, stays closed: the pilot's loop is `k/(s (s + c))`, whatever wire comes
+/// first.
+#[test]
+fn an_inner_loop_stays_closed() {
+    let pilot = "[model]\nname = \"pilot\"\n[inputs]\ntarget = 1\np = 0\n[parameters]\nk = 0.5\n[outputs]\n\
+                 stick = \"k * (target - p)\"\n";
+    let sas = "[model]\nname = \"sas\"\n[inputs]\ns = 0\nv = 0\n[outputs]\nu = \"s - 1.5 * v\"\n";
+    let vehicle = "[model]\nname = \"vehicle\"\n[inputs]\nu = 0\n[states]\nz = { der = \"v\" }\nv = { der = \"u\" }\n";
+    let files = [
+        ("pilot.toml", pilot),
+        ("sas.toml", sas),
+        ("vehicle.toml", vehicle),
+    ];
+    let problem = "[system.pilot]\nmodel = \"pilot.toml\"\n[system.sas]\nmodel = \"sas.toml\"\n[system.vehicle]\n\
+                   model = \"vehicle.toml\"\n[connect]\n\"sas.u\" = \"vehicle.u\"\n\"vehicle.v\" = \"sas.v\"\n\
+                   \"pilot.stick\" = \"sas.s\"\n\"vehicle.z\" = \"pilot.p\"\n[inputs]\n\"pilot.target\" = \"x\"\n\
+                   [[measured]]\nsignal = \"vehicle.z\"\ncolumn = \"x\"\n[parameters]\n\"pilot.k\" = {}\n";
+    let fit = fitted(&files, problem, 2, |t| 1.0 - (-0.6 * t).exp());
+    assert_eq!(fit.cuts, ["pilot.stick"]);
+    let (k, _) = parameter(&fit, "pilot.k");
+    let (w, _) = derived(&fit, "crossover_frequency");
+    assert_near(w * w * (w * w + 2.25), k * k, 1e-9);
+    let margin = 90.0 - w.atan2(1.5).to_degrees();
+    assert_near(derived(&fit, "phase_margin").0, margin, 1e-9);
+}
+
 /// With a gain of its own for each run the figures are those of the first, as sure as its gain is.
 #[test]
 fn a_loop_with_a_gain_for_each_run_is_that_of_the_first() {

@@ -65,9 +65,9 @@ fn run(seed: u64, samples: usize) -> String {
     let mut text = "time,target,x\n".to_owned();
     let mut x = [0.0; 2];
     for k in 0..samples {
-        let shown = match k % 5 {
-            4 => String::new(),
-            _ => (x[1] + s * gauss()).to_string(),
+        let shown = match k % 5 == 4 {
+            true => String::new(),
+            false => (x[1] + s * gauss()).to_string(),
         };
         writeln!(text, "{},{},{shown}", STEP * k as f64, knot(k)).unwrap();
         for part in 0..PARTS {
@@ -167,6 +167,42 @@ fn the_truth_and_the_noise_are_found_and_innovations_are_white() {
         .map(|run| run.ahead.as_ref().unwrap().surprise())
         .sum();
     assert!((surprise - 2.0 * found.nllh).abs() < 1e-8 * surprise.abs());
+}
+
+/// What a model lacks is not taken for the human's noise without a word: `ẋ = -x + b u + w`, and the same without u.
+#[test]
+fn a_wrong_model_is_told_by_its_innovations() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(40);
+    let mut gauss = || -> f64 { StandardNormal.sample(&mut random) };
+    let (mut text, mut x) = ("time,u,y\n".to_owned(), 0.0);
+    let decay = f64::exp(-0.1);
+    for k in 0..600 {
+        let u = if (k / 25) % 2 == 0 { 1.0 } else { -1.0 };
+        writeln!(text, "{},{u},{}", 0.1 * f64::from(k), x + 0.02 * gauss()).unwrap();
+        x = decay * x + (1.0 - decay) * u + 0.02 * gauss();
+    }
+    std::fs::write(folder.path().join("run.csv"), text).unwrap();
+    let model = "[model]\nname = \"m\"\n[inputs]\nu = {}\nnoise = {}\n[parameters]\na = 1\nb = 1\n[states]\n\
+                 x = { der = \"-a * x + b * u + noise\" }\n";
+    std::fs::write(folder.path().join("m.toml"), model).unwrap();
+    let codes = |b: &str| -> Vec<&'static str> {
+        let text = format!(
+            "[system.m]\nmodel = \"m.toml\"\n[inputs]\n\"m.u\" = {{ column = \"u\", hold = \"zero-order\" }}\n\
+             [process_noise]\n\"m.noise\" = {{ density = \"q\" }}\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\n\
+             sd = 0.02\n[parameters]\n\"m.a\" = {{}}\n\"m.b\" = {{ {b} }}\nq = {{ start = 0.01, min = 0 }}\n\
+             [[run]]\nfile = \"run.csv\"\n[fit]\nobjective = \"prediction-error\"\nstarts = 1\n"
+        );
+        let found = fitted(&parsed(&folder, &text));
+        assert!(found.is_answer(), "{:?}", found.diagnostics);
+        found.diagnostics.iter().map(|own| own.code()).collect()
+    };
+    assert_eq!(codes(""), [""; 0]);
+    let blind = codes("start = 0, fixed = true");
+    assert!(
+        blind.contains(&"coloured") && blind.contains(&"input-left"),
+        "{blind:?}"
+    );
 }
 
 #[test]

@@ -63,7 +63,7 @@ pub fn study(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Option<Study<
         degrees: Some(degrees),
         constraints: names.collect(),
         bounds: vec!["the limit of the stick".to_owned()],
-        drawn: "residuals drawn from autoregressive noise",
+        is_predicted: false,
         derived: derived::names(fit, options),
         derive: derived::again(fit, options),
         solved: Box::new(Collocated {

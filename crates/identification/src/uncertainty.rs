@@ -6,6 +6,7 @@ use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_inference::{Data, Inference, Interval, Method, Row, Run};
 use pilotage_inference::{Direction, Noise};
 use pilotage_sqp::Iterate;
+use pilotage_text::counted;
 
 /// How sure a fit is of θ, linearised at the solution.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +25,8 @@ pub struct Uncertainty {
     pub insensitivity: Vec<f64>,
     /// Conditions on θ that hold with equality.
     pub held: usize,
+    /// Samples at which the limit of the stick holds.
+    pub limited: usize,
     /// Directions that the data leave open.
     pub open: Vec<Direction>,
 }
@@ -56,6 +59,7 @@ impl Uncertainty {
             cramer_rao: percents(inference.cramer_rao()),
             insensitivity: percents(inference.insensitivity()),
             held: data.active.nrows(),
+            limited: data.runs.iter().map(|run| run.active.nrows()).sum(),
             open: inference.directions.clone(),
             spread: Spread {
                 method: covariance.method,
@@ -92,6 +96,13 @@ impl Uncertainty {
             notes.push(format!(
                 "{} of the conditions for stability hold with equality: intervals are along what they leave free",
                 self.held
+            ));
+        }
+        if self.limited > 0 {
+            notes.push(format!(
+                "the limit of the stick holds at {} with equality: intervals are along what that leaves free, and a pilot who \
+                 was at the stops there is another one than this",
+                counted(self.limited, "sample")
             ));
         }
         for Direction(parts) in &self.open {

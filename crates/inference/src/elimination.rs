@@ -6,6 +6,10 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 /// A vector shorter than this part of its length before is within the span of others.
 const DEPENDENT: f64 = 1e-8;
 
+/// Part of what shared parameters do to a constraint below which a run's own unknowns do nothing, each by the changes that
+/// change the residuals by one.
+const FADED: f64 = 1e-3;
+
 /// A run whose unknowns are `θ = D Z φ` and `μ = N ν + M φ`, with constraints held for all φ and ν.
 #[derive(Debug, Clone)]
 pub struct Eliminated {
@@ -97,7 +101,19 @@ impl Held {
         let scaled = DMatrix::from_diagonal(units);
         let shared = &run.shared * &scaled;
         let by_shared = run.active.columns(0, p) * &scaled;
-        let by_own = run.active.columns(p, m).into_owned();
+        let mut by_own = run.active.columns(p, m).into_owned();
+        // An initial state that has faded where a constraint holds balances nothing: it would have to change by what no
+        // residual allows.
+        for (mut row, all) in by_own.row_iter_mut().zip(by_shared.row_iter()) {
+            let effects = run.own.column_iter().zip(row.iter());
+            let sizes = effects.map(|(column, own)| match column.norm() {
+                size if size > 0.0 => own.abs() / size,
+                _ => own.abs(),
+            });
+            if sizes.fold(0.0, f64::max) < FADED * all.norm() {
+                row.fill(0.0);
+            }
+        }
         let rows: Vec<DVector<f64>> = by_own.row_iter().map(|row| row.transpose()).collect();
         let null = null_space(&rows, m);
         let inverse = pseudo_inverse(&by_own);

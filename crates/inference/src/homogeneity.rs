@@ -23,6 +23,15 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// What it says of some of its parameters.
+    pub fn of_all(&self, parameters: &[usize]) -> Self {
+        Self {
+            values: self.values.select_rows(parameters),
+            covariance: (self.covariance.select_rows(parameters)).select_columns(parameters),
+            degrees: self.degrees,
+        }
+    }
+
     /// What it says of one parameter.
     pub fn of(&self, parameter: usize) -> Self {
         Self {

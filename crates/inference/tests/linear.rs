@@ -374,6 +374,29 @@ fn the_noise_of_residuals_is_found_without_their_bias() {
     assert!((0.75..1.35).contains(&ratio), "{ratio}");
 }
 
+/// A limit that holds long after the start holds the parameters, not an initial state that has faded by then: it would have
+/// to change by a trillion to balance them.
+#[test]
+fn what_has_faded_balances_no_constraint() {
+    let with = |faded: f64| {
+        let mut data = Toy::new(4, 3, [40, 3, 1]).data();
+        for run in &mut data.runs {
+            run.own = DMatrix::from_fn(40, 1, |t, _| (-(t as f64)).exp());
+        }
+        data.runs[1].active = DMatrix::from_row_slice(1, 4, &[0.4, -0.3, 0.9, faded]);
+        let inference = Inference::new(&data).unwrap();
+        let found = inference.covariance(Some(Method::Plain)).unwrap();
+        assert!(inference.directions.is_empty(), "{faded}");
+        found.matrix
+    };
+    let (gone, held) = (with(1e-13), with(0.0));
+    assert_close(&gone, &held, 1e-9);
+    // What is held does not vary.
+    let gradient = DVector::from_row_slice(&[0.4, -0.3, 0.9]);
+    let along = (gradient.transpose() * &gone * &gradient)[0];
+    assert!(along < 1e-12 * gone.amax(), "{along}");
+}
+
 /// Runs with unknowns of their own alone, and parameters that constraints hold altogether.
 /// A noise level has rows of its own, and changes no location but by rounding, which may be of the residuals' shape.
 #[test]

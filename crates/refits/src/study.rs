@@ -55,8 +55,8 @@ pub struct Study<'a> {
     pub derived: Vec<String>,
     /// Its values; not numbers where there are none.
     pub derive: Box<Derive<'a>>,
-    /// What [`Kind::Parametric`] draws, in words.
-    pub drawn: &'static str,
+    /// Whether it is the likelihood of predictions from sample to sample.
+    pub is_predicted: bool,
 }
 
 /// What is drawn.
@@ -188,7 +188,11 @@ impl Study<'_> {
             let is_told = |own: &Unknown| (0..own.told.len()).any(|j| own.told[j] && is_drawn(j));
             let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
             let of = |own: &Unknown| match is_told(own) && !initial(own) {
-                true => own.found(found.value(own.at)),
+                // On the end of a range within what the solver leaves.
+                true => own
+                    .found(found.value(own.at))
+                    .max(own.range[0])
+                    .min(own.range[1]),
                 false => f64::NAN,
             };
             let mut all: Vec<f64> = self.unknowns.iter().map(of).collect();

@@ -242,7 +242,7 @@ fn study(runs: usize) -> Study<'static> {
         degrees: None,
         constraints: Vec::new(),
         bounds: Vec::new(),
-        drawn: "",
+        is_predicted: false,
         derived: vec!["difference".to_owned()],
         derive: Box::new(|theta| vec![theta[0] - theta[1]]),
         solved: Box::new(Collocated {

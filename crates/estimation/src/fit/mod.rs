@@ -107,6 +107,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         ..Fit::of(posed, &last)
     };
     let looped = Looped::of(posed, &last);
+    found.cuts = looped.as_ref().map(Looped::cuts).unwrap_or_default();
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
     // On a mesh that was refined since, the objective may have fallen below.

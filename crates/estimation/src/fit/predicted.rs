@@ -10,6 +10,7 @@ use crate::posed::Posed;
 use crate::result::describing::describing;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::diagnostics::diagnostics;
+use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{method, uncertainty};
 use crate::result::{Fit, RunFit};
@@ -60,6 +61,7 @@ pub(super) fn predicted(
         ..refinement
     };
     let looped = Looped::of(posed, &last);
+    found.cuts = looped.as_ref().map(Looped::cuts).unwrap_or_default();
     found.derived.extend(looped.iter().flat_map(Looped::found));
     found.cut = cut(&found, watch);
     if found.status == Status::Converged {
@@ -72,6 +74,9 @@ pub(super) fn predicted(
             method(posed),
         );
         found.describing = describing(posed, &last);
+    }
+    if found.is_met() {
+        found.beside = beside_inputs(posed, &found.runs, None);
     }
     found.diagnostics = diagnostics(posed, &last, &found);
     found.diagnostics.extend(on_stability_bound(posed, best));

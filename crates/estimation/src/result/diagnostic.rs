@@ -44,6 +44,13 @@ pub enum Diagnostic {
         /// At so many samples.
         samples: usize,
     },
+    /// With process noise: what was predicted from sample to sample is missed by what is not white.
+    Coloured {
+        /// The column.
+        measured: String,
+        /// The least probability of a run's innovations, were they white.
+        p: f64,
+    },
     /// The system grows.
     UnstableLoop {
         /// How fast \[1/s\].
@@ -212,6 +219,7 @@ impl Diagnostic {
             Self::Violated { .. } => "violated",
             Self::BeyondLimit { .. } => "beyond-limit",
             Self::OnLimit { .. } => "on-limit",
+            Self::Coloured { .. } => "coloured",
             Self::UnstableLoop { .. } => "unstable-loop",
             Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
             Self::OnStabilityBound(_) => "model-on-bound",
@@ -280,6 +288,11 @@ impl fmt::Display for Diagnostic {
                 "{name} holds the solution at {}: as a constraint it bends the parameters where the recorded output \
                  saturated; fit again with [fit] limits = \"saturate\", from what is found here",
                 counted(*samples, "sample")
+            ),
+            Self::Coloured { measured, p } => write!(
+                f,
+                "the innovations of {measured} are not white (Ljung and Box, p = {p:.0e}): the noise of the model does not \
+                 account for what it lacks, and intervals are too short; add what is missing, or noise where it enters"
             ),
             Self::UnstableLoop { growth, is_kept } => write!(
                 f,

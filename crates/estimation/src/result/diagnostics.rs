@@ -10,6 +10,7 @@ use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::solved::Solved;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
+use pilotage_inference::residuals::LjungBox;
 use pilotage_series::flown;
 use pilotage_sqp::Status;
 
@@ -95,6 +96,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     if is_said(fit) {
         for k in 0..posed.file.measured.len() {
             all.extend(poor(posed, fit, k));
+            all.extend(coloured(posed, fit, k));
             all.extend(of_samples(posed, fit, k));
             all.extend(of_runs(posed, fit, k));
             all.extend(of_ends(posed, fit, k));
@@ -167,6 +169,20 @@ fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     (explained < POOR && posed.filter.is_none()).then(|| Diagnostic::PoorFit {
         measured: posed.file.measured[k].column.value.clone(),
         explained,
+    })
+}
+
+/// Innovations that are not white: of right models in one of a thousand fits.
+fn coloured(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    const LEVEL: f64 = 1e-3;
+    posed.filter.as_ref()?;
+    let ahead = fit.runs.iter().filter_map(|run| run.ahead.as_ref());
+    let white = ahead.filter_map(|own| LjungBox::of(&own.innovations[k]));
+    let p = white.map(|own| own.p).fold(1.0, f64::min);
+    let tests = fit.runs.len() * posed.file.measured.len();
+    (p * (tests as f64) < LEVEL).then(|| Diagnostic::Coloured {
+        measured: posed.file.measured[k].column.value.clone(),
+        p,
     })
 }
 

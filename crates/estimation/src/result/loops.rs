@@ -2,6 +2,7 @@
 
 use crate::posed::Posed;
 use crate::posed::variables;
+use crate::problem::file::Quantity;
 use crate::result::Found;
 use crate::search::solved::Solved;
 use crate::system::joint::{Joint, conversion};
@@ -120,8 +121,10 @@ impl<'p> Cut<'p> {
 
 /// A loop of a solution, with its figures.
 struct Loop<'p> {
-    /// The output whose wire is cut, where there are several loops.
-    name: Option<String>,
+    /// The output whose wire is cut.
+    output: String,
+    /// Whether there are several loops.
+    is_named: bool,
     cut: Cut<'p>,
     figures: LoopFigures,
 }
@@ -130,9 +133,9 @@ impl Loop<'_> {
     /// Figures with the loop's name; the poles, which are those of all loops, without.
     fn named(&self, figures: &LoopFigures) -> Vec<Figure> {
         let mut all = figures.named();
-        if let Some(name) = &self.name {
+        if self.is_named {
             let own = all.iter_mut().filter(|own| !own.is_of_pole());
-            own.for_each(|own| own.name = format!("{}({name})", own.name));
+            own.for_each(|own| own.name = format!("{}({})", own.name, self.output));
         }
         all
     }
@@ -158,13 +161,17 @@ impl<'p> Looped<'p> {
     /// instances open all loops, or one is not linear there.
     pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
         let description = &posed.file.system;
-        let wires = openings(description);
+        let (driven, measured) = ends_of(posed);
+        let wires = match of_pilots(description, &driven, &measured) {
+            wires if wires.is_empty() => openings(description),
+            wires => wires,
+        };
         let is_single = wires.len() == 1;
         let own = |wire: usize| {
             let cut = Cut::new(posed, wire)?;
-            let name = description.connections[wire].from.value.clone();
             Some(Loop {
-                name: (!is_single).then_some(name),
+                output: description.connections[wire].from.value.clone(),
+                is_named: !is_single,
                 figures: cut.at(x, theta)?.figures(),
                 cut,
             })
@@ -174,6 +181,11 @@ impl<'p> Looped<'p> {
             loops: loops.filter(|own| !own.is_empty())?,
             x: x.to_vec(),
         })
+    }
+
+    /// The outputs whose wires are cut, in the order of the figures.
+    pub fn cuts(&self) -> Vec<String> {
+        self.loops.iter().map(|own| own.output.clone()).collect()
     }
 
     /// The figures of all loops as they have become, and the poles once.
@@ -242,6 +254,60 @@ pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String 
     let names = description.instances.iter().map(|own| own.name.as_str());
     let longest = names.filter(named).max_by_key(|name| name.len());
     longest.unwrap_or_default().to_owned()
+}
+
+/// The instances that a column drives, as a target does a pilot, and those of which something is measured.
+fn ends_of(posed: &Posed<'_>) -> (Vec<String>, Vec<String>) {
+    let (file, description) = (posed.file, &posed.file.system);
+    let fed = file
+        .inputs
+        .iter()
+        .map(|own| instance(description, &own.signal.value));
+    let fed: Vec<String> = fed.collect();
+    let names = description.instances.iter().map(|own| own.name.clone());
+    let measured = file.measured.iter().filter_map(|own| match &own.of {
+        Quantity::Signal(name) => Some(instance(description, name)),
+        Quantity::Expression(..) => None,
+    });
+    (
+        names.filter(|name| fed.contains(name)).collect(),
+        measured.collect(),
+    )
+}
+
+/// The wires from what is driven, which close loops: those of the first such instance, and of others of which nothing is
+/// measured. A loop inside, as of a stability augmentation, stays closed.
+fn of_pilots(
+    description: &SystemDescription,
+    driven: &[String],
+    measured: &[String],
+) -> Vec<usize> {
+    let wires = description.connections.iter();
+    let edges: Vec<[String; 2]> = wires.map(|wire| ends(description, wire)).collect();
+    let closes = |[from, to]: &[String; 2]| {
+        let mut reached = vec![to];
+        let mut next = 0;
+        while next < reached.len() {
+            let here = reached[next];
+            let onward = edges
+                .iter()
+                .filter(|own| own[0] == *here)
+                .map(|own| &own[1]);
+            let new: Vec<&String> = onward.filter(|own| !reached.contains(own)).collect();
+            reached.extend(new);
+            next += 1;
+        }
+        reached.contains(&from)
+    };
+    let mut cut: Vec<usize> = Vec::new();
+    for name in driven {
+        let own = (0..edges.len()).filter(|k| edges[*k][0] == *name && closes(&edges[*k]));
+        let own: Vec<usize> = own.collect();
+        if cut.is_empty() || !measured.contains(name) {
+            cut.extend(own);
+        }
+    }
+    cut
 }
 
 /// The first wire without which no instance acts on itself, where with it one does.

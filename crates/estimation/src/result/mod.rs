@@ -68,6 +68,8 @@ pub struct Fit {
     pub starts: Vec<(Status, f64)>,
     /// A start that did not converge, and was better all the same.
     pub lower: Option<usize>,
+    /// The outputs at whose wires the loops of crossover and margins are cut; none where no loop is.
+    pub cuts: Vec<String>,
     /// What ended the fit before all starts and refinements were done.
     pub cut: Option<Status>,
     /// Events of FMUs in its runs.
@@ -265,6 +267,7 @@ impl Fit {
             starts: Vec::new(),
             lower: None,
             cut: None,
+            cuts: Vec::new(),
             simulated_objective: None,
             events: Events::default(),
             beside: Vec::new(),

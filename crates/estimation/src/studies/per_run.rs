@@ -1,12 +1,13 @@
 //! Each run, or each subject's runs, fitted alone: is it one human?
 
 use crate::problem::error::ProblemError;
-use crate::problem::file::{ProblemFile, RunLine};
+use crate::problem::file::{Deviation, ProblemFile, RunLine};
 use crate::result::Fit;
 use crate::studies::folds::{Ask, OpenInParallel, alone, each};
 use nalgebra::{DMatrix, DVector};
 use pilotage_inference::homogeneity::{Estimate, Homogeneity};
 use pilotage_inference::{Class, Interval, Method};
+use std::collections::HashSet;
 
 /// Runs that were fitted by themselves.
 #[derive(Debug)]
@@ -69,12 +70,29 @@ pub fn per_run(
         .filter_map(|own| own.estimate.clone().ok())
         .collect();
     let of = |k: usize| Homogeneity::of(&known.iter().map(|own| own.of(k)).collect::<Vec<_>>());
+    // Of a noise level the normal distribution is a poor one in a short run, and it is not the person's model.
+    let levels = levels(&file);
+    let is_compared = |k: &usize| !levels.contains(names[*k].trim_start_matches("ln "));
+    let compared: Vec<usize> = (0..names.len()).filter(is_compared).collect();
+    let together: Vec<Estimate> = known.iter().map(|own| own.of_all(&compared)).collect();
     Ok(PerRun {
-        together: Homogeneity::of(&known).filter(|_| !names.is_empty()),
+        together: Homogeneity::of(&together).filter(|_| !compared.is_empty()),
         each: (0..names.len()).map(of).collect(),
         groups,
         names,
     })
+}
+
+/// Names that noise levels and densities depend on.
+fn levels(file: &ProblemFile) -> HashSet<String> {
+    let of_sensors = file.measured.iter().filter_map(|own| match &own.sd {
+        Deviation::Formula(own) => Some(own),
+        _ => None,
+    });
+    let formulas = of_sensors.chain(file.process_noise.iter().map(|own| &own.density));
+    formulas
+        .flat_map(|own| own.names().map(str::to_owned))
+        .collect()
 }
 
 /// Whose a run is; its own name where it is nobody's.

@@ -77,12 +77,9 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
     let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
     let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
     let again = again(posed, fit);
-    let (factor, drawn) = match &again {
-        Some(again) => (
-            again.factor(),
-            "values drawn from what is predicted, sample by sample",
-        ),
-        None => (posed.factor, "residuals drawn from autoregressive noise"),
+    let (factor, is_predicted) = match &again {
+        Some(again) => (again.factor(), true),
+        None => (posed.factor, false),
     };
     let Linearised { data, signals, .. } = linear(posed, solved, again.as_ref())?;
     let inference = Inference::new(&data)?;
@@ -119,7 +116,7 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
     }
     Ok(Study {
         solved: refit,
-        drawn,
+        is_predicted,
         unknowns,
         factor,
         threshold: Threshold {

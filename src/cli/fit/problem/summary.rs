@@ -119,6 +119,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
+        "loop_cut_at": fit.cuts,
         "excitation": told_before(outcomes.before),
         "describing_function": describing::to_json(&fit.describing),
         "uncertainty": uncertainty(outcomes),
@@ -313,6 +314,12 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     if !derived.is_empty() {
         text += "\n";
         text += &aligned(&parameter_rows("derived", derived.into_iter()));
+        if !fit.cuts.is_empty() {
+            text += &format!(
+                "loop cut at {}, linear where the first run ends\n",
+                fit.cuts.join(" and at ")
+            );
+        }
     }
     text += &outcomes.refitted.map_or(String::new(), Refitted::to_text);
     text += "\n";

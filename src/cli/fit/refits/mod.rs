@@ -41,9 +41,12 @@ pub struct Refits {
     resume: Option<PathBuf>,
 }
 
+/// Most replicates.
+const MOST: u64 = 1_000_000;
+
 fn replicates(text: &str) -> Result<u64, String> {
-    let value = text.parse().ok().filter(|count| *count >= 2);
-    value.ok_or_else(|| "expected a whole number from 2, such as 200".to_owned())
+    let value = text.parse().ok().filter(|count| (2..=MOST).contains(count));
+    value.ok_or_else(|| format!("expected a whole number from 2 to {MOST}, such as 200"))
 }
 
 /// What is said where a fit cannot be solved again.
@@ -74,6 +77,10 @@ pub struct Refitted {
     threshold: (f64, f64, Option<f64>),
     profiles: Vec<(usize, Profile)>,
     bootstrap: Option<Bootstrapped>,
+    /// Unknowns that the data leave open.
+    flat: Vec<String>,
+    /// Whether the likelihood of predictions was minimised.
+    is_predicted: bool,
 }
 
 /// What a bootstrap gave.
@@ -206,6 +213,11 @@ impl Plan {
             ),
             profiles,
             bootstrap: self.bootstrapped(study, &stops)?,
+            flat: (study.unknowns.iter())
+                .filter(|own| !own.half.is_finite())
+                .map(crate::refits::Unknown::full_name)
+                .collect(),
+            is_predicted: study.is_predicted,
         })
     }
 
@@ -266,7 +278,10 @@ impl Plan {
             kind,
             drawn: match kind {
                 Kind::Runs => "runs drawn with replacement",
-                Kind::Parametric => study.drawn,
+                Kind::Parametric if study.is_predicted => {
+                    "values drawn from what is predicted, sample by sample"
+                }
+                Kind::Parametric => "residuals drawn from autoregressive noise",
             },
             seed,
             replicates,

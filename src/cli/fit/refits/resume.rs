@@ -30,6 +30,10 @@ impl Kept {
         seed: u64,
     ) -> Result<(Vec<Replicate>, Self), Failure> {
         let fail = |error: io::Error| Failure::cannot_write(path, &error);
+        if std::fs::metadata(path).is_ok_and(|own| !own.is_file()) {
+            let message = format!("{} is no file; --resume wants one", path.display());
+            return Err(Failure::new(message));
+        }
         let mut options = OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
         let mut file = options.open(path).map_err(fail)?;

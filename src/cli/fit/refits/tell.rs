@@ -218,9 +218,19 @@ impl Refitted {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.profiles.is_empty() {
-            notes.push("95 % intervals by profiles, for residuals without colour".to_owned());
+            let of = match self.is_predicted {
+                true => "of the likelihood",
+                false => "for residuals without colour",
+            };
+            notes.push(format!("95 % intervals by profiles, {of}"));
         }
         notes.extend(self.bootstrap.as_ref().map(Bootstrapped::told));
+        if self.bootstrap.is_some() && !self.flat.is_empty() {
+            notes.push(format!(
+                "the data do not tell {}: what refits spread over there is where they begin",
+                self.flat.join(", ")
+            ));
+        }
         notes
     }
 }
