@@ -111,7 +111,7 @@ impl Part {
         }
     }
 
-    /// Lets outputs saturate at their limits, which are constraints no more. The corners are rounded within [`CORNER`] of
+    /// Lets outputs saturate at their limits, which are constraints no more. The corners are rounded within a hundredth of
     /// the range: of a corner itself the search has no derivative.
     pub fn saturate(&mut self) {
         let System { graph, outputs, .. } = &mut self.model.system;
