@@ -240,11 +240,11 @@ fn what_cannot_be_is_refused() {
     );
     refused(
         &["--bootstrap", "0"],
-        "expected a whole number from 2, such as 200",
+        "expected a whole number from 2 to 1000000, such as 200",
     );
     refused(
         &["--bootstrap", "-3"],
-        "expected a whole number from 2, such as 200",
+        "expected a whole number from 2 to 1000000, such as 200",
     );
     refused(
         &["--bootstrap", "9", "--bootstrap-kind", "runs"],
