@@ -72,6 +72,32 @@ pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
     figures
 }
 
+/// The open loop where it is cut, as it depends on θ.
+pub fn loop_figure(
+    name: &str,
+    cut: &str,
+    of: Curve<'_>,
+    theta: &[f64],
+    sure: Option<&Spread>,
+) -> Figure {
+    let bode = Bode {
+        of,
+        theta,
+        sure,
+        middle: crossover(of, theta).unwrap_or(1.0),
+    };
+    let caption = format!(
+        "Cut open at {cut}, other loops closed; linear where the first run ends.{}",
+        bode.margins()
+    );
+    bode.figure(
+        name,
+        &format!("Open loop at {cut}: Bode plot"),
+        &caption,
+        true,
+    )
+}
+
 /// The same of pilot and open loop as they depend on θ, about their crossover, or `middle` [rad/s] where they have none.
 pub fn response_figures(
     [pilot, open_loop]: [Curve<'_>; 2],

@@ -256,6 +256,33 @@ pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String 
     longest.unwrap_or_default().to_owned()
 }
 
+/// `L(jω)` of an open loop.
+pub type Response = Box<dyn Fn(f64) -> Complex<f64>>;
+
+/// The open loops of a solution, as they depend on the shared parameters: those of [`Fit::cuts`](crate::Fit::cuts).
+pub struct OpenLoops<'p>(Looped<'p>);
+
+impl std::fmt::Debug for OpenLoops<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("OpenLoops").field(&self.0.cuts()).finish()
+    }
+}
+
+impl<'p> OpenLoops<'p> {
+    /// Linear at the end of the first run; none where no loop is closed.
+    pub fn new(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
+        Looped::of(posed, solved).map(Self)
+    }
+
+    /// Each with these shared parameters, at the same states; none where one is not linear there.
+    pub fn with(&self, theta: &[f64]) -> Option<Vec<Response>> {
+        let of = |own: &Loop<'p>| -> Option<Response> {
+            Some(Box::new(own.cut.at(&self.0.x, theta)?.response))
+        };
+        self.0.loops.iter().map(of).collect()
+    }
+}
+
 /// The instances that a column drives, as a target does a pilot, and those of which something is measured.
 fn ends_of(posed: &Posed<'_>) -> (Vec<String>, Vec<String>) {
     let (file, description) = (posed.file, &posed.file.system);

@@ -7,7 +7,7 @@ pub mod diagnostic;
 pub(crate) mod diagnostics;
 pub mod events;
 pub mod left_over;
-pub(crate) mod loops;
+pub mod loops;
 pub(crate) mod outliers;
 pub mod uncertainty;
 

@@ -3,12 +3,13 @@
 use super::summary::{Outcomes, run_header};
 use super::sure;
 use crate::cli::fit::refits::Refitted;
-use crate::estimation::Fit;
 use crate::estimation::describing::FittedLoop;
+use crate::estimation::{Fit, OpenLoops};
 use crate::identification::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
+use crate::report::frequency::{Curve, loop_figure};
 use crate::report::palette::colour;
 use crate::report::poles::wired_figure;
 use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
@@ -146,31 +147,65 @@ fn recorded(time: &[f64], values: &[f64]) -> Series {
     Series::line("recorded", "data", &x, &y).looks(look)
 }
 
-/// Pilot and loop, where the runs tell of them without a model.
+/// Pilot and loop with what the runs tell of them without a model, or else the loops alone.
 fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let Outcomes { posed, fit, .. } = *outcomes;
-    let solved = fit.solved.as_deref();
-    let Some(solved) = solved.filter(|own| FittedLoop::new(posed, own).is_some()) else {
+    let Some(solved) = fit.solved.as_deref() else {
         return Vec::new();
     };
-    // Each θ is linearised once, for all frequencies.
-    let known: RefCell<Vec<(Vec<f64>, Option<FittedLoop>)>> = RefCell::default();
-    let at = |theta: &[f64], of: &dyn Fn(&FittedLoop) -> Complex<f64>| {
-        let mut known = known.borrow_mut();
-        let place = known
-            .iter()
-            .position(|own| own.0 == theta)
-            .unwrap_or_else(|| {
-                known.push((theta.to_vec(), FittedLoop::with(posed, solved, theta)));
-                known.len() - 1
-            });
+    let (theta, sure) = (solved.theta(), spread(fit));
+    let with = |theta: &[f64]| FittedLoop::with(posed, solved, theta);
+    if with(&theta).is_some() {
+        let known = Linearised::new(&with);
+        let pilot = |theta: &[f64], omega: f64| known.at(theta, &|own| own.pilot(omega));
+        let open_loop = |theta: &[f64], omega: f64| known.at(theta, &|own| own.open_loop(omega));
+        let models: [Curve<'_>; 2] = [&pilot, &open_loop];
+        let figures = describing_figures(&fit.describing, models, &theta, sure.as_ref());
+        if !figures.is_empty() {
+            return figures;
+        }
+    }
+    let Some(loops) = OpenLoops::new(posed, solved) else {
+        return Vec::new();
+    };
+    let with = |theta: &[f64]| loops.with(theta);
+    let known = Linearised::new(&with);
+    let figure = |(k, cut): (usize, &String)| {
+        let name = match k {
+            0 => "open-loop".to_owned(),
+            _ => format!("open-loop-{}", k + 1),
+        };
+        let of = |theta: &[f64], omega: f64| known.at(theta, &|own| own[k](omega));
+        loop_figure(&name, cut, &of, &theta, sure.as_ref())
+    };
+    fit.cuts.iter().enumerate().map(figure).collect()
+}
+
+/// What is linearised with shared parameters, once for all frequencies.
+struct Linearised<'a, T> {
+    with: &'a dyn Fn(&[f64]) -> Option<T>,
+    known: RefCell<Vec<(Vec<f64>, Option<T>)>>,
+}
+
+impl<'a, T> Linearised<'a, T> {
+    fn new(with: &'a dyn Fn(&[f64]) -> Option<T>) -> Self {
+        Self {
+            with,
+            known: RefCell::default(),
+        }
+    }
+
+    /// Something of it; not a number where there is none.
+    fn at(&self, theta: &[f64], of: &dyn Fn(&T) -> Complex<f64>) -> Complex<f64> {
+        let mut known = self.known.borrow_mut();
+        let place = known.iter().position(|own| own.0 == theta);
+        let place = place.unwrap_or_else(|| {
+            known.push((theta.to_vec(), (self.with)(theta)));
+            known.len() - 1
+        });
         let nothing = Complex::new(f64::NAN, f64::NAN);
         known[place].1.as_ref().map_or(nothing, of)
-    };
-    let pilot = |theta: &[f64], omega: f64| at(theta, &|own| own.pilot(omega));
-    let open_loop = |theta: &[f64], omega: f64| at(theta, &|own| own.open_loop(omega));
-    let (theta, sure) = (solved.theta(), spread(fit));
-    describing_figures(&fit.describing, [&pilot, &open_loop], &theta, sure.as_ref())
+    }
 }
 
 /// The covariance of the shared parameters; none where the data leave one open.
