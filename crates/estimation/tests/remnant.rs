@@ -388,3 +388,34 @@ fn bootstraps_of_predictions_spread_as_covariances_say() {
         }
     }
 }
+
+/// With a free initial state the first sample can be met exactly, and the likelihood has no maximum: that is told.
+#[test]
+fn a_likelihood_without_a_maximum_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(41);
+    let mut gauss = || -> f64 { StandardNormal.sample(&mut random) };
+    let (mut text, mut x) = ("time,y\n".to_owned(), 0.5);
+    for k in 0..60 {
+        writeln!(text, "{},{}", 0.1 * f64::from(k), x + 0.02 * gauss()).unwrap();
+        x = 0.9 * x + 0.1 * gauss();
+    }
+    std::fs::write(folder.path().join("run.csv"), text).unwrap();
+    let model = "[model]\nname = \"m\"\n[inputs]\nnoise = {}\n[parameters]\na = 1\n[states]\nx = { der = \"-a * x + noise\" }\n";
+    std::fs::write(folder.path().join("m.toml"), model).unwrap();
+    let is_told = |begin: &str| {
+        let text = format!(
+            "[system.m]\nmodel = \"m.toml\"\n[process_noise]\n\"m.noise\" = {{ density = \"q\" }}\n[[measured]]\n\
+             signal = \"m.x\"\ncolumn = \"y\"\nsd = \"s\"\n[parameters]\n\"m.a\" = {{}}\nq = {{ start = 0.1, min = 0 }}\n\
+             s = {{ start = {begin} }}\n[initial]\n\"m.x\" = \"free\"\n[[run]]\nfile = \"run.csv\"\n[fit]\n\
+             objective = \"prediction-error\"\nstarts = 1\n"
+        );
+        let found = fitted(&parsed(&folder, &text));
+        found
+            .diagnostics
+            .iter()
+            .any(|own| own.code() == "unbounded")
+    };
+    assert!(is_told("1e-6, min = 0"));
+    assert!(!is_told("0.02, min = 0.01"));
+}

@@ -51,6 +51,13 @@ pub enum Diagnostic {
         /// The least probability of a run's innovations, were they white.
         p: f64,
     },
+    /// With process noise: a sample is predicted nearly exactly, and the likelihood may have no maximum.
+    Unbounded {
+        /// The column.
+        measured: String,
+        /// Least standard deviation of an innovation, in its unit.
+        sd: f64,
+    },
     /// The system grows.
     UnstableLoop {
         /// How fast \[1/s\].
@@ -220,6 +227,7 @@ impl Diagnostic {
             Self::BeyondLimit { .. } => "beyond-limit",
             Self::OnLimit { .. } => "on-limit",
             Self::Coloured { .. } => "coloured",
+            Self::Unbounded { .. } => "unbounded",
             Self::UnstableLoop { .. } => "unstable-loop",
             Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
             Self::OnStabilityBound(_) => "model-on-bound",
@@ -293,6 +301,11 @@ impl fmt::Display for Diagnostic {
                 f,
                 "the innovations of {measured} are not white (Ljung and Box, p = {p:.0e}): the noise of the model does not \
                  account for what it lacks, and intervals are too short; add what is missing, or noise where it enters"
+            ),
+            Self::Unbounded { measured, sd } => write!(
+                f,
+                "a sample of {measured} is predicted to {sd:.1e}: where an initial state is free and a noise level is sought, the \
+                 likelihood grows without end as that goes to 0; state `sd`, or give the level a `min`"
             ),
             Self::UnstableLoop { growth, is_kept } => write!(
                 f,

@@ -93,6 +93,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     );
     all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     all.extend(of_inputs(fit));
+    let measured = 0..posed.file.measured.len();
+    all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));
     if is_said(fit) {
         for k in 0..posed.file.measured.len() {
             all.extend(poor(posed, fit, k));
@@ -169,6 +171,22 @@ fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     (explained < POOR && posed.filter.is_none()).then(|| Diagnostic::PoorFit {
         measured: posed.file.measured[k].column.value.clone(),
         explained,
+    })
+}
+
+/// A sample that is met exactly, as the first one is where an initial state is free: then the likelihood grows without end
+/// as the sensor's noise goes to 0.
+fn unbounded(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    const PART: f64 = 1e-3;
+    posed.filter.as_ref()?;
+    let ahead = fit.runs.iter().filter_map(|run| run.ahead.as_ref());
+    let known = ahead.flat_map(|own| own.deviations[k].iter().copied());
+    let mut all: Vec<f64> = known.filter(|sd| sd.is_finite()).collect();
+    all.sort_by(f64::total_cmp);
+    let (least, middle) = (all.first()?, all[all.len() / 2]);
+    (*least < PART * middle).then(|| Diagnostic::Unbounded {
+        measured: posed.file.measured[k].column.value.clone(),
+        sd: *least,
     })
 }
 
