@@ -193,6 +193,12 @@ impl Acting {
         }
     }
 
+    /// Square of the distance to the targets, over all axes.
+    fn square(&self, positions: &[f64]) -> f64 {
+        let errors = positions.iter().zip(&self.targets).map(|(x, w)| x - w);
+        errors.map(|error| error * error).sum()
+    }
+
     fn row(&self, time: f64, positions: &[f64], others: &[f64], is_disturbed: bool) -> Vec<f64> {
         let mut row = vec![time];
         for (axis, position) in positions.iter().enumerate() {
@@ -361,15 +367,13 @@ impl Run<'_> {
 
     fn measure_beside(&mut self, time: f64, acting: &Acting, positions: &[f64]) {
         if time >= self.task.run_in {
-            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
-            self.squares_beside += errors.map(|error| error * error).sum::<f64>();
+            self.squares_beside += acting.square(positions);
         }
     }
 
     fn measure(&mut self, time: f64, acting: &Acting, positions: &[f64]) {
         if time >= self.task.run_in {
-            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
-            self.squares.0 += errors.map(|error| error * error).sum::<f64>();
+            self.squares.0 += acting.square(positions);
             self.squares.1 += 1;
         }
     }
@@ -405,8 +409,7 @@ pub fn idle(craft: &Craft, task: &Task, sign: f64) -> Result<f64, CraftError> {
         let acting = Acting::at(time, &hand, craft, task, sign, &origin);
         if time >= task.run_in {
             let positions = flying.positions().map_err(failed)?;
-            let errors = positions.iter().zip(&acting.targets).map(|(x, w)| x - w);
-            sum += errors.map(|error| error * error).sum::<f64>();
+            sum += acting.square(&positions);
             count += 1.0;
         }
         flying.step(time, &acting.inputs).map_err(failed)?;

@@ -9,6 +9,7 @@ use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
 use pilotage_text::counted;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -62,43 +63,40 @@ impl Jobs {
     /// Valid flights of a person with this vehicle and without disturbances, which a fit by the targets alone does not
     /// know; and how many there are of other vehicles.
     fn flights(&self, subject: &str) -> (Vec<PathBuf>, usize) {
-        let prefix = format!("{subject}-");
-        let is_own = |path: &PathBuf| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            name.strip_prefix(&prefix)
-                .is_some_and(|rest| rest.ends_with(".csv"))
-        };
-        let all = entries(&self.folder).into_iter().filter(is_own);
-        let (own, others): (Vec<PathBuf>, Vec<PathBuf>) = all.partition(|path| self.is_ours(path));
+        let all = entries(&self.folder).into_iter();
+        let all = all.filter(|path| is_of(path, subject));
+        let (own, others): (Vec<PathBuf>, Vec<PathBuf>) =
+            all.partition(|path| self.is_ours(&comments(path)));
         let own = own.into_iter().filter(|path| !is_disturbed(path));
         (own.collect(), others.len())
     }
 
-    /// Whether a flight is of this vehicle, or does not say of which.
-    fn is_ours(&self, path: &Path) -> bool {
-        let comments = comments(path);
-        flown::vehicle(&comments).is_none_or(|hash| self.flown.hash == hash)
+    /// Whether a flight that says this at its top is of this vehicle, or does not say of which.
+    fn is_ours(&self, comments: &[String]) -> bool {
+        flown::vehicle(comments).is_none_or(|hash| self.flown.hash == hash)
     }
 
     /// How many flights of the folder are of other vehicles.
     pub fn of_others(&self) -> usize {
         let all = entries(&self.folder).into_iter();
         let flights = all.filter(|path| path.extension().is_some_and(|own| own == "csv"));
-        flights.filter(|path| !self.is_ours(path)).count()
+        flights
+            .filter(|path| !self.is_ours(&comments(path)))
+            .count()
     }
 
     /// Codes of all persons who have flights with this vehicle here, each with their number.
     fn subjects(&self) -> Vec<(String, usize)> {
-        let said = |path: &PathBuf| flown::said(&comments(path), "subject").map(str::to_owned);
-        let flights = entries(&self.folder);
-        let mut all: Vec<String> = flights.iter().filter_map(said).collect();
-        all.sort();
-        all.dedup();
-        let counted = all.into_iter().map(|subject| {
-            let count = self.flights(&subject).0.len();
-            (subject, count)
-        });
-        counted.filter(|(_, count)| *count > 0).collect()
+        let mut counts = BTreeMap::<String, usize>::new();
+        for path in entries(&self.folder) {
+            let comments = comments(&path);
+            let subject = flown::said(&comments, "subject");
+            let subject = subject.filter(|own| is_of(&path, own) && self.is_ours(&comments));
+            if let Some(subject) = subject.filter(|_| !is_disturbed(&path)) {
+                *counts.entry(subject.to_owned()).or_default() += 1;
+            }
+        }
+        counts.into_iter().collect()
     }
 
     /// Does a job; what came of it, and the page or file that it made.
@@ -280,6 +278,13 @@ iframe { flex: 1; border: 0 }
 
 fn os(word: &str) -> OsString {
     word.into()
+}
+
+/// Whether a file is a flight of a person, by its name.
+fn is_of(path: &Path, subject: &str) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let rest = name.strip_prefix(subject);
+    rest.is_some_and(|rest| rest.starts_with('-') && rest.ends_with(".csv"))
 }
 
 /// The files of a folder, in the order of their names.

@@ -77,12 +77,8 @@ impl<'p> Again<'p> {
     where
         'p: 'a,
     {
-        let recorded = self.posed.told.recorded.iter().flatten().flatten();
-        let samples = recorded.filter(|y| y.is_finite()).count();
-        let limits = Limits::of(self.posed, &likelihood);
-        let sizes = (self.posed.shared, samples);
-        let (scales, about) = (self.optimum.scales.clone(), self.unknowns());
-        Program::new((likelihood, limits), sizes, scales, &about)
+        let scales = self.optimum.scales.clone();
+        Program::new(self.posed, likelihood, scales, &self.unknowns())
     }
 
     /// Where a coordinate stands among the unknowns.

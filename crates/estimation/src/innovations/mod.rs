@@ -32,7 +32,6 @@ use crate::posed::Posed;
 use crate::search::begin::initial;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use limits::Limits;
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status, solve};
 use program::Program;
 use rayon::prelude::*;
@@ -177,8 +176,6 @@ fn searched<'p>(
         mut unknowns,
         mut scales,
     } = begin;
-    let recorded = posed.told.recorded.iter().flatten().flatten();
-    let samples = recorded.filter(|y| y.is_finite()).count();
     let mut options = SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: posed.file.options.max_iterations.min(SCORED),
@@ -187,9 +184,7 @@ fn searched<'p>(
     let mut is_exact = false;
     let (mut likelihood, mut iterations, mut round) = (likelihood.refined(&unknowns), 0, 0);
     loop {
-        let limits = Limits::of(posed, &likelihood);
-        let sizes = (posed.shared, samples);
-        let mut program = Program::new((likelihood, limits), sizes, scales.clone(), &unknowns);
+        let mut program = Program::new(posed, likelihood, scales.clone(), &unknowns);
         program.is_exact = is_exact;
         let z = program.scaled(&unknowns);
         let qp = &mut SparseQp::default();

@@ -3,6 +3,7 @@
 
 use super::likelihood::Likelihood;
 use super::limits::Limits;
+use crate::posed::Posed;
 use nalgebra::{DMatrix, DVector};
 use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, Problem, SparseProblem};
@@ -48,13 +49,16 @@ pub struct Program<'p> {
 }
 
 impl<'p> Program<'p> {
-    /// Of so many measured values, with unknowns of these magnitudes about a point.
+    /// Of a problem's likelihood, with unknowns of these magnitudes about a point.
     pub fn new(
-        (likelihood, limits): (Likelihood<'p>, Limits<'p>),
-        (shared, samples): (usize, usize),
+        posed: &'p Posed<'p>,
+        likelihood: Likelihood<'p>,
         scales: Vec<f64>,
         about: &[f64],
     ) -> Self {
+        let limits = Limits::of(posed, &likelihood);
+        let recorded = posed.told.recorded.iter().flatten().flatten();
+        let samples = recorded.filter(|y| y.is_finite()).count();
         let slopes = limits.slopes(about);
         let effect = |i: usize| {
             let effects = slopes
@@ -76,7 +80,7 @@ impl<'p> Program<'p> {
             sizes,
             weights: vec![1.0; scales.len()],
             own: likelihood.own(),
-            shared,
+            shared: posed.shared,
             is_exact: false,
             fixed: None,
             factor: 1.0 / samples.max(1) as f64,

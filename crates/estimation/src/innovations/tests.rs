@@ -1,7 +1,6 @@
 //! The program's derivatives against differences of the objective.
 
 use super::likelihood::Likelihood;
-use super::limits::Limits;
 use super::program::Program;
 use crate::{Posed, ProblemFile, part};
 use pilotage_sqp::{Hessian, Problem, SparseProblem};
@@ -74,15 +73,9 @@ fn derivatives_of_the_program_are_those_of_differences() {
     let posed = Posed::new(&file, &part::open).expect("a problem");
     let mut likelihood = Likelihood::of(&posed).expect("noise");
     likelihood.parts = 2;
-    let limits = Limits::of(&posed, &likelihood);
     // Length, q, s; then rate, damping and gain of each run.
     let unknowns = vec![-0.1, 0.03, 0.06, 0.1, 1.1, 0.5, -0.2, 0.9, 0.35];
-    let program = Program::new(
-        (likelihood, limits),
-        (posed.shared, 40),
-        vec![1.0; 9],
-        &unknowns,
-    );
+    let program = Program::new(&posed, likelihood, vec![1.0; 9], &unknowns);
     let mut gradient = vec![0.0; 9];
     program.gradient(&unknowns, &mut gradient);
     let rows = Problem::limits(&program).0.len();

@@ -166,12 +166,12 @@ impl<'p> Looped<'p> {
             wires if wires.is_empty() => openings(description),
             wires => wires,
         };
-        let is_single = wires.len() == 1;
+        let is_named = wires.len() > 1;
         let own = |wire: usize| {
             let cut = Cut::new(posed, wire)?;
             Some(Loop {
                 output: description.connections[wire].from.value.clone(),
-                is_named: !is_single,
+                is_named,
                 figures: cut.at(x, theta)?.figures(),
                 cut,
             })
