@@ -7,6 +7,7 @@ use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
 use pilotage_sdk::Interface;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::io::{Cursor, Read};
 use std::process::Command;
 
@@ -391,12 +392,20 @@ fn the_executable_exports_by_itself() {
     let folder = Folder::new();
     let name = format!("alone{}", std::env::consts::EXE_SUFFIX);
     std::fs::copy(env!("CARGO_BIN_EXE_pilotage"), folder.path(&name)).unwrap();
-    let output = Command::new(folder.path(&name))
-        .args(["export", "quadcopter", "-o", "q.fmu"])
-        .current_dir(folder.path(""))
-        .env_clear()
-        .output()
-        .unwrap();
+    let run = || {
+        Command::new(folder.path(&name))
+            .args(["export", "quadcopter", "-o", "q.fmu"])
+            .current_dir(folder.path(""))
+            .env_clear()
+            .output()
+    };
+    let mut output = run();
+    // A process that another test starts holds the copy open for writing until it is what it starts.
+    while (output.as_ref()).is_err_and(|error| error.kind() == ErrorKind::ExecutableFileBusy) {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        output = run();
+    }
+    let output = output.unwrap();
     assert!(output.status.success(), "{output:?}");
     let expected = package(
         &Model::quadcopter(&Quadcopter::default()),
