@@ -419,12 +419,13 @@ fn progress_as_json_lines() {
 #[test]
 fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
     let folder = folder(&["good"]);
+    // It ends by itself within a minute or two: a child of a killed test would fill the disk.
     let mut child = Command::new(env!("CARGO_BIN_EXE_pilotage"))
         .args([
             "cosim",
             "good.fmu",
             "--stop-time",
-            "1e7",
+            "1e4",
             "--step",
             "0.001",
             "--record",
@@ -455,7 +456,7 @@ fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
              note: stopped at {last} s; the rows until {last} s are kept\n"
         )
     );
-    assert!(last < 1e7);
+    assert!(last < 1e4);
     assert_eq!(folder.files(), ["good.fmu", "result.csv"]);
 }
 
