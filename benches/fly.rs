@@ -5,7 +5,7 @@
 use pilotage_cosim::NativeComponent;
 use pilotage_fly::craft::{Craft, Names};
 use pilotage_fly::hand::Hand;
-use pilotage_fly::joystick::{self, Axes};
+use pilotage_fly::joystick::{self, Reading};
 use pilotage_fly::protocol::Protocol;
 use pilotage_fly::run::{self, Listener, State};
 use pilotage_models::{Model, Quadcopter};
@@ -92,11 +92,8 @@ fn moved(hand: &Arc<Hand>, goes_on: &Arc<AtomicBool>) -> std::thread::JoinHandle
     assert!(made.unwrap().success());
     let mut options = std::fs::OpenOptions::new();
     let mut pipe = options.read(true).write(true).open(&path).unwrap();
-    let axes = Axes {
-        numbers: vec![0],
-        inverted: vec![false],
-    };
-    joystick::listen(&path, axes, hand.clone()).unwrap();
+    let reading = Reading::new(vec![0], vec![false]);
+    joystick::listen(&path, reading, hand.clone()).unwrap();
     let goes_on = goes_on.clone();
     std::thread::spawn(move || {
         let _folder = folder;

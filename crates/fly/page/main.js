@@ -30,7 +30,7 @@ $("subject").value = remembered("subject") ?? $("subject").value;
 const heard = {
   hello(message) {
     panel.hello(message);
-    sticks ??= new Sticks(canvas, message.vehicle.axes.length, () => panel.devices(sticks), () => { untold = true; });
+    sticks ??= new Sticks(canvas, message.vehicle.axes.length, message.joystick, () => panel.devices(sticks), () => { untold = true; });
     sticks.look();
     panel.devices(sticks);
     untold = true;
@@ -45,7 +45,10 @@ const heard = {
     sticks.rest(message.phase === "countdown");
     if (message.phase === "fly") sticks.chosen.centre();
   },
-  state(message) { track.add(message, performance.now()); },
+  state(message) {
+    track.add(message, performance.now());
+    sticks.hear(message);
+  },
   job(message) { panel.job(message); },
   can({ can }) { panel.can = can; panel.jobs(); },
   trouble({ words }) { panel.trouble(words); },

@@ -12,12 +12,14 @@ const USE = {
   keyboard: `Hold them to push the stick. ${HIDDEN}`,
   touch: "Put it down anywhere on the picture, then slide it.",
   gamepad: "Let go, and set its middle; then measure its ends. Each of its buttons starts the next run.",
+  joystick: "The program reads it itself. Let go, and set its middle; then measure its ends.",
 };
 const HINTS = {
   mouse: "Move the mouse to the middle of the window: it counts from the start.",
   keyboard: "Fingers on the arrow keys: they count from the start.",
   touch: "Put your finger on the picture: it counts from the start.",
   gamepad: "Let go of the stick until it starts.",
+  joystick: "Let go of the stick until it starts.",
 };
 
 function element(tag, text, kind = "") {
@@ -35,8 +37,8 @@ export class Panel {
     this.part = null;
   }
 
-  hello({ vehicle, protocol, can, recorded, folder, notes }) {
-    Object.assign(this, { vehicle, protocol, can, folder, recorded: recorded.slice() });
+  hello({ vehicle, protocol, can, recorded, folder, notes, joystick }) {
+    Object.assign(this, { vehicle, protocol, can, folder, recorded: recorded.slice(), joystick: joystick?.name });
     const two = vehicle.axes.length > 1;
     $("title").textContent = vehicle.name;
     $("what").textContent = `Fly the ${vehicle.name}`;
@@ -169,7 +171,7 @@ export class Panel {
   miss(name) {
     this.missing = name;
     $("missing").hidden = !name || !["welcome", "pause"].includes(this.part);
-    $("missing").textContent = name ? `Plug in ${name} and press one of its buttons, or choose another stick.` : "";
+    $("missing").textContent = name ? (name === this.joystick ? `Plug in ${name}.` : `Plug in ${name} and press one of its buttons, or choose another stick.`) : "";
     $("go").disabled = Boolean(name);
     if (name) $("pause-stick").open = true;
   }
@@ -194,7 +196,7 @@ export class Panel {
     $("use").textContent = sticks.lost ? "" : USE[type];
     $("hint").textContent = HINTS[type];
     this.miss(sticks.lost ? name : null);
-    $("calibration").hidden = type !== "gamepad" || sticks.lost;
+    $("calibration").hidden = !device.pad || sticks.lost;
     if ($("calibration").hidden) return;
     const ways = map.length > 1 ? ["Right", "Forward"] : ["Forward"];
     const count = device.pad().axes.length;

@@ -160,18 +160,42 @@ class Gamepad {
     };
   }
 
+  // In the order of the stick.
   calibration() {
-    const of = key => this.map.map(own => own[key]);
+    const of = key => this.map.map(own => own[key]).reverse();
     return { axis: of("axis"), invert: of("invert"), centre: of("centre"), range: of("range"), dead: this.dead };
   }
 
   centre() {}
 }
 
+// One that the server reads: the states tell where it is.
+class Joystick extends Gamepad {
+  constructor({ name, reading }, axes) {
+    super(name, -1, axes);
+    const { axis, invert, centre, range, dead } = reading;
+    Object.assign(this, { type: "joystick", dead, state: null });
+    this.map = axis.map((own, k) => ({ axis: own, invert: invert[k], centre: centre[k], range: range[k] })).reverse();
+  }
+
+  pad() { return this.state?.raw ? { axes: this.state.raw, buttons: [] } : null; }
+
+  // Its buttons are not read.
+  pressed() { return false; }
+}
+
 export class Sticks {
-  // `come` is called when devices come or go, `change` when another one is chosen or it is read in another way.
-  constructor(element, axes, come, change) {
+  // `come` is called when devices come or go, `change` when another one is chosen or it is read in another way; `joystick` is
+  // what the server reads, if it does.
+  constructor(element, axes, joystick, come, change) {
     Object.assign(this, { axes, come, change });
+    if (joystick) {
+      const own = new Joystick(joystick, axes);
+      this.all = [own];
+      this.chosen = own;
+      this.again(own, remembered("stick") ?? {});
+      return;
+    }
     this.all = [new Pointer(element, axes, "mouse"), new Keyboard(axes)];
     if (navigator.maxTouchPoints > 0) this.all.push(new Pointer(element, axes, "touch"));
     const usual = matchMedia("(pointer: coarse)").matches && this.all[2] ? this.all[2] : this.all[0];
@@ -181,12 +205,23 @@ export class Sticks {
 
   // The device from before a reload; a gamepad is taken for one that is not there yet.
   before() {
-    const { type, name, map, dead } = remembered("stick") ?? {};
-    if (type !== "gamepad") return this.all.find(device => device.type === type);
-    const own = new Gamepad(name, -1, this.axes);
-    if (map?.length === this.axes && map.every(one => one.range?.length === 2)) Object.assign(own, { map, dead });
+    const kept = remembered("stick") ?? {};
+    if (kept.type !== "gamepad") return this.all.find(device => device.type === kept.type);
+    const own = new Gamepad(kept.name, -1, this.axes);
+    this.again(own, kept);
     this.all.push(own);
     return own;
+  }
+
+  // It is read as it was before a reload.
+  again(own, { type, name, map, dead }) {
+    const is_same = type === own.type && name === own.name;
+    if (is_same && map?.length === this.axes && map.every(one => one.range?.length === 2)) Object.assign(own, { map, dead });
+  }
+
+  // What the server says of its joystick.
+  hear(state) {
+    if (this.chosen.type === "joystick") this.chosen.state = state;
   }
 
   choose(device) {
@@ -203,12 +238,13 @@ export class Sticks {
   }
 
   // Whether the chosen one is not there.
-  get lost() { return this.chosen.type === "gamepad" && !this.chosen.pad(); }
+  get lost() { return this.chosen.pad?.() === null; }
 
   // Gamepads come and go.
   look() {
     const known = this.all.filter(device => device.type === "gamepad");
-    for (const pad of navigator.getGamepads?.() ?? []) {
+    const pads = this.chosen.type === "joystick" ? [] : navigator.getGamepads?.() ?? [];
+    for (const pad of pads) {
       if (!pad?.connected || known.some(device => device.index === pad.index && device.name === pad.id)) continue;
       const back = known.find(device => device.name === pad.id && !device.pad());
       if (back) back.index = pad.index;

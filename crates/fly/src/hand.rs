@@ -1,6 +1,7 @@
 //! What the hand does, as it comes in, and whether a run with it counts.
 
 use crate::distribution::Distribution;
+use crate::joystick::Reading;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -98,9 +99,27 @@ struct Latest {
     shown: Vec<Shown>,
     round_trips: Vec<f64>,
     is_lost: bool,
-    /// What a joystick says that the server reads: deflections, its name, and when it last moved.
-    joystick: Option<(Vec<f64>, String, Instant)>,
-    has_joystick: bool,
+    joystick: Option<Joystick>,
+}
+
+/// What a joystick says that the server reads.
+#[derive(Debug)]
+struct Joystick {
+    name: String,
+    reading: Reading,
+    /// Its axes, while it is there, and when one last moved.
+    there: Option<(Vec<f64>, Instant)>,
+    stick: Vec<f64>,
+}
+
+impl Joystick {
+    fn read(&mut self) {
+        let let_go = vec![0.0; self.stick.len()];
+        self.stick = self
+            .there
+            .as_ref()
+            .map_or(let_go, |(raw, _)| self.reading.of(raw));
+    }
 }
 
 /// The hand: filled by the socket, or by a joystick, and read by the simulation.
@@ -146,7 +165,6 @@ impl Hand {
             round_trips: Vec::new(),
             is_lost: false,
             joystick: None,
-            has_joystick: false,
         };
         Self {
             latest: Mutex::new(latest),
@@ -167,9 +185,9 @@ impl Hand {
 
     /// What the hand holds where the page says that it holds this: a joystick that the server reads goes before it.
     pub fn holds(&self, page: Device) -> Device {
-        match self.latest().has_joystick {
-            true => Device::Joystick,
-            false => page,
+        match self.latest().joystick {
+            Some(_) => Device::Joystick,
+            None => page,
         }
     }
 
@@ -192,15 +210,13 @@ impl Hand {
             .collect();
         let mut latest = self.latest();
         latest.arrived = Instant::now();
-        if latest.has_joystick {
-            (input.device, input.stick) = match &latest.joystick {
-                Some((stick, ..)) => (Device::Joystick, stick.clone()),
-                None => (Device::None, vec![0.0; self.axes]),
+        if let Some(joystick) = &latest.joystick {
+            input.stick.clone_from(&joystick.stick);
+            input.name.clone_from(&joystick.name);
+            input.device = match joystick.there {
+                Some(_) => Device::Joystick,
+                None => Device::None,
             };
-            input.name = latest
-                .joystick
-                .as_ref()
-                .map_or_else(String::new, |own| own.1.clone());
         }
         if let Some(begun) = latest.begun {
             let time = latest.arrived.duration_since(begun).as_secs_f64();
@@ -213,16 +229,55 @@ impl Hand {
         true
     }
 
-    /// Takes the deflections of a joystick, and its name: from now on in place of the page's.
-    pub fn replace(&self, stick: &[f64], name: &str) {
-        let mut latest = self.latest();
-        latest.has_joystick = true;
-        latest.joystick = Some((stick.to_vec(), name.to_owned(), Instant::now()));
+    /// A joystick, by its name, is the stick from now on, in place of the page's.
+    pub fn hold(&self, name: &str, reading: Reading) {
+        self.latest().joystick = Some(Joystick {
+            name: name.to_owned(),
+            reading,
+            there: None,
+            stick: vec![0.0; self.axes],
+        });
+    }
+
+    /// Where the joystick's axes are, each from -1 to 1, and since when.
+    pub fn moved(&self, raw: &[f64], at: Instant) {
+        if let Some(joystick) = &mut self.latest().joystick {
+            joystick.there = Some((raw.to_vec(), at));
+            joystick.read();
+        }
     }
 
     /// The joystick is gone: the stick is let go.
     pub fn lose_joystick(&self) {
-        self.latest().joystick = None;
+        if let Some(joystick) = &mut self.latest().joystick {
+            joystick.there = None;
+            joystick.read();
+        }
+    }
+
+    /// Takes another way to read the joystick, unless it is none; gives the one that holds. None without a joystick.
+    pub fn calibrate(&self, reading: Option<Reading>) -> Option<Reading> {
+        let mut latest = self.latest();
+        let joystick = latest.joystick.as_mut()?;
+        if let Some(reading) = reading.filter(|reading| reading.is_of(self.axes)) {
+            joystick.reading = reading;
+            joystick.read();
+        }
+        Some(joystick.reading.clone())
+    }
+
+    /// Name of the joystick that the server reads, and how.
+    pub fn joystick(&self) -> Option<(String, Reading)> {
+        let latest = self.latest();
+        let joystick = latest.joystick.as_ref()?;
+        Some((joystick.name.clone(), joystick.reading.clone()))
+    }
+
+    /// Where its axes are; none while it is not there.
+    pub fn raw(&self) -> Option<Vec<f64>> {
+        let latest = self.latest();
+        let (raw, _) = latest.joystick.as_ref()?.there.as_ref()?;
+        Some(raw.clone())
     }
 
     /// A state that had seen the input of page time `at` \[ms\] was drawn at page time `drawn`.
@@ -261,7 +316,10 @@ impl Hand {
     pub fn read(&self, stick: &mut [f64]) -> (u64, f64, Instant) {
         let latest = self.latest();
         let (held, arrived) = match &latest.joystick {
-            Some((held, _, moved)) => (held, *moved),
+            Some(own) => (
+                &own.stick,
+                own.there.as_ref().map_or(latest.arrived, |own| own.1),
+            ),
             None => (&latest.input.stick, latest.arrived),
         };
         stick.copy_from_slice(held);

@@ -1,79 +1,378 @@
-//! A joystick that the server reads itself, by Linux's joystick interface: events of eight bytes, the time \[ms\], the
-//! value from -32767 to 32767, the kind and the number of the axis (kernel documentation, `input/joydev/joystick-api`).
+//! A joystick that the server reads itself: an event device of Linux (kernel documentation, `input/event-codes`), or else its
+//! joystick interface, whose events have eight bytes: the time \[ms\], the value from -32767 to 32767, the kind and the
+//! number of the axis (`input/joydev/joystick-api`). The event device goes first, since the joystick interface leaves out
+//! what is near the middle, unless somebody has told it not to.
 
 use crate::hand::Hand;
+use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Kind of an event of an axis; with 0x80 it tells where the axis is at the begin.
 const AXIS: u8 = 2;
 const BEGIN: u8 = 0x80;
-/// Full deflection.
+/// Full deflection of the joystick interface.
 const FULL: f64 = 32_767.0;
+/// Between two looks for a device that was pulled out.
+const AGAIN: Duration = Duration::from_millis(500);
+/// Older stamps of an event are another clock's.
+const OLDEST: Duration = Duration::from_millis(100);
 
-/// Which axes of the device are those of the hand.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Axes {
-    /// Numbers of the device's axes, from 0.
-    pub numbers: Vec<u8>,
-    /// Whether each is turned round.
-    pub inverted: Vec<bool>,
+/// How deflections come of a device's axes, of which each goes from -1 to 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// For each axis of the hand the number of the device's, from 0.
+    pub axis: Vec<usize>,
+    /// Whether it is turned round.
+    pub invert: Vec<bool>,
+    /// Where it rests.
+    pub centre: Vec<f64>,
+    /// How far it is from there to its lower and to its upper end.
+    pub range: Vec<[f64; 2]>,
+    /// The part of the deflection that is taken for none.
+    pub dead: f64,
 }
 
-/// Reads a device in a separate thread from now on.
+impl Reading {
+    /// Of axes as the device says them.
+    pub fn new(axis: Vec<usize>, invert: Vec<bool>) -> Self {
+        let (centre, range) = (vec![0.0; axis.len()], vec![[1.0; 2]; axis.len()]);
+        Self {
+            axis,
+            invert,
+            centre,
+            range,
+            dead: 0.0,
+        }
+    }
+
+    /// Whether it is one of so many axes.
+    pub fn is_of(&self, axes: usize) -> bool {
+        let lengths = [
+            self.axis.len(),
+            self.invert.len(),
+            self.centre.len(),
+            self.range.len(),
+        ];
+        let is_way = |way: &f64| way.is_finite() && *way > 0.0;
+        lengths == [axes; 4]
+            && self.centre.iter().all(|centre| centre.is_finite())
+            && self.range.iter().flatten().all(is_way)
+            && (0.0..=0.5).contains(&self.dead)
+    }
+
+    /// Deflections of the hand, -1 to 1. An axis that the device has not told yet is at rest.
+    pub fn of(&self, raw: &[f64]) -> Vec<f64> {
+        let all = self.axis.iter().enumerate();
+        all.map(|(k, axis)| {
+            let off = raw.get(*axis).map_or(0.0, |value| value - self.centre[k]);
+            let value = off / self.range[k][usize::from(off >= 0.0)];
+            let beyond = (value.abs() - self.dead).max(0.0) / (1.0 - self.dead);
+            let sign = if self.invert[k] { -1.0 } else { 1.0 };
+            (sign * beyond.copysign(value)).clamp(-1.0, 1.0)
+        })
+        .collect()
+    }
+}
+
+/// Reads a device in a separate thread from now on, and again when it was pulled out and comes back. Gives the name of the
+/// device, and what there is to know of it.
 ///
 /// # Errors
-/// When it cannot be opened, or is another device.
-pub fn listen(path: &Path, axes: Axes, hand: Arc<Hand>) -> io::Result<()> {
-    let mut device = File::open(path)?;
-    if is_other(&device)? {
-        return Err(io::Error::other("it is another device, and no joystick"));
+/// When it cannot be opened, is another device, or has not these axes.
+pub fn listen(
+    path: &Path,
+    reading: Reading,
+    hand: Arc<Hand>,
+) -> io::Result<(String, Option<String>)> {
+    let device = Device::open(path)?;
+    let known = device.axes();
+    let most = reading.axis.iter().copied().max().unwrap_or(0);
+    if known.as_ref().is_some_and(|known| most >= known.len()) {
+        let known = known.unwrap_or_default();
+        let all = known
+            .iter()
+            .enumerate()
+            .map(|(k, name)| format!("{k} {name}"));
+        let all: Vec<String> = all.collect();
+        let message = format!("it has no axis {most}, but {}", all.join(", "));
+        return Err(io::Error::other(message));
     }
-    let name = path.display().to_string();
-    let mut stick = vec![0.0; axes.numbers.len()];
-    hand.replace(&stick, &name);
-    std::thread::spawn(move || {
-        let mut event = [0; 8];
-        while device.read_exact(&mut event).is_ok() {
-            if let Some((axis, value)) = deflection(event)
-                && let Some(k) = axes.numbers.iter().position(|number| *number == axis)
-            {
-                stick[k] = if axes.inverted[k] { -value } else { value };
-                hand.replace(&stick, &name);
-            }
-        }
-        // It was pulled out.
-        hand.lose_joystick();
+    let name = device.name(path);
+    let note = known.is_none().then(|| {
+        "read by Linux's joystick interface, which takes small deflections for none: its event device, if it can be read \
+         (ls -l /dev/input/by-id/*-event-joystick), does not"
+            .to_owned()
     });
-    Ok(())
+    hand.hold(&name, reading);
+    let told = name.clone();
+    let path = path.to_owned();
+    std::thread::spawn(move || {
+        let mut device = Ok(device);
+        loop {
+            if let Ok(device) = &mut device {
+                // Until it is pulled out.
+                let _ = device.hand_on(&hand);
+                hand.lose_joystick();
+            }
+            std::thread::sleep(AGAIN);
+            // Another one at the same place is not taken for it.
+            device = Device::open(&path).and_then(|device| match device.name(&path) == name {
+                true => Ok(device),
+                false => Err(io::ErrorKind::NotFound.into()),
+            });
+        }
+    });
+    Ok((told, note))
 }
 
-/// Whether a device is none of input, which have the major number 13 (kernel documentation, `admin-guide/devices`).
+/// What events come from.
+enum Device {
+    #[cfg(target_os = "linux")]
+    Events(event::Device),
+    Joydev(File),
+}
+
+impl Device {
+    fn open(path: &Path) -> io::Result<Self> {
+        if is_other(path)? {
+            return Err(io::Error::other("it is another device, and no joystick"));
+        }
+        #[cfg(target_os = "linux")]
+        if let Some(device) = event::Device::of(path)? {
+            return Ok(Self::Events(device));
+        }
+        File::open(path).map(Self::Joydev)
+    }
+
+    fn name(&self, path: &Path) -> String {
+        match self {
+            #[cfg(target_os = "linux")]
+            Self::Events(device) => device.name.clone(),
+            Self::Joydev(_) => path.display().to_string(),
+        }
+    }
+
+    /// Names of its axes, where it tells them.
+    fn axes(&self) -> Option<Vec<String>> {
+        match self {
+            #[cfg(target_os = "linux")]
+            Self::Events(device) => Some(device.axes()),
+            Self::Joydev(_) => None,
+        }
+    }
+
+    /// Where its axes are, as they move.
+    fn hand_on(&mut self, hand: &Hand) -> io::Result<()> {
+        match self {
+            #[cfg(target_os = "linux")]
+            Self::Events(device) => device.hand_on(hand),
+            Self::Joydev(file) => {
+                let mut raw = Vec::new();
+                hand.moved(&raw, Instant::now());
+                let mut event = [0; 8];
+                loop {
+                    file.read_exact(&mut event)?;
+                    if let Some((axis, value)) = deflection(event) {
+                        raw.resize(raw.len().max(axis + 1), 0.0);
+                        raw[axis] = value;
+                        hand.moved(&raw, Instant::now());
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether a file is none of input, whose devices have the major number 13 (kernel documentation, `admin-guide/devices`),
+/// and no pipe in the place of one.
 #[cfg(unix)]
-fn is_other(device: &File) -> io::Result<bool> {
+fn is_other(path: &Path) -> io::Result<bool> {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
-    let told = device.metadata()?;
-    let major = (told.rdev() >> 8) & 0xfff;
-    Ok(told.is_file() || told.is_dir() || (told.file_type().is_char_device() && major != 13))
+    let told = std::fs::metadata(path)?;
+    let is_input = told.file_type().is_char_device() && (told.rdev() >> 8) & 0xfff == 13;
+    Ok(!is_input && !told.file_type().is_fifo())
 }
 
 #[cfg(not(unix))]
-fn is_other(_: &File) -> io::Result<bool> {
+fn is_other(_: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Number and deflection of an axis, where an event is of one.
-fn deflection(event: [u8; 8]) -> Option<(u8, f64)> {
+/// Number and deflection of an axis, where an event of the joystick interface is of one.
+fn deflection(event: [u8; 8]) -> Option<(usize, f64)> {
     let [_, _, _, _, low, high, kind, number] = event;
     let value = f64::from(i16::from_ne_bytes([low, high])) / FULL;
-    (kind & !BEGIN == AXIS).then(|| (number, value.clamp(-1.0, 1.0)))
+    (kind & !BEGIN == AXIS).then(|| (usize::from(number), value.clamp(-1.0, 1.0)))
+}
+
+#[cfg(target_os = "linux")]
+mod event {
+    use super::OLDEST;
+    use crate::hand::Hand;
+    use evdev::{AbsInfo, AbsoluteAxisCode, EventSummary, InputEvent};
+    use std::io;
+    use std::os::unix::fs::FileTypeExt;
+    use std::path::{Path, PathBuf};
+    use std::time::{Instant, SystemTime};
+
+    /// An axis: from the value of its lower to that of its upper end.
+    struct Axis {
+        code: AbsoluteAxisCode,
+        ends: [i32; 2],
+        value: f64,
+    }
+
+    impl Axis {
+        fn new(code: AbsoluteAxisCode, info: AbsInfo) -> Self {
+            let ends = [info.minimum(), info.maximum()];
+            let mut own = Self {
+                code,
+                ends,
+                value: 0.0,
+            };
+            own.take(info.value());
+            own
+        }
+
+        fn take(&mut self, value: i32) {
+            let [low, high] = self.ends.map(f64::from);
+            let part = (f64::from(value) - low) / (high - low);
+            self.value = match part.is_finite() {
+                true => (2.0 * part - 1.0).clamp(-1.0, 1.0),
+                false => 0.0,
+            };
+        }
+    }
+
+    pub struct Device {
+        device: evdev::Device,
+        pub name: String,
+        axes: Vec<Axis>,
+    }
+
+    impl Device {
+        /// The event device of a path, or beside the `js` device of one; none where there is none that can be read.
+        pub fn of(path: &Path) -> io::Result<Option<Self>> {
+            if std::fs::metadata(path)?.file_type().is_fifo() {
+                return Ok(None);
+            }
+            let real = std::fs::canonicalize(path)?;
+            let file = real.file_name().unwrap_or_default().to_string_lossy();
+            match file.starts_with("js") {
+                true => Ok(beside(&file).and_then(|beside| Self::open(&beside).ok())),
+                false => Self::open(&real).map(Some),
+            }
+        }
+
+        fn open(path: &Path) -> io::Result<Self> {
+            let device = evdev::Device::open(path)?;
+            let axes: Vec<Axis> = device
+                .get_absinfo()?
+                .map(|(code, info)| Axis::new(code, info))
+                .collect();
+            if axes.is_empty() {
+                return Err(io::Error::other("it has no axes; it is no joystick"));
+            }
+            let name = device.name().map(str::trim).filter(|name| !name.is_empty());
+            let name = name.map_or_else(|| path.display().to_string(), str::to_owned);
+            Ok(Self { device, name, axes })
+        }
+
+        pub fn axes(&self) -> Vec<String> {
+            let names = self.axes.iter().map(|axis| format!("{:?}", axis.code));
+            names.collect()
+        }
+
+        pub fn hand_on(&mut self, hand: &Hand) -> io::Result<()> {
+            let Self { device, axes, .. } = self;
+            hand.moved(&values(axes), Instant::now());
+            loop {
+                // What was lost, since nobody read in time, is made good by the state.
+                let events: Vec<InputEvent> = device.fetch_events()?.collect();
+                let mut last = None;
+                for event in events {
+                    if let EventSummary::AbsoluteAxis(_, code, value) = event.destructure()
+                        && let Some(axis) = axes.iter_mut().find(|axis| axis.code == code)
+                    {
+                        axis.take(value);
+                        last = Some(event.timestamp());
+                    }
+                }
+                if let Some(last) = last {
+                    hand.moved(&values(axes), instant(last));
+                }
+            }
+        }
+    }
+
+    fn values(axes: &[Axis]) -> Vec<f64> {
+        axes.iter().map(|axis| axis.value).collect()
+    }
+
+    /// The event device of the same joystick.
+    fn beside(name: &str) -> Option<PathBuf> {
+        let folder = Path::new("/sys/class/input").join(name).join("device");
+        let entries = std::fs::read_dir(folder).ok()?;
+        let mut names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        let name = names.find(|name| name.starts_with("event"))?;
+        Some(Path::new("/dev/input").join(name))
+    }
+
+    /// When the kernel had the event, by the clock of the simulation.
+    fn instant(stamp: SystemTime) -> Instant {
+        let now = Instant::now();
+        let age = stamp.elapsed().ok().filter(|age| *age < OLDEST);
+        age.and_then(|age| now.checked_sub(age)).unwrap_or(now)
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        /// Ends as the kernel tells them, which need not lie about zero.
+        #[test]
+        fn an_axis_goes_from_end_to_end() {
+            let code = AbsoluteAxisCode::ABS_X;
+            let at =
+                |value, low, high| Axis::new(code, AbsInfo::new(value, low, high, 0, 15, 0)).value;
+            assert_eq!(at(0, 0, 255), -1.0);
+            assert_eq!(at(255, 0, 255), 1.0);
+            assert!((at(128, 0, 255) - 1.0 / 255.0).abs() < 1e-12);
+            assert_eq!(at(0, -32768, 32767).signum(), 1.0);
+            // Beyond an end, and without ends.
+            assert_eq!(at(300, 0, 255), 1.0);
+            assert_eq!(at(7, 7, 7), 0.0);
+            // The whole range of a number.
+            assert_eq!(at(i32::MIN, i32::MIN, i32::MAX), -1.0);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reading_knows_centre_ends_and_dead_zone() {
+        let mut reading = Reading::new(vec![1, 0], vec![true, false]);
+        assert_eq!(reading.of(&[0.25, 0.5]), [-0.5, 0.25]);
+        // An axis that is not there.
+        assert_eq!(reading.of(&[0.25]), [0.0, 0.25]);
+        reading.centre = vec![0.1, 0.0];
+        reading.range = vec![[1.1, 0.9], [0.5, 0.25]];
+        assert_eq!(reading.of(&[0.25, 0.1]), [0.0, 1.0]);
+        assert_eq!(reading.of(&[-0.25, 1.0]), [-1.0, -0.5]);
+        reading.dead = 0.2;
+        assert!((reading.of(&[-0.25, 0.1])[1] + 0.375).abs() < 1e-12);
+        assert_eq!(reading.of(&[-0.1, 0.1])[1], 0.0);
+        assert!(reading.is_of(2) && !reading.is_of(1));
+        reading.range[0] = [0.0, 1.0];
+        assert!(!reading.is_of(2));
+    }
 
     #[cfg(unix)]
     #[test]
@@ -87,31 +386,57 @@ mod tests {
             .unwrap();
         assert!(made.success());
         // Open for reading too, so that opening does not wait for the other end.
-        let mut pipe = std::fs::OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&path)
-            .unwrap();
-        let hand = Arc::new(Hand::new(1));
-        let axes = Axes {
-            numbers: vec![3],
-            inverted: vec![true],
+        let open = || {
+            let mut options = std::fs::OpenOptions::new();
+            options.read(true).write(true).open(&path).unwrap()
         };
-        listen(&path, axes, hand.clone()).unwrap();
+        let mut pipe = open();
+        let hand = Arc::new(Hand::new(1));
+        let reading = Reading::new(vec![3], vec![true]);
+        let (name, note) = listen(&path, reading, hand.clone()).unwrap();
+        assert_eq!(name, path.display().to_string());
+        assert!(
+            note.unwrap()
+                .starts_with("read by Linux's joystick interface")
+        );
         let event = |value: i16, kind: u8, number: u8| {
             let [low, high] = value.to_ne_bytes();
             [1, 0, 0, 0, low, high, kind, number]
         };
+        let stick = |wanted: f64| {
+            let mut stick = [f64::NAN];
+            for _ in 0..500 {
+                hand.read(&mut stick);
+                if (stick[0] - wanted).abs() < 1e-4 {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            assert!((stick[0] - wanted).abs() < 1e-4, "{stick:?} for {wanted}");
+        };
         let all = [event(32_767, 2, 0), event(1, 1, 3), event(-16_384, 0x82, 3)];
         pipe.write_all(&all.concat()).unwrap();
-        let mut stick = [0.0];
-        for _ in 0..500 {
-            hand.read(&mut stick);
-            if stick[0] != 0.0 {
-                break;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(10));
-        }
-        assert!((stick[0] - 0.5).abs() < 1e-4, "{stick:?}");
+        stick(0.5);
+        // Pulled out, the stick is let go; it comes back.
+        drop(pipe);
+        stick(0.0);
+        let mut pipe = open();
+        pipe.write_all(&event(32_767, 2, 3)).unwrap();
+        stick(-1.0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_device_of_input_is_refused() {
+        let hand = || Arc::new(Hand::new(1));
+        let refused = |path: &Path| {
+            let reading = Reading::new(vec![0], vec![false]);
+            listen(path, reading, hand()).unwrap_err().to_string()
+        };
+        let other = "it is another device, and no joystick";
+        assert_eq!(refused(Path::new("/dev/null")), other);
+        assert_eq!(refused(Path::new("/")), other);
+        assert_eq!(refused(Path::new("Cargo.toml")), other);
+        assert!(refused(Path::new("/dev/input/none")).starts_with("No such file"));
     }
 }

@@ -1,6 +1,7 @@
 //! What page and server say to each other: text frames of the socket, each one JSON object.
 
 use crate::hand::{Device, Input};
+use crate::joystick::Reading;
 use crate::task::Display;
 use serde::{Deserialize, Serialize};
 
@@ -143,6 +144,18 @@ pub struct Hello {
     pub notes: Vec<String>,
     /// What can be asked for now.
     pub can: Vec<JobKind>,
+    /// The stick, where the server reads it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joystick: Option<JoystickMessage>,
+}
+
+/// A joystick that the server reads.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JoystickMessage {
+    /// Its name.
+    pub name: String,
+    /// How it is read, until the page says another way.
+    pub reading: Reading,
 }
 
 /// The vehicle.
@@ -296,6 +309,9 @@ pub struct StateMessage {
     pub target: Vec<f64>,
     /// The hand, -1 to 1.
     pub stick: Vec<f64>,
+    /// Axes of the joystick that the server reads, while it is there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub raw: Option<Vec<f64>>,
     /// Number of the last input frame that was seen.
     pub n: u64,
     /// Its page time \[ms\].

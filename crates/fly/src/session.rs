@@ -4,8 +4,8 @@ use crate::beside::Beside;
 use crate::craft::Craft;
 use crate::hand::{Device, Hand, Heard};
 use crate::message::{
-    About, AxisMessage, FromPage, Hello, JobKind, Phase, PhaseKind, ProtocolMessage, Recorded,
-    ResultMessage, StateMessage, TaskMessage, ToPage, VehicleMessage,
+    About, AxisMessage, FromPage, Hello, JobKind, JoystickMessage, Phase, PhaseKind,
+    ProtocolMessage, Recorded, ResultMessage, StateMessage, TaskMessage, ToPage, VehicleMessage,
 };
 use crate::protocol::Protocol;
 use crate::record::{self, Growing, Header, LOGS};
@@ -179,7 +179,7 @@ impl Session {
         commands: Receiver<Command>,
         works: Box<dyn Works>,
     ) -> (Self, Arc<Board>) {
-        let hello = hello(&craft, &protocol, &place);
+        let hello = hello(&craft, &protocol, &place, &hand);
         let welcome = Phase {
             phase: PhaseKind::Welcome,
             task: 0,
@@ -340,7 +340,10 @@ impl Session {
                 .take(200)
                 .collect()
         };
-        self.calibration = short(&calibration.to_string());
+        let read = serde_json::from_value(calibration.clone()).ok();
+        let held = self.hand.calibrate(read);
+        let held = held.and_then(|held| serde_json::to_value(held).ok());
+        self.calibration = short(&held.as_ref().unwrap_or(calibration).to_string());
         self.about = About {
             browser: short(&about.browser),
             screen: short(&about.screen),
@@ -420,6 +423,7 @@ impl Session {
                 .map(|(origin, target)| origin + target)
                 .collect(),
             stick: input.stick,
+            raw: self.hand.raw(),
             n: input.n,
             at: input.t,
             beside: Vec::new(),
@@ -491,6 +495,7 @@ impl Session {
         let mut watch = Watch {
             board: &self.board,
             commands: &self.commands,
+            hand: &self.hand,
             growing: &growing,
             log: &log,
             quit: false,
@@ -727,6 +732,7 @@ impl Session {
 struct Watch<'w> {
     board: &'w Board,
     commands: &'w Receiver<Command>,
+    hand: &'w Hand,
     growing: &'w Growing,
     log: &'w Growing,
     quit: bool,
@@ -742,6 +748,7 @@ impl Listener for Watch<'_> {
             tilt: state.tilts,
             target: state.targets,
             stick: state.hand,
+            raw: self.hand.raw(),
             n,
             at,
             beside: state.beside,
@@ -774,7 +781,7 @@ fn three(value: f64) -> String {
     format!("{value:.*}", digits as usize)
 }
 
-fn hello(craft: &Craft, protocol: &Protocol, place: &Place) -> Hello {
+fn hello(craft: &Craft, protocol: &Protocol, place: &Place, hand: &Hand) -> Hello {
     let axes = craft.sticks.iter().zip(&craft.positions);
     let tasks: Vec<TaskMessage> = protocol.tasks.iter().map(task_message).collect();
     let reach = tasks.iter().map(|task| task.reach).fold(0.0, f64::max);
@@ -802,6 +809,9 @@ fn hello(craft: &Craft, protocol: &Protocol, place: &Place) -> Hello {
         folder: place.folder.display().to_string(),
         notes: place.notes.clone(),
         can: Vec::new(),
+        joystick: hand
+            .joystick()
+            .map(|(name, reading)| JoystickMessage { name, reading }),
     }
 }
 

@@ -5,6 +5,7 @@ use pilotage_cosim::component::ComponentError;
 use pilotage_cosim::{Component, NativeComponent};
 use pilotage_fly::craft::{Craft, Names};
 use pilotage_fly::hand::Hand;
+use pilotage_fly::joystick::Reading;
 use pilotage_fly::message::JobKind;
 use pilotage_fly::protocol::Protocol;
 use pilotage_fly::server::{self, Server};
@@ -14,7 +15,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::{TcpListener, TcpStream};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message};
@@ -38,6 +39,10 @@ const PROTOCOL: &str = "[training]\nleast = 0\nmost = 0\n[[task]]\nkind = \"step
 
 /// A quadcopter's session of two short runs; its address without the scheme, and the token.
 async fn session(folder: &Path) -> (String, String) {
+    session_of(folder, Arc::new(Hand::new(1))).await
+}
+
+async fn session_of(folder: &Path, hand: Arc<Hand>) -> (String, String) {
     let make = || {
         Ok(Box::new(NativeComponent::new(Model::quadcopter(
             &Quadcopter::default(),
@@ -51,7 +56,6 @@ async fn session(folder: &Path) -> (String, String) {
     )
     .unwrap();
     let protocol = Protocol::parse(PROTOCOL, "p.toml", craft.shape()).unwrap();
-    let hand = Arc::new(Hand::new(1));
     let (sender, commands) = channel();
     let place = Place {
         folder: folder.to_owned(),
@@ -134,7 +138,7 @@ async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
     let (mut n, mut state) = (0, json!({ "x": [0.0], "target": [0.0], "t": 0.0 }));
     let mut rate = 0.0;
     let mut ticks = tokio::time::interval(Duration::from_millis(16));
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     while results.len() < runs {
         tokio::select! {
             message = hear(socket) => {
@@ -277,6 +281,60 @@ async fn a_stick_that_was_not_chosen_costs_the_run() {
     );
     assert_eq!(results[0]["valid"], false);
     assert!(results[0]["best"].is_null(), "{results:?}");
+}
+
+/// A joystick that the server reads goes before what the page says: the page shows it, and calibrates it.
+#[tokio::test]
+async fn the_page_calibrates_a_joystick_of_the_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let hand = Arc::new(Hand::new(1));
+    hand.hold("a stick", Reading::new(vec![1], vec![true]));
+    hand.moved(&[0.7, 0.02], Instant::now());
+    let (address, token) = session_of(folder.path(), hand.clone()).await;
+    let mut socket = open(&address, &token).await;
+    let hello = until(&mut socket, "hello", |_| true).await;
+    let reading = json!({ "axis": [1], "invert": [true], "centre": [0.0], "range": [[1.0, 1.0]], "dead": 0.0 });
+    assert_eq!(
+        hello["joystick"],
+        json!({ "name": "a stick", "reading": reading })
+    );
+    let state = until(&mut socket, "state", |_| true).await;
+    assert_eq!(state["raw"], json!([0.7, 0.02]));
+    let mut begin = begin();
+    begin["calibration"] = reading;
+    begin["calibration"]["centre"] = json!([0.02]);
+    begin["calibration"]["range"] = json!([[0.5, 0.5]]);
+    say(&mut socket, begin.clone()).await;
+    until(&mut socket, "phase", |phase| phase["phase"] == "ready").await;
+    say(&mut socket, json!({ "type": "go" })).await;
+    let mut stick = [f64::NAN];
+    hand.read(&mut stick);
+    assert_eq!(stick, [0.0]);
+    hand.moved(&[0.7, 0.27], Instant::now());
+    hand.read(&mut stick);
+    assert_eq!(stick, [-0.5]);
+    // What is no calibration changes nothing.
+    begin["calibration"]["range"] = json!([[0.0, 0.5]]);
+    say(&mut socket, begin.clone()).await;
+    begin["calibration"] = Value::Null;
+    say(&mut socket, begin).await;
+    hand.moved(&[0.7, 0.02], Instant::now());
+    let results = fly(&mut socket, 1).await;
+    let file = folder.path().join(results[0]["file"].as_str().unwrap());
+    let text = std::fs::read_to_string(file).unwrap();
+    assert!(text.contains("\n# device: joystick (a stick)\n"), "{text}");
+    let calibration =
+        r#"{"axis":[1],"centre":[0.02],"dead":0.0,"invert":[true],"range":[[0.5,0.5]]}"#;
+    assert!(
+        text.contains(&format!("\n# calibration: {calibration}\n")),
+        "{text}"
+    );
+    // The page's own stick went nowhere.
+    let last = text.lines().last().unwrap();
+    assert_eq!(last.split(',').nth(3), Some("0"), "{last}");
+    hand.lose_joystick();
+    let state = until(&mut socket, "state", |state| state["raw"].is_null()).await;
+    assert_eq!(state["stick"], json!([0.0]));
 }
 
 /// Wrong tokens, hosts and origins are refused; what is no message ends the connection, and harms no one.

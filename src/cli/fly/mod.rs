@@ -12,7 +12,7 @@ use clap::builder::NonEmptyStringValueParser;
 use pilotage_fly::craft::{Craft, Maker, Names};
 use pilotage_fly::flightgear::{self, Runway, Version};
 use pilotage_fly::hand::Hand;
-use pilotage_fly::joystick::{self, Axes};
+use pilotage_fly::joystick::{self, Reading};
 use pilotage_fly::protocol::Protocol;
 use pilotage_fly::record;
 use pilotage_fly::server::{self, Server};
@@ -35,7 +35,7 @@ Examples:
   pilotage fly my_aircraft.fmu --isolate --input elevator --measure altitude
 
   # Another protocol, another folder, a joystick that this program reads itself.
-  pilotage fly --protocol steps.toml -o day1 --stick /dev/input/js0
+  pilotage fly --protocol steps.toml -o day1 --stick /dev/input/event5
 
 The page opens in the browser; it is served to this computer alone, and needs no network. Flights that
 count go to FOLDER/CODE-TASK-N.csv, which `pilotage fit` takes; what does not count, training and the logs of
@@ -64,7 +64,7 @@ pub struct Args {
     /// Run an FMU in a separate process.
     #[arg(long)]
     isolate: bool,
-    /// A joystick that this program reads itself, by Linux's joystick interface, in place of the page's devices.
+    /// A joystick that this program reads itself, in place of the page's devices: an event device of Linux, or js0.
     #[arg(long, value_name = "DEVICE")]
     stick: Option<PathBuf>,
     /// Numbers of the joystick's axes, from 0; a minus turns one round: 0,-1 [default: 0, of two axes -1,0: forward, right].
@@ -288,8 +288,11 @@ impl Args {
             [] => usual.to_vec(),
             said => said.iter().map(String::as_str).collect(),
         };
-        let number = |word: &&str| word.trim_start_matches('-').parse::<u8>().ok();
-        let numbers: Option<Vec<u8>> = said.iter().map(number).collect();
+        let number = |word: &&str| word.strip_prefix('-').unwrap_or(word).parse::<u8>().ok();
+        let numbers: Option<Vec<usize>> = said
+            .iter()
+            .map(|word| number(word).map(usize::from))
+            .collect();
         let numbers = numbers.filter(|numbers| numbers.len() == axes);
         let numbers = numbers.ok_or_else(|| {
             let message = format!(
@@ -299,10 +302,20 @@ impl Args {
             Failure::new(message).hint("numbers from 0, with commas between them")
         })?;
         let inverted = said.iter().map(|word| word.starts_with('-')).collect();
-        joystick::listen(path, Axes { numbers, inverted }, hand.clone()).map_err(|error| {
-            let failure = Failure::new(format!("cannot read the joystick {}: {error}", path.display()));
-            failure.hint("ls /dev/input/js* shows what is there; the page reads a gamepad without this option")
-        })
+        let listened = joystick::listen(path, Reading::new(numbers, inverted), hand.clone());
+        let (_, note) = listened.map_err(|error| {
+            let message = format!("cannot read the joystick {}: {error}", path.display());
+            Failure::new(message).hint(match error.kind() {
+                std::io::ErrorKind::PermissionDenied => {
+                    "members of the group `input` may: sudo usermod -aG input $USER, and log in again"
+                }
+                _ => {
+                    "ls -l /dev/input/by-id/*-event-joystick shows what is there; the page reads a gamepad without this option"
+                }
+            })
+        })?;
+        note.iter().for_each(|note| terminal::note(note));
+        Ok(())
     }
 
     /// What sends to FlightGear.
