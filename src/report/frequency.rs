@@ -98,6 +98,25 @@ pub fn loop_figure(
     )
 }
 
+/// A path through the pilot from an input to an output, about this frequency \[rad/s\].
+pub fn path_figure(
+    name: &str,
+    [input, output]: &[String; 2],
+    of: Curve<'_>,
+    theta: &[f64],
+    sure: Option<&Spread>,
+    middle: f64,
+) -> Figure {
+    let bode = Bode {
+        of,
+        theta,
+        sure,
+        middle,
+    };
+    let title = format!("Pilot, {input} to {output}: Bode plot");
+    bode.figure(name, &title, "Linear where the first run ends.", false)
+}
+
 /// The same of pilot and open loop as they depend on θ, about their crossover, or `middle` [rad/s] where they have none.
 pub fn response_figures(
     [pilot, open_loop]: [Curve<'_>; 2],
@@ -126,7 +145,7 @@ pub fn response_figures(
 }
 
 /// The first frequency at which the gain of a loop is 1 [rad/s].
-fn crossover(of: Curve<'_>, theta: &[f64]) -> Option<f64> {
+pub fn crossover(of: Curve<'_>, theta: &[f64]) -> Option<f64> {
     let evaluate = |omega: f64| of(theta, omega);
     let response = Response::of(evaluate, &[], None);
     let margins = Margins::of(&response, evaluate);

@@ -64,6 +64,7 @@ pub use problem::file::{self, ProblemFile};
 pub use problem::read::OWN_KEYS;
 pub use result::diagnostic::Diagnostic;
 pub use result::loops::OpenLoops;
+pub use result::paths::PilotPaths;
 pub use result::{Fit, beforehand, describing, left_over, uncertainty};
 pub use search::starts;
 pub use studies::{comparison, folds, orders, per_run, refits, validation};

@@ -1,6 +1,7 @@
 //! What follows from parameters, with intervals that have a formula.
 
-use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use nalgebra::Complex;
+use pilotage_estimation::{Fit, PilotPaths, Posed, ProblemFile, fit, part};
 use pilotage_inference::{Interval, quantile};
 use std::fmt::Write;
 use std::ops::ControlFlow;
@@ -19,6 +20,17 @@ fn recorded(j: usize, k: usize, x: f64) -> f64 {
 
 /// The fit of a problem with files beside it, and with runs that follow `x`.
 fn fitted(files: &[(&str, &str)], problem: &str, runs: usize, x: impl Fn(f64) -> f64) -> Fit {
+    looked_at(files, problem, runs, x, |_, fit| fit)
+}
+
+/// The same, with the problem itself.
+fn looked_at<T>(
+    files: &[(&str, &str)],
+    problem: &str,
+    runs: usize,
+    x: impl Fn(f64) -> f64,
+    look: impl FnOnce(&Posed<'_>, Fit) -> T,
+) -> T {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     files.iter().for_each(|(name, text)| write(name, text));
@@ -33,7 +45,7 @@ fn fitted(files: &[(&str, &str)], problem: &str, runs: usize, x: impl Fn(f64) ->
     }
     let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).unwrap();
     let posed = Posed::new(&file, &part::open).unwrap();
-    fit(&posed, &mut |_| ControlFlow::Continue(()))
+    look(&posed, fit(&posed, &mut |_| ControlFlow::Continue(())))
 }
 
 fn derived(fit: &Fit, name: &str) -> (f64, Interval) {
@@ -189,6 +201,41 @@ fn an_inner_loop_stays_closed() {
     assert_near(w * w * (w * w + 2.25), k * k, 1e-9);
     let margin = 90.0 - w.atan2(1.5).to_degrees();
     assert_near(derived(&fit, "phase_margin").0, margin, 1e-9);
+}
+
+/// A pilot with a lag, who sees the error and feels the rate: `gain/(1 + lag s)` and `-feel/(1 + lag s)`, whatever the vehicle
+/// does and in whatever unit it says so.
+#[test]
+fn a_pilot_has_a_response_to_what_it_sees_and_one_to_what_it_feels() {
+    let pilot = "[model]\nname = \"pilot\"\n[inputs]\ntarget = { start = 1, unit = \"m\" }\nposition = { unit = \"m\" }\n\
+                 rate = { unit = \"m/s\" }\n[parameters]\ngain = { start = 0.5, unit = \"1/m\" }\nfeel = { start = 0.4, unit = \"s/m\" }\n\
+                 lag = { start = 0.25, unit = \"s\" }\n[states]\narm = { der = \"(gain * (target - position) - feel * rate - arm) / lag\", unit = \"1\" }\n\
+                 [outputs]\nstick = { value = \"arm\", unit = \"1\" }\n";
+    let vehicle = "[model]\nname = \"vehicle\"\n[inputs]\nstick = { unit = \"1\" }\n[parameters]\npower = { start = 200, unit = \"cm/s2\" }\ndrag = { start = 0.01, unit = \"s/cm2\" }\n[states]\n\
+                   z = { der = \"v\", unit = \"cm\" }\nv = { der = \"power * stick - drag * v * v * v\", unit = \"cm/s\" }\n";
+    let files = [("pilot.toml", pilot), ("vehicle.toml", vehicle)];
+    let problem = "[system.pilot]\nmodel = \"pilot.toml\"\n[system.vehicle]\nmodel = \"vehicle.toml\"\n[connect]\n\
+                   \"pilot.stick\" = \"vehicle.stick\"\n\"vehicle.z\" = \"pilot.position\"\n\"vehicle.v\" = \"pilot.rate\"\n\
+                   [inputs]\n\"pilot.target\" = \"x\"\n\
+                   [[measured]]\nsignal = \"vehicle.z\"\ncolumn = \"x\"\n[parameters]\n\"pilot.gain\" = {}\n";
+    let x = |t: f64| 1.0 - (-1.2 * t).exp();
+    looked_at(&files, problem, 1, x, |posed, fit| {
+        let paths = PilotPaths::new(posed, fit.solved.as_deref().unwrap()).unwrap();
+        let expected = [
+            ["pilot.target − pilot.position", "pilot.stick"],
+            ["pilot.rate", "pilot.stick"],
+        ];
+        assert_eq!(paths.ends(), expected);
+        for gain in [parameter(&fit, "pilot.gain").0, 3.0] {
+            let found = paths.with(&[gain]).unwrap();
+            for omega in [0.1, 1.0, 30.0] {
+                let arm = 1.0 / Complex::new(1.0, 0.25 * omega);
+                for (own, expected) in found.iter().zip([gain * arm, -0.4 * arm]) {
+                    assert!((own(omega) - expected).norm() < 1e-12 * expected.norm());
+                }
+            }
+        }
+    });
 }
 
 /// With a gain of its own for each run the figures are those of the first, as sure as its gain is.

@@ -1,78 +1,25 @@
 //! The loops that the instances of a problem close, each cut open at a wire, linear at the end of the first run.
 
 use crate::posed::Posed;
-use crate::posed::variables;
 use crate::problem::file::Quantity;
 use crate::result::Found;
+use crate::result::opened::Opened;
 use crate::search::solved::Solved;
-use crate::system::joint::{Joint, conversion};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::Complex;
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Wire;
-use pilotage_expression::{Graph, Node};
-use pilotage_linear::{Figure, LoopFigures, OpenLoop, StateSpace, eigenvalues};
-use std::collections::HashMap;
+use pilotage_linear::{Figure, LoopFigures, OpenLoop, eigenvalues};
 
 /// The joint equations without a wire that closes a loop.
-pub(crate) struct Cut<'p> {
-    posed: &'p Posed<'p>,
-    /// Graph of the equations, and for each of its variables where the closed ones have it: none for the input that the
-    /// wire drove.
-    graph: Graph,
-    variables: Vec<Option<Node>>,
-    /// The signal at the wire's other end, in the unit of the input.
-    signal: Node,
-    /// Rows of `[A b; c d]`.
-    rows: Vec<Vec<Node>>,
-}
+pub(crate) struct Cut<'p>(Opened<'p>);
 
 impl<'p> Cut<'p> {
     /// Of a problem without the wire of that number.
     fn new(posed: &'p Posed<'p>, cut: usize) -> Option<Self> {
-        let mut open = posed.file.system.clone();
-        let wire = open.connections.remove(cut);
-        let joint = posed.unlimited.as_ref().unwrap_or(&posed.joint);
-        let joint = Joint::new(&open, joint.parts.clone()).ok()?;
-        let (closed, own) = (&posed.joint.model, &joint.model);
-        let told: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
-            .into_iter()
-            .flatten()
-            .zip(posed.told.joint[1..].iter().copied())
-            .collect();
-        let names = [&own.states, &own.inputs, &own.parameters];
-        let known = names
-            .into_iter()
-            .flatten()
-            .map(|name| told.get(name).copied());
-        let variables: Vec<Option<Node>> = std::iter::once(Some(posed.told.joint[0]))
-            .chain(known)
-            .collect();
-        let missing = |name: &&String| !told.contains_key(name);
-        if names.into_iter().flatten().filter(missing).count() != 1 {
-            return None;
-        }
-        let mut graph = own.system.graph.clone();
-        let signal = joint.signal(&wire.from.value)?;
-        let conversion = conversion(&joint.variables, &wire).ok()?;
-        let offset = graph.constant(conversion.offset);
-        let signal = graph.scale(conversion.factor, signal);
-        let signal = graph.add(signal, offset);
-        let input = 1 + variables[1..].iter().position(Option::is_none)?;
-        let columns = (0..own.states.len())
-            .map(|k| own.system.state(k))
-            .chain([input]);
-        let outputs = [&own.system.derivatives[..], &[signal]].concat();
-        let columns: Vec<Vec<Node>> = columns
-            .map(|variable| graph.derivatives(&outputs, variable))
-            .collect();
-        let row = |i: usize| columns.iter().map(|column| column[i]).collect();
-        Some(Self {
-            rows: (0..outputs.len()).map(row).collect(),
-            posed,
-            graph,
-            variables,
-            signal,
-        })
+        let wire = &posed.file.system.connections[cut];
+        let is_input = |name: &str| name == wire.to.value;
+        let signal = wire.from.value.clone();
+        Opened::new(posed, &[cut], is_input, vec![signal]).map(Self)
     }
 
     /// The loop with these shared parameters and these states at the end of the first run. None where a derivative is no
@@ -82,8 +29,11 @@ impl<'p> Cut<'p> {
         x: &[f64],
         theta: &[f64],
     ) -> Option<OpenLoop<impl Fn(f64) -> Complex<f64> + use<>>> {
-        let open = self.linear(x, theta);
-        open.check_finite().ok()?;
+        // `ẋ = A x + b w`, and what comes back to `w`.
+        let mut open = self.0.linear(x, theta)?;
+        let factor = -self.0.factor;
+        open.c *= factor;
+        open.d *= factor;
         let returned = 1.0 + open.d[(0, 0)];
         let closed = &open.a - &open.b * &open.c / returned;
         Some(OpenLoop {
@@ -91,31 +41,6 @@ impl<'p> Cut<'p> {
             closed: eigenvalues(&closed),
             response: move |omega| open.transfer(0, 0, Complex::new(0.0, omega)),
         })
-    }
-
-    /// `ẋ = A x + b w`, `L = -(c x + d w)`.
-    fn linear(&self, x: &[f64], theta: &[f64]) -> StateSpace {
-        let last = self.posed.runs[0].time.len() - 1;
-        let system = &self.posed.model.system.graph;
-        let told = system.values(&variables(self.posed, 0, last, x, theta));
-        let mut point: Vec<f64> = (self.variables.iter())
-            .map(|node| node.map_or(0.0, |node| told[node.index()]))
-            .collect();
-        let input = self.variables.iter().position(Option::is_none).unwrap_or(0);
-        // What the wire carries is there what comes out at its other end.
-        point[input] = self.graph.values(&point)[self.signal.index()];
-        let values = self.graph.values(&point);
-        let n = self.rows.len() - 1;
-        let entry = |i: usize, j: usize| values[self.rows[i][j].index()];
-        StateSpace {
-            a: DMatrix::from_fn(n, n, entry),
-            b: DMatrix::from_fn(n, 1, |i, _| entry(i, n)),
-            c: DMatrix::from_fn(1, n, |_, j| -entry(n, j)),
-            d: DMatrix::from_element(1, 1, -entry(n, n)),
-            states: self.posed.joint.model.states.clone(),
-            inputs: vec!["cut".to_owned()],
-            outputs: vec!["returned".to_owned()],
-        }
     }
 }
 
@@ -161,8 +86,7 @@ impl<'p> Looped<'p> {
     /// instances open all loops, or one is not linear there.
     pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
         let description = &posed.file.system;
-        let (driven, measured) = ends_of(posed);
-        let wires = match of_pilots(description, &driven, &measured) {
+        let wires = match pilots(posed) {
             wires if wires.is_empty() => openings(description),
             wires => wires,
         };
@@ -300,6 +224,12 @@ fn ends_of(posed: &Posed<'_>) -> (Vec<String>, Vec<String>) {
         names.filter(|name| fed.contains(name)).collect(),
         measured.collect(),
     )
+}
+
+/// The wires from the pilots of a problem.
+pub(crate) fn pilots(posed: &Posed<'_>) -> Vec<usize> {
+    let (driven, measured) = ends_of(posed);
+    of_pilots(&posed.file.system, &driven, &measured)
 }
 
 /// The wires from what is driven, which close loops: those of the first such instance, and of others of which nothing is

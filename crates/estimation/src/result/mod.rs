@@ -8,7 +8,9 @@ pub(crate) mod diagnostics;
 pub mod events;
 pub mod left_over;
 pub mod loops;
+mod opened;
 pub(crate) mod outliers;
+pub mod paths;
 pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};

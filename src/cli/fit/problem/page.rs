@@ -4,12 +4,12 @@ use super::summary::{Outcomes, run_header};
 use super::sure;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::describing::FittedLoop;
-use crate::estimation::{Fit, OpenLoops};
+use crate::estimation::{Fit, OpenLoops, PilotPaths};
 use crate::identification::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
-use crate::report::frequency::{Curve, loop_figure};
+use crate::report::frequency::{Curve, crossover, loop_figure, path_figure};
 use crate::report::palette::colour;
 use crate::report::poles::wired_figure;
 use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
@@ -162,7 +162,10 @@ fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
         let models: [Curve<'_>; 2] = [&pilot, &open_loop];
         let figures = describing_figures(&fit.describing, models, &theta, sure.as_ref());
         if !figures.is_empty() {
-            return figures;
+            let has_pilot = figures.iter().any(|own| own.name == "bode");
+            let middle = crossover(&open_loop, &theta).unwrap_or(1.0);
+            let alone = (!has_pilot).then(|| paths(outcomes, middle));
+            return alone.into_iter().flatten().chain(figures).collect();
         }
     }
     let Some(loops) = OpenLoops::new(posed, solved) else {
@@ -170,15 +173,56 @@ fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     };
     let with = |theta: &[f64]| loops.with(theta);
     let known = Linearised::new(&with);
-    let figure = |(k, cut): (usize, &String)| {
-        let name = match k {
-            0 => "open-loop".to_owned(),
-            _ => format!("open-loop-{}", k + 1),
-        };
-        let of = |theta: &[f64], omega: f64| known.at(theta, &|own| own[k](omega));
-        loop_figure(&name, cut, &of, &theta, sure.as_ref())
+    let open = |k: usize| {
+        let known = &known;
+        move |theta: &[f64], omega: f64| known.at(theta, &|own| own[k](omega))
     };
-    fit.cuts.iter().enumerate().map(figure).collect()
+    let mut figures = paths(outcomes, crossover(&open(0), &theta).unwrap_or(1.0));
+    let figure = |(k, cut): (usize, &String)| {
+        loop_figure(
+            &numbered("open-loop", k),
+            cut,
+            &open(k),
+            &theta,
+            sure.as_ref(),
+        )
+    };
+    figures.extend(fit.cuts.iter().enumerate().map(figure));
+    figures
+}
+
+/// The paths through the pilot, about this frequency \[rad/s\].
+fn paths(outcomes: &Outcomes<'_>, middle: f64) -> Vec<Figure> {
+    let Outcomes { posed, fit, .. } = *outcomes;
+    let Some(solved) = fit.solved.as_deref() else {
+        return Vec::new();
+    };
+    let Some(paths) = PilotPaths::new(posed, solved) else {
+        return Vec::new();
+    };
+    let (theta, sure) = (solved.theta(), spread(fit));
+    let with = |theta: &[f64]| paths.with(theta);
+    let known = Linearised::new(&with);
+    let figure = |(k, ends): (usize, &[String; 2])| {
+        let of = |theta: &[f64], omega: f64| known.at(theta, &|own| own[k](omega));
+        path_figure(
+            &numbered("bode", k),
+            ends,
+            &of,
+            &theta,
+            sure.as_ref(),
+            middle,
+        )
+    };
+    paths.ends().iter().enumerate().map(figure).collect()
+}
+
+/// The name of a figure where there may be several.
+fn numbered(name: &str, k: usize) -> String {
+    match k {
+        0 => name.to_owned(),
+        _ => format!("{name}-{}", k + 1),
+    }
 }
 
 /// What is linearised with shared parameters, once for all frequencies.

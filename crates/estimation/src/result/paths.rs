@@ -1,0 +1,109 @@
+//! The pilot of a problem alone: from each of its inputs to each of its outputs, linear at the end of the first run.
+
+use crate::posed::Posed;
+use crate::result::loops::{Response, ends, instance, pilots};
+use crate::result::opened::Opened;
+use crate::search::solved::Solved;
+use nalgebra::Complex;
+
+/// Where paths are compared \[rad/s\].
+const LOOKED_AT: [f64; 3] = [0.3, 1.0, 5.0];
+/// A part of a response that is of no importance.
+const NEGLIGIBLE: f64 = 1e-9;
+const MINUS: &str = " − ";
+
+/// The paths through the pilot of a problem, as they depend on the shared parameters.
+pub struct PilotPaths<'p> {
+    opened: Opened<'p>,
+    x: Vec<f64>,
+    /// Each from one of the inputs to one of the signals, by their numbers.
+    pairs: Vec<[usize; 2]>,
+    /// Names of the input, or of two whose difference acts, and of the output of each.
+    ends: Vec<[String; 2]>,
+}
+
+impl std::fmt::Debug for PilotPaths<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("PilotPaths").field(&self.ends).finish()
+    }
+}
+
+impl<'p> PilotPaths<'p> {
+    /// Linear at the end of the first run; none where no instance is a pilot, whose output closes a loop, or none of its
+    /// inputs acts.
+    pub fn new(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
+        let description = &posed.file.system;
+        let wires = pilots(posed);
+        let [pilot, _] = ends(description, &description.connections[*wires.first()?]);
+        let (mut into, mut signals) = (Vec::new(), Vec::new());
+        for (k, wire) in description.connections.iter().enumerate() {
+            let [from, to] = ends(description, wire);
+            if to == pilot {
+                into.push(k);
+            }
+            if from == pilot && to != pilot && !signals.contains(&wire.from.value) {
+                signals.push(wire.from.value.clone());
+            }
+        }
+        let is_own = |name: &str| instance(description, name) == pilot;
+        let opened = Opened::new(posed, &into, is_own, signals)?;
+        let z = &solved.solution.iterate.z;
+        let x = solved.problem.states_at_samples(z, 0).pop()?;
+        let linear = opened.linear(&x, &solved.theta())?;
+        // At three frequencies, since a response may vanish at one.
+        let at = |[input, signal]: [usize; 2]| {
+            LOOKED_AT.map(|omega| linear.transfer(signal, input, Complex::new(0.0, omega)))
+        };
+        let (mut pairs, mut ends): (Vec<[usize; 2]>, Vec<[String; 2]>) = Default::default();
+        for signal in 0..opened.signals.len() {
+            let begin = pairs.len();
+            for input in 0..opened.inputs.len() {
+                let own = at([input, signal]);
+                if own.iter().any(|own| !own.is_finite()) || own.iter().all(|own| own.norm() == 0.0)
+                {
+                    continue;
+                }
+                // What acts on a pilot by a difference, as a target and a position by the error, is one path.
+                let name = &opened.inputs[input];
+                let opposite = pairs[begin..]
+                    .iter()
+                    .position(|pair| is_opposite(&at(*pair), &own));
+                match opposite {
+                    Some(k) if !ends[begin + k][0].contains(MINUS) => {
+                        ends[begin + k][0] += &format!("{MINUS}{name}");
+                    }
+                    _ => {
+                        pairs.push([input, signal]);
+                        ends.push([name.clone(), opened.signals[signal].clone()]);
+                    }
+                }
+            }
+        }
+        (!pairs.is_empty()).then_some(Self {
+            opened,
+            x,
+            pairs,
+            ends,
+        })
+    }
+
+    /// Names of the input, or of two whose difference acts, and of the output of each path.
+    pub fn ends(&self) -> &[[String; 2]] {
+        &self.ends
+    }
+
+    /// The responses with these shared parameters, at the same states; none where the pilot is not linear there.
+    pub fn with(&self, theta: &[f64]) -> Option<Vec<Response>> {
+        let linear = self.opened.linear(&self.x, theta)?;
+        let of = |[input, signal]: &[usize; 2]| -> Response {
+            let (own, input, signal) = (linear.clone(), *input, *signal);
+            Box::new(move |omega| own.transfer(signal, input, Complex::new(0.0, omega)))
+        };
+        Some(self.pairs.iter().map(of).collect())
+    }
+}
+
+fn is_opposite(a: &[Complex<f64>], b: &[Complex<f64>]) -> bool {
+    let mut pairs = a.iter().zip(b);
+    pairs.all(|(a, b)| (a + b).norm() <= NEGLIGIBLE * a.norm())
+}
